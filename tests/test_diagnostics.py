@@ -244,7 +244,6 @@ def test_every_kind_is_made_somewhere() -> None:
 
 
 ALLOWED = {
-    ("questions/joint_report/static_figures.py", "95 % band"): "an entry of a legend, in the list of those drawn",
     ("simulation/edro.py", "Ramp controller"): "an assumption of the data that ship with it, replaced by its own words",
 }
 """Where a text of several words is asked for, and why that is no decision by what a diagnostic says; no reader of data is among them."""

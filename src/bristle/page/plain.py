@@ -4,7 +4,6 @@ import re
 import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import zip_longest
-from math import floor, isfinite, log10
 
 from bristle.page.wording import measured, span
 
@@ -20,20 +19,8 @@ _NUMBER = re.compile(
 
 
 def pair(value: float | None, error: float | None) -> str:
-    """Value +/- standard error, both to the second digit of the error: 0.01942 +/- 0.00016; `none` where there is no value.
-
-    Very large and very small ones share an exponent: (1.23457 +/- 0.00089)e+06.
-    """
-    if value is None:
-        return "none"
-    if error is None or not isfinite(error) or error <= 0 or not isfinite(value):
-        return measured(value, None).translate(_SIGNS)
-    rounded = float(f"{error:.1e}")
-    places, size = 1 - floor(log10(rounded)), max(floor(log10(max(abs(value), rounded))), -300)
-    if -5 <= size < 6:
-        return f"{round(value, places):.{max(places, 0)}f} +/- {rounded:.{max(places, 0)}f}"
-    scale, digits = 10.0**size, max(places + size, 0)
-    return f"({value / scale:.{digits}f} +/- {rounded / scale:.{digits}f})e{size:+03d}"
+    """Value +/- standard error as `measured` rounds them: 0.01942 +/- 0.00016; `none` where there is no value."""
+    return "none" if value is None else measured(value, error).translate(_SIGNS)
 
 
 def interval(ends: tuple[float, float] | None) -> str:

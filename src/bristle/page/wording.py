@@ -70,13 +70,19 @@ def number(x: float | None, digits: int = 4) -> str:
 
 
 def measured(value: float | None, error: float | None) -> str:
-    """Value +/- standard error, both to the second digit of the error: 0.01942 ± 0.00016."""
-    if value is None or error is None or not math.isfinite(error) or error <= 0:
+    """Value ± standard error, both to the second digit of the error: 0.01942 ± 0.00016; the value alone where it has none.
+
+    Very large and very small ones share an exponent: (1.23457 ± 0.00089)e+06.
+    """
+    if value is None or error is None or not math.isfinite(error) or error <= 0 or not math.isfinite(value):
         return number(value)
-    if not 1e-5 <= abs(value) < 1e6:
-        return f"{number(value)} ± {number(error, 2)}"
-    places = max(1 - math.floor(math.log10(error)), 0)
-    return f"{value:.{places}f} ± {error:.{places}f}"
+    rounded = float(f"{error:.1e}")
+    places = 1 - math.floor(math.log10(rounded))
+    size = max(math.floor(math.log10(max(abs(value), rounded))), -300)
+    if -5 <= size < 6:
+        return f"{round(value, places):.{max(places, 0)}f} ± {rounded:.{max(places, 0)}f}"
+    scale, digits = 10.0**size, max(places + size, 0)
+    return f"({value / scale:.{digits}f} ± {rounded / scale:.{digits}f})e{size:+03d}"
 
 
 def span(interval: tuple[float, float] | None) -> str:
