@@ -11,13 +11,7 @@ Floats = NDArray[np.float64]
 Operation = Callable[..., object]
 """A ufunc: takes operands and, last, the array to write to; without that one, returns a new value."""
 
-
-def _where(condition: Floats, value: Floats, out: Floats | None = None) -> object:
-    chosen = np.where(condition, value, 0.0)
-    if out is None:
-        return chosen
-    np.copyto(out, chosen)
-    return out
+_ZERO = np.array(0.0)
 
 
 def choose(condition: Floats, value: Floats, otherwise: Floats, out: Floats | None = None) -> object:
@@ -27,6 +21,10 @@ def choose(condition: Floats, value: Floats, otherwise: Floats, out: Floats | No
         return chosen
     np.copyto(out, chosen)
     return out
+
+
+def _where(condition: Floats, value: Floats, out: Floats | None = None) -> object:
+    return choose(condition, value, _ZERO, out)
 
 
 def _truth(ufunc: np.ufunc) -> Operation:

@@ -312,8 +312,10 @@ def chained(tick: ca.Function, samples: int) -> ca.Function:
 
 def _written_out(tick: ca.Function, count: int) -> ca.Function:
     """So many ticks of scalars as one: their inputs, and their outputs, one below the other."""
-    memory, inputs, constants = (ca.SX.sym(name, tick.size1_in(k)) for k, name in enumerate("mic"))
-    inputs = ca.SX.sym("inputs", tick.size1_in(1), count)
+    memory, inputs, constants = (
+        ca.SX.sym(name, tick.size1_in(k), columns)
+        for k, (name, columns) in enumerate((("memory", 1), ("inputs", count), ("constants", 1)))
+    )
     end, outputs = memory, []
     for k in range(count):
         end, output = tick(end, inputs[:, k], constants)
