@@ -64,12 +64,12 @@ def report(
     """
     check_folder(Path(folder))
     with sharing(workers, *REPORT) as share:
+        from bristle.questions.joint_report.page import begin  # while the processes load it too
+
         begun: dict[str, Iterator[Rendered]] = {}
 
         def draw(joint: Joint) -> None:
             """Have the figures of a joint drawn while others are identified."""
-            from bristle.questions.joint_report.page import begin
-
             begun[joint.name] = begin(joint, share)
 
         results = identified(*experiments, uncertainty=uncertainty, share=share, progress=progress, each=draw)

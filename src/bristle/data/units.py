@@ -149,22 +149,26 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
             )
         number *= resolution
         unit = target.split("/", maxsplit=1)[0] + unit.strip()[counts.end() :]
-    measured = _parse(unit) * _parse(times)
-    wanted = _parse(target)
-    size, root = _root(measured)
-    target_size, target_root = _root(wanted)
-    torque_like = "N" in target or "kg" in target
     by_scale = "" if scale == 1 else f" times scale {short(scale)}"
-    if measured.dimensionality != wanted.dimensionality or not (torque_like or root == target_root):
-        raise InputError(
-            f"unit {short(unit)}{by_scale} is no unit of {target}; expected one such as {_example(target, '')}"
-        )
-    times_si = number * size / target_size
+    times_si = number if (unit, times) == (target, "1") else _converted(number, unit, times, target, by_scale)
     if not 1 / LARGEST < abs(times_si) < LARGEST:
         raise InputError(
             f"unit {short(unit)}{by_scale} is {times_si:g} {target}; expected between {1 / LARGEST:g} and {LARGEST:g}"
         )
     return times_si
+
+
+def _converted(number: float, unit: str, times: str, target: str, by_scale: str) -> float:
+    """A number of a unit, times that of a scale, in `target`; it needs pint, which takes half a second to load."""
+    measured, wanted = _parse(unit) * _parse(times), _parse(target)
+    size, root = _root(measured)
+    target_size, target_root = _root(wanted)
+    torque_like = "N" in target or "kg" in target
+    if measured.dimensionality != wanted.dimensionality or not (torque_like or root == target_root):
+        raise InputError(
+            f"unit {short(unit)}{by_scale} is no unit of {target}; expected one such as {_example(target, '')}"
+        )
+    return number * size / target_size
 
 
 def _scale(scale: object) -> tuple[float, str]:

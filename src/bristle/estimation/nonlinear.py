@@ -150,6 +150,7 @@ def minimise(
     most: int = 100,
     settled: float = _SETTLED,
     lowest: float = np.inf,
+    enough: float = 0.0,
 ) -> Minimum:
     """The nearest minimum of the sum of squared residuals, lower <= x <= upper.
 
@@ -161,6 +162,7 @@ def minimise(
         most: steps tried.
         settled: what lowers the cost by less than this share of the residuals' variance is no step any more.
         lowest: cost of the lowest end known; a descent that clearly goes to a worse one is given up, unconverged.
+        enough: what lowers the cost by less than this is no step either.
 
     Raises InputError where the start gives no finite cost, or the gradient there is zero: nothing then depends on x.
     """
@@ -179,7 +181,7 @@ def minimise(
         size = np.where(scale > 0, np.maximum(scale, _HARDLY_SEEN * scale.max()), 0.0)
         free = (scale > 0) & ~((x <= lower) & (slope > 0)) & ~((x >= upper) & (slope < 0))
         step, expected = _step(gram, slope, size, free, damping)
-        if expected <= settled * cost / residuals.size:
+        if expected <= max(settled * cost / residuals.size, enough):
             converged = True
             break
         trial = np.clip(x + step, lower, upper)

@@ -32,7 +32,9 @@ from bristle.model.parameters import Lugre, ParameterName
 REPETITIONS = 6
 """Rest positions inside a count at which the motion is measured again."""
 _STEPS = 8
-"""Steps from the estimate to where counting moves it: without noise the last digits would take many more."""
+"""Steps from the estimate to where counting moves it: what counts hide may take many more."""
+_EXACT = 0.03
+"""Of a standard error, to which that place is found: six of them scatter by more."""
 _SEED = 0
 _LOST = 2.0
 """Times the residuals at the readings, which those at the smooth motion may have."""
@@ -76,6 +78,8 @@ def without_count_bias(
         replace(prior, value=np.array([solved.values[name] for name in prior.names])) for prior in solved.problem.priors
     )
     known = [name for name in solved.problem.names if isinstance(name, ParameterName)]
+    minimum = solved.solution.minimum
+    enough = _EXACT**2 * minimum.cost / minimum.residuals.size
     ends = []
     for _ in range(REPETITIONS):
         counted = [_counted(r, T, cutoff, resolution, rng.uniform()) for r, T in zip(true, torques, strict=True)]
@@ -83,14 +87,13 @@ def without_count_bias(
         pairs = zip(posed.motions, solved.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
         problem = replace(posed, motions=motions, priors=priors, sigma=solved.problem.sigma)
-        values, minimum = fit(problem, solved.values, _STEPS)
-        ratio = float(np.sqrt(minimum.cost / max(solved.solution.minimum.cost, 1e-300)))
+        values, moved = fit(problem, solved.values, _STEPS, enough)
+        ratio = float(np.sqrt(moved.cost / max(minimum.cost, 1e-300)))
         if ratio > _LOST:
             return _of_counts(solved, ratio)
         ends.append([values[name] for name in known])
     bias = np.mean(ends, axis=0) - np.array([solved.values[name] for name in known])
-    moved = zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)
-    by_name = {name: both for name, *both in moved}
+    by_name = {name: both for name, *both in zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)}
     return _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name))
 
 

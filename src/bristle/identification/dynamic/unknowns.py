@@ -45,23 +45,27 @@ _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
 
 
-def fit(problem: DynamicProblem, start: Values, most: int = 60) -> tuple[dict[Unknown, float], Minimum]:
+def fit(
+    problem: DynamicProblem, start: Values, most: int = 60, enough: float = 0.0
+) -> tuple[dict[Unknown, float], Minimum]:
     """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
 
-    Raises InputError as `minimise` does.
+    `enough` as in `minimise`. Raises InputError as that does.
     """
-    posed, minimum = solved(problem, start, most)
+    posed, minimum = solved(problem, start, most, enough=enough)
     return posed.unknowns.values(minimum.x), minimum
 
 
 def solved(
-    problem: DynamicProblem, start: Values, most: int, lowest: float = np.inf
+    problem: DynamicProblem, start: Values, most: int, lowest: float = np.inf, enough: float = 0.0
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """The least-squares problem about a start, and its minimum near there; `lowest` as in `minimise`."""
+    """The least-squares problem about a start, and its minimum near there; `lowest` and `enough` as in `minimise`."""
     posed = least_squares(problem, start)
     unknowns = posed.unknowns
     near = unknowns.scaled(_brought_near(problem, unknowns, start, most))
-    return posed, minimise(posed.evaluate, near, unknowns.lower, unknowns.upper, most, lowest=lowest)
+    return posed, minimise(
+        posed.evaluate, near, unknowns.lower, unknowns.upper, most, lowest=lowest, enough=enough
+    )
 
 
 def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: Values, most: int) -> Values:
