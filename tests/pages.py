@@ -1,5 +1,7 @@
 """What tests read of written pages: their text without the one script that is bristle's own, which every page has once."""
 
+import html
+import re
 from importlib.resources import files
 from pathlib import Path
 
@@ -19,3 +21,18 @@ def report_text(folder: Path) -> str:
     """All pages of a report that are read, one after another, index.html first; the explorer, which has scripts of its own, is not among them."""
     read = [path for path in folder.glob("*.html") if path.stem != "explore"]
     return "".join(page_text(path) for path in sorted(read, key=lambda p: (p.stem != "index", p.stem)))
+
+
+def findings(page: str) -> list[str]:
+    """What each figure's caption begins with: its first sentence, as it is read, after its number and the note on simulated data."""
+    captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", page, flags=re.DOTALL)
+    read = [" ".join(html.unescape(re.sub(r"<[^>]*>", "", caption)).split()) for caption in captions]
+    return [re.sub(r"^Figure \d+\. (?:SIMULATED\. )?(.*?\.)(?: .*)?$", r"\1", caption) for caption in read]
+
+
+def assert_tables_are_named(folder: Path) -> None:
+    """Each table of the page in a folder has a caption with its name and a link to a file that is there."""
+    page = page_text(folder / "index.html")
+    captions = re.findall(r'<caption>(.+?) <a class="get" href="(tables/\w+\.csv)" download>', page)
+    assert len(captions) == page.count("<table") > 0
+    assert all((folder / link).is_file() for _, link in captions)

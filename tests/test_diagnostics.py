@@ -16,7 +16,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import TypeAdapter
 
-from bristle.diagnostics import REASONS, Diagnostic, Kind, Severity
+from bristle.diagnostics import REASONS, Diagnostic, Kind, Severity, with_subjects
+from bristle.model.parameters import units_of
 from bristle.page.entries import entry
 
 SOURCE = Path(__file__).parents[1] / "src" / "bristle"
@@ -38,6 +39,7 @@ OF_CONVERSION: dict[str, st.SearchStrategy[Any]] = {
     "i": st.lists(st.tuples(words, numbers, numbers | st.just(np.inf)), min_size=1, max_size=3).map(tuple),
     **dict.fromkeys("bd", st.sampled_from(["+", "-", "both"])),
     "w": st.booleans(),
+    "u": words,
 }
 """What a field with this conversion may be."""
 
@@ -181,6 +183,29 @@ def test_a_diagnostic_of_another_version_keeps_its_sentence() -> None:
     }
     found = read.validate_python(written)
     assert (str(found), found.kind, found.subject) == ("As it was.", Kind.UNKNOWN, ("static", "+"))
+
+
+@pytest.mark.parametrize(
+    ("kind", "shown"),
+    [("revolute", "2 N*m at 0.5 rad/s"), ("prismatic", "2 N at 0.5 m/s"), ("revolute in A", "2 A at 0.5 rad/s")],
+)
+def test_numbers_have_the_units_of_their_joint(kind: Any, shown: str) -> None:
+    """A joint's warnings give its units, in the parts of a sentence too; before the joint is known there are none."""
+    part = Kind.POINT_NAMED(file="log.csv", where="row 1", torque=2.0, velocity=0.5)
+    whole = Kind.UNKNOWN(text=part)
+    assert str(whole) == str(part) == "log.csv row 1 (2 at 0.5)"
+    told = with_subjects((whole, part), {}, units_of(kind))
+    assert [str(x) for x in told] == [f"log.csv row 1 ({shown})"] * 2
+    assert told == (whole, part)
+    assert hash(told[0]) == hash(whole)
+
+
+def test_every_quantity_has_a_unit() -> None:
+    """What stands after a number's format is a signal or a parameter."""
+    specs = [spec for kind in KINDS for _, _, spec, _ in Formatter().parse(kind.template) if spec and " " in spec]
+    quantities = {spec.partition(" ")[2] for spec in specs}
+    assert {"velocity", "torque", "position"} <= quantities
+    assert quantities <= units_of("revolute").keys()
 
 
 def test_but_changes_a_copy() -> None:

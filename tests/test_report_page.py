@@ -1,5 +1,6 @@
 """The committed report of the embedded joints in a real browser: how long it is, what it loads, and whether everybody can read it."""
 
+import csv
 import re
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,20 @@ def test_the_whole_report_is_bounded(chromium: Any) -> None:
         total += page.evaluate(COUNTED)
         page.close()
     assert total <= ALL_WORDS
+
+
+def test_every_figure_has_its_data() -> None:
+    """Beside each drawing lie its picture and its data: rows of named series, none called after its kind alone, with numbers in them."""
+    figures = sorted((REPORT / "figures").glob("*.svg"))
+    assert len(figures) > 40
+    for drawing in figures:
+        assert drawing.with_suffix(".png").is_file()
+        with drawing.with_suffix(".csv").open(encoding="utf-8", newline="") as file:
+            rows = list(csv.DictReader(file))
+        names = {row["series"] for row in rows}
+        assert names, drawing
+        assert not [name for name in names if re.fullmatch(r"(line|band|segments|bar|map|points) \d+", name)], drawing
+        assert any(row["y"] or row["value"] for row in rows), drawing
 
 
 @pytest.mark.parametrize("name", READ)

@@ -37,6 +37,8 @@ class Diagnostic:
     """What the sentence names, by name; a part of a sentence is a diagnostic of its own."""
     subject: tuple[str, ...] = field(default=(), compare=False)
     """What it is about, from the stage to the parameter, as `static`, `+`, `alpha_0`, or the file and its rows; empty: the joint as a whole."""
+    units: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+    """Of its numbers, by quantity, as `velocity`; empty where it is not known yet whether the joint turns or slides."""
 
     @property
     def severity(self) -> Severity:
@@ -58,10 +60,13 @@ class Diagnostic:
         return replace(self, numbers={**self.numbers, **numbers})
 
     def __str__(self) -> str:
-        return _FORMATTER.vformat(self.kind.template, (), self.numbers)
+        return self._text(self.units)
+
+    def _text(self, units: Mapping[str, str]) -> str:
+        return _Formatter(units).vformat(self.kind.template, (), self.numbers)
 
     def __hash__(self) -> int:
-        return hash((self.kind, str(self)))
+        return hash((self.kind, self._text({})))
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -114,7 +119,7 @@ def _read(x: WrittenDiagnostic) -> Diagnostic:
 
 def _names(template: str) -> set[str]:
     """What a sentence names."""
-    return {name for _, name, _, _ in _FORMATTER.parse(template) if name}
+    return {name for _, name, _, _ in Formatter().parse(template) if name}
 
 
 def _from_json(value: Any) -> Value:
@@ -129,23 +134,26 @@ def _from_json(value: Any) -> Value:
             return value
 
 
-def with_subjects(value: Any, subjects: Mapping[str, tuple[str, ...]], subject: tuple[str, ...] = ()) -> Any:
-    """The same result, in which each diagnostic knows its subject: the way to it from `subject` on.
+def with_subjects(
+    value: Any, subjects: Mapping[str, tuple[str, ...]], units: Mapping[str, str], subject: tuple[str, ...] = ()
+) -> Any:
+    """The same result, in which each diagnostic knows its subject, the way to it from `subject` on, and the joint's units, by quantity.
 
     A field is a step of that way as `subjects` names it, an entry of a mapping by its key; a value with a `subject` of its own begins it anew.
     """
     if isinstance(value, Diagnostic):
-        return replace(value, subject=subject)
+        return replace(value, subject=subject, units=units)
     subject = getattr(value, "subject", subject)
     match value:
         case Mapping():
-            return {key: with_subjects(x, subjects, (*subject, str(key))) for key, x in value.items()}
+            return {key: with_subjects(x, subjects, units, (*subject, str(key))) for key, x in value.items()}
         case tuple() if not hasattr(value, "_fields"):
-            return tuple(with_subjects(x, subjects, subject) for x in value)
+            return tuple(with_subjects(x, subjects, units, subject) for x in value)
         case _ if is_dataclass(value) and not isinstance(value, type):
             parts = {x.name: (*subject, *subjects.get(x.name, ())) for x in fields(value)}
             return replace(
-                value, **{name: with_subjects(getattr(value, name), subjects, way) for name, way in parts.items()}
+                value,
+                **{name: with_subjects(getattr(value, name), subjects, units, way) for name, way in parts.items()},
             )
         case _:
             return value
@@ -157,17 +165,37 @@ def in_direction(direction: str) -> str:
 
 
 class _Formatter(Formatter):
-    """Python's formatting, and a few conversions for words."""
+    """Python's formatting, a few conversions for words, and after a number's format the quantity whose unit it has: `{v_s:.3g velocity}`."""
+
+    def __init__(self, units: Mapping[str, str]) -> None:
+        self._units = units
+
+    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
+        """A part that is a sentence has the units of the whole."""
+        value, first = super().get_field(field_name, args, kwargs)
+        return self._in_units(value), first
+
+    def _in_units(self, value: Any) -> Any:
+        if isinstance(value, tuple) and not hasattr(value, "_fields"):
+            return tuple(map(self._in_units, value))
+        return replace(value, units=self._units) if isinstance(value, Diagnostic) else value
 
     def convert_field(self, value: Any, conversion: str | None) -> Any:
-        """A value in the words that `_CONVERSIONS` has for it; others as Python converts them."""
+        """A value in the words that `_CONVERSIONS` has for it, or the unit of what it names; others as Python converts them."""
+        if conversion == "u":
+            return self._unit(str(value))
         words = _CONVERSIONS.get(conversion or "")
         return words(value) if words else super().convert_field(value, conversion)
 
     def format_field(self, value: Any, format_spec: str) -> Any:
-        """As Python formats it, with a space before the percent sign."""
-        text = super().format_field(value, format_spec)
-        return f"{text[:-1]} %" if format_spec.endswith("%") else text
+        """As Python formats it, with a space before the percent sign or a unit."""
+        number, _, quantity = format_spec.partition(" ")
+        text = super().format_field(value, number)
+        return f"{text[:-1]} %" if number.endswith("%") else text + self._unit(quantity)
+
+    def _unit(self, quantity: str) -> str:
+        unit = self._units.get(quantity.rstrip("+-"))
+        return f" {unit}" if unit else ""
 
 
 _CONVERSIONS: dict[str, Callable[[Any], str]] = {
@@ -188,7 +216,6 @@ _CONVERSIONS: dict[str, Callable[[Any], str]] = {
 }
 """Of a direction in brackets, of named percentages, of a direction, the ending of what is counted, of numbers, of named intervals, of lists of names
 and of long things, of named numbers, the same in brackets, of sentences that follow, of whether a reason stands alone, and of named ratios."""
-_FORMATTER = _Formatter()
 _CRITICAL, _CAUTION, _NOTE = Severity.CRITICAL, Severity.CAUTION, Severity.NOTE
 
 
@@ -225,7 +252,7 @@ class Kind(Enum):
     TRANSIENT = (
         _NOTE,
         (
-            "Transient: for {duration:.3g} s its velocity changes by {drift:.3g} about a mean of {velocity:.3g}, on the way "
+            "Transient: for {duration:.3g} s its velocity changes by {drift:.3g velocity} about a mean of {velocity:.3g velocity}, on the way "
             "from one speed to another; it is no plateau, and no setting makes it one."
         ),
     )
@@ -239,7 +266,7 @@ class Kind(Enum):
     AT_REST = (
         _NOTE,
         (
-            "At rest or below breakaway: its mean speed is {speed:.3g}, and {wanted} is {least:.3g}. More "
+            "At rest or below breakaway: its mean speed is {speed:.3g velocity}, and {wanted} is {least:.3g velocity}. More "
             "torque{option} {alone!w}."
         ),
     )
@@ -249,7 +276,7 @@ class Kind(Enum):
     ACCELERATING = (
         _NOTE,
         (
-            "Accelerating: its velocity drifts by {drift:.3g} about a mean of {velocity:.3g}; {allowed:.3g} is "
+            "Accelerating: its velocity drifts by {drift:.3g velocity} about a mean of {velocity:.3g velocity}; {allowed:.3g velocity} is "
             "allowed. A steadier motion{option} {alone!w}."
         ),
     )
@@ -264,15 +291,15 @@ class Kind(Enum):
     UNSTEADY = (
         _NOTE,
         (
-            "Stick-slip without a steady mean: the means of its eighths scatter by {scatter:.3g} about "
-            "{velocity:.3g}; {allowed:.3g} is allowed. A longer hold or a stiffer controller{option} {alone!w}."
+            "Stick-slip without a steady mean: the means of its eighths scatter by {scatter:.3g velocity} about "
+            "{velocity:.3g velocity}; {allowed:.3g velocity} is allowed. A longer hold or a stiffer controller{option} {alone!w}."
         ),
     )
     UNSETTLED = (
         _NOTE,
         (
-            "Below breakaway, or not settled: its torque changes by {drift:.3g}, more than its mean of "
-            "{torque:.4g}. A longer hold at this speed {alone!w}."
+            "Below breakaway, or not settled: its torque changes by {drift:.3g torque}, more than its mean of "
+            "{torque:.4g torque}. A longer hold at this speed {alone!w}."
         ),
     )
     SATURATED = (
@@ -282,7 +309,7 @@ class Kind(Enum):
             "torque_limit, {alone!w}."
         ),
     )
-    LIMIT_GIVEN = _NOTE, "segments.torque_limit, {limit:.4g}"
+    LIMIT_GIVEN = _NOTE, "segments.torque_limit, {limit:.4g torque}"
     LIMIT_SEEN = _NOTE, "the largest torque or voltage of the run"
     SETTLING = (
         _NOTE,
@@ -294,11 +321,15 @@ class Kind(Enum):
 
     POINT_AT_REST = _NOTE, "At rest: friction at zero velocity is not a function of velocity; remove such rows."
 
-    POINT_TOO_SLOW = _NOTE, "Slower than segments.minimum_velocity: {speed:.3g}, and {least:.3g} is required."
+    POINT_TOO_SLOW = (
+        _NOTE,
+        "Slower than segments.minimum_velocity: {speed:.3g velocity}, and {least:.3g velocity} is required.",
+    )
     BELOW_BREAKAWAY = (
         _NOTE,
         (
-            "Below breakaway: at {speed:.3g} its torque is {torque:.4g}, and that of the sliding points around it {expected:.4g}; "
+            "Below breakaway: at {speed:.3g velocity} its torque is {torque:.4g torque}, and that of the sliding points around it "
+            "{expected:.4g torque}; "
             "leave it out, or measure there for longer."
         ),
     )
@@ -319,14 +350,14 @@ class Kind(Enum):
     POSITION_DIFFERS = (
         _CAUTION,
         (
-            "The slope of the position, {slope:.4g}, and the mean of the logged velocity, {logged:.4g}, differ: "
+            "The slope of the position, {slope:.4g velocity}, and the mean of the logged velocity, {logged:.4g velocity}, differ: "
             "check for missing samples, a wrong unit or a wrong sampling rate."
         ),
     )
     TORQUE_DRIFTS = (
         _CAUTION,
         (
-            "The torque changes by {drift:.3g} over the segment (mean {torque:.4g}), more than its noise: it "
+            "The torque changes by {drift:.3g torque} over the segment (mean {torque:.4g torque}), more than its noise: it "
             "depends on position, temperature or time, or had not settled."
         ),
     )
@@ -412,7 +443,8 @@ class Kind(Enum):
     BEYOND_URDF = (
         _CAUTION,
         (
-            "The {signal} runs from {low:.3g} to {high:.3g}; the URDF allows {least:.3g} to {most:.3g}: check the order of the "
+            "The {signal} runs from {low:.3g} to {high:.3g}{signal!u}; the URDF allows {least:.3g} to {most:.3g}{signal!u}: "
+            "check the order of the "
             "joints, units and the URDF."
         ),
     )
@@ -578,15 +610,15 @@ class Kind(Enum):
     COARSE_ACCELERATION = (
         _CAUTION,
         (
-            "Counts of {count:.3g} hide the acceleration of {files!l}: they make noise of {noise:.3g} in one of "
-            "{acceleration:.3g} (rms), which takes some {share:.0%} off the inertia. Try `position_cutoff: {cutoff:.2g} Hz` "
+            "Counts of {count:.3g position} hide the acceleration of {files!l}: they make noise of {noise:.3g acceleration} in one of "
+            "{acceleration:.3g acceleration} (rms), which takes some {share:.0%} off the inertia. Try `position_cutoff: {cutoff:.2g} Hz` "
             "under fit, a finer encoder, or an inertia that is given."
         ),
     )
     COARSE_VELOCITY = (
         _CAUTION,
         (
-            "Counts hide v_s{direction!d}: they make noise of {noise:.3g} in the velocity, and v_s is {v_s:.3g}. A finer "
+            "Counts hide v_s{direction!d}: they make noise of {noise:.3g velocity} in the velocity, and v_s is {v_s:.3g velocity}. A finer "
             "encoder, a lower fit.position_cutoff, or runs at constant velocity would show it."
         ),
     )
@@ -633,8 +665,8 @@ class Kind(Enum):
         _CAUTION,
         (
             "The torque of the two directions differs by a constant. Either it has an offset of {offset:.3g} {unit}, and alpha_0 "
-            "is {common:.4g} in both ({lines} under fit); or friction differs, with "
-            "alpha_0 {plus:.4g} (+) and {minus:.4g} (-). The data cannot tell."
+            "is {common:.4g torque} in both ({lines} under fit); or friction differs, with "
+            "alpha_0 {plus:.4g torque} (+) and {minus:.4g torque} (-). The data cannot tell."
         ),
     )
 
@@ -657,7 +689,7 @@ class Kind(Enum):
     RESIDUAL_RIPPLE = (
         _CAUTION,
         (
-            "Residuals show a ripple vs position of period {period:.3g} (p = {p:.1g}, corrected for {looks} "
+            "Residuals show a ripple vs position of period {period:.3g position} (p = {p:.1g}, corrected for {looks} "
             "tests), which explains {share:.0%} of their variance."
         ),
     )
@@ -764,12 +796,15 @@ class Kind(Enum):
         _NOTE,
         "But a term that the fit lacks explains more than that: add it first (see below); then look which points are still off.",
     )
-    STRAY_POINT = _NOTE, "{file} {where} ({torque:.4g} at {velocity:.3g}, {deviations:+.0f} standard deviations off)"
-    POINT_NAMED = _NOTE, "{file} {where} ({torque:.4g} at {velocity:.3g})"
+    STRAY_POINT = (
+        _NOTE,
+        "{file} {where} ({torque:.4g torque} at {velocity:.3g velocity}, {deviations:+.0f} standard deviations off)",
+    )
+    POINT_NAMED = _NOTE, "{file} {where} ({torque:.4g torque} at {velocity:.3g velocity})"
     WITHOUT_STRAYS = _NOTE, "Without: {values!l}; relative error {error:.2g} % instead of {now:.2g} %."
     WITH_STRAYS = _NOTE, "With: {values!l}; relative error {error:.2g} % instead of {now:.2g} %."
-    PARAMETER_VALUE = _NOTE, "{name} {value:.4g}"
-    PARAMETER_WITH_ERROR = _NOTE, "{name} {value:.4g} +/- {error:.2g}"
+    PARAMETER_VALUE = _NOTE, "{name} {value:.4g}{name!u}"
+    PARAMETER_WITH_ERROR = _NOTE, "{name} {value:.4g} +/- {error:.2g}{name!u}"
     MISFIT = (
         _CRITICAL,
         (
@@ -817,7 +852,10 @@ class Kind(Enum):
         _CAUTION,
         "The interval of v_s is one-sided{direction!d}: the data do not bound v_s from {side}.",
     )
-    AT_EDGE = _CRITICAL, "The best v_s lies at the edge of the range searched{direction!d}, {low:.3g} to {high:.3g}."
+    AT_EDGE = (
+        _CRITICAL,
+        "The best v_s lies at the edge of the range searched{direction!d}, {low:.3g velocity} to {high:.3g velocity}.",
+    )
     SECOND_MINIMUM = (
         _CAUTION,
         "The cost has a second minimum{direction!d} at v_s = {v_s:.3g}, below the 95 % threshold.",
@@ -838,14 +876,14 @@ class Kind(Enum):
     BEND = (
         _CAUTION,
         (
-            "its v_s of {v_s:.3g} would lie near the fastest speed, {fastest:.3g}, so the term would bend the "
+            "its v_s of {v_s:.3g velocity} would lie near the fastest speed, {fastest:.3g velocity}, so the term would bend the "
             "whole curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
         ),
     )
     ONE_SPEED = (
         _CAUTION,
         (
-            "its v_s of {v_s:.3g} would lie below a third of the slowest speed, {slowest:.3g}, so the term would "
+            "its v_s of {v_s:.3g velocity} would lie below a third of the slowest speed, {slowest:.3g velocity}, so the term would "
             "depend on that one speed (slower ones would decide)"
         ),
     )
@@ -866,11 +904,11 @@ class Kind(Enum):
     )
     NONE_BELOW_V_S = (
         _CAUTION,
-        "no speed lies below its v_s of {v_s:.3g} (the slowest is {slowest:.3g}; slower ones would decide)",
+        "no speed lies below its v_s of {v_s:.3g velocity} (the slowest is {slowest:.3g velocity}; slower ones would decide)",
     )
     NO_STRIBECK_ASKED = _NOTE, "Not fitted: fit.model is coulomb-viscous."
     PEAK_LEFT_OUT = _CAUTION, "Not fitted, for fit.model is coulomb-viscous, although these data show a Stribeck term."
-    RANGE_ASKED = _NOTE, " fit.v_s_range limits v_s to {low:.3g} to {high:.3g}."
+    RANGE_ASKED = _NOTE, " fit.v_s_range limits v_s to {low:.3g velocity} to {high:.3g velocity}."
     ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 grows with v_s."
     V_S_OPEN_BELOW = _CAUTION, "No finite interval: the data allow v_s down to zero."
     V_S_OPEN_ABOVE = _CAUTION, "No finite interval: the data set no upper limit on v_s."
@@ -894,7 +932,7 @@ class Kind(Enum):
     SLOW_LEFT_OUT = (
         _NOTE,
         (
-            "{slow} of {equations} samples are slower than fit.moving_above, {above:.3g}, and were left out of "
+            "{slow} of {equations} samples are slower than fit.moving_above, {above:.3g velocity}, and were left out of "
             "the static fit; there its relative error is {error:.0f} %. At low speed and through reversals the "
             "torque depends on the bristles' history, which (9) does not describe."
         ),
@@ -971,8 +1009,8 @@ class Kind(Enum):
     UNSEEN_BELOW_COUNT = (
         _CAUTION,
         (
-            "Not identifiable from this motion: the bristle would bend by {reach:.2g}, and may bend by as little as {least:.2g}, "
-            "which is less than an encoder count of {count:.2g}; a finer encoder would show it."
+            "Not identifiable from this motion: the bristle would bend by {reach:.2g position}, and may bend by as little as {least:.2g position}, "
+            "which is less than an encoder count of {count:.2g position}; a finer encoder would show it."
         ),
     )
     UNSEEN_IN_COUNTS = (
@@ -993,7 +1031,7 @@ class Kind(Enum):
     UNSEEN_NO_REVERSAL = (
         _CAUTION,
         (
-            "Not identifiable from this motion: no reversal is followed by the travel of {reach:.2g} by which the bristle "
+            "Not identifiable from this motion: no reversal is followed by the travel of {reach:.2g position} by which the bristle "
             "would bend; move back and forth."
         ),
     )
@@ -1046,7 +1084,7 @@ class Kind(Enum):
     NOT_PASSIVE = (
         _CAUTION,
         (
-            "The model can feed energy back{direction!d}: alpha_2 = {alpha_2:.3g} is below sigma_1 alpha_1 / alpha_0 = {least:.3g}. "
+            "The model can feed energy back{direction!d}: alpha_2 = {alpha_2:.3g alpha_2} is below sigma_1 alpha_1 / alpha_0 = {least:.3g alpha_2}. "
             "The fit stands; test a compensator that uses it with care."
         ),
     )
@@ -1182,10 +1220,10 @@ class Kind(Enum):
     # slow loading
     G0_AT_LEAST = (
         _CAUTION,
-        "No run breaks away{direction!d}: g0 is at least {held:.3g}{bend}, and the interval of sigma_0 allows for every such g0; "
+        "No run breaks away{direction!d}: g0 is at least {held:.3g torque}{bend}, and the interval of sigma_0 allows for every such g0; "
         "add ramp runs, or load up to breakaway once.",
     )
-    G0_BY_BEND = _NOTE, ", from {low:.4g} to {high:.4g} by the bend of LuGre's loading curve"
+    G0_BY_BEND = _NOTE, ", from {low:.4g torque} to {high:.4g torque} by the bend of LuGre's loading curve"
     SOFTENS = (
         _CAUTION,
         (
@@ -1208,14 +1246,14 @@ class Kind(Enum):
     ABOVE_G0 = (
         _CAUTION,
         (
-            "The torque reaches {reached:.3g} without sliding, above g0 = {g0:.3g} ({source}): g0 may be too low."
+            "The torque reaches {reached:.3g torque} without sliding, above g0 = {g0:.3g torque} ({source}): g0 may be too low."
             " Samples above {reach:g} g0 are not used."
         ),
     )
     SINGLE_RUN = _CAUTION, "One run only: its error is unknown."
     OUTLIER = (
         _CAUTION,
-        "{file} is an outlier: it breaks away at {torque:.4g}; the median of {runs} runs{direction!d} is {median:.4g}.",
+        "{file} is an outlier: it breaks away at {torque:.4g torque}; the median of {runs} runs{direction!d} is {median:.4g torque}.",
     )
     COARSE_LOOPS = _NOTE, "The hysteresis loops span only {counts} encoder counts: their slopes and losses are coarse."
     COARSE_LOOPS_BETWEEN = (
@@ -1305,7 +1343,7 @@ class Kind(Enum):
     OFFSET_LEFT_OUT = (
         _NOTE,
         (
-            "An offset of the torque cannot be told from a difference of alpha_0, and is not fitted. If alpha_0 were {common:.4g} in both "
+            "An offset of the torque cannot be told from a difference of alpha_0, and is not fitted. If alpha_0 were {common:.4g torque} in both "
             "directions, the offset would be {offset:.3g} {unit}: see whether the torque is zero where nothing loads the joint."
         ),
     )
@@ -2237,6 +2275,10 @@ class Kind(Enum):
         ),
     )
     ADAPTED_TO = _NOTE, "{joint}, {law}: {name} from {initial:g} to {final:.3f} of its {reference} value."
+    CURVE_MIXED = (
+        _NOTE,
+        "The friction curve{direction!d} mixes two fits, which are not one law: for the curve take the values of one of them.",
+    )
     STRIBECK_AS_GOOD = (
         _NOTE,
         (
@@ -2428,7 +2470,7 @@ REASONS: Mapping[str, str] = {
         "PLAIN_GRID_ENOUGH ROSE FELL NO_CHANGE PARAMETERS_CHANGED ONLY_SETS_CHANGED NONE_CHANGED TORQUE_SCALE ALPHA_0_ROSE ALPHA_0_FELL "
         "ALPHA_2_ROSE ALPHA_2_FELL SIGMA_0_ROSE SIGMA_0_FELL INERTIA_ROSE INERTIA_FELL CLAIM_HOLDS CLAIM_FAILS OTHER_AT_FIXED_Z CLAIM_ON_MAP "
         "ALL_TOLD SOBOL_INDICES PRINTED_IS PRINTED_IS_NONE TOTAL_DERIVATIVES ERRORS_COMPENSATED ERROR_REDUCED ADAPTED_TO ABLATED ADAPTATION_HELPS "
-        "ADAPTATION_IDLE PLAN_NARROWS STRIBECK_AS_GOOD"
+        "ADAPTATION_IDLE PLAN_NARROWS STRIBECK_AS_GOOD CURVE_MIXED"
     ),
 }
 """Reason -> the kinds that have their severity for it, by name: each kind stands at one, and the kinds of one have one severity (a test)."""

@@ -1,6 +1,7 @@
 """The explorer in a real browser: every slider, tab and button, the numbers it shows, hostile names, and nothing over the network."""
 
 import json
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -27,8 +28,8 @@ ENDS = """async ([view, sources, names]) => {
     const own = p[name];
     for (const end of [explorer.atFraction(name, 0), explorer.atFraction(name, 1), own]) {
       p[name] = end;
-      await explorer.views[view].draw();
-      while (pending.pending) await new Promise((done) => setTimeout(done, 5));
+      explorer.views[view].draw();
+      while (pending.pending || explorer.element("figure-map").ariaBusy === "true") await new Promise((done) => setTimeout(done, 5));
       for (const source of sources) {
         const drawn = columns(source), numbers = drawn.filter(([k]) => !["colour", "ink", "place"].includes(k));
         if (String(drawn) !== before[source]) moved.add(source);
@@ -39,6 +40,41 @@ ENDS = """async ([view, sources, names]) => {
   return [[...moved], bad];
 }"""
 """Moves the value of each slider to either end of it: which sources follow, and where one of them holds what is no number."""
+WATCH = """() => {
+  window.seen = { said: [], parts: [] };
+  const said = explorer.element("map-said"), progress = explorer.element("map-progress");
+  new MutationObserver(() => seen.said.push(said.textContent)).observe(said, { childList: true });
+  const moved = () => progress.checkVisibility({ visibilityProperty: true }) && seen.parts.push(progress.value);
+  new MutationObserver(moved).observe(progress, { attributes: true });
+  costs.map = () => seen.said.push("computed by the page itself");
+  const post = Worker.prototype.postMessage;
+  Worker.prototype.postMessage = function (asked) { post.call(this, asked && { ...asked, n: seen.n || asked.n }); };
+}"""
+"""Notes what is said of the cost map, and its progress where that is visible; forbids the page to compute a map itself.
+
+With `seen.n` the worker computes maps of so many cells each way, which take long.
+"""
+MOVES = """async (count) => {
+  const slider = explorer.element("slider-alpha_2"), drawn = document.documentElement.dataset, times = [];
+  for (let k = 0; k < count; k++) {
+    await new Promise((done) => setTimeout(done, 60));
+    const before = drawn.drawn, busy = explorer.element("figure-map").ariaBusy, t = performance.now();
+    slider.value = Number(slider.value) + 5;
+    slider.dispatchEvent(new Event("input"));
+    while (drawn.drawn === before) await new Promise(requestAnimationFrame);
+    times.push([busy, performance.now() - t]);
+  }
+  return times;
+}"""
+"""Moves a slider so many times: whether a map was being computed then, and the ms until the page is drawn."""
+MAP = """["unlikely", "active"].map((name) => JSON.stringify(explorer.named(name).data))"""
+"""The cells of a map with their colours, and the hatched ones."""
+NO_WORKERS = {
+    "there are none": "window.Worker = undefined",
+    "none may be made": "window.Worker = class { constructor() { throw new Error('not here'); } }",
+    "its script is refused": "window.Worker = class { constructor() { setTimeout(() => this.onerror()); } postMessage() {} }",
+}
+"""Scripts that run before the page's own."""
 UNNAMED = """[...document.querySelectorAll("input, select, button, meter, progress")]
   .filter((x) => !(x.labels && x.labels.length) && !x.ariaLabel && !x.textContent).map((x) => x.id)"""
 """Controls without a name for a reader who does not see them."""
@@ -53,9 +89,10 @@ def file(edro: Explored, tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Tab:
     """A page that is open, and what went wrong in it."""
 
-    def __init__(self, chromium: Any, file: Path, fragment: str = "", width: int = 1280) -> None:
+    def __init__(self, chromium: Any, file: Path, fragment: str = "", width: int = 1280, before: str = "") -> None:
         self.context = chromium.new_context(viewport={"width": width, "height": 900})
         self.page = self.context.new_page()
+        self.page.add_init_script(before)
         self.wrong: list[str] = []
         self.page.on("console", lambda m: self.wrong.append(m.text) if m.type in ("error", "warning") else None)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
@@ -70,7 +107,7 @@ class Tab:
     def settled(self) -> None:
         """Wait until what was asked for is drawn."""
         self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-        self.page.wait_for_selector("#map-progress", state="hidden")
+        self.page.wait_for_selector("#figure-map:not([aria-busy=true])", state="attached")
         self.page.wait_for_selector("html:not([data-pending])", state="attached")
 
     def state(self) -> Any:
@@ -187,7 +224,7 @@ def test_each_view_follows_its_sliders_and_entries(tab: Tab) -> None:
 def test_numbers_are_those_of_results(tab: Tab, edro: Explored) -> None:
     """At the identified values each fit's cost and relative error are those of results.json to 4 digits, for static fits and moving runs.
 
-    As it opens, view 4 ends at the factors of Table 2, 0.845 and 1.051, at 20 s; a loop that diverges is said.
+    As it opens, view 4 ends at the factors of Table 2, 0.845 and 1.051, at 20 s; each law begins with its own rates; a loop that diverges is said.
     """
     for k, joint in enumerate(edro.results.joints):
         tab.page.select_option("#joint", str(k))
@@ -207,9 +244,82 @@ def test_numbers_are_those_of_results(tab: Tab, edro: Explored) -> None:
     assert float(tab.page.get_attribute("#compensation-said", "data-alpha0")) == pytest.approx(0.845, abs=0.005)
     assert float(tab.page.get_attribute("#compensation-said", "data-alpha2")) == pytest.approx(1.051, abs=0.005)
     assert tab.page.locator("#loop-rows tr").count() == 4
+    rates = tab.page.evaluate("explorer.joint().loop[0].options.gamma")
+    assert rates["partial-theta"] != rates["partial"]
+    for law in ("partial-theta", "partial"):
+        tab.page.select_option("#law", law)
+        assert [float(tab.page.input_value(f"#gamma-{k}")) for k in (0, 1)] == rates[law]
     tab.page.fill("#gain-p", "1e9")
     tab.settled()
     assert "diverges" in tab.page.inner_text("#loop-rows")
+
+
+def test_cost_maps_are_made_beside_the_page(tab: Tab) -> None:
+    """A worker computes each map; its progress is shown and said.
+
+    The page answers a slider within 200 ms meanwhile, which cancels the map, as another joint, direction, parameter or view does.
+    """
+    page = tab.page
+    tab.show("identifiability")
+    (worker,) = page.workers
+    assert worker.url.startswith("blob:")
+    assert page.get_attribute("#map-said", "role") == "status"
+    page.evaluate(WATCH)
+    page.select_option("#map-data", "run")
+    tab.settled()
+    *announced, said = page.evaluate("seen.said")
+    assert announced
+    assert all(re.fullmatch(r"Computing the cost map: (0|25|50|75) %\.", words) for words in announced)
+    assert len(announced) == len(set(announced)) <= 4
+    assert "of 289 cells" in said
+    parts = page.evaluate("seen.parts")
+    assert parts == sorted(parts)
+    assert 0 < parts[0] < 1
+    assert not page.is_visible("#map-progress")
+    page.evaluate("[seen.n, seen.said] = [200, []]")
+    page.select_option("#map-x", "alpha_0")
+    moves = page.evaluate(MOVES, 6)
+    assert [busy for busy, _ in moves] == ["true"] * 6
+    assert min(ms for _, ms in moves) < 200
+    for field, value in (("map-y", "sigma_0"), ("direction", "-"), ("joint", "1")):
+        page.select_option(f"#{field}", value)
+        page.wait_for_selector("#figure-map[aria-busy=true]", state="attached")
+        page.wait_for_selector("#map-progress", state="visible")
+    page.evaluate("seen.n = 0")
+    page.select_option("#map-x", "alpha_2")
+    tab.settled()
+    assert len([words for words in page.evaluate("seen.said") if not words.startswith("Computing")]) == 1
+    page.evaluate("[seen.n, seen.said] = [200, []]")
+    page.select_option("#map-x", "v_s")
+    page.wait_for_selector("#map-progress", state="visible")
+    page.click("#tab-values")
+    assert page.get_attribute("#figure-map", "aria-busy") == "false"
+    assert not page.evaluate("explorer.element('map-progress').checkVisibility({ visibilityProperty: true })")
+    assert all(words.startswith("Computing") for words in page.evaluate("seen.said"))
+    page.evaluate("seen.n = 0")
+    tab.show("identifiability")
+    page.select_option("#map-x", "sigma_0")
+    tab.settled()
+    assert page.inner_text("#map-said") == "Choose two different parameters."
+    assert page.evaluate(MAP)[0].startswith('{"x":[],')
+    assert page.workers == [worker]
+
+
+@pytest.mark.parametrize("before", NO_WORKERS.values(), ids=NO_WORKERS)
+def test_a_page_without_a_worker_draws_the_same_map(before: str, tab: Tab, chromium: Any, file: Path) -> None:
+    """Where no worker can be made the page computes the map in slices, to the same numbers."""
+    alone = Tab(chromium, file, before=before)
+    for data in ("points", "run"):
+        for one in (tab, alone):
+            one.page.select_option("#joint", "3")
+            one.show("identifiability")
+            one.page.select_option("#map-data", data)
+            one.settled()
+        assert alone.page.evaluate(MAP) == tab.page.evaluate(MAP)
+        assert len(alone.page.evaluate(MAP)[0]) > 1e4
+    assert alone.page.workers == []
+    assert not alone.wrong
+    alone.context.close()
 
 
 def test_the_state_in_a_link(tab: Tab, chromium: Any, file: Path) -> None:

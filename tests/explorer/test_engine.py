@@ -1,12 +1,9 @@
 """The model in JavaScript is the model in Python: each function of the explorer's script in Node against bristle's own."""
 
 import json
-import shutil
-import subprocess
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import casadi as ca
@@ -25,65 +22,16 @@ from bristle.model.operations import OPERATIONS
 from bristle.model.parameters import Lugre, Pair, pair_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
-from bristle.questions.compensation.paper_experiments import LONG, SETTLE, SHORT, comparable_rates
+from bristle.questions.compensation.paper_experiments import LONG, SETTLE, SHORT
 from bristle.questions.explorer import engine, javascript
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop, one_way
 
 from ..model.test_vectorize import BINARY, OTHERS, UNARY, VALUES
 from ..simulation.joints import joint_loop
+from .conftest import Node
 
 JOINTS = (*edro.TABLE_1,)
-HARNESS = """
-const kept = (names, x) => (names.length ? Object.fromEntries(names.map((name) => [name, x[name]])) : x);
-const answer = ({ module, keep, calls }) =>
-  calls.map(([name, ...rest]) => kept(keep, require(module)[name](...rest)));
-const plain = (key, x) =>
-  typeof x === "number" && !Number.isFinite(x) ? String(x) : ArrayBuffer.isView(x) ? Array.from(x) : x;
-require("readline").createInterface({ input: process.stdin }).on("line", (line) => {
-  process.stdout.write(JSON.stringify(answer(JSON.parse(line)), plain) + "\\n");
-});
-"""
-
-
-class Node:
-    """One Node process, which calls functions of modules."""
-
-    def __init__(self, program: str, folder: Path) -> None:
-        self._folder = folder
-        pipe = subprocess.PIPE
-        self._process = subprocess.Popen([program, "-e", HARNESS], stdin=pipe, stdout=pipe, text=True)  # noqa: S603  # ours
-
-    def module(self, text: str) -> str:
-        """A module of this text; its path."""
-        path = self._folder / f"module{len(list(self._folder.iterdir()))}.js"
-        path.write_text(text, encoding="utf-8")
-        return str(path)
-
-    def call(self, module: str, calls: Sequence[Sequence[object]], keep: Sequence[str] = ()) -> list[Any]:
-        """What these calls of a module's functions, (name, *arguments), return; of an object only these keys, if any."""
-        assert self._process.stdin
-        assert self._process.stdout
-        request = {"module": module, "keep": keep, "calls": calls}
-        self._process.stdin.write(json.dumps(request, default=np.ndarray.tolist) + "\n")
-        self._process.stdin.flush()
-        answers: list[Any] = json.loads(self._process.stdout.readline())
-        return answers
-
-    def close(self) -> None:
-        """End it."""
-        self._process.communicate()
-
-
-@pytest.fixture(scope="module")
-def node(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Node]:
-    """Node, for all tests of this file."""
-    program = shutil.which("node")
-    if program is None:
-        pytest.skip("needs Node: no `node` is on the path")
-    one = Node(program, tmp_path_factory.mktemp("node"))
-    yield one
-    one.close()
 
 
 class Engine:
@@ -298,7 +246,7 @@ def compensator_of(loop: JointLoop, law: str) -> Compensator:
         return Compensator(name="none", inertia=loop.compensator.inertia)
     if law == "fixed":
         return loop.compensator
-    own = replace(loop.adaptation, law=law, gamma=comparable_rates(loop, law))  # type: ignore[arg-type]  # a law by now
+    own = replace(loop.adaptation, law=law, gamma=loop.comparable_rates(law))  # type: ignore[arg-type]  # a law by now
     return replace(loop.compensator, adaptation=own)
 
 

@@ -7,6 +7,7 @@ import os
 import re
 import subprocess
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -14,8 +15,11 @@ from typing import Any
 import pytest
 
 import bristle
+from bristle.control.adaptation import Adaptation
+from bristle.control.compensator import Compensator
 from bristle.identification.known_joint import known_joint
-from bristle.questions.explorer.page import Explorer
+from bristle.questions.explorer.page import Explorer, explorer
+from bristle.simulation.joint_loop import of_paper
 
 from ..conftest import experiment, speeds, table
 from .conftest import HOSTILE, HOSTILE_FILE, Explored
@@ -48,7 +52,10 @@ def known_of(page: Explorer) -> Any:
 
 
 def test_the_page_is_small_and_loads_nothing(edro: Explored) -> None:
-    """Under 3 MB with four joints; no element names anything to fetch, styles neither; the policy allows the page's own scripts alone."""
+    """Under 3 MB with four joints; no element names anything to fetch, styles neither.
+
+    The policy allows the page's own scripts alone, and a worker of their text, which stands once.
+    """
     html = edro.page.html
     assert len(html.encode()) < 3e6
     read = Read(html)
@@ -63,6 +70,8 @@ def test_the_page_is_small_and_loads_nothing(edro: Explored) -> None:
         given["content"] for tag, given in read.elements if given.get("http-equiv") == "Content-Security-Policy"
     ]
     assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    assert "; worker-src blob:; " in policy
+    assert html.count("function steadyTorque(") == html.count("async function map(") == 1
     digests = re.findall(r"'sha256-([^']+)'", policy)
     assert digests == [base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() for text in read.scripts[1:]]
 
@@ -135,6 +144,27 @@ def test_a_joint_of_points_has_no_loop_and_a_bristle_that_is_assumed(hostile: Ex
     } == {"assumed"}
     assert "nothing is known of the bristle stiffness" in told["loop"]
     assert (told["moving"], told["presliding"], told["loops"], told["truth"]) == (None, {}, [], None)
+
+
+def test_a_loop_of_ones_own_is_on_the_page(edro: Explored) -> None:
+    """Whatever compensator, step and parameters a joint runs with, the script has each of its laws."""
+    joint = edro.results.whole_joint("base rotation")
+    (own,) = of_paper([joint])
+    own = replace(
+        own,
+        compensator=Compensator(name="lugre-feedback"),
+        adaptation=Adaptation(step="normalised", parameters=("v_s",), gamma=(1.0,)),
+        start={"v_s": 0.5},
+    )
+    page = explorer([joint], {joint.name: own})
+    laws = {
+        way
+        for (told,) in [known_of(page)["joints"]]
+        for plan in told["loop"]
+        for way in plan["options"]["laws"].values()
+    }
+    assert "lugre-feedback reference partial normalised v_s" in laws
+    assert [way for way in laws if f"  {json.dumps(way)}: {{ rest: " not in page.html] == []
 
 
 def test_points_that_were_not_fitted_are_told_apart(tmp_path: Path) -> None:

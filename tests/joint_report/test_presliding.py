@@ -196,11 +196,11 @@ def test_every_warning_is_listed_and_counted(slow: Joint) -> None:
     """Warnings of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about."""
     slow = slow.with_subjects()
     part = sections.report([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}}, None)["joints"][0]  # type: ignore[dict-item] # no drawing here
-    listed = {str(warning): where for _, own in part["warnings"] for where, warning in own}
-    assert listed[str(FEW)] == "presliding (+)"
-    assert listed[str(outlier("slow_2.csv"))] == "presliding"
-    assert listed[str(PRIOR)] == "presliding (+) sigma_1, presliding (−) sigma_1"
-    assert "presliding (+) sigma_0 printed" in listed[str(UNKNOWN_REST)]
+    listed = {warning: where for _, own in part["warnings"] for where, warning in own}
+    assert listed[FEW] == "presliding (+)"
+    assert listed[outlier("slow_2.csv")] == "presliding"
+    assert listed[PRIOR] == "presliding (+) sigma_1, presliding (−) sigma_1"
+    assert "presliding (+) sigma_0 printed" in listed[UNKNOWN_REST]
 
 
 def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> None:

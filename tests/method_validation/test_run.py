@@ -493,7 +493,10 @@ def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_p
     assert len(frames["cases"]) == 3
     assert len(frames["resolution"]) == 3 * len(RESOLUTIONS)
     assert frames["cases"]["ipopt_lead"].max() <= SAME_COST
-    assert sorted(p.suffix for p in (tmp_path / "out" / "figures").iterdir()) == [".png"] * 10 + [".svg"] * 10
+    assert (
+        sorted(p.suffix for p in (tmp_path / "out" / "figures").iterdir())
+        == [".csv"] * 10 + [".png"] * 10 + [".svg"] * 10
+    )
     assert validation.to_frame()["declined_percent"].tolist() == [100 * one.declined for one in validation.cases]
 
 

@@ -1,9 +1,11 @@
 """Names, units and numbers as a reader meets them."""
 
+import math
+
 import pytest
 
 from bristle.diagnostics import Kind
-from bristle.page.wording import in_print, in_symbols
+from bristle.page.wording import in_percent, in_print, in_symbols
 
 
 @pytest.mark.parametrize(
@@ -25,3 +27,20 @@ def test_a_diagnostic_in_print_has_symbols_and_units_in_print() -> None:
     made = Kind.SIGMA_0_AT_LEAST(least=12.5, unit="N*m/rad")
     assert str(made) == "No sigma_0 can be given; it is at least 12.5 N*m/rad."
     assert in_print(made) == "No σ₀ can be given; it is at least 12.5 N·m/rad."
+
+
+@pytest.mark.parametrize(
+    ("share", "expected"),
+    [
+        (0.8312, "83 %"),
+        (0.997, "100 %"),
+        (12.34, "1200 %"),
+        (0.00071, "0.071 %"),
+        (0.0, "0 %"),
+        (-0.031, "-3.1 %"),
+        (math.nan, "– %"),
+    ],
+)
+def test_a_share_in_percent_has_two_digits(share: float, expected: str) -> None:
+    """Two digits, never an exponent where it is large, and a dash where there is no number."""
+    assert in_percent(share) == expected

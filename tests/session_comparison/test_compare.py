@@ -4,6 +4,7 @@ import contextlib
 import io
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -33,11 +34,11 @@ from bristle.model.parameters import Lugre, ParameterName, unit
 from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
 from bristle.questions.session_comparison.figures import forest_figure
-from bristle.questions.session_comparison.page import changes
+from bristle.questions.session_comparison.page import caption, changes
 from bristle.questions.session_comparison.results import Change, Comparison, Session, SessionFit, SessionJoint
 from bristle.simulation.bench import steady_points
 
-from ..pages import page_text
+from ..pages import assert_tables_are_named, findings, page_text
 from ..sameness import held, without_sentences
 
 TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
@@ -413,6 +414,62 @@ def test_the_figure_shows_both_sessions_relative_to_the_first(kind: Any) -> None
     assert forest_figure(compare(session(plain({"alpha_0": 0.0})), session(plain({"alpha_0": 0.0}))), "wrist") is None
 
 
+@pytest.mark.parametrize(
+    ("first", "second", "kind", "found"),
+    [
+        (
+            {"alpha_0+": 2.0, "alpha_2+": 4.0},
+            {"alpha_0+": 3.0, "alpha_2+": 4.0},
+            "revolute",
+            "1 of 2 parameters changed; the largest change: α₀ (+) rose by 50.0 ± 7.1 %.",
+        ),
+        (
+            {"alpha_0+": 2.0, "alpha_2+": 4.0},
+            {"alpha_0+": 3.0, "alpha_2+": 1.0},
+            "revolute",
+            "2 of 2 parameters changed; the largest change: α₂ (+) fell by 75.0 ± 3.5 %.",
+        ),
+        (
+            {"alpha_0+": -2.0},
+            {"alpha_0+": -3.0},
+            "revolute",
+            "1 of 1 parameter changed; the largest change: α₀ (+) fell by 50.0 ± 7.1 %.",
+        ),
+        (
+            {"alpha_0+": 0.0},
+            {"alpha_0+": -3.0},
+            "prismatic",
+            "1 of 1 parameter changed; the largest change: α₀ (+) fell by 3.00 ± 0.14 N.",
+        ),
+        (
+            {"alpha_0+": 2.0, "alpha_2+": 4.0},
+            {"alpha_0+": 2.1, "alpha_2+": 3.8},
+            "revolute",
+            "None of 2 parameters changed beyond its joint uncertainty; differences are 1.4 standard errors at most.",
+        ),
+        (
+            {"alpha_0+": 2.0},
+            {"alpha_0+": 2.0},
+            "revolute",
+            "None of 1 parameter changed beyond its joint uncertainty; differences are 0 standard errors at most.",
+        ),
+    ],
+)
+def test_the_caption_begins_with_the_largest_change(
+    first: Mapping[str, float], second: Mapping[str, float], kind: Any, found: str
+) -> None:
+    """The largest change in percent of the first value with its error, in the unit where that is zero; else the largest difference."""
+
+    def told(values: Mapping[str, float]) -> Session:
+        parameters = {
+            n: Estimate(value=x, unit=unit(n[:-1], kind), standard_error=0.1, interval=(x - 0.196, x + 0.196))
+            for n, x in values.items()
+        }
+        return session(fit_of(source="static +", parameters=parameters), kind=kind)
+
+    assert caption(compare(told(first), told(second)).changes) == found
+
+
 def results(folder: Path, name: str, joint: str = "wrist", seed: int = 0, alpha_2: float = TRUTH.alpha_2) -> Path:
     """The results.json of points of the gripper, whose viscous friction may differ."""
     v = np.concatenate([SPEEDS, -SPEEDS])
@@ -496,6 +553,11 @@ def test_the_command_says_what_changed_and_writes_a_page(sessions: tuple[Path, P
     page = page_text(tmp_path / "out" / "index.html")
     assert "<script" not in page.lower()
     assert "script" not in Elements(page).found
+    (finding,) = findings(page)
+    assert re.fullmatch(
+        r"\d of 8 parameters changed; the largest change: α₂ \([+−]\) fell by 1[\d.]+ ± [\d.]+ %\.", finding
+    )
+    assert_tables_are_named(tmp_path / "out")
     assert b"nan" not in first["tables/changes.csv"].lower()
     assert run("compare", *sessions, "-o", tmp_path / "out")[0] == 0
     assert tree(tmp_path / "out") == first

@@ -75,7 +75,9 @@ def document_of(text: str) -> Document:
     """
     document = adapter().validate_json(text, strict=True)
     check_most("joints", len(document.joints))
-    return replace(document, joints={name: replace(joint, name=name) for name, joint in document.joints.items()})
+    return replace(
+        document, joints={name: replace(joint, name=name).with_subjects() for name, joint in document.joints.items()}
+    )
 
 
 def joints_of(document: Document) -> tuple[Joint, ...]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.results import Joint
@@ -119,6 +120,14 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
         if not (known & {row.parameter.direction, Direction.BOTH, Direction.SHARED} or known >= set(SIGNED)):
             keep(row)
     return tuple(sorted(best.values(), key=_place))
+
+
+def mixed(joint: Joint) -> Iterator[Diagnostic]:
+    """Where the friction curve of a direction would be put together of two fits."""
+    for d in Direction:
+        own = [row for row in chosen(joint) if row.parameter.direction == d and row.parameter.name in Stribeck._fields]
+        if len({row.source for row in own if row.estimate.value is not None}) > 1 and joint.moving is not None:
+            yield Kind.CURVE_MIXED(direction=d)
 
 
 def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:

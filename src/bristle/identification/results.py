@@ -11,7 +11,7 @@ from bristle.diagnostics import Diagnostic, Severity, with_subjects
 from bristle.diagnostics import Kind as DiagnosticKind
 from bristle.errors import one_line
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
-from bristle.model.parameters import Kind, Lugre, ParameterName
+from bristle.model.parameters import Kind, Lugre, ParameterName, units_of
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -164,8 +164,8 @@ class Joint:
         return filter(None, (self.tracking, self.joint_fit))
 
     def with_subjects(self) -> "Joint":
-        """The same, in which each diagnostic knows what it is about."""
-        joint: Joint = with_subjects(self, _SUBJECTS)
+        """The same, in which each diagnostic knows what it is about, and its units."""
+        joint: Joint = with_subjects(self, _SUBJECTS, units_of(self.kind))
         return joint
 
     @property

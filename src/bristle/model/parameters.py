@@ -195,6 +195,11 @@ def unit(name: str, kind: Kind = "revolute") -> str:
     return _IN_CURRENT.get(own, own.replace(torque, "A", 1))
 
 
+def units_of(kind: Kind) -> dict[str, str]:
+    """The same of every parameter and signal, by name."""
+    return {name: unit(name, kind) for name in _UNITS}
+
+
 _SLIDES_AND_IN_CURRENT: dict[Kind, tuple[bool, bool]] = {
     "revolute": (False, False),
     "prismatic": (True, False),

@@ -1,6 +1,9 @@
 """A table as the page shows it, and as CSV: the one way in which bristle writes one, safe to open in a spreadsheet."""
 
+import csv
+import io
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -43,6 +46,15 @@ def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:
         safe.isetitem(k, [plain(x) for x in frame.iloc[:, k]])
     text: str = safe.to_csv(index=False, lineterminator="\n", float_format=float_format)
     return text
+
+
+def rows_to_csv(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """The same of rows of texts, numbers among them."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows([plain(cell) for cell in row] for row in rows)
+    return text.getvalue()
 
 
 def plain(value: Any) -> Any:

@@ -38,8 +38,8 @@ class Entry:
 
 _REASON_OF = {Kind[name]: reason for reason, names in REASONS.items() for name in names.split()}
 _ADVICE_OF = {Kind[name]: advice for advice, names in OWN_ADVICE.items() for name in names.split()}
-_ENDINGS = {"e": "(s)", "d": " in direction + or -", "b": " (+ or -)", "w": "would help"}
-"""What stands for a number that only turns a word."""
+_ENDINGS = {"e": "(s)", "d": " in direction + or -", "b": " (+ or -)", "w": "would help", "u": ""}
+"""What stands for a number that only turns a word, or gives a unit."""
 
 
 def entry(kind: Kind) -> Entry:
@@ -53,9 +53,9 @@ def entry(kind: Kind) -> Entry:
 
 def _parts(template: str) -> Iterator[tuple[str, str]]:
     for text, name, _, conversion in Formatter().parse(template):
-        ending = _ENDINGS.get(conversion or "", "")
-        space = " " * bool(name and not ending and re.search(r"[\w.)]$", text))
-        yield text + ending + space, "" if ending else (name or "").replace("_", " ")
+        ending = _ENDINGS.get(conversion or "")
+        space = " " * bool(name and ending is None and re.search(r"[\w.)]$", text))
+        yield text + (ending or "") + space, (name or "").replace("_", " ") if ending is None else ""
 
 
 def by_code(code: str) -> Kind:

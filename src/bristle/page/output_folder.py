@@ -23,7 +23,7 @@ _SECONDS = re.compile(rb"(?m)(?<=: )[-+.e0-9]+(?=,?$)")
 Made = Mapping[str, Collection[str]]
 """Hashes that a file may have, by its path in the folder."""
 _NAME = re.compile(
-    r"[a-z]+\.html|report\.zip|(results|timings)\.json|figures/[a-z0-9_-]+\.(svg|png)|tables/[a-z0-9_-]+\.csv"
+    r"[a-z]+\.html|report\.zip|(results|timings)\.json|figures/[a-z0-9_-]+\.(svg|png|csv)|tables/[a-z0-9_-]+\.csv"
 )
 """What a report writes in its folder, and nothing else may a manifest list: only that is ever replaced or removed."""
 _TAKEN = frozenset({MANIFEST, "index.html", "results.json", "timings.json", "report.zip", "figures", "tables"})

@@ -21,6 +21,7 @@ from bristle.errors import InputError
 from bristle.page import wording
 from bristle.page.columns import to_csv
 from bristle.page.entries import entries_linked, flagged, warned
+from bristle.page.figure_data import csv_of
 from bristle.page.output_folder import replace_files, write_bytes, zipped
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
@@ -67,7 +68,7 @@ class Section(NamedTuple):
 
 
 class Drawn(NamedTuple):
-    """A figure as a page has it; its SVG and PNG files lie in figures/ under its name."""
+    """A figure as a page has it; its SVG, PNG and CSV files lie in figures/ under its name."""
 
     svg: Markup
     name: str
@@ -150,8 +151,8 @@ def tables_of(frames: Mapping[str, pd.DataFrame]) -> dict[str, bytes]:
     return {f"tables/{name}.csv": encoded(to_csv(frame)) for name, frame in frames.items()}
 
 
-Rendered = tuple[bytes, bytes] | None
-"""A figure as SVG and PNG; None: there is nothing to draw."""
+Rendered = tuple[bytes, bytes, bytes] | None
+"""A figure as SVG and PNG, and its data as CSV; None: there is nothing to draw."""
 
 
 def rendered(drawings: Iterable[Drawing], share: Share = map) -> Iterator[Rendered]:
@@ -179,11 +180,13 @@ def drawn(
     found: dict[str, Drawn] = {}
     for key, (_, asked, label) in drawings.items():
         tell(f"drawing {label}")
-        both = next(done)
-        if both is not None:
+        forms = next(done)
+        if forms is not None:
             name = free(asked, lambda tried: f"figures/{tried}.svg" in files)
-            files[f"figures/{name}.svg"], files[f"figures/{name}.png"] = both
-            svg = inline(both[0], name, escape(wording.printable(label)))
+            files.update(
+                (f"figures/{name}.{kind}", form) for kind, form in zip(("svg", "png", "csv"), forms, strict=True)
+            )
+            svg = inline(forms[0], name, escape(wording.printable(label)))
             found[key] = Drawn(Markup(svg), name)  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
     return found
 
@@ -191,7 +194,7 @@ def drawn(
 @styled
 def _rendered(draw: Callable[[], Figure | None]) -> Rendered:
     figure = draw()
-    return None if figure is None else render(figure)
+    return None if figure is None else (*render(figure), csv_of(figure))
 
 
 def html(package: str, template: str, context: Mapping[str, Any]) -> str:

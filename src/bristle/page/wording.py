@@ -69,6 +69,11 @@ def number(x: float | None, digits: int = 4) -> str:
     return f"{x:.{digits}g}"
 
 
+def two_digits(x: float) -> str:
+    """A finite number in two significant digits, or all those before its point: 0.62, 2.0, 145."""
+    return f"{x:.0f}" if abs(x) >= 9.95 else f"{x:#.2g}"
+
+
 def measured(value: float | None, error: float | None) -> str:
     """Value ± standard error, both to the second digit of the error: 0.01942 ± 0.00016; the value alone where it has none.
 
@@ -102,6 +107,11 @@ def percent(value: float | None, error: float | None) -> float | None:
     if not value or error is None or not math.isfinite(error):
         return None
     return abs(100 * error / value)
+
+
+def in_percent(share: float) -> str:
+    """A share in percent, in two digits, without an exponent where it is large: 0.8312 -> 83 %, 12.34 -> 1200 %."""
+    return f"{number(float(f'{100 * share:.2g}'))} %"
 
 
 def counted(count: int, thing: str) -> str:

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from bristle.control.adaptation import Adaptation, steady_gradient
+from bristle.control.adaptation import Adaptation, Law, steady_gradient
 from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import Case
 from bristle.control.pid import Gains
@@ -91,6 +91,16 @@ class JointLoop:
         return Pair(
             *(p._replace(**{name: share * getattr(p, name) for name, share in self.start.items()}) for p in model)
         )
+
+    def comparable_rates(self, law: Law) -> tuple[float, ...]:
+        """Rates of a law: the adaptation's, but times or over the parameter where only one of both laws has it once more in its gradient.
+
+        A parameter of zero, which a gain cannot change, keeps its rate.
+        """
+        plan, begun = self.adaptation, self.wrong_start(self.model).positive
+        power = (plan.law == "partial-theta") - (law == "partial-theta")
+        sizes = (getattr(begun, name) or 1.0 for name in plan.parameters)
+        return tuple(float(g * size**power) for g, size in zip(plan.gamma, sizes, strict=True))
 
     @property
     def observer_gain(self) -> float:

@@ -63,9 +63,7 @@ def solved(
     posed = least_squares(problem, start)
     unknowns = posed.unknowns
     near = unknowns.scaled(_brought_near(problem, unknowns, start, most))
-    return posed, minimise(
-        posed.evaluate, near, unknowns.lower, unknowns.upper, most, lowest=lowest, enough=enough
-    )
+    return posed, minimise(posed.evaluate, near, unknowns.lower, unknowns.upper, most, lowest=lowest, enough=enough)
 
 
 def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: Values, most: int) -> Values:

@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullLocator
 
@@ -146,7 +148,7 @@ def adaptation_map_figure(study: Study) -> Figure:
     )
     for k, name in enumerate(parameters):
         for ax, (rows, label, values) in zip(axes[k], columns, strict=True):
-            _heat(ax, values[k], m.frequencies, rows)
+            _heat(ax, values[k], m.frequencies, rows, f"_{symbol(name)}, final ratio")
             ax.set_xlabel("Frequency (Hz)")
             ax.set_ylabel(label)
             ax.annotate(
@@ -160,14 +162,13 @@ def adaptation_map_figure(study: Study) -> Figure:
     return figure
 
 
-def _heat(ax: Axes, values: Array, across: Array, up: Array) -> None:
-    shown = np.log2(np.clip(values, 0.25, 4.0))
-    ax.imshow(shown, origin="lower", aspect="auto", cmap="RdBu_r", vmin=-2.0, vmax=2.0)
+def _heat(ax: Axes, values: Array, across: Array, up: Array, label: str) -> None:
+    ax.imshow(values, origin="lower", aspect="auto", cmap="RdBu_r", norm=LogNorm(0.25, 4.0), label=label)
     ax.grid(visible=False)
     ax.set_xticks(np.arange(across.size), [number(float(x), 2) for x in across])
     ax.set_yticks(np.arange(up.size), [number(float(x), 2) for x in up])
     for (row, column), value in np.ndenumerate(values):
-        dark = abs(float(shown[row, column])) > 1.3
+        dark = not 0.4 < value < 2.5
         ax.text(
             column,
             row,
@@ -198,7 +199,7 @@ def gradients_figure(study: Study) -> Figure:
         side.set_minor_locator(NullLocator())
     ax.set_ylim(1e-4, 10 * max(float(g.max()) for g in found.values()))
     v_s = loop.plant.positive.v_s
-    ax.axvline(v_s, color="#666666", linewidth=0.8)
+    ax.axvline(v_s, color="#666666", linewidth=0.8, label="_vₛ")
     ax.annotate("vₛ", (v_s, 0.03), (3, 0), xycoords=("data", "axes fraction"), textcoords="offset points", fontsize=9)
     ax.set_xlabel(axis("velocity", loop.kind))
     ax.set_ylabel(f"Relative G of {symbol(name)}")
@@ -218,18 +219,14 @@ def ablation_figure(study: Study) -> Figure:
     axes = figure.subplots(len(bits_of), len(delays), sharex=True, sharey=True, squeeze=False)
     figure.subplots_adjust(left=2.05 / 7.4, hspace=0.22, wspace=0.06, bottom=0.5 / (1.0 + 2.15 * len(bits_of)))
     title(axes[0, 0], study.loops[0].name, True)
+    cmap = colormaps["cividis"].with_extremes(bad="#fee838")  # a loop that diverges is as bad as any
     for i, bits in enumerate(bits_of):
         for j, delay in enumerate(delays):
             ax = axes[i, j]
             table = [[found[row, bits, delay, share] for share in shares] for row in rows]
             ratio = np.array([[x.ratio for x in line] for line in table])
-            ax.imshow(
-                np.log10(np.clip(np.nan_to_num(ratio, nan=3.0), 0.03, 3.0)),
-                aspect="auto",
-                cmap="cividis",
-                vmin=np.log10(0.03),
-                vmax=np.log10(3.0),
-            )
+            label = f"_ratio to uncompensated, {bits} bits, delay {delay}"
+            ax.imshow(ratio, aspect="auto", cmap=cmap, norm=LogNorm(0.03, 3.0), label=label)
             ax.grid(visible=False)
             ax.set_xticks(np.arange(len(shares)), [f"{100 * s:g}" for s in shares], fontsize=8.5)
             ax.set_yticks(np.arange(len(rows)), rows, fontsize=8.5)

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from bristle.control.adaptation import Adaptation, Law, laws_for
+from bristle.control.adaptation import Adaptation, laws_for
 from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator
 from bristle.control.control_period import Case, LoopOptions
@@ -105,7 +105,7 @@ def adapted(loop: JointLoop) -> Adapted:
     plan, reference = loop.adaptation, loop.sine(loop.frequency, SHORT)
     case = loop.case(model=loop.wrong_start(loop.model))
     laws = laws_for(plan.parameters)
-    ways = {"not adapted": None} | {law: replace(plan, law=law, gamma=comparable_rates(loop, law)) for law in laws}
+    ways = {"not adapted": None} | {law: replace(plan, law=law, gamma=loop.comparable_rates(law)) for law in laws}
     runs = {
         name: simulate(LoopOptions(compensator=replace(loop.compensator, adaptation=a)), [case], reference, loop.period)
         for name, a in ways.items()
@@ -117,14 +117,3 @@ def adapted(loop: JointLoop) -> Adapted:
         for begun in [loop.start.get(name, 1.0)]
     ]
     return Adapted(runs=runs, factors=tuple(factors), adaptation=plan)
-
-
-def comparable_rates(loop: JointLoop, law: Law) -> tuple[float, ...]:
-    """Rates of a law: the plan's, but times or over the parameter where only one of both laws has it once more in its gradient.
-
-    A parameter of zero, which a gain cannot change, keeps its rate.
-    """
-    plan, begun = loop.adaptation, loop.wrong_start(loop.model).positive
-    power = (plan.law == "partial-theta") - (law == "partial-theta")
-    sizes = (getattr(begun, name) or 1.0 for name in plan.parameters)
-    return tuple(float(g * size**power) for g, size in zip(plan.gamma, sizes, strict=True))

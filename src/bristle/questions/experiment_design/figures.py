@@ -14,7 +14,7 @@ from bristle.model import functions
 from bristle.model.parameters import Direction, Stribeck
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, decimal_log, new_figure, styled, thinned, title
-from bristle.page.wording import axis, direction, number, symbol
+from bristle.page.wording import axis, direction, symbol, two_digits
 from bristle.questions.experiment_design.loading import PEAKS
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.tables import SPACINGS, references
@@ -25,7 +25,7 @@ _MARKERS = {"planned": "o", "log": "s", "even": "^"}
 _LINES = {"planned": "-", "log": "--", "even": ":"}
 _MOTIONS = ("#0072B2", "#E69F00", "#999999")
 _RISES = (("#999999", ":"), ("#E69F00", "--"), ("#009E73", "-."), ("#CC79A7", (0, (5, 1))), ("#0072B2", "-"))
-_CEILING = 200.0
+CEILING = 200.0
 """Percent: an error beyond is drawn as this; nothing is seen of the parameter."""
 _DECADES = 200.0
 """An axis from x to so many times x has labels at powers of ten alone."""
@@ -42,6 +42,11 @@ def _panels(plan: Plan, height: float = 2.6) -> tuple[Figure, Sequence[Axes]]:
     axes: Sequence[Axes] = list(figure.subplots(count, squeeze=False)[:, 0])
     title(axes[0], plan.joint.name, plan.joint.simulated)
     return figure, axes
+
+
+def percentage(error: float) -> str:
+    """A relative standard error in percent, in two digits; one that is drawn at the ceiling as beyond it."""
+    return two_digits(error) if error < CEILING else f">{CEILING:g}"
 
 
 def _logarithmic(axis: Axis) -> None:
@@ -120,13 +125,11 @@ def comparison_figure(plan: Plan) -> Figure:
         for j, (kind, label) in enumerate(SPACINGS.items()):
             x = np.arange(len(Stribeck._fields)) + 0.27 * (j - 1)
             values = 100 / np.abs(velocities.problem.p.stribeck)
-            bars = np.minimum(velocities.alone[kind].errors * values, _CEILING)
+            bars = np.minimum(velocities.alone[kind].errors * values, CEILING)
             ax.bar(x, bars, 0.25, color=_COLOURS[kind], hatch=("", "//", "..")[j], edgecolor="white", label=label)
-            seen = np.minimum(velocities.simulated[kind] * values, _CEILING)
+            seen = np.minimum(velocities.simulated[kind] * values, CEILING)
             for at, height, top in zip(x.tolist(), bars.tolist(), np.maximum(bars, seen).tolist(), strict=True):
-                value = f"{height:.0f}" if height >= 10 else number(height, 2)
-                value = f">{_CEILING:g}" if height >= _CEILING else value
-                ax.annotate(value, (at, top), (0, 4), textcoords="offset points", ha="center", fontsize=8)
+                ax.annotate(percentage(height), (at, top), (0, 4), textcoords="offset points", ha="center", fontsize=8)
             ax.plot(x, seen, "D", color="black", markersize=3.5, label="SIMULATED fits" if j == 2 else None)
         ax.set_yscale("log")
         low, high = ax.get_ylim()
@@ -153,7 +156,7 @@ def robustness_figure(plan: Plan) -> Figure:
         }.items():
             errors = 100 * errors_by_v_s(velocities.problem, speeds, v_s)[:, 3] / v_s
             ax.plot(
-                v_s, np.minimum(errors, _CEILING), linestyle=_LINES[kind], color=_COLOURS[kind], label=SPACINGS[kind]
+                v_s, np.minimum(errors, CEILING), linestyle=_LINES[kind], color=_COLOURS[kind], label=SPACINGS[kind]
             )
         ax.axvspan(velocities.problem.nodes.min(), velocities.problem.nodes.max(), color="#dddddd", zorder=0)
         ax.axvline(p.v_s, color="#555555", linewidth=0.8)
@@ -180,14 +183,14 @@ def intervals_figure(plan: Plan) -> Figure:
         stage: (100 * errors / np.abs(plan.start.estimate))[plan.free] for stage, errors in plan.standard_errors.items()
     }
     first, last = relative["now"], relative["with motion"]
-    ax.hlines(y, np.minimum(last, _CEILING), np.minimum(first, _CEILING), color="#bbbbbb", linewidth=1.5)
+    ax.hlines(y, np.minimum(last, CEILING), np.minimum(first, CEILING), color="#bbbbbb", linewidth=1.5)
     for (stage, errors), (colour, marker) in zip(relative.items(), looks, strict=True):
-        ax.plot(np.minimum(errors, _CEILING), y, marker, color=colour, markersize=6, label=stage, clip_on=False)
+        ax.plot(np.minimum(errors, CEILING), y, marker, color=colour, markersize=6, label=stage, clip_on=False)
     ax.set_xscale("log")
     _logarithmic(ax.xaxis)
-    if max(np.max(first), np.max(last)) > _CEILING:
-        ax.axvline(_CEILING, color="#555555", linewidth=0.8, linestyle=":")
-        ax.set_xlabel(f"Standard error (% of the value; at {_CEILING:g} or more: not identifiable)")
+    if max(np.max(first), np.max(last)) > CEILING:
+        ax.axvline(CEILING, color="#555555", linewidth=0.8, linestyle=":")
+        ax.set_xlabel(f"Standard error (% of the value; at {CEILING:g} or more: not identifiable)")
     else:
         ax.set_xlabel("Standard error (% of the value)")
     ax.set_yticks(y, [symbol(name) for name in names])
@@ -252,7 +255,7 @@ def motions_figure(plan: Plan) -> Figure:
     title(ax, plan.joint.name, plan.joint.simulated)
     y = np.arange(len(names))[::-1]
     for x, colour, marker in zip(plan.motions, _MOTIONS, ("o", "s", "^"), strict=False):
-        errors = np.minimum(100 * x.errors / np.abs(plan.start.estimate), _CEILING)[plan.free]
+        errors = np.minimum(100 * x.errors / np.abs(plan.start.estimate), CEILING)[plan.free]
         ax.plot(errors, y, marker, color=colour, markersize=7, label=x.name, clip_on=False)
     ax.set_xscale("log")
     _logarithmic(ax.xaxis)

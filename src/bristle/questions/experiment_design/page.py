@@ -13,8 +13,9 @@ from bristle.model.parameters import Direction, Kind, Stribeck, effort, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
 from bristle.page.plain import columns, pair
-from bristle.page.wording import in_print, number, pretty, symbol
+from bristle.page.wording import in_print, number, pretty, symbol, two_digits
 from bristle.questions.experiment_design import figures, tables
+from bristle.questions.experiment_design.captions_section import captions
 from bristle.questions.experiment_design.plan import NORMAL, Plan
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
 
@@ -71,6 +72,7 @@ def section(plan: Plan, frames: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
         "worth": plan.worth and in_print(plan.worth),
         "warnings": plan.warnings,
         "assumptions": plan.assumptions,
+        "captions": captions(plan),
     }
 
 
@@ -157,8 +159,7 @@ def _interval_lines(plan: Plan) -> Iterator[str]:
 
 def _half(relative: float) -> str:
     """Half of a 95 % interval in percent of the value, from its relative standard error; open where that is not identifiable."""
-    percent = 100 * NORMAL * relative
-    return "open" if not relative < 1 else f"{percent:.0f} %" if percent >= 10 else f"{percent:#.2g} %"
+    return f"{two_digits(100 * NORMAL * relative)} %" if relative < 1 else "open"
 
 
 def _limits(plan: Plan) -> list[tuple[str, str]]:

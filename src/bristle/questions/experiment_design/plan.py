@@ -74,6 +74,11 @@ class Plan:
         return [k for k, name in enumerate(self.start.names) if name not in self.start.given]
 
     @property
+    def aimed(self) -> list[int]:
+        """Where the free parameters stand that the plan is for."""
+        return [k for k in self.free if self.aim in ("all", self.start.names[k].name)]
+
+    @property
     def duration(self) -> float:
         """Of all references, s."""
         return sum(r.position.size for r in self.references) / self.limits.rate

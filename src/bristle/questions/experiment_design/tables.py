@@ -8,7 +8,7 @@ import pandas as pd
 from bristle.arrays import Array
 from bristle.model.parameters import Lugre, Stribeck, unit
 from bristle.page import columns
-from bristle.questions.experiment_design.plan import AIMS, NORMAL, Plan
+from bristle.questions.experiment_design.plan import NORMAL, Plan
 from bristle.questions.experiment_design.velocities import Design
 
 SPACINGS = {"planned": "planned", "log": "log-spaced", "even": "evenly spaced"}
@@ -138,12 +138,11 @@ def motions(plan: Plan) -> pd.DataFrame:
     Relative standard error of each parameter after it, percent, and their mean square root.
     """
     names = {k: plan.start.names[k] for k in plan.free}
-    aimed = [k for k, name in names.items() if plan.aim not in AIMS or name.name == plan.aim]
     rows = []
     for motion in plan.motions:
         relative = 100 * motion.errors / np.abs(plan.start.estimate)
         errors = {str(name): _finite(relative[k]) for k, name in names.items()}
-        rows.append({"motion": motion.name, **errors, "rms": _finite(np.sqrt(np.mean(relative[aimed] ** 2)))})
+        rows.append({"motion": motion.name, **errors, "rms": _finite(np.sqrt(np.mean(relative[plan.aimed] ** 2)))})
     return pd.DataFrame(rows)
 
 

@@ -1,5 +1,5 @@
 // What the page knows, what the user has chosen, and the controls; the views register themselves in `explorer.views`.
-// No equation stands in these files: physics is asked of `bristle` and `passive`. Texts of users are set as text only.
+// No equation stands in these files: physics is asked of `bristle`, `passive` and `costs`. Texts of users are set as text only.
 "use strict";
 const explorer = (() => {
   const { known, settings, document: model, roots } = JSON.parse(document.getElementById("data").textContent);
@@ -55,15 +55,12 @@ const explorer = (() => {
     const found = joint().truth;
     return found ? (found[state.direction] || found["+"] || found["-"])[name] : null;
   };
-  const isPassive = (p) => passive(...FIELDS.map((name) => p[name])) === 1;
 
-  // ---- constant-velocity fits: cost is each fit's own, of its own weighted residuals
+  // ---- constant-velocity fits
 
   const array = (x) => Float64Array.from(x);
   const fitsOf = (d) => joint().static.filter((fit) => d === "both" || fit.direction === "both" || fit.direction === d);
-  function costOf(fit, p) {
-    return bristle.cost(array(fit.velocity), array(fit.target || fit.torque), array(fit.weight), p);
-  }
+  const costOf = (fit, p) => costs.ofPoints([fit])(p);
   function errorOf(fit, p) {
     return 100 * Math.sqrt(bristle.cost(array(fit.velocity), array(fit.torque), array(fit.weight), p)) / fit.norm;
   }
@@ -225,7 +222,7 @@ const explorer = (() => {
   }
 
   function summary() {
-    const bad = Object.entries(state.values).filter(([, p]) => !isPassive(p)).map(([d]) => (d === "-" ? "−" : d));
+    const bad = Object.entries(state.values).filter(([, p]) => !costs.isPassive(p)).map(([d]) => (d === "-" ? "−" : d));
     const note = element("passivity");
     note.hidden = !bad.length;
     text("passivity", bad.length
@@ -293,6 +290,7 @@ const explorer = (() => {
       tab.setAttribute("aria-selected", String(on));
       tab.tabIndex = on ? 0 : -1;
       element(`view-${key}`).hidden = !on;
+      if (!on && views[key].leave) views[key].leave();
       if (on && focus) tab.focus();
     }
     changed();
@@ -375,7 +373,7 @@ const explorer = (() => {
 
   return {
     FIELDS, array, atFraction, bound, changed, chooseJoint, chooseSet, chooseView, clamped, costOf, element, errorOf, fill, fix, frame,
-    fitsOf, fraction, identified, isPassive, joint, known, label, later, named, option, options, pair, pairOf, say, set, settings,
+    fitsOf, fraction, identified, joint, known, label, later, named, option, options, pair, say, set, settings,
     shown, start, state, text, titles, truth, unitOf, views,
   };
 })();

@@ -25,17 +25,16 @@ explorer.views.compensation = (() => {
   }
 
   function asked() {
-    const chosen = plan(), own = chosen.options, options = { ...own, model: model(chosen), gains: { ...own.gains }, gamma: [...own.gamma], start: { ...own.start } };
+    const chosen = plan(), own = chosen.options, options = { ...own, model: model(chosen), gains: { ...own.gains }, gamma: { ...own.gamma }, start: { ...own.start } };
     for (const [id, name] of Object.entries(NUMBERS)) options[name] = option(id);
     for (const [id, name] of Object.entries(GAINS)) options.gains[name] = option(id);
-    for (const k of PLACES) {
-      if (k >= own.parameters.length) continue;
-      options.gamma[k] = option(`gamma-${k}`);
-      options.start[own.parameters[k]] = option(`start-${k}`);
-    }
     const law = option("law");
     options.law = Object.hasOwn(own.laws, law) ? law : own.law;
-    options.gamma_law = options.law === "none" || options.law === "fixed" ? own.gamma_law : options.law;
+    const gamma = own.gamma[options.law]; // of a law that adapts
+    if (gamma) options.gamma[options.law] = gamma.map((x, k) => (k < PLACES.length ? option(`gamma-${k}`) : x));
+    for (const k of PLACES) {
+      if (k < own.parameters.length) options.start[own.parameters[k]] = option(`start-${k}`);
+    }
     options.settle = Math.min(own.settle, options.duration / 2);
     return options;
   }
@@ -103,13 +102,20 @@ explorer.views.compensation = (() => {
     label("loop_torque", "Torque of the drive over time.");
   }
 
+  const put = (id, x) => { element(id).defaultValue = String(x); element(id).value = String(x); };
+
+  // The rates of the law that is chosen, as the plan has them.
+  function rates() {
+    const { gamma, law } = plan().options;
+    (gamma[option("law")] || gamma[law]).slice(0, PLACES.length).forEach((x, k) => put(`gamma-${k}`, x));
+  }
+
   // Entries of a plan: its own numbers.
   function entries() {
     const chosen = plan();
     element("loop-entries").hidden = !chosen;
     if (!chosen) return;
     const { options, assumptions } = chosen;
-    const put = (id, x) => { element(id).defaultValue = String(x); element(id).value = String(x); };
     for (const [id, name] of Object.entries(NUMBERS)) put(id, options[name]);
     element("loop-frequency").max = String(0.02 / options.period);
     element("loop-duration").max = String(60000 * options.period);
@@ -121,12 +127,12 @@ explorer.views.compensation = (() => {
         text(`${what}-${k}-name`, name === undefined ? "" : settings.symbols[name]);
       }
       if (name === undefined) continue;
-      put(`gamma-${k}`, options.gamma[k]);
       put(`start-${k}`, options.start[name] ?? 1);
     }
     const law = element("law"), before = law.value, words = { none: "without compensation", fixed: "fixed model", printed: "(19)-(20) as printed" };
     law.replaceChildren(...Object.keys(options.laws).map((key) => new Option(words[key] || `adaptive, ${key}`, key)));
     law.value = Object.hasOwn(options.laws, before) ? before : options.law;
+    rates();
     element("loop-assumptions").replaceChildren(...assumptions.map((x) => Object.assign(document.createElement("li"), { textContent: x })));
   }
 
@@ -145,5 +151,5 @@ explorer.views.compensation = (() => {
     for (const [id, name] of Object.entries(GAINS)) text(`unit-${id}`, unitOf(name));
   }
 
-  return { draw, joint: drawJoint, chosen: (id) => { if (id === "plan") entries(); } };
+  return { draw, joint: drawJoint, chosen: (id) => { if (id === "plan") entries(); else if (id === "law") rates(); } };
 })();

@@ -19,10 +19,9 @@
 // bristle.closedLoop(options)            -> {time, reference, position, velocity, deflection, error, torque, friction,
 //     compensation, factors, theta_1, theta_2, diverged, rms, ...}: the joint in its loop, from rest
 //   options are those of `engine.loop_options`, any number of which may be changed: law (a key of laws: none, fixed, or
-//     one that adapts), gamma (of the law gamma_law; others get comparable rates), start (the model begins with these
-//     shares of its parameters), amplitude, frequency (Hz), gains, period, duration, settle (s), plant and model
-//     (pairs), J. {reference: {position, velocity, acceleration}} replaces the sine: arrays with a value for every
-//     period from 0 to the duration.
+//     one that adapts), gamma (by law), start (the model begins with these shares of its parameters), amplitude,
+//     frequency (Hz), gains, period, duration, settle (s), plant and model (pairs), J. {reference: {position, velocity,
+//     acceleration}} replaces the sine: arrays with a value for every period from 0 to the duration.
 //   error is reference - position. factors has, by parameter, share of the model's own value at each period: where
 //     start is 0.3 it begins with 0.3; theta_1 and theta_2 are those of alpha_0 and alpha_2, null where they do not adapt.
 //   A loop that diverges is cut: all arrays end there, diverged is the time (else null), and an RMS is null.
@@ -215,9 +214,7 @@ function run(options, law, start) {
     begun[6 + k] *= start[name] ?? 1;
   });
   const names = adapts ? options.parameters : [];
-  // rates as compensation's `comparable_rates`: one law has the parameter once more in its gradient than the others
-  const power = (options.gamma_law === "partial-theta") - (law === "partial-theta");
-  const gamma = names.map((name, k) => options.gamma[k] * (begun[FIELDS.indexOf(name)] || 1) ** power);
+  const gamma = adapts ? options.gamma[law] : [];
   const settings = Float64Array.from(SETTINGS.flatMap((name) => (name === "gamma" ? gamma : options[name])));
   const gains = GAINS.map((name) => options.gains[name]), h = options.period;
   const n = Math.round(options.duration / h) + 1, own = options.reference;

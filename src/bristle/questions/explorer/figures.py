@@ -166,11 +166,12 @@ PANELS: dict[str, tuple[Panel, ...]] = {
             "map", 400,
             [
                 Mark("unlikely", "rect", {**_CELL, "fill_color": "colour", "line_color": "colour"}, {}),
-                Mark("active", "rect", {**_CELL, "hatch_color": "ink"}, _HATCHED),
+                Mark("active", "patches", {**_MANY, "hatch_color": "ink"}, _HATCHED),
                 Mark("map.identified", "scatter", _XY, {"size": 13, "marker": "x", "line_color": "#000000", "line_width": 3}, "identified"),
                 Mark("map.truth", "scatter", _XY, {"size": 13, "marker": "star", "fill_color": TRUE, "line_color": "#000000"}, "true"),
                 Mark("map.now", "scatter", _XY, _HERE, "these values"),
             ],
+            framed=True,
         ),
         Panel(
             "profile", 260,

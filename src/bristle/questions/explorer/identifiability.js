@@ -1,12 +1,11 @@
 // View 5: the cost over any two parameters, the profile of v_s, and correlations of the estimates.
 "use strict";
 explorer.views.identifiability = (() => {
-  const { FIELDS, array, bound, costOf, element, fill, fitsOf, identified, isPassive, joint, label, named, option, pair, set, settings, shown, state, text, titles, truth, unitOf, views } = explorer;
+  const { FIELDS, array, bound, element, fill, fitsOf, fix, identified, joint, label, named, option, pair, set, settings, shown, state, text, titles, truth, unitOf } = explorer;
   const CELLS = { points: 35, run: 17 }; // along either axis
   const STEPS = [0.1, 0.3, 1, 3, 10, 30, 100]; // changes of cost, where each colour ends
   const COLOURS = ["#fde725", "#8fd744", "#35b779", "#21908d", "#31688e", "#443a83", "#440154", "#2b0138"];
-  const CHUNK = 12; // ms between two looks at the user
-  let asked = 0;
+  let jobs = 0, asked = null, drawn = "", worker; // asked: the map that is being computed
 
   const along = () => (state.direction === "both" ? "+" : state.direction);
   const unitText = (name) => `${settings.symbols[name]} (${unitOf(name)})`;
@@ -19,23 +18,11 @@ explorer.views.identifiability = (() => {
     return [Math.max(row.value - by * own, floor), row.value + by * own];
   }
 
-  function costBy(data) {
-    if (data === "points") {
-      const fits = fitsOf(state.direction);
-      return fits.length ? (p) => fits.reduce((sum, fit) => sum + costOf(fit, p), 0) : null;
-    }
-    if (!joint().moving) return null;
-    return (p) => views.response.left(p).error.reduce((sum, r) => sum + r * r, 0);
-  }
-
-  // What a change of cost is counted in: up to the 95 % threshold of one parameter, (3.84 / (n - p)) of the least where none is known.
-  function scale(data) {
+  // What a cost is of; null where it was not measured.
+  function dataOf(data) {
+    if (data === "run") return joint().moving && { moving: joint().moving };
     const fits = fitsOf(state.direction);
-    if (data === "points" && fits.every((fit) => fit.threshold !== null)) {
-      return { least: fits.reduce((sum, fit) => sum + fit.least, 0), by: Math.max(...fits.map((fit) => fit.threshold - fit.least)) };
-    }
-    const least = costBy(data)(identified()), n = data === "points" ? fits.reduce((sum, fit) => sum + fit.velocity.length, 0) : joint().moving.velocity.length;
-    return { least, by: 3.84 * least / Math.max(n - 4, 1) };
+    return fits.length ? { fits } : null;
   }
 
   function colour(change) {
@@ -43,53 +30,90 @@ explorer.views.identifiability = (() => {
     return COLOURS[k < 0 ? STEPS.length : k];
   }
 
-  function moved(name, x, other, y) {
-    const p = pair(), d = along(), own = { ...p[d], [name]: x, [other]: y };
-    return state.direction === "both" ? { "+": own, "-": own } : { ...p, [d]: own };
+  // The worker, of the very scripts of this page; null where none can be made: maps are then computed here, in slices.
+  function made() {
+    try {
+      const texts = ["bristle", "passive", "costs"].map((name) => element(`script-${name}`).textContent);
+      const one = new Worker(URL.createObjectURL(new Blob(texts, { type: "text/javascript" })));
+      one.onmessage = ({ data }) => heard(data);
+      one.onerror = () => {
+        worker = null;
+        if (asked) ask(asked);
+      };
+      return one;
+    } catch {
+      return null;
+    }
   }
 
-  async function map() {
-    const job = ++asked, [a, b] = [option("map-x"), option("map-y")], data = option("map-data"), cost = costBy(data);
+  // Ask for a map in place of the one that is being computed; null: for none.
+  function ask(request) {
+    asked = request;
+    element("figure-map").ariaBusy = String(Boolean(request));
+    if (!request) element("map-progress").hidden = true;
+    if (worker === undefined) worker = made();
+    if (worker) worker.postMessage(request);
+    else costs.map(request, heard);
+  }
+
+  function heard({ job, part, cells }) {
+    if (!asked || job !== asked.job) return;
     const progress = element("map-progress");
-    progress.hidden = true;
-    marks(a, b);
-    if (a === b || !cost) {
-      for (const name of ["unlikely", "active"]) fill(name, { x: [], y: [], width: [], height: [], colour: [], ink: [] });
-      text("map-said", a === b ? "Choose two different parameters." : "These data were not measured on this joint.");
-      return;
+    progress.hidden = Boolean(cells);
+    progress.value = part || 0;
+    if (cells) paint(cells);
+    else text("map-said", `Computing the cost map: ${25 * Math.floor(4 * part)} %.`); // said four times, not at every step
+  }
+
+  function leave() {
+    if (asked) ask(null);
+  }
+
+  function map() {
+    const names = [option("map-x"), option("map-y")], data = option("map-data"), of = dataOf(data), d = state.direction;
+    const subject = [state.joint, state.set, d, data, ...names].join(" "), different = names[0] !== names[1];
+    marks(...names);
+    if (subject !== drawn) {
+      fill("unlikely", { x: [], y: [], width: [], height: [], colour: [] });
+      fill("active", hatched([]));
     }
-    const n = CELLS[data], [x0, x1] = reach(a), [y0, y1] = reach(b), { least, by } = scale(data);
-    const width = (x1 - x0) / n, height = (y1 - y0) / n, cells = [];
-    let since = performance.now(), lowest = Infinity, highest = 0;
-    for (let k = 0; k < n * n; k++) {
-      const x = x0 + (k % n + 0.5) * width, y = y0 + (Math.floor(k / n) + 0.5) * height, p = moved(a, x, b, y);
-      const change = (cost(p) - least) / by;
-      lowest = Math.min(lowest, change);
-      highest = Math.max(highest, change);
-      cells.push({ x, y, change, active: !isPassive(p[along()]) });
-      if (performance.now() - since > CHUNK) {
-        progress.hidden = false;
-        progress.value = k / (n * n);
-        await new Promise((resume) => setTimeout(resume));
-        if (job !== asked) return;
-        since = performance.now();
-      }
+    drawn = subject;
+    if (different && of) {
+      jobs += 1;
+      ask({ job: jobs, n: CELLS[data], names, ends: names.map(reach), pair: pair(), directions: d === "both" ? ["+", "-"] : [d], identified: identified(), ...of });
+    } else {
+      leave();
+      text("map-said", different ? "These data were not measured on this joint." : "Choose two different parameters.");
     }
-    progress.hidden = true;
-    const columns = (rows) => ({
-      x: rows.map((c) => c.x), y: rows.map((c) => c.y), width: rows.map(() => 1.02 * width), height: rows.map(() => 1.02 * height),
-      colour: rows.map((c) => colour(c.change)), ink: rows.map((c) => (c.change <= 3 ? "#000000" : "#ffffff")),
+  }
+
+  function paint(cells) {
+    const { n, names: [a, b], ends: [[x0, x1], [y0, y1]], moving } = asked, width = (x1 - x0) / n, height = (y1 - y0) / n;
+    fill("unlikely", {
+      x: cells.map((c) => c.x), y: cells.map((c) => c.y), width: cells.map(() => 1.02 * width), height: cells.map(() => 1.02 * height),
+      colour: cells.map((c) => colour(c.change)),
     });
-    fill("unlikely", columns(cells));
-    fill("active", columns(cells.filter((c) => c.active)));
-    const within = cells.filter((c) => c.change <= 1).length, active = cells.filter((c) => c.active).length, flat = highest - lowest < 1e-9;
+    fill("active", hatched(cells.filter((c) => c.active), width / 2, height / 2));
+    const changes = cells.map((c) => c.change), flat = Math.max(...changes) - Math.min(...changes) < 1e-9;
+    const within = cells.filter((c) => c.change <= 1).length, active = cells.filter((c) => c.active).length;
     const words = flat ? "These data say nothing of either parameter: the cost is the same everywhere."
       : `${within} of ${cells.length} cells are within the 95 % threshold of one parameter; the other parameters stay at these values. `
         + `${active ? `Hatched: ${active === cells.length ? "all" : active} are not passive. ` : ""}`
-        + (data === "run" ? "Of the moving run the threshold is that of independent residuals, which they are not: the true region is wider." : "");
+        + (moving ? "Of the moving run the threshold is that of independent residuals, which they are not: the true region is wider." : "");
     text("map-said", words);
-    element("map-said").dataset.job = String(job);
     label("map", `Cost over ${a} and ${b}. ${words}`);
+    asked = null;
+    element("figure-map").ariaBusy = "false";
+  }
+
+  // All cells of one ink as one shape: each shape takes a hatch of its own, which takes 2 ms.
+  function hatched(cells, w, h) {
+    const inks = [["#000000", cells.filter((c) => c.change <= 3)], ["#ffffff", cells.filter((c) => c.change > 3)]].filter(([, own]) => own.length);
+    return {
+      xs: inks.map(([, own]) => own.flatMap(({ x }) => [x - w, x + w, x + w, x - w, NaN])),
+      ys: inks.map(([, own]) => own.flatMap(({ y }) => [y - h, y - h, y + h, y + h, NaN])),
+      ink: inks.map(([ink]) => ink),
+    };
   }
 
   function marks(a, b) {
@@ -98,6 +122,11 @@ explorer.views.identifiability = (() => {
     fill("map.identified", at(identified()));
     fill("map.truth", real ? at(real) : { x: [], y: [], place: [] });
     titles("map", unitText(a), unitText(b));
+    for (const [axis, name] of [["x_range", a], ["y_range", b]]) { // the whole map and all marks
+      const all = [...reach(name), ...[pair(), identified(), real].filter(Boolean).map((p) => p[d][name])];
+      const low = Math.min(...all), high = Math.max(...all), margin = 0.05 * (high - low);
+      fix("map", axis, low - margin, high + margin);
+    }
   }
 
   function profile() {
@@ -140,16 +169,16 @@ explorer.views.identifiability = (() => {
 
   function draw() {
     profile();
-    return map();
+    map();
   }
 
   function drawJoint() {
     const field = element("correlation");
     field.replaceChildren(...joint().correlations.map((one, k) => new Option(one.label, String(k))));
     correlations();
-    for (const one of element("map-data").options) one.disabled = !costBy(one.value);
+    for (const one of element("map-data").options) one.disabled = !dataOf(one.value);
     const chosen = element("map-data");
-    if (!costBy(chosen.value)) chosen.value = chosen.value === "points" ? "run" : "points";
+    if (!dataOf(chosen.value)) chosen.value = chosen.value === "points" ? "run" : "points";
     const key = element("map-key");
     const swatch = (colour_, words) => {
       const item = document.createElement("li"), box = document.createElement("span");
@@ -166,5 +195,5 @@ explorer.views.identifiability = (() => {
     element(id).value = first;
   }
 
-  return { draw, joint: drawJoint, chosen: (id) => { if (id === "correlation" || !id) correlations(); } };
+  return { draw, leave, joint: drawJoint, chosen: (id) => { if (id === "correlation" || !id) correlations(); } };
 })();

@@ -2,11 +2,11 @@
 
 The controls are the browser's own, which have labels and keys; Bokeh draws the figures. No text of a user meets Bokeh or
 HTML: it lies in one block of JSON and is set as text. A policy in the page forbids every connection, and every script but
-the page's own, by their digests.
+the page's own, by their digests. Cost maps are computed by a worker, which is made of the text of some of these scripts.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
@@ -28,7 +28,7 @@ from bristle.questions.explorer.figures import PANELS, PAPER, figures, key
 from bristle.simulation.joint_loop import JointLoop
 
 _HERE = Path(__file__).parent
-_SCRIPTS = ("app", "friction", "presliding", "response", "compensation", "identifiability", "values", "start")
+_SCRIPTS = ("costs", "app", "friction", "presliding", "response", "compensation", "identifiability", "values", "start")
 """The page's own, in this order."""
 _VIEWS = {
     "friction": "Friction curve",
@@ -76,20 +76,20 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
     document, roots = _document()
     settings = {"parameters": list(_PARAMETERS), "symbols": {n: symbol(n) for n in _PARAMETERS}, "paper": PAPER}
     data = {"known": known, "settings": settings, "document": document, "roots": roots}
-    scripts = [
-        _bokeh(),
-        script(),
-        _passive(),
-        *((_HERE / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS),
-    ]
-    scripts = [f"\n{text.strip()}\n" for text in scripts]
+    scripts = {
+        "bokeh": _bokeh(),
+        "bristle": script([loop for loop in loops.values() if isinstance(loop, JointLoop)]),
+        "passive": _passive(),
+        **{name: (_HERE / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS},
+    }
+    scripts = {name: f"\n{text.strip()}\n" for name, text in scripts.items()}
     page = html(
         "bristle.questions.explorer",
         "explore.html",
         {
             "data": Markup(_json(data)),  # noqa: S704  # in which no character can end the block
-            "scripts": [Markup(text) for text in scripts],  # noqa: S704  # our own, and Bokeh's
-            "policy": _policy(scripts),
+            "scripts": {name: Markup(text) for name, text in scripts.items()},  # noqa: S704  # our own, and Bokeh's
+            "policy": _policy(scripts.values()),
             "views": _VIEWS,
             "panels": {view: [panel.name for panel in panels] for view, panels in PANELS.items()},
             "parameters": _PARAMETERS,
@@ -115,11 +115,11 @@ def _finite(part: Any) -> Any:
     return None if isinstance(part, float) and not isfinite(part) else part
 
 
-def _policy(scripts: Sequence[str]) -> str:
-    """The content security policy: nothing is fetched, and no script runs but these."""
+def _policy(scripts: Iterable[str]) -> str:
+    """The content security policy: nothing is fetched, and no script runs but these, and a worker that one of them makes."""
     allowed = " ".join(map(digest, scripts))
     return (
-        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; font-src data:; "
+        f"default-src 'none'; script-src {allowed}; worker-src blob:; style-src 'unsafe-inline'; img-src data: blob:; font-src data:; "
         "base-uri 'none'; form-action 'none'"
     )
 

@@ -1,7 +1,7 @@
 // View 3: velocity, deflection, torque and error over time, for a sine, a step, or the measured run.
 "use strict";
 explorer.views.response = (() => {
-  const { array, element, fill, identified, joint, label, option, pair, pairOf, shown, text, titles, unitOf } = explorer;
+  const { array, element, fill, identified, joint, label, option, pair, shown, text, titles, unitOf } = explorer;
   const SAMPLES = 2000; // of a simulated motion
   let kept = { joint: -1 };
 
@@ -15,32 +15,15 @@ explorer.views.response = (() => {
     return { t, v, step, starts: [0] };
   }
 
-  // Each run from a bristle of its own.
-  function simulated({ v, step, starts }, p) {
-    const z = new Float64Array(v.length), torque = new Float64Array(v.length);
-    starts.forEach((start, k) => {
-      const rolled = bristle.rollout(v.subarray(start, starts[k + 1] ?? v.length), step, p);
-      z.set(rolled.z, start);
-      torque.set(rolled.torque, start);
-    });
-    return { z, torque };
-  }
-
-  // What the fit of the moving runs left, with other values: its residuals, and the change of the simulated torque.
   function left(p) {
-    const moving = joint().moving;
-    if (kept.joint !== explorer.state.joint) {
-      const run = { v: array(moving.velocity), step: moving.step, starts: moving.starts };
-      kept = { joint: explorer.state.joint, run, torque: simulated(run, pairOf(moving.pair)).torque };
-    }
-    const torque = simulated(kept.run, p).torque;
-    return { torque, error: array(moving.residuals).map((r, k) => r + kept.torque[k] - torque[k]), measured: array(moving.residuals).map((r, k) => r + kept.torque[k]) };
+    if (kept.joint !== explorer.state.joint) kept = { joint: explorer.state.joint, of: costs.left(joint().moving) };
+    return kept.of(p);
   }
 
   const rms = (x) => Math.sqrt(x.reduce((sum, y) => sum + y * y, 0) / x.length);
 
   function draw() {
-    const p = pair(), chosen = motion(), now = simulated(chosen, p), then = simulated(chosen, identified());
+    const p = pair(), chosen = motion(), now = costs.simulated(chosen, p), then = costs.simulated(chosen, identified());
     const run = option("motion") === "run" && joint().moving, t = chosen.t;
     const of = run ? left(p) : null;
     const error = of ? of.error : now.torque.map((T, k) => T - then.torque[k]);
@@ -88,5 +71,5 @@ explorer.views.response = (() => {
     for (const id of ["top-speed", "duration"]) element(id).disabled = kind === "run";
   }
 
-  return { draw, joint: drawJoint, chosen, left };
+  return { draw, joint: drawJoint, chosen };
 })();

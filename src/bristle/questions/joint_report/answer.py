@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bristle.identification.fits import Estimate, StaticFit
-from bristle.identification.known_joint import Known, chosen, value_fits
+from bristle.identification.known_joint import Known, chosen, mixed, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, in_direction
@@ -46,6 +46,7 @@ def answer(
             "held_out": _held_out(joint),
             "about": about.get(joint.name),
             "also": _also(known[joint.name]),
+            "mixed": list(mixed(joint)),
             "curve": curves.get(joint.name),
             **trusted(joint),
         }

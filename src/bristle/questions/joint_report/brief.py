@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.known_joint import Known, Source, chosen, known_joint, value_fits
+from bristle.identification.known_joint import Known, Source, chosen, known_joint, mixed, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, Stribeck, effort, unit
@@ -91,7 +91,7 @@ def _values(joint: Joint) -> Iterator[str]:
     yield from columns(cells) if len(cells) > 1 else ()
     for by_reason in missing.values():
         yield from wrapped(f"  {', '.join(names)}: {why}" for why, names in by_reason.items())
-    yield from wrapped(_mixed(joint, rows))
+    yield from wrapped(f"  {sentence} See --full." for sentence in mixed(joint))
     if joint.torque_scale is not None:
         yield from wrapped([f"  {printable(_scale(joint, joint.torque_scale))}"])
 
@@ -144,19 +144,6 @@ def _cells(row: Known) -> tuple[str, ...]:
     if e.value is None:
         return str(row.parameter), "not identifiable", f"{interval(e.interval)} {e.unit}", source
     return str(row.parameter), f"{pair(e.value, total_error(e))} {e.unit}", interval(e.interval), source
-
-
-def _mixed(joint: Joint, rows: Mapping[ParameterName, Known]) -> Iterator[str]:
-    """Where the friction curve of a direction would be put together of two fits, which are not one law."""
-    for d in Direction:
-        sources = {
-            x.source
-            for (n, own), x in rows.items()
-            if n in Stribeck._fields and own == d and x.estimate.value is not None
-        }
-        if len(sources) > 1 and joint.moving is not None:
-            where = f" of direction {d}" if d in SIGNED else ""
-            yield f"  The friction curve{where} mixes two fits, which are not one law: take it from one of them (--full)."
 
 
 def _count(joint: Joint) -> str:

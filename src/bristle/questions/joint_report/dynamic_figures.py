@@ -56,7 +56,7 @@ def course_figure(joint: Joint) -> Figure | None:
     time, torque, residual = fit.time[k], fit.measured[k], fit.residuals[k]
     above.plot(time, torque, "-", color=_GREY, linewidth=3.5, label="measured")
     above.plot(time, torque - residual, "-", color=_BLUE, linewidth=1.2, label="predicted")
-    below.plot(time, residual, "-", color=_VERMILION, linewidth=0.9)
+    below.plot(time, residual, "-", color=_VERMILION, linewidth=0.9, label="_residual")
     _finish(joint, figure, "time", fit.quantity)
     return figure
 
@@ -72,7 +72,7 @@ def velocity_figure(joint: Joint) -> Figure | None:
     velocity, torque, residual = fit.velocity[k], fit.measured[k], fit.residuals[k]
     above.plot(velocity, torque, "o", color=_GREY, markerfacecolor="none", markersize=5, label="measured")
     above.plot(velocity, torque - residual, ".", color=_BLUE, markersize=3.5, label="predicted")
-    below.plot(velocity, residual, ".", color=_VERMILION, markersize=3)
+    below.plot(velocity, residual, ".", color=_VERMILION, markersize=3, label="_residual")
     _finish(joint, figure, "velocity", fit.quantity)
     return figure
 
@@ -82,7 +82,7 @@ def _panels(joint: Joint) -> tuple[Figure, Axes, Axes]:
     figure = new_figure(5.2)
     above, below = figure.subplots(2, sharex=True, height_ratios=(5, 4))
     title(above, joint.name, joint.simulated)
-    below.axhline(0.0, color="#666666", linewidth=0.8)
+    below.axhline(0.0, color="#666666", linewidth=0.8, label="_zero")
     return figure, above, below
 
 

@@ -68,15 +68,15 @@ def _panel(ax: Axes, row: Row) -> None:
         ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
     ax.plot(*_smooth(three.curve, value), "-", color=_COLOURS["profile"], linewidth=1.4, label="cost (1: threshold)")
     if three.curve.shape[1] < _FEW:
-        ax.plot(*three.curve, ".", color=_COLOURS["profile"], markersize=5)
-    ax.axhline(1.0, color="#666666", linestyle=":", linewidth=1)
+        ax.plot(*three.curve, ".", color=_COLOURS["profile"], markersize=5, label="_cost, computed")
+    ax.axhline(1.0, color="#666666", linestyle=":", linewidth=1, label="_95 % threshold")
     for k, way in enumerate(WAYS):
         interval = getattr(three, way)
         if interval is not None:
             ends = np.clip(interval, low, high)
             ax.plot(ends, [-0.3 - 0.28 * k] * 2, LINES[k], marker="|", color=_COLOURS[way], linewidth=2, label=way)
     if value is not None:
-        ax.axvline(value, color="black", linewidth=0.8, linestyle="--")
+        ax.axvline(value, color="black", linewidth=0.8, linestyle="--", label="_estimate")
     ax.set_ylim(-1.15, _TOP)
     ax.set_yticks([0.0, 1.0, 2.0])
     where = "" if row.direction in {"both", "shared"} else f" {direction(row.direction)}"

@@ -9,7 +9,7 @@ from bristle.diagnostics import Diagnostic, Kind, with_subjects
 from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
-from bristle.model.parameters import unit
+from bristle.model.parameters import unit, units_of
 
 WIDE = 0.15
 """A standard error above this share of its value is called wide."""
@@ -29,7 +29,7 @@ def next_measurements(joint: Joint) -> tuple[Diagnostic, ...]:
     advice: list[Diagnostic] = []
     for d, fit in joint.static.items():
         if d != "shared":
-            advice += with_subjects(tuple(_of_fit(joint, fit)), {}, ("static", d))
+            advice += with_subjects(tuple(_of_fit(joint, fit)), {}, units_of(joint.kind), ("static", d))
     sticking = sorted({s.file for s in joint.segments if s.stick_slip})
     if sticking:
         advice.append(Kind.REPEAT_STICKING(files=tuple(sticking)))

@@ -109,7 +109,7 @@ def _loadings(ax: Axes, fit: PreslidingFit) -> None:
     for k, loading in enumerate(fit.loadings):
         start = rest(loading, fit)
         kept = thinned(loading.torque.size, max(MOST_POINTS // len(fit.loadings), 60))
-        label = None if k else "loadings"
+        label = "_loadings" if k else "loadings"
         ax.plot(loading.displacement[kept] - start, loading.torque[kept], "-", color=_GREY, linewidth=0.7, label=label)
         shown = thinned(loading.edge_torque.size, max(_MOST_EDGES // len(fit.loadings), 4))
         edges.append(np.array([loading.edge_displacement[shown] - start, loading.edge_torque[shown]]))

@@ -40,7 +40,7 @@ def stribeck_figure() -> Figure:
     for sign in (-1.0, 1.0):
         v = sign * np.geomspace(1e-4, 0.5, 200)
         for v_s, line, shade in zip(FIG_1_V_S, LINES, ("#0072B2", "#D55E00", "#000000"), strict=True):
-            label = f"vₛ = {v_s} rad/s (assumed)" if sign > 0 else None
+            label = f"{'' if sign > 0 else '_'}vₛ = {v_s} rad/s (assumed)"
             ax.plot(v, curve(v, FIG_1.stribeck._replace(v_s=v_s)), line, color=shade, label=label)
     ax.legend(loc="lower right")
     _label(ax, axis("velocity", "revolute"), axis("torque", "revolute", "friction"))
@@ -61,7 +61,7 @@ def curve_figure(joint: Joint) -> Figure:
             _curve(whole, fit, look, sign, magnitude=False)
             _curve(slow, fit, look, sign, magnitude=True)
         _fitted_points(whole, fit, look, direction(d))
-        _fitted_points(slow, fit, look, "", magnitude=True)
+        _fitted_points(slow, fit, look, direction(d), magnitude=True)
     _strays(whole, joint)
     _strays(slow, joint, magnitude=True)
     decimal_log(slow)
@@ -79,11 +79,18 @@ def small_figure(joint: Joint) -> Figure:
     _frame(ax, joint)
     for d, fit in _directions(joint):
         look, k = DIRECTION[d], thinned(fit.velocity.size, 60)
-        ax.plot(fit.velocity[k], fit.torque[k], look.marker, color=look.colour, markersize=2.2)
+        ax.plot(
+            fit.velocity[k],
+            fit.torque[k],
+            look.marker,
+            color=look.colour,
+            markersize=2.2,
+            label=f"_fitted {direction(d)}",
+        )
         for sign in _signs(fit):
             _curve(ax, fit, look, sign, magnitude=False)
-    ax.axhline(0, color="#666666", linewidth=0.5)
-    ax.axvline(0, color="#666666", linewidth=0.5)
+    ax.axhline(0, color="#666666", linewidth=0.5, label="_zero")
+    ax.axvline(0, color="#666666", linewidth=0.5, label="_zero")
     ax.set_axis_off()
     return figure
 
@@ -105,10 +112,11 @@ def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool
     x, y, half = v, curve(v, p), band(v, fit)
     if magnitude:
         x, y = np.abs(v), np.abs(y)
-    ax.plot(x, y, look.line, color=look.colour)
+    of = direction("+" if sign > 0 else "-")
+    ax.plot(x, y, look.line, color=look.colour, label=f"_(9) {of}")
     if half is not None:
         label = "95 % band" if half.max() > _SEEN * np.ptp(fit.torque) else "95 % band (within the line)"
-        named = None if label in ax.get_legend_handles_labels()[1] else label
+        named = f"_{label} {of}" if label in ax.get_legend_handles_labels()[1] else label
         ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
 
 
@@ -124,11 +132,19 @@ def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitud
     if magnitude:
         x, y = np.abs(x), y * np.sign(x)
     bars = np.isfinite(error)
-    ax.errorbar(x[bars], y[bars], 1.96 * error[bars], fmt="none", ecolor=look.colour, capsize=2)
+    ax.errorbar(
+        x[bars],
+        y[bars],
+        1.96 * error[bars],
+        fmt="none",
+        ecolor=look.colour,
+        capsize=2,
+        label=f"_95 % error bars {label}",
+    )
     size = 2.0 if k.size > 100 else 5.5
     for chosen, fill, suffix in ((~sticks, look.colour, ""), (sticks, "white", ", stick-slip")):
         if chosen.any():
-            named = f"fitted {label}{suffix}" if label else None
+            named = f"{'_' if magnitude else ''}fitted {label}{suffix}"
             ax.plot(x[chosen], y[chosen], look.marker, color=look.colour, mfc=fill, markersize=size, label=named)
 
 
@@ -187,7 +203,7 @@ def _profile(ax: Axes, fit: StaticFit, p: Profile, look: Look) -> None:
     top = top if top > p.best_cost else p.best_cost + max(float(np.ptp(p.cost)), 1e-300)
     left, right = float(p.near_v_s[0]), float(p.near_v_s[-1])
     plain = (p.plain_v_s >= left) & (p.plain_v_s <= right)
-    ax.plot(p.near_v_s, p.near_cost, "-", color=look.colour, linewidth=1.2)
+    ax.plot(p.near_v_s, p.near_cost, "-", color=look.colour, linewidth=1.2, label="_cost near the minimum")
     ax.plot(p.plain_v_s[plain], p.plain_cost[plain], "|", color="#666666", markersize=7, label="plain grid")
     ax.plot(p.v_s, p.cost, look.marker, color=look.colour, markersize=5, label="grid")
     ax.plot([p.best], [p.best_cost], "*", color="black", markersize=11, label="refined minimum")
@@ -215,7 +231,7 @@ def residuals_figure(joint: Joint) -> Figure | None:
     axes = figure.subplots(len(shown), sharey=True, squeeze=False)[:, 0]
     title(axes[0], joint.name, joint.simulated)
     for ax, quantity in zip(axes, shown, strict=True):
-        ax.axhline(0.0, color="#666666", linewidth=0.8)
+        ax.axhline(0.0, color="#666666", linewidth=0.8, label="_zero")
         for d, fit in fits:
             x, k = getattr(fit, quantity), thinned(fit.residuals.size)
             if x.size == fit.residuals.size:
@@ -252,7 +268,7 @@ def _signal(ax: Axes, record: Record, quantity: str) -> None:
         ax.text(0.5, 0.5, f"no {quantity}", transform=ax.transAxes, ha="center")
         return
     k = np.unique(np.linspace(0, record.time.size - 1, min(record.time.size, 3000)).astype(int))
-    ax.plot(record.time[k], values[k], "-", color="black", linewidth=0.8)
+    ax.plot(record.time[k], values[k], "-", color="black", linewidth=0.8, label="_measured")
     low, high = np.percentile(values, [1, 99])
     if np.ptp(values) > 3 * (high - low) > 0:  # a transient would flatten all else
         ax.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))

@@ -117,7 +117,7 @@ def resolution_figure(validation: Validation) -> Figure | None:
 
     None where v_s can be known nowhere.
     """
-    knowable = [x for x in validation.cases if not x.not_identifiable and x.resolution.floor > 0]
+    knowable = validation.resolvable
     if not knowable:
         return None
     many = len({x.case.label for x in knowable}) < len(knowable)

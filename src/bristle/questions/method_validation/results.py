@@ -170,6 +170,11 @@ class Validation:
     starts: int
     seed: int
 
+    @property
+    def resolvable(self) -> tuple[CaseResult, ...]:
+        """The cases in which a plain grid's error of v_s has a measure: v_s is identifiable, and noise scatters it."""
+        return tuple(x for x in self.cases if not x.not_identifiable and x.resolution.floor > 0)
+
     def text(self) -> str:
         """The verdict over all cases, and on each where these are few, as plain text."""
         from bristle.questions.method_validation.page import text

@@ -40,9 +40,9 @@ _PERIODS = 2
 _BEYOND = 4.0
 """A derivative at fixed z that is more than so many times the largest total one leaves its panel."""
 _MOST = 900
-_LEAST = 1e-3
+LEAST = 1e-3
 """Shares below this are drawn as this."""
-_SEEN = 1e-5
+SEEN = 1e-5
 """A swing below this share of the output is none."""
 _INDICES = (
     ("first", "first order: alone", "#0072B2", "", -0.19),
@@ -60,7 +60,7 @@ _LINE = 68
 @styled
 def time_figure(study: SensitivityStudy) -> Figure:
     """Velocity, and under it each parameter's derivative of torque vs time: total (solid), at fixed z (dashed)."""
-    seen = np.flatnonzero(study.local.time <= _PERIODS / study.motion.frequency)
+    seen = in_view(study)
     k = seen[thinned(seen.size, _MOST)]
     time, velocity = study.local.time[k], study.local.velocity[k]
     figure = new_figure(8.6)
@@ -92,6 +92,11 @@ def time_figure(study: SensitivityStudy) -> Figure:
     return figure
 
 
+def in_view(study: SensitivityStudy) -> NDArray[np.intp]:
+    """The samples that are drawn vs time, by their places."""
+    return np.flatnonzero(study.local.time <= _PERIODS / study.motion.frequency)
+
+
 def _starred(study: SensitivityStudy, name: str) -> str:
     """A parameter's symbol, with a star where its value is assumed in a direction."""
     return symbol(name) + ("*" if any(assumed.name == name for assumed in study.model.assumed) else "")
@@ -110,14 +115,14 @@ def shares_figure(study: SensitivityStudy) -> Figure:
         (total, -0.2, "#0072B2", "", "total"),
         (partial, 0.2, "#E69F00", "//", "at fixed z"),
     ):
-        ends, middles = np.maximum(values[order], _LEAST / 10), place + shift
+        ends, middles = np.maximum(values[order], LEAST / 10), place + shift
         ax.barh(middles, ends, _WIDTH, left=0, color=colour, hatch=hatch, edgecolor="white", linewidth=0.4, label=label)
         for y, value, end in zip(middles, values[order], ends, strict=True):
             ax.annotate(
                 number(float(value), 2), (end, y), (3, 0), textcoords="offset points", va="center", fontsize=8.5
             )
     ax.set_xscale("log")
-    ax.set_xlim(_LEAST / 10, 4 * max(1.0, float(total.max()), float(partial.max())))
+    ax.set_xlim(LEAST / 10, 4 * max(1.0, float(total.max()), float(partial.max())))
     ax.xaxis.set_major_formatter("{x:g}")
     ax.set_yticks(place, [_starred(study, Lugre._fields[k]) for k in order])
     ax.grid(visible=False, axis="y")
@@ -195,9 +200,9 @@ def map_figure(study: SensitivityStudy) -> Figure:
     figure.subplots_adjust(left=0.16, right=0.86, top=0.9, hspace=0.28, wspace=0.12)
     axes = figure.subplots(3, 2, sharex=True, sharey=True).ravel()
     title(axes[0], study.name, study.simulated)
-    norm = LogNorm(_LEAST, 1.0)
+    norm = LogNorm(LEAST, 1.0)
     for ax, name, k in zip(axes, Lugre._fields, range(6), strict=True):
-        shares = np.clip(study.map.shares[:, :, k], _LEAST, 1.0)
+        shares = np.clip(study.map.shares[:, :, k], LEAST, 1.0)
         image = _cells(ax, shares, cmap="cividis", norm=norm)
         ax.text(
             0.03,
@@ -255,7 +260,7 @@ def _moving(chart: Tornado) -> list[tuple[ParameterName, float, float]]:
     return [
         (swing.parameter, 100 * (swing.at_low / chart.value - 1), 100 * (swing.at_high / chart.value - 1))
         for swing in chart.swings
-        if swing.width > _SEEN * abs(chart.value)
+        if swing.width > SEEN * abs(chart.value)
     ]
 
 
@@ -291,14 +296,19 @@ def correlation_figure(study: SensitivityStudy, expected: Expected) -> Figure:
     ax.set_aspect("equal")
     ax.invert_yaxis()
     for i, j in np.ndindex(size, size):
-        text = f"{shade[i, j]:.2f}".replace("-0.00", "0.00") if seen[i] and seen[j] else "×"
+        text = correlated(float(shade[i, j])) if seen[i] and seen[j] else "×"
         ink = ON_DARK if abs(shade[i, j]) > 0.7 else ON_LIGHT
-        ax.text(j, i, text.replace("-", "−"), ha="center", va="center", color=ink, fontsize=8.5 if size < 8 else 6.5)
+        ax.text(j, i, text, ha="center", va="center", color=ink, fontsize=8.5 if size < 8 else 6.5)
     labels = [symbol(name).replace("gravity", "grav.") for name in info.names]
     ax.set_xticks(range(size), labels, rotation=90 if any(len(label) > 3 for label in labels) else 0)
     ax.set_yticks(range(size), labels)
     ax.grid(visible=False)
     return figure
+
+
+def correlated(correlation: float) -> str:
+    """A correlation in print."""
+    return f"{correlation:.2f}".replace("-0.00", "0.00").replace("-", "−")
 
 
 @styled

@@ -5,14 +5,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from bristle.model.parameters import effort, unit
+from bristle.model.parameters import Kind, Lugre, effort, unit
 from bristle.page.columns import shown
 from bristle.page.page import write_part
-from bristle.page.wording import in_print, pretty, symbol
+from bristle.page.wording import in_percent, in_print, measured, number, pretty, symbol
 from bristle.questions.sensitivity import figures
-from bristle.questions.sensitivity.study import SensitivityStudy
+from bristle.questions.sensitivity.local import CLAIMED
+from bristle.questions.sensitivity.sobol import Global
+from bristle.questions.sensitivity.study import Expected, SensitivityStudy
 from bristle.questions.sensitivity.tables import (
     information_table,
     parameter_table,
@@ -20,7 +24,7 @@ from bristle.questions.sensitivity.tables import (
     sobol_table,
     tables,
 )
-from bristle.questions.sensitivity.text import findings, sobol_sentences
+from bristle.questions.sensitivity.text import findings, output_name, sobol_sentences
 
 _COLUMNS = {
     "standard_error": "expected standard error", "percent": "of the value (%)", "own_standard_error": "standard error of the joint's fit",
@@ -67,6 +71,7 @@ def context(study: SensitivityStudy) -> Mapping[str, Any]:
         "q": pretty(unit("position", study.kind)),
         "motion": study.motion,
         "findings": findings(study),
+        "captions": captions(study),
         "assumptions": study.assumptions,
         "assumed": [symbol(name) for name in study.model.assumed],
         "parameters": shown(parameter_table(study).rename(columns={"assumed": "assumed?"})),
@@ -76,6 +81,92 @@ def context(study: SensitivityStudy) -> Mapping[str, Any]:
         "sobol": None if study.sobol is None else shown(sobol_table(study.sobol, study.kind)),
         "sobol_sentences": [] if study.sobol is None else sobol_sentences(study.sobol, study.kind),
     }
+
+
+def captions(study: SensitivityStudy) -> dict[str, str]:
+    """What each figure shows, in a sentence with a number: the beginning of its caption."""
+    found = {
+        "time": _largest_change(study),
+        "shares": _shares(study),
+        "first": _claim(study),
+        "map": _most_varied(study),
+        "tornado": _widest_swing(study),
+        **{f"correlation-{k + 1}": _correlation(expected) for k, expected in enumerate(study.expected)},
+        "sobol": "" if study.sobol is None else _largest_index(study.sobol, study.kind),
+    }
+    return {name: f"{text}." for name, text in found.items() if text}
+
+
+def _largest_change(study: SensitivityStudy) -> str:
+    """The peak of what is drawn, and where another parameter has it, that of the second half, without the first deflection."""
+    k = figures.in_view(study)
+    (name, whole), (later, half) = (_peak(study, part) for part in (k, k[k.size // 2 :]))
+    more = f"; in the second period {later} does, by up to {half}" if later != name else ""
+    return f"To first order, doubling {name} changes the {effort(study.kind)} most, by up to {whole}{more}"
+
+
+def _peak(study: SensitivityStudy, samples: NDArray[np.intp]) -> tuple[str, str]:
+    """The parameter with the largest total derivative among samples; its size, and when."""
+    total = np.abs(study.local.total[samples])
+    sample, which = np.unravel_index(total.argmax(), total.shape)
+    size = f"{number(total[sample, which], 2)} {pretty(unit('torque', study.kind))}"
+    return symbol(Lugre._fields[which]), f"{size} at {number(study.local.time[samples][sample], 3)} s"
+
+
+def _shares(study: SensitivityStudy) -> str:
+    shares, order = dict(zip(Lugre._fields, study.local.shares().tolist(), strict=True)), study.local.ranking
+    (most, largest), (least, smallest) = ((symbol(name), in_percent(shares[name])) for name in (order[0], order[-1]))
+    return f"{most} has the largest total share of the RMS {effort(study.kind)}, {largest}, and {least} the smallest, {smallest}"
+
+
+def _claim(study: SensitivityStudy) -> str:
+    claim, names = study.map.claim, " and ".join(map(symbol, sorted(CLAIMED)))
+    held = in_percent(float(claim.mean()))
+    return f"{names} have the two largest shares in {held} of the map, {claim.sum()} of {claim.size} motions"
+
+
+def _most_varied(study: SensitivityStudy) -> str:
+    low, high = (end(study.map.shares, axis=(0, 1)) for end in (np.min, np.max))
+    k = int((high - low).argmax())
+    least = f"less than {in_percent(figures.LEAST)}" if low[k] < figures.LEAST else in_percent(low[k])
+    return f"The share of {symbol(Lugre._fields[k])} varies most over the map, from {least} to {in_percent(high[k])}"
+
+
+def _widest_swing(study: SensitivityStudy) -> str:
+    """Empty without intervals; of each output the widest swing is the first."""
+    if not study.tornado:
+        return ""
+    share, chart = max(((x.swings[0].width / abs(x.value), x) for x in study.tornado), key=lambda x: x[0])
+    if share <= figures.SEEN:
+        return f"No 95 % interval changes an output by more than {in_percent(figures.SEEN)}"
+    name, output = symbol(chart.swings[0].parameter), output_name(chart.output, study.kind)
+    return f"{name} changes the {output} most, by {in_percent(share)} between the ends of its 95 % interval"
+
+
+def _correlation(expected: Expected) -> str:
+    """The largest of two parameters that are seen, then how many are not."""
+    names, of = expected.information.names, len(expected.information.names)
+    seen = np.flatnonzero(np.isfinite(expected.information.standard_errors))
+    lost = f"{of - seen.size} of {of} parameters cannot be estimated (×)" if seen.size < of else ""
+    if seen.size < 2:
+        return f"There is no correlation to show: {lost or 'there is 1 parameter'}"
+    between = np.triu(expected.information.correlation[np.ix_(seen, seen)], 1)
+    i, j = np.unravel_index(np.abs(between).argmax(), between.shape)
+    pair = f"{symbol(names[seen[i]])} and {symbol(names[seen[j]])}"
+    return f"The strongest correlation, {figures.correlated(between[i, j])}, is that of {pair}" + (lost and f"; {lost}")
+
+
+def _largest_index(sobol: Global, kind: Kind) -> str:
+    """Over all outputs, then how many of them have none."""
+    found = [(effect, x) for x in sobol.outputs if x.indices is not None for effect in x.indices.effects]
+    bare = sum(x.indices is None for x in sobol.outputs)
+    lost = f"{bare} of {len(sobol.outputs)} outputs cannot be analysed" if bare else ""
+    if not found:
+        return lost[:1].upper() + lost[1:]
+    effect, output = max(found, key=lambda x: x[0].total)
+    index = measured(effect.total, effect.total_half)
+    name = output_name(output.name, kind)
+    return f"{symbol(effect.parameter)} has the largest total index, {index} for the {name}" + (lost and f"; {lost}")
 
 
 def _formulas(study: SensitivityStudy) -> dict[str, Any] | None:

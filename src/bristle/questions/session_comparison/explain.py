@@ -106,10 +106,9 @@ def _named(x: SetChange, *, several: bool) -> str:
 def _change(c: Change, *, several: bool) -> Diagnostic | str:
     """A parameter that changed, and by how many percent of the first session's value, where that is not zero."""
     name = f"{c.joint} {c.parameter}" if several else str(c.parameter)
-    if not c.first or not c.first.value:
+    if c.percent is None:
         return name
-    percent = 100 * (c.difference or 0.0) / abs(c.first.value)
-    return (Kind.CHANGED_BY if abs(percent) < _LARGE else Kind.CHANGED_BY_POWERS)(name=name, percent=percent)
+    return (Kind.CHANGED_BY if abs(c.percent) < _LARGE else Kind.CHANGED_BY_POWERS)(name=name, percent=c.percent)
 
 
 def hints(changes: Sequence[Change]) -> Iterator[Diagnostic]:

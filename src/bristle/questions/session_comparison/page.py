@@ -1,6 +1,6 @@
 """What the page and the terminal show of two sessions compared: a table of changes, one of the sets, and a figure per joint."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -13,7 +13,7 @@ from bristle.identification.fits import Estimate
 from bristle.page.columns import shown
 from bristle.page.page import write_part
 from bristle.page.plain import pair
-from bristle.page.wording import measured, number, printable, shortened, slugs
+from bristle.page.wording import counted, measured, number, percent, pretty, printable, shortened, slugs, symbol
 from bristle.questions.session_comparison.figures import forest_figure
 from bristle.questions.session_comparison.results import Change, Comparison
 
@@ -96,12 +96,13 @@ def _joint(compared: Comparison, joint: str, slug: str) -> dict[str, Any]:
     table = frame[["parameter", "direction", "unit", "source"]].copy()
     table["first session"] = [measured(*_pair(c.first)) for c in own]
     table["second session"] = [measured(*_pair(c.second)) for c in own]
-    table["difference (%)"] = [_percent(c) for c in own]
+    table["difference (%)"] = [None if c.percent is None else round(c.percent, 2) for c in own]
     table = table.join(frame[["z", "adjusted_p", "changed"]]).round({"z": 2})
     comparable = frame["source"] != ""
     return {
         "name": joint,
         "slug": slug,
+        "caption": caption(own),
         "changes": shown(_few_digits(table[comparable]).rename(columns=_NAMES)),
         "rest": shown(frame[~comparable][["parameter", "direction", "verdict"]]),
         "sets": shown(_few_digits(whole[whole["joint"] == joint].drop(columns=["names", "p"])).rename(columns=_NAMES)),
@@ -115,13 +116,23 @@ def _few_digits(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.astype(object).where(frame.notna(), None)
 
 
-def _percent(c: Change) -> float | None:
-    """The difference in percent of the first session's value."""
-    return (
-        None
-        if c.difference is None or not c.first or not c.first.value
-        else round(100 * c.difference / abs(c.first.value), 2)
-    )
+def caption(changes: Sequence[Change]) -> str:
+    """What the figure of one joint shows: the largest change in percent, or that none changed."""
+    compared = [c for c in changes if c.changed is not None]
+    of, moved = counted(len(compared), "parameter"), [c for c in compared if c.changed]
+    if not moved:
+        far = number(max((abs(c.z or 0.0) for c in compared), default=None), 2)
+        return f"None of {of} changed beyond its joint uncertainty; differences are {far} standard errors at most."
+    most = max(moved, key=lambda c: abs(c.percent or 0.0))
+    way = "rose" if (most.difference or 0.0) > 0 else "fell"
+    return f"{len(moved)} of {of} changed; the largest change: {symbol(most.parameter)} {way} by {_size(most)}."
+
+
+def _size(c: Change) -> str:
+    """Of a change, with its error: in percent of the first session's value, or in the parameter's unit where that is zero."""
+    if c.first is None or c.percent is None:
+        return f"{measured(abs(c.difference or 0.0), c.error)} {pretty(c.unit)}"
+    return f"{measured(abs(c.percent), percent(c.first.value, c.error))} %"
 
 
 def _pair(e: Estimate | None) -> tuple[float | None, float | None]:

@@ -89,6 +89,13 @@ class Change:
     verdict: Diagnostic
     """What became of it, or why that cannot be told."""
 
+    @property
+    def percent(self) -> float | None:
+        """The difference in percent of the first session's value; None where there is none, or that value is zero."""
+        if self.difference is None or self.first is None or not self.first.value:
+            return None
+        return 100 * self.difference / abs(self.first.value)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SetChange:

@@ -1,0 +1,181 @@
+"""The data of a figure as a table, read off what is drawn: every figure can be drawn anew without bristle."""
+
+import re
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.axis import Axis
+from matplotlib.collections import Collection, LineCollection, PathCollection, QuadMesh
+from matplotlib.container import BarContainer, Container
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import FixedLocator
+
+from bristle.arrays import Array
+from bristle.page.columns import rows_to_csv
+
+_GIVEN = re.compile(r"_(child|container|nolegend_|image)\d*")
+"""A label that matplotlib gives. A label of ours after an underscore names a series that has no place in the legend."""
+
+_BESIDE = 0.5
+"""Of the distance between ticks that are words: bars of one word stand side by side."""
+
+
+def csv_of(figure: Figure) -> bytes:
+    """Every line, point, bar, band and map of a figure as CSV, a row for each of its places.
+
+    Columns: `panel`, counted, and what its axes carry, with units; `series`, as the legend has it or else by kind and number;
+    `x` and `y`, in the units of the axes or as its ticks name them, empty where a mark has none (a vertical line has no y);
+    `value`, the number behind the colour of a map, else empty. A bar has its end, a band its outline, and pieces of one series
+    are apart by an empty row. A text that a spreadsheet could run is as in `to_csv`.
+    """
+    return rows_to_csv(("panel", "series", "x", "y", "value"), _every_row(figure)).encode("utf-8")
+
+
+def _every_row(figure: Figure) -> Iterator[tuple[str, ...]]:
+    scales = [x.colorbar.ax for ax in figure.axes for x in (*ax.images, *ax.collections) if x.colorbar]
+    for number, ax in enumerate((ax for ax in figure.axes if ax not in scales), 1):
+        axes = " vs ".join(filter(None, (_label(ax, "y"), _label(ax, "x"))))
+        panel = f"{number}: {axes}".replace("\n", " ")
+        across, up = (_words(axis) for axis in (ax.xaxis, ax.yaxis))
+        seen = set[str]()
+        for series, places in _series(ax):
+            if series in seen and len(places) > 1:
+                yield panel, series, "", "", ""
+            seen.add(series)
+            yield from (
+                (panel, series, _text(x, across), _text(y, up), _text(value)) for x, y, value in places.tolist()
+            )
+
+
+def _label(ax: Axes, which: str) -> str:
+    """What an axis carries; where panels share it, what the one at the edge says."""
+    if own := getattr(ax, f"get_{which}label")():
+        return str(own)
+    shared = (other for other in getattr(ax, f"get_shared_{which}_axes")().get_siblings(ax) if other is not ax)
+    return next((text for other in shared if (text := getattr(other, f"get_{which}label")())), "")
+
+
+def _words(axis: Axis) -> dict[float, str]:
+    """What the ticks of an axis name, by where they stand, where they count and say something else than their place."""
+    if not isinstance(axis.get_major_locator(), FixedLocator):
+        return {}
+    places = np.asarray(axis.get_majorticklocs(), dtype=float).tolist()
+    words = dict(zip(places, axis.get_major_formatter().format_ticks(places), strict=True))
+    counts = all(place.is_integer() for place in words) and any(word != f"{x:g}" for x, word in words.items())
+    return words if counts else {}
+
+
+def _text(x: float, words: Mapping[float, str] = MappingProxyType({})) -> str:
+    """A number, or the word of the tick that it stands at or beside."""
+    if np.isnan(x):
+        return ""
+    nearest = min(words, key=lambda place: abs(place - x), default=np.nan)
+    return words[nearest] if abs(nearest - x) < _BESIDE else f"{x:.7g}"
+
+
+def _series(ax: Axes) -> Iterator[tuple[str, Array]]:
+    """Name of each series of a panel, and its x, y and value, (n, 3), nan where it has none."""
+    labels = {id(child): _named(container) for container in ax.containers for child in _within(container)}
+    counted: dict[str, int] = {}
+    for artist in ax.get_children():
+        if artist is ax.patch or not artist.get_visible():
+            continue
+        kind, rows = _rows(artist, ax)
+        if not rows.size:
+            continue
+        label = _named(artist) or labels.get(id(artist), "")
+        if not label:
+            counted[kind] = counted.get(kind, 0) + 1
+            label = f"{kind} {counted[kind]}"
+        yield label, rows
+
+
+def _named(artist: Artist | Container) -> str:
+    """Its label, where it is not one that matplotlib gave."""
+    label = str(artist.get_label() or "")
+    return "" if _GIVEN.fullmatch(label) else label.removeprefix("_")
+
+
+def _within(container: Any) -> Iterator[Artist]:
+    for part in container:
+        if isinstance(part, Artist):
+            yield part
+        elif part is not None:
+            yield from _within(part)
+
+
+def _rows(artist: Artist, ax: Axes) -> tuple[str, Array]:
+    """What an artist is called, and its x, y and value, (n, 3); none where it is no mark on the axes."""
+    if isinstance(artist, AxesImage | QuadMesh):
+        return "map", _image(artist) if isinstance(artist, AxesImage) else _mesh(artist)
+    if isinstance(artist, PathCollection):
+        at: Array = np.ma.filled(np.ma.asarray(artist.get_offsets(), dtype=float), np.nan)
+        return "points", _valued(at, artist.get_array())
+    if isinstance(artist, Line2D):
+        x, y = (np.asarray(values, dtype=float) for values in artist.get_data())
+        return "line", _placed(artist, ax, np.column_stack([x, y]))
+    if isinstance(artist, Collection):
+        pieces = [np.asarray(path.vertices, dtype=float) for path in artist.get_paths()]
+        kind = "segments" if isinstance(artist, LineCollection) else "band"
+        return kind, _placed(artist, ax, _apart(pieces))
+    return _patch(artist, ax) if isinstance(artist, Patch) and artist in ax.patches else ("", np.zeros((0, 3)))
+
+
+def _patch(patch: Patch, ax: Axes) -> tuple[str, Array]:
+    """The end of a bar, the outline of anything else."""
+    outline = patch.get_patch_transform().transform(np.asarray(patch.get_path().vertices, dtype=float))
+    bars = next((bars for bars in ax.containers if isinstance(bars, BarContainer) and patch in bars), None)
+    if bars is None:
+        return "band", _placed(patch, ax, outline)
+    ends = outline[[1, 2]] if bars.orientation == "horizontal" else outline[[2, 3]]
+    return "bar", _valued(ends.mean(axis=0)[None], None)
+
+
+def _placed(artist: Artist, ax: Axes, at: Array) -> Array:
+    """Places, (n, 2), with nan where a coordinate is not one of the axes, and with no value; none where neither is."""
+    known = artist.get_transform().contains_branch_seperately(ax.transData)
+    if not any(known):
+        return np.zeros((0, 3))
+    if not all(known):
+        _, first = np.unique(at[:, np.array(known)], return_index=True)
+        at = np.where(known, at, np.nan)[np.sort(first)]
+    return _valued(at, None)
+
+
+def _valued(at: Array, values: Any) -> Array:
+    """Places, (n, 2), and what stands there."""
+    bare = np.full(len(at), np.nan)
+    known = bare if values is None else np.ma.filled(np.ma.asarray(values, dtype=float), np.nan).ravel()
+    return np.column_stack([at, known if known.size == len(at) else bare])
+
+
+def _image(image: AxesImage) -> Array:
+    """The centre of each cell of a map, and its number."""
+    values: Array = np.ma.filled(np.ma.asarray(image.get_array(), dtype=float), np.nan)
+    if values.ndim != 2:
+        return np.zeros((0, 3))
+    left, right, bottom, top = image.get_extent()
+    rows, columns = values.shape
+    x = left + (np.arange(columns) + 0.5) * (right - left) / columns
+    low, high = (top, bottom) if image.origin == "upper" else (bottom, top)
+    y = low + (np.arange(rows) + 0.5) * (high - low) / rows
+    return _valued(np.column_stack([np.tile(x, rows), np.repeat(y, columns)]), values)
+
+
+def _mesh(mesh: QuadMesh) -> Array:
+    """The same of a map whose cells may differ in size."""
+    at = np.asarray(mesh.get_coordinates(), dtype=float)
+    return _valued(((at[1:, 1:] + at[:-1, :-1]) / 2).reshape(-1, 2), mesh.get_array())
+
+
+def _apart(pieces: list[Array]) -> Array:
+    """Pieces, (n, 2) each, one below the other with an empty row between."""
+    gap = np.full((1, 2), np.nan)
+    return np.concatenate([part for piece in pieces for part in (piece, gap)][:-1]) if pieces else np.zeros((0, 2))

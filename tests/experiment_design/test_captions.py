@@ -1,0 +1,184 @@
+"""What the captions of a plan's figures begin with: findings with numbers, those that speak against the plan too."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle.arrays import Array
+from bristle.model.parameters import Direction, ParameterName, Stribeck
+from bristle.questions.experiment_design import excitation
+from bristle.questions.experiment_design.captions_section import captions
+from bristle.questions.experiment_design.excitation import MEASURED
+from bristle.questions.experiment_design.loading import design_loading
+from bristle.questions.experiment_design.plan import Plan
+from bristle.simulation.edro import experiments
+
+from ..conftest import speeds, write
+from ..pages import assert_tables_are_named, findings, page_text
+
+NUMBER = re.compile(r"\d (%|s|runs|times|(rad|m)(/s)?|N(·m)?)(?![\w/])")
+"""A number with its unit, or with what it counts."""
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick() -> Iterator[None]:
+    """Few motions are tried: what is tested holds for any number."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(excitation, "TRIES", 3)
+        patch.setattr(excitation, "STEPS", 12)
+        yield
+
+
+@pytest.fixture(scope="module")
+def gripper() -> Plan:
+    """The plan for gripper rotation of the embedded default, which all kinds of runs were made of."""
+    return bristle.plan(experiments()[0])
+
+
+def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit: str = "") -> Plan:
+    """The plan for a joint of which points alone are known."""
+    path = write(folder, speeds(both=both))
+    text = path.read_text() + fit
+    if kind == "prismatic":
+        text = text.replace("{name: ", "{kind: prismatic, name: ").replace("rad/s", "m/s").replace("N*m", "N")
+    path.write_text(text)
+    return bristle.plan(path, velocities=4, aim=aim)
+
+
+@pytest.mark.parametrize(
+    ("aim", "both", "kind", "fit"),
+    [
+        ("v_s", False, "revolute", ""),
+        ("all", True, "prismatic", ""),
+        ("alpha_0", True, "revolute", "fit: {directions: symmetric}\n"),
+        ("inertia", True, "revolute", "plan: {minimum_velocity: 0.5 rad/s}\n"),
+    ],
+)
+def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool, kind: str, fit: str) -> None:
+    """Of points in one direction, for one parameter, of a slide, of one law for both directions: each figure says a number with a unit at once."""
+    plan = of_points(tmp_path, aim, both=both, kind=kind, fit=fit)
+    plan.write(tmp_path / "page")
+    found = findings(page_text(tmp_path / "page" / "index.html"))
+    assert sorted(found) == sorted(captions(plan).values())
+    assert len(found) == 8
+    assert all(NUMBER.search(finding) for finding in found), found
+    assert not re.search("nan|inf|None|e[+-]0", " ".join(found))
+    assert kind == "revolute" or "rad" not in " ".join(found)
+
+
+def test_the_embedded_page_begins_each_caption_with_a_number(gripper: Plan, tmp_path: Path) -> None:
+    """Each of the eight figures says a number with a unit at once; each table has a name and the file it is in."""
+    gripper.write(tmp_path)
+    found = findings(page_text(tmp_path / "index.html"))
+    assert len(found) == 8
+    assert all(NUMBER.search(finding) for finding in found), found
+    assert_tables_are_named(tmp_path)
+
+
+def said(plan: Plan, figure: str) -> str:
+    """What the caption of a figure begins with."""
+    return captions(plan)[f"plan-{figure}"]
+
+
+def relative(plan: Plan, errors: Array) -> Array:
+    """Percent of the value."""
+    return np.asarray(100 * errors / np.abs(plan.start.estimate))
+
+
+def test_findings_are_those_of_the_results(gripper: Plan) -> None:
+    """Errors, ratios, runs and limits in the captions are those of the plan: the widest, the most, the first and the last."""
+    then = relative(gripper, gripper.standard_errors["with motion"])
+    now = relative(gripper, gripper.standard_errors["now"])
+    widest = int(np.argmax(then))
+    numbers = [float(x) for x in re.findall(r"([\d.]+) %", said(gripper, "intervals"))]
+    assert numbers == pytest.approx([then[widest], now[widest]], rel=0.05)
+    for own, part in zip(gripper.velocities, said(gripper, "velocities").split("; "), strict=True):
+        assert f": {own.chosen.speeds.size} runs at {np.unique(own.chosen.speeds).size} speeds, " in part
+        assert f"{own.chosen.speeds.min():.3g} to {own.chosen.speeds.max():.3g} rad/s" in part
+    ratios = [
+        x.simulated[kind] / x.alone[kind].errors for x in gripper.velocities for kind in ("planned", "log", "even")
+    ]
+    seen = [
+        100 * x.alone[kind].errors / np.abs(x.problem.p.stribeck) < 200 for x in gripper.velocities for kind in x.alone
+    ]
+    most = max(float(r[s].max()) for r, s in zip(ratios, seen, strict=True))
+    assert float(re.findall(r"up to ([\d.]+) times", said(gripper, "comparison"))[0]) == pytest.approx(most, rel=0.05)
+    for load, part in zip(gripper.loadings, said(gripper, "loading").split("; "), strict=True):
+        error = float(re.findall(r"([\d.]+) %", part)[0])
+        assert error == pytest.approx(100 * load.error / gripper.start.p(load.direction).sigma_0, rel=0.05)
+        assert part.rstrip(".").endswith(f"rises of {load.rise:.3g} s to {load.peak:.3g} N·m")
+    peak = float(np.abs(gripper.references[-1].velocity).max())
+    assert said(gripper, "motion").startswith(
+        f"Peak velocity {peak:.3g} rad/s, {gripper.limits.velocity:.3g} rad/s allowed"
+    )
+    assert said(gripper, "whole").startswith(
+        f"The plan takes {gripper.duration:.3g} s: 24 runs at constant velocity, 2 of"
+    )
+
+
+def test_robustness_spans_the_plausible_values(gripper: Plan) -> None:
+    """The errors said are those at the plausible values of v_s; values that would not show it have an error beyond the axis."""
+    own = gripper.velocities[0]
+    for part, x in zip(said(gripper, "robustness").split("; "), gripper.velocities, strict=True):
+        assert f"{x.problem.nodes.min():.3g} to {x.problem.nodes.max():.3g} rad/s" in part
+    blind = replace(own, problem=replace(own.problem, prior_information=np.zeros((4, 4)), noise=1e3))
+    assert "(+): >200 % for" in said(replace(gripper, velocities=(blind,)), "robustness")
+
+
+def test_what_stays_open_is_said_first(gripper: Plan) -> None:
+    """A parameter that the plan leaves open is named in place of the widest; one that it does not improve has the same error twice."""
+    errors = gripper.standard_errors["with motion"].copy()
+    errors[[0, 2]] = np.inf, 3 * gripper.start.estimate[2]
+    opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": errors})
+    assert (
+        said(opened, "intervals") == "Standard error over 200 %, not identifiable, even after the plan: α₀ (+), α₂ (+)."
+    )
+    assert said(replace(opened, aim="sigma_0"), "intervals").count("% of σ₀") == 2
+    same = replace(gripper, standard_errors=dict.fromkeys(gripper.standard_errors, gripper.standard_errors["now"]))
+    numbers = re.findall(r"([\d.]+) %", said(same, "intervals"))
+    assert numbers[0] == numbers[1]
+
+
+def test_a_planned_motion_that_loses_is_said(gripper: Plan) -> None:
+    """From the largest gain to the worst loss, where all are losses too; what one of both motions alone shows is named; of an aim only that."""
+    motion, names = gripper.motions[0], gripper.start.names
+    factor = np.full(len(names), 1.5)
+    factor[names.index(ParameterName("v_s", Direction.POSITIVE))] = 1.3
+    factor[names.index(ParameterName("sigma_1", Direction.NEGATIVE))] = 2.5
+    worse = replace(gripper, motions=(motion, replace(motion, name=MEASURED, errors=motion.errors / factor)))
+    gained = "Standard errors, planned motion vs measured so far: 1.3 times for vₛ (+) to 2.5 times for σ₁ (−)"
+    assert said(worse, "motions") == f"{gained}."
+    assert said(replace(worse, aim="alpha_1"), "motions").endswith(": 1.5 times for α₁ (+) to 1.5 times for α₁ (−).")
+    blind = np.where(np.arange(len(names)) == 0, np.inf, motion.errors)
+    other = replace(motion, name=MEASURED, errors=blind)
+    assert said(replace(gripper, motions=(motion, other)), "motions").endswith(", only the planned one shows α₀ (+).")
+    mirrored = (replace(motion, errors=blind), replace(motion, name=MEASURED))
+    assert said(replace(gripper, motions=mirrored), "motions").endswith(", only the other one shows α₀ (+).")
+    none = replace(motion, errors=np.full(len(names), np.inf))
+    assert "none below 200 % after both" in said(replace(gripper, motions=(none, none)), "motions")
+
+
+def test_loading_that_shows_nothing_is_said(gripper: Plan) -> None:
+    """Where the joint moves by less than two encoder counts, sigma_0 is said to be not identifiable, with the counts."""
+    p = gripper.start.p("+")
+    load = design_loading(Direction.POSITIVE, p, 0.0, 1e-4, 1.1 * p.alpha_0 / p.sigma_0)
+    expected = f"not identifiable, as the joint moves only {load.counts:.2g} encoder counts at {load.peak:.3g} N·m."
+    assert load.counts < 2
+    assert said(replace(gripper, loadings=(load,)), "loading") == f"Expected error of σ₀, (+): {expected}"
+
+
+def test_runs_that_show_nothing_alone_are_said(gripper: Plan) -> None:
+    """Without a prediction below 200 % there is no ratio: of all designs, or of the planned runs alone."""
+    own = gripper.velocities[0]
+    blind = {kind: x._replace(errors=np.full(len(Stribeck._fields), np.inf)) for kind, x in own.alone.items()}
+    nothing = replace(gripper, velocities=(replace(own, alone=blind),))
+    assert said(nothing, "comparison") == "No standard error of these runs alone is predicted below 200 %."
+    planned = replace(gripper, velocities=(replace(own, alone={**own.alone, "planned": blind["planned"]}),))
+    assert said(planned, "comparison").endswith(
+        "; no standard error of the planned runs alone is predicted below 200 %."
+    )

@@ -1,0 +1,145 @@
+"""What the figures of `bristle validate` say first: a finding with its number, adverse ones in the same place."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from bristle.questions.method_validation import intervals
+from bristle.questions.method_validation import run as running
+from bristle.questions.method_validation.cases import CaseSet, sweep
+from bristle.questions.method_validation.page import captions, resolution_caption
+from bristle.questions.method_validation.results import CaseResult, Validation
+from bristle.questions.method_validation.run import REFINED, validate
+
+from ..pages import assert_tables_are_named, findings, page_text
+
+
+@pytest.fixture(scope="module")
+def validation() -> Validation:
+    """A short validation of two cases, of which the second cannot tell v_s."""
+    cases = sweep(0.005).cases
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(running, "LOCAL_SETS", 6)
+        patch.setattr(intervals, "BOOTSTRAP_SETS", 12)
+        chosen = CaseSet(title="two", kind="prismatic", cases=(cases[0], cases[2]))
+        return validate(chosen, repetitions=40, starts=4)
+
+
+def with_costs(result: CaseResult, costs: Mapping[str, list[float]]) -> CaseResult:
+    """The same, with a refined grid at a cost of 1 and v_s of 0.5, and solvers that end at these costs, with v_s of 0.25."""
+    ends = np.full((4, len(next(iter(costs.values())))), 0.25)
+    starts = replace(
+        result.starts, initial_v_s=ends[3], final=dict.fromkeys(costs, ends), best=np.full(4, 0.5), best_cost=1.0,
+        cost={name: np.array(cost) for name, cost in costs.items()},
+    )  # fmt: skip  # a list of values
+    return replace(result, starts=starts, declined=0.0)
+
+
+def test_every_caption_begins_with_a_number(validation: Validation, tmp_path: Path) -> None:
+    """Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there."""
+    index = validation.write(tmp_path / "out")
+    found = findings(page_text(index))
+    said = [text for case in validation.cases for text in captions(case, "prismatic").values()]
+    assert [
+        text[: len(first)] for first, text in zip(found, [*said, resolution_caption(validation)], strict=True)
+    ] == found
+    assert [text for text in found if not re.search(r"\d", text)] == []
+    assert_tables_are_named(index.parent)
+
+
+@pytest.mark.parametrize(
+    ("costs", "cost", "starts"),
+    [
+        (
+            {"IPOPT": [1.0, 1.0, 1.0], "SciPy TRF": [2.0, 1.0, 2.0], "lmfit": [1.0, 2.0, 1.0]},
+            "The refined grid finds the minimum at vₛ = 0.5 m/s; the worst solver (SciPy TRF) misses it from 2 of 3 random starts.",
+            "The best minimum is reached from 1 of 3 random starts by SciPy TRF (worst), 2 by lmfit, 3 by IPOPT.",
+        ),
+        (
+            {"IPOPT": [1.0, 1.0], "SciPy TRF": [2.0, 2.0], "lmfit": [2.0, 2.0]},
+            "The refined grid finds the minimum at vₛ = 0.5 m/s; the worst solver (SciPy TRF and lmfit) misses it from 2 of 2 random starts.",
+            "The best minimum is reached from none of 2 random starts by SciPy TRF and lmfit (worst), 2 by IPOPT.",
+        ),
+        (
+            {"IPOPT": [1.0], "SciPy TRF": [1.0]},
+            "The refined grid finds the minimum at vₛ = 0.5 m/s; no solver misses it from any of 1 random start.",
+            "The best minimum is reached from 1 of 1 random start by every solver.",
+        ),
+        (
+            {"IPOPT": [2.0, 3.0], "SciPy TRF": [3.0, 3.0]},
+            "The refined grid finds the minimum at vₛ = 0.5 m/s; the worst solver (IPOPT and SciPy TRF) misses it from 2 of 2 random starts.",
+            "The best minimum is reached from none of 2 random starts by any solver.",
+        ),
+        (
+            {"IPOPT": [1.0, 0.8], "SciPy TRF": [1.0, 1.0]},
+            "The refined grid ends at vₛ = 0.5 m/s, at a cost 25 % above the lowest, which IPOPT finds at vₛ = 0.25 m/s.",
+            "The best minimum is reached from none of 2 random starts by SciPy TRF (worst), 1 by IPOPT.",
+        ),
+    ],
+    ids=["some miss", "two are worst", "none misses", "all fail", "the grid is undercut"],
+)
+def test_where_grid_and_solvers_end(
+    validation: Validation, costs: Mapping[str, list[float]], cost: str, starts: str
+) -> None:
+    """The worst solver is named with its count, and a refined grid that a solver undercuts says so where its success would stand."""
+    found = captions(with_costs(validation.cases[0], costs), "prismatic")
+    assert (found["cost"], found["starts"]) == (cost, starts)
+
+
+def test_v_s_that_is_not_identifiable_stands_first(validation: Validation) -> None:
+    """Cost and errors of a case that cannot tell v_s begin with that, in percent of its data sets; of others they do not."""
+    known, lost = validation.cases
+    for name in ("cost", "methods"):
+        assert captions(replace(lost, declined=0.9), "revolute")[name].startswith(
+            "vₛ is not identifiable in 90 % of the data sets. The "
+        )
+        assert captions(known, "revolute")[name].startswith("The ")
+
+
+def test_median_errors_and_failures_of_the_worst_solvers(validation: Validation) -> None:
+    """The grid's error is told beside the largest of the solvers', without signs, and both failures."""
+    result = validation.cases[0]
+    v_s = result.case.truth.v_s
+    given = {REFINED: (-0.01, 0.0), "IPOPT": (-0.3, 0.25), "SciPy TRF": (0.02, 0.5), "lmfit": (0.0, 0.0)}
+    methods = {
+        name: replace(m, bias=np.full(4, given[key][0] * v_s), failed=given[key][1])
+        if (key := name.removesuffix(", random start")) in given
+        else m
+        for name, m in result.methods.items()
+    }
+    assert captions(replace(result, methods=methods, declined=0.0), "revolute")["methods"] == (
+        "The median error of vₛ is 1 % by the refined grid and up to 30 % by a solver (IPOPT); "
+        "the grid fails in 0 % of the data sets, a solver in up to 50 %."
+    )
+
+
+@pytest.mark.parametrize(
+    ("fine_from", "expected"),
+    [
+        ([125], "A plain grid needs 125 values for an error of vₛ below a tenth of its standard error."),
+        ([125, 1000], "A plain grid needs 125 to 1000 values for an error of vₛ below a tenth of its standard error."),
+        (
+            [64, None, None],
+            "A plain grid needs 64 values for an error of vₛ below a tenth of its standard error, and more than 2000 in 2 of 3 cases.",
+        ),
+        (
+            [None],
+            "Even 2000 values leave a plain grid's error of vₛ above a tenth of its standard error in 1 of 1 case.",
+        ),
+        ([], ""),
+    ],
+)
+def test_values_that_a_plain_grid_needs(validation: Validation, fine_from: list[int | None], expected: str) -> None:
+    """They span the cases, those that none of the grids tried is fine enough for are counted, and without a case nothing is said."""
+    one = validation.cases[0]
+    counts = np.array(one.resolution.counts)
+    resolutions = [
+        replace(one.resolution, floor=1.0, error=np.where(counts >= (np.inf if n is None else n), 0.01, 1.0))
+        for n in fine_from
+    ]
+    cases = tuple(replace(one, declined=0.0, resolution=r) for r in resolutions)
+    assert resolution_caption(replace(validation, cases=cases)) == expected

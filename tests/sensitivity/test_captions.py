@@ -1,0 +1,139 @@
+"""What the figures of `bristle sensitivity` say first: a finding with its number, in degenerate studies too."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle.diagnostics import Kind
+from bristle.identification.fisher import Information
+from bristle.questions.sensitivity.local import Map, Swing, Tornado
+from bristle.questions.sensitivity.page import captions
+from bristle.questions.sensitivity.parameter_box import spans_of
+from bristle.questions.sensitivity.sobol import Effect, Global, Indices, Output
+from bristle.questions.sensitivity.study import Expected, SensitivityStudy
+
+from ..conftest import speeds, write
+from ..names import parse
+from ..pages import assert_tables_are_named, findings, page_text
+
+WHOLE = Output(
+    name="RMS friction torque",
+    quantity="torque",
+    indices=Indices(
+        effects=(Effect(parse("alpha_0"), 0.1, 0.01, 0.2, 0.01), Effect(parse("v_s"), 0.9, 0.01, 0.9512, 0.034)),
+        mean=1.0, deviation=1.0, samples=32, evaluations=128,
+    ),
+)  # fmt: skip  # a list of values
+SPANS = spans_of({parse("alpha_0"): (0.1, 0.2), parse("v_s"): (0.01, 0.02)})
+SOBOL = Global(spans=SPANS, outputs=(WHOLE,), amplitude=1.0, frequency=1.0, seed=0)
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> SensitivityStudy:
+    """A joint of points in both directions, without Sobol indices."""
+    return bristle.sensitivity(write(tmp_path_factory.mktemp("captions"), speeds()), samples=0)
+
+
+def test_every_caption_begins_with_a_number(known: SensitivityStudy, tmp_path: Path) -> None:
+    """Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there."""
+    whole = replace(known, sobol=SOBOL)
+    index = whole.write(tmp_path / "out")
+    found = findings(page_text(index))
+    assert found == list(captions(whole).values())
+    assert len(found) == 5 + len(known.expected) + 1
+    assert [text for text in found if not re.search(r"\d", text)] == []
+    assert_tables_are_named(index.parent)
+
+
+def test_captions_hold_the_numbers_of_the_study(known: SensitivityStudy) -> None:
+    """Largest share, extent of the paper's claim and widest swing are those of the study's own tables."""
+    found, frame = captions(known), known.to_frame()
+    assert f"RMS torque, {100 * frame['total'].max():.2g} %" in found["shares"]
+    assert f"the smallest, {100 * frame['total'].min():.2g} %" in found["shares"]
+    assert f"{known.map.claim.sum()} of {known.map.claim.size} motions" in found["first"]
+    widest = max(swing.width / chart.value for chart in known.tornado for swing in chart.swings)
+    assert f"by {100 * widest:.2g} % between" in found["tornado"]
+
+
+def test_the_largest_change_is_of_the_motion_and_of_its_second_period(known: SensitivityStudy) -> None:
+    """A parameter that peaks at the beginning alone does not hide the one that does in the second period; a force is none in N·m."""
+    total = np.zeros_like(known.local.total)
+    total[0, 5], total[:, 0] = -7.0, 2.5
+    found = captions(replace(known, local=replace(known.local, total=total), kind="prismatic"))["time"]
+    half = known.local.time[(known.local.time <= 2 / known.motion.frequency).sum() // 2]
+    assert found == (
+        f"To first order, doubling σ₁ changes the force most, by up to 7 N at 0 s; in the second period α₀ does, by up to 2.5 N at {half:.3g} s."
+    )
+    total[0, 5] = 0.0
+    alone = captions(replace(known, local=replace(known.local, total=total)))["time"]
+    assert alone == "To first order, doubling α₀ changes the torque most, by up to 2.5 N·m at 0 s."
+
+
+def test_a_claim_that_holds_nowhere_is_said(known: SensitivityStudy) -> None:
+    """Where sigma_0 and sigma_1 lead on the whole map, the paper's two parameters have the two largest shares in 0 % of it."""
+    shares = np.full((2, 3, 6), 0.01)
+    shares[..., 4:] = 0.5
+    shares[0, 0, 4], shares[1, 2, 4] = 1e-7, 1.25
+    found = captions(replace(known, map=Map(amplitudes=np.ones(2), frequencies=np.ones(3), shares=shares)))
+    assert found["first"] == "α₀ and α₂ have the two largest shares in 0 % of the map, 0 of 6 motions."
+    assert found["map"] == "The share of σ₀ varies most over the map, from less than 0.1 % to 120 %."
+
+
+@pytest.mark.parametrize(
+    ("high", "expected"),
+    [
+        (1.5, "vₛ changes the steady force at top speed most, by 50 % between the ends of its 95 % interval."),
+        (1.0, "No 95 % interval changes an output by more than 0.001 %."),
+    ],
+)
+def test_the_widest_swing(known: SensitivityStudy, high: float, expected: str) -> None:
+    """One parameter alone is named with its output, relative to that output; where nothing moves, that is said."""
+    swing = Swing(parse("v_s"), 2.0, 2.0 * high)
+    chart = Tornado(output="steady torque at top speed", quantity="torque", value=2.0, swings=(swing,))
+    assert captions(replace(known, tornado=(chart,), kind="prismatic"))["tornado"] == expected
+
+
+def test_what_is_not_there_has_no_caption(known: SensitivityStudy) -> None:
+    """Without a finite interval and without Sobol indices nothing is said of their figures."""
+    found = captions(replace(known, tornado=(), sobol=None))
+    assert {"tornado", "sobol"} & found.keys() == set()
+    assert {"time", "shares", "first", "map"} <= found.keys()
+
+
+@pytest.mark.parametrize(
+    ("matrix", "expected"),
+    [
+        ([[1.0, 0.5], [0.5, 1.0]], "The strongest correlation, −0.50, is that of α₀ and vₛ."),
+        ([[1.0, 0.0], [0.0, 0.0]], "There is no correlation to show: 1 of 2 parameters cannot be estimated (×)."),
+        ([[0.0, 0.0], [0.0, 0.0]], "There is no correlation to show: 2 of 2 parameters cannot be estimated (×)."),
+        ([[1.0]], "There is no correlation to show: there is 1 parameter."),
+        (
+            [[1.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 0.0]],
+            "The strongest correlation, −0.50, is that of α₀ and vₛ; 1 of 3 parameters cannot be estimated (×).",
+        ),
+    ],
+)
+def test_the_strongest_correlation(known: SensitivityStudy, matrix: list[list[float]], expected: str) -> None:
+    """It is off the diagonal and of two parameters that are seen; how many are not is said beside it or in its place."""
+    names = tuple(map(parse, ("alpha_0", "v_s", "sigma_1")[: len(matrix)]))
+    information = Information(names=names, point=np.ones(len(names)), matrix=np.array(matrix))
+    expectations = (Expected("the motion", information, {}, ()),)
+    assert captions(replace(known, expected=expectations))["correlation-1"] == expected
+
+
+def test_the_largest_index(known: SensitivityStudy) -> None:
+    """It is that of all outputs; how many of these have none is said beside it, or in its place."""
+    bare = Output(name="breakaway torque", quantity="torque", indices=None, reason=Kind.NOTHING_CHANGES_IT())
+    for outputs, expected in (
+        ((WHOLE,), "vₛ has the largest total index, 0.951 ± 0.034 for the RMS friction torque."),
+        (
+            (bare, WHOLE),
+            "vₛ has the largest total index, 0.951 ± 0.034 for the RMS friction torque; 1 of 2 outputs cannot be analysed.",
+        ),
+        ((bare,), "1 of 1 outputs cannot be analysed."),
+    ):
+        assert captions(replace(known, sobol=replace(SOBOL, outputs=outputs)))["sobol"] == expected
