@@ -462,7 +462,7 @@ def test_html_in_a_name_stays_text(hostile: tuple[Path, Ran]) -> None:
     assert {p.name for p in folder.iterdir()} == {"wrist.yaml", "wrist.csv", "out"}
     figures = [p.name for p in (folder / "out" / "figures").iterdir()]
     assert figures
-    assert all(re.fullmatch(r"[a-z0-9-]+\.(svg|png)", name) for name in figures)
+    assert all(re.fullmatch(r"[a-z0-9-]+\.(svg|png|csv)", name) for name in figures)
 
 
 def test_strict_ends_with_3_where_there_are_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,12 @@ from typing import Any
 Share = Callable[..., Iterable[Any]]
 """Makes the parts of a work, as `map` does: what comes of them in the order of the parts. Among processes all parts begin
 at once, whoever waits for them; functions and parts must be picklable."""
-REPORT = ("bristle.api.experiments", "bristle.questions.joint_report.page", "bristle.questions.explorer.page")
+REPORT = (
+    "bristle.api.experiments",
+    "bristle.questions.joint_report.page",
+    "bristle.questions.compensation.page",
+    "bristle.questions.explorer.page",
+)
 """Modules that make a report."""
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 

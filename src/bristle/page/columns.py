@@ -3,7 +3,7 @@
 import csv
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -48,13 +48,11 @@ def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:
     return text
 
 
-def rows_to_csv(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """The same of rows of texts, numbers among them."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows([plain(cell) for cell in row] for row in rows)
-    return text.getvalue()
+def cells(texts: Iterable[str]) -> str:
+    """Texts side by side as a row of CSV has them, each as in `to_csv`; without the end of the line."""
+    row = io.StringIO()
+    csv.writer(row, lineterminator="").writerow(map(plain, texts))
+    return row.getvalue()
 
 
 def plain(value: Any) -> Any:

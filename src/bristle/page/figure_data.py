@@ -2,7 +2,6 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator
 
 from bristle.arrays import Array
-from bristle.page.columns import rows_to_csv
+from bristle.page.columns import cells
 
 _GIVEN = re.compile(r"_(child|container|nolegend_|image)\d*")
 """A label that matplotlib gives. A label of ours after an underscore names a series that has no place in the legend."""
@@ -35,10 +34,11 @@ def csv_of(figure: Figure) -> bytes:
     `value`, the number behind the colour of a map, else empty. A bar has its end, a band its outline, and pieces of one series
     are apart by an empty row. A text that a spreadsheet could run is as in `to_csv`.
     """
-    return rows_to_csv(("panel", "series", "x", "y", "value"), _every_row(figure)).encode("utf-8")
+    return "".join(f"{line}\n" for line in _lines(figure)).encode("utf-8")
 
 
-def _every_row(figure: Figure) -> Iterator[tuple[str, ...]]:
+def _lines(figure: Figure) -> Iterator[str]:
+    yield cells(("panel", "series", "x", "y", "value"))
     scales = [x.colorbar.ax for ax in figure.axes for x in (*ax.images, *ax.collections) if x.colorbar]
     for number, ax in enumerate((ax for ax in figure.axes if ax not in scales), 1):
         axes = " vs ".join(filter(None, (_label(ax, "y"), _label(ax, "x"))))
@@ -46,12 +46,16 @@ def _every_row(figure: Figure) -> Iterator[tuple[str, ...]]:
         across, up = (_words(axis) for axis in (ax.xaxis, ax.yaxis))
         seen = set[str]()
         for series, places in _series(ax):
+            begun = cells((panel, series))
             if series in seen and len(places) > 1:
-                yield panel, series, "", "", ""
+                yield f"{begun},,,"
             seen.add(series)
-            yield from (
-                (panel, series, _text(x, across), _text(y, up), _text(value)) for x, y, value in places.tolist()
-            )
+            if across or up:
+                yield from (
+                    f"{begun},{cells((_text(x, across), _text(y, up), _text(z, {})))}" for x, y, z in places.tolist()
+                )
+            else:
+                yield from (begun + f",{x:.7g},{y:.7g},{z:.7g}".replace("nan", "") for x, y, z in places.tolist())
 
 
 def _label(ax: Axes, which: str) -> str:
@@ -72,7 +76,7 @@ def _words(axis: Axis) -> dict[float, str]:
     return words if counts else {}
 
 
-def _text(x: float, words: Mapping[float, str] = MappingProxyType({})) -> str:
+def _text(x: float, words: Mapping[float, str]) -> str:
     """A number, or the word of the tick that it stands at or beside."""
     if np.isnan(x):
         return ""
