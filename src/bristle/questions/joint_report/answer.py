@@ -18,6 +18,9 @@ _WORDS = {
     Trust.DO_NOT_USE: ("do not use", "no"),
 }
 
+_NONE = "n.i."
+"""In place of a value that the data do not identify."""
+
 
 def answer(
     joints: Sequence[Joint], slugs: Sequence[str], about: Mapping[str, str], curves: Mapping[str, Drawn]
@@ -54,7 +57,8 @@ def answer(
     ]
     columns = [(name, shared.get(name, "")) for name in Lugre._fields]
     labels = [f"{symbol(name)} ({unit})" if unit else symbol(name) for name, unit in columns]
-    return {"columns": columns, "labels": labels, "joints": rows}
+    cells = [cell for row in rows for _, own in row["directions"] for cell in own]
+    return {"columns": columns, "labels": labels, "joints": rows, "open": any(c["value"] == _NONE for c in cells)}
 
 
 def trusted(joint: Joint) -> dict[str, Any]:
@@ -89,7 +93,7 @@ def _source(rows: Mapping[ParameterName, Known]) -> str:
 
 def _cell(row: Known | None, shared: Mapping[str, str]) -> dict[str, str]:
     if row is None or row.estimate.value is None:
-        return {"value": "n.i.", "unit": "", "ends": "", "source": ""}
+        return {"value": _NONE, "unit": "", "ends": "", "source": ""}
     e = row.estimate
     unit = "" if shared.get(row.parameter.name) else pretty(e.unit)
     return {"value": _value(e), "unit": unit, "ends": span(e.interval), "source": FITS.get(row.source, row.source)}
