@@ -27,7 +27,10 @@ def findings(page: str) -> list[str]:
     """What each figure's caption begins with: its first sentence, as it is read, after its number and the note on simulated data."""
     captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", page, flags=re.DOTALL)
     read = [" ".join(html.unescape(re.sub(r"<[^>]*>", "", caption)).split()) for caption in captions]
-    return [re.sub(r"^Figure \d+\. (?:SIMULATED\. )?(.*?\.)(?: .*)?$", r"\1", caption) for caption in read]
+    return [
+        re.sub(r"^Figure \d+(?: \(the paper's [^)]*\))?\. (?:SIMULATED(?: data)?\. )?(.*?\.)(?: .*)?$", r"\1", caption)
+        for caption in read
+    ]
 
 
 def assert_tables_are_named(folder: Path) -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tests.pages import findings
 
 from bristle.page.style import DIRECTION
 
@@ -61,6 +62,12 @@ def test_the_whole_report_is_bounded(chromium: Any) -> None:
         total += page.evaluate(COUNTED)
         page.close()
     assert total <= ALL_WORDS
+
+
+@pytest.mark.parametrize("name", READ)
+def test_a_caption_begins_with_its_finding(name: str) -> None:
+    """The first sentence of each figure's caption has a number, after the figure's own and the note on simulated data."""
+    assert [text for text in findings((REPORT / name).read_text(encoding="utf-8")) if not re.search(r"\d", text)] == []
 
 
 def test_every_figure_has_its_data() -> None:

@@ -2288,7 +2288,7 @@ class Kind(Enum):
     )
     ABLATED = (
         _NOTE,
-        "{cycling} of {tried} end in a limit cycle, {leading} over-compensate, {diverging} diverge.",
+        "{cycling} of {tried} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge.",
     )
 
     # compensation: whether adaptation helps on a measured run

@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
@@ -13,14 +14,17 @@ from bristle.identification.known_joint import SEED
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import Drawing, Drawn, Section, drawn, rendered, tables_of, versions, write_page
-from bristle.page.wording import in_print, number, pretty
+from bristle.page.wording import in_print, number, pretty, symbol
 from bristle.questions.compensation import figures, tables
+from bristle.questions.compensation.paper_experiments import SETTLE
 from bristle.questions.compensation.replay import Replay
 from bristle.questions.compensation.study import Study
 from bristle.workers import Share
 
 _PACKAGE = "bristle.questions.compensation"
 _WORSE = 1.1
+_BEYOND = 3.0
+"""v_s at which the gradients of the laws are told apart: the Stribeck term is gone there."""
 _MOST_REPLAYS = 6
 """Replays drawn; the table has all."""
 
@@ -132,7 +136,7 @@ def context(study: Study) -> dict[str, Any]:
         "ends": " and ".join(f"{x.final:.3f}" for x in study.adapted.factors if x.law == study.adapted.adaptation.law),
         "adverse": [*_adverse(study), *_as_good(study)],
         "ablated": in_print(_ablated(study)),
-        "tried": len(study.ablation),
+        "shown": _captions(study),
         "band": study.band,
         "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
         "band_systematic": [f"{1e3 * x:.3g}" for x in (study.band and study.band.rms_systematic) or ()],
@@ -161,6 +165,27 @@ def _ablated(study: Study) -> Diagnostic:
         tried=len(rows), cycling=sum(x.limit_cycle for x in rows), leading=sum(x.over_compensated for x in rows),
         diverging=sum(x.diverges for x in rows),
     )  # fmt: skip  # a list of values
+
+
+def _captions(study: Study) -> dict[str, str]:
+    """What figures show, in a sentence with numbers, without its full stop, where no other words have it."""
+    law, runs, loop = study.adapted.adaptation.law, study.adapted.runs, study.adapting
+    before, after = (
+        f"{1e3 * runs[way].rms_error(SETTLE)[0]:.3g} m{pretty(unit('position', loop.kind))}"
+        for way in ("not adapted", law)
+    )
+    names = [symbol(name) for name in loop.adaptation.parameters]
+    m = study.adaptation_map
+    ends = [np.concatenate([m.by_gamma[k].ravel(), m.by_amplitude[k].ravel()]) for k in range(len(names))]
+    spans = (f"{name} from {x.min():.2g} to {x.max():.2g}" for name, x in zip(names, ends, strict=True))
+    v, found = study.gradients
+    at = int(np.abs(v - _BEYOND * loop.plant.positive.v_s).argmin())
+    told = ", ".join(f"{g[at]:.2g} by the {way} law" for way, g in found.items())
+    return {
+        "adapted": f"RMS position error after {SETTLE:g} s: {before} not adapted, {after} adapted by the {law} law",
+        "landings": f"Final ratios to the identified values: {', '.join(spans)}",
+        "gradients": f"At {_BEYOND:g} vₛ the gradient of {names[0]} is {told}, relative to the largest of the total derivative",
+    }
 
 
 def _tables(study: Study) -> dict[str, Table]:
