@@ -2,14 +2,16 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.questions.compensation import ablation, parameter_studies
-from bristle.questions.compensation.page import context, outcomes_of
+from bristle.questions.compensation.page import context, draw, outcomes_of
 from bristle.questions.compensation.study import Study, study
 
 from ..simulation.joints import joint_loop
@@ -76,3 +78,18 @@ def test_it_writes_the_page_that_the_package_writes(compensated: Study, tmp_path
     pd.testing.assert_frame_equal(written, compensated.to_frame(), check_dtype=False, rtol=1e-6)
     with pytest.raises(InputError):
         compensated.write(one)
+
+
+def test_a_map_shows_every_final_ratio(compensated: Study) -> None:
+    """A gain that ends at zero has the colour of the smallest ratio, one of a loop that diverges none; the caption counts the finite ones."""
+    twice = np.tile(compensated.adaptation_map.by_gamma, 3)
+    twice[..., 0], twice[..., 1], twice[..., 2] = 0.0, np.nan, 2.0
+    m = compensated.adaptation_map._replace(frequencies=np.array([0.1, 0.2, 0.5]), by_gamma=twice, by_amplitude=twice)
+    study = replace(compensated, adaptation_map=m)
+    figure = draw(study)["landings"](study)
+    assert figure is not None
+    image = figure.axes[0].images[0]
+    shown: np.ma.MaskedArray[Any, Any] = np.ma.asarray(image.norm(np.asarray(image.get_array(), dtype=float)))
+    assert shown[0, 0] == 0
+    assert np.ma.getmaskarray(shown).sum() == 1
+    assert context(study)["shown"]["landings"].endswith("α₂ from 0 to 2")

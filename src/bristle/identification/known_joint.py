@@ -124,9 +124,9 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
 
 def mixed(joint: Joint) -> Iterator[Diagnostic]:
     """Where the friction curve of a direction would be put together of two fits."""
+    curve = [row for row in chosen(joint) if row.parameter.name in Stribeck._fields and row.estimate.value is not None]
     for d in Direction:
-        own = [row for row in chosen(joint) if row.parameter.direction == d and row.parameter.name in Stribeck._fields]
-        if len({row.source for row in own if row.estimate.value is not None}) > 1 and joint.moving is not None:
+        if len({row.source for row in curve if row.parameter.direction == d}) > 1 and joint.moving is not None:
             yield Kind.CURVE_MIXED(direction=d)
 
 

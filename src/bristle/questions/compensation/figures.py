@@ -163,7 +163,7 @@ def adaptation_map_figure(study: Study) -> Figure:
 
 
 def _heat(ax: Axes, values: Array, across: Array, up: Array, label: str) -> None:
-    ax.imshow(values, origin="lower", aspect="auto", cmap="RdBu_r", norm=LogNorm(0.25, 4.0), label=label)
+    ax.imshow(values, origin="lower", aspect="auto", cmap="RdBu_r", norm=LogNorm(0.25, 4.0, clip=True), label=label)
     ax.grid(visible=False)
     ax.set_xticks(np.arange(across.size), [number(float(x), 2) for x in across])
     ax.set_yticks(np.arange(up.size), [number(float(x), 2) for x in up])
@@ -226,7 +226,7 @@ def ablation_figure(study: Study) -> Figure:
             table = [[found[row, bits, delay, share] for share in shares] for row in rows]
             ratio = np.array([[x.ratio for x in line] for line in table])
             label = f"_ratio to uncompensated, {bits} bits, delay {delay}"
-            ax.imshow(ratio, aspect="auto", cmap=cmap, norm=LogNorm(0.03, 3.0), label=label)
+            ax.imshow(ratio, aspect="auto", cmap=cmap, norm=LogNorm(0.03, 3.0, clip=True), label=label)
             ax.grid(visible=False)
             ax.set_xticks(np.arange(len(shares)), [f"{100 * s:g}" for s in shares], fontsize=8.5)
             ax.set_yticks(np.arange(len(rows)), rows, fontsize=8.5)

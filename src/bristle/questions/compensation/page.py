@@ -1,6 +1,6 @@
 """The page of the compensated joint, and the section that it is on the embedded report."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -171,13 +171,12 @@ def _captions(study: Study) -> dict[str, str]:
     """What figures show, in a sentence with numbers, without its full stop, where no other words have it."""
     law, runs, loop = study.adapted.adaptation.law, study.adapted.runs, study.adapting
     before, after = (
-        f"{1e3 * runs[way].rms_error(SETTLE)[0]:.3g} m{pretty(unit('position', loop.kind))}"
+        f"{number(1e3 * float(runs[way].rms_error(SETTLE)[0]), 3)} m{pretty(unit('position', loop.kind))}"
         for way in ("not adapted", law)
     )
     names = [symbol(name) for name in loop.adaptation.parameters]
     m = study.adaptation_map
-    ends = [np.concatenate([m.by_gamma[k].ravel(), m.by_amplitude[k].ravel()]) for k in range(len(names))]
-    spans = (f"{name} from {x.min():.2g} to {x.max():.2g}" for name, x in zip(names, ends, strict=True))
+    spans = (f"{name} {_range([*m.by_gamma[k].flat, *m.by_amplitude[k].flat])}" for k, name in enumerate(names))
     v, found = study.gradients
     at = int(np.abs(v - _BEYOND * loop.plant.positive.v_s).argmin())
     told = ", ".join(f"{g[at]:.2g} by the {way} law" for way, g in found.items())
@@ -186,6 +185,12 @@ def _captions(study: Study) -> dict[str, str]:
         "landings": f"Final ratios to the identified values: {', '.join(spans)}",
         "gradients": f"At {_BEYOND:g} vₛ the gradient of {names[0]} is {told}, relative to the largest of the total derivative",
     }
+
+
+def _range(values: Sequence[float]) -> str:
+    """The least and the largest finite one; a loop that diverges has others."""
+    finite = [x for x in values if np.isfinite(x)]
+    return f"from {number(min(finite), 2)} to {number(max(finite), 2)}" if finite else "not finite"
 
 
 def _tables(study: Study) -> dict[str, Table]:
