@@ -15,8 +15,7 @@ from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import Drawing, Drawn, Section, drawn, rendered, tables_of, versions, write_page
 from bristle.page.wording import in_print, number, pretty, symbol
-from bristle.questions.compensation import figures, tables
-from bristle.questions.compensation.paper_experiments import SETTLE
+from bristle.questions.compensation import figures, paper_experiments, tables
 from bristle.questions.compensation.replay import Replay
 from bristle.questions.compensation.study import Study
 from bristle.workers import Share
@@ -170,8 +169,9 @@ def _ablated(study: Study) -> Diagnostic:
 def _captions(study: Study) -> dict[str, str]:
     """What figures show, in a sentence with numbers, without its full stop, where no other words have it."""
     law, runs, loop = study.adapted.adaptation.law, study.adapted.runs, study.adapting
+    settled = paper_experiments.SETTLE
     before, after = (
-        f"{number(1e3 * float(runs[way].rms_error(SETTLE)[0]), 3)} m{pretty(unit('position', loop.kind))}"
+        f"{number(1e3 * float(runs[way].rms_error(settled)[0]), 3)} m{pretty(unit('position', loop.kind))}"
         for way in ("not adapted", law)
     )
     names = [symbol(name) for name in loop.adaptation.parameters]
@@ -181,7 +181,7 @@ def _captions(study: Study) -> dict[str, str]:
     at = int(np.abs(v - _BEYOND * loop.plant.positive.v_s).argmin())
     told = ", ".join(f"{g[at]:.2g} by the {way} law" for way, g in found.items())
     return {
-        "adapted": f"RMS position error after {SETTLE:g} s: {before} not adapted, {after} adapted by the {law} law",
+        "adapted": f"RMS position error after {settled:g} s: {before} not adapted, {after} adapted by the {law} law",
         "landings": f"Final ratios to the identified values: {', '.join(spans)}",
         "gradients": f"At {_BEYOND:g} vₛ the gradient of {names[0]} is {told}, relative to the largest of the total derivative",
     }
