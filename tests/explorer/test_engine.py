@@ -20,6 +20,7 @@ from bristle.estimation.linear import bounded_least_squares
 from bristle.model import functions
 from bristle.model.operations import OPERATIONS
 from bristle.model.parameters import Lugre, Pair, pair_of
+from bristle.model.printing import Term
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.questions.compensation.paper_experiments import LONG, SETTLE, SHORT
@@ -106,7 +107,7 @@ def test_the_printer_knows_what_numpy_knows() -> None:
     lacking = []
     for code in OPERATIONS:
         try:
-            javascript.operation(code, ["x", "y"])
+            javascript.operation(code, [Term("x"), Term("y")])
         except KeyError:
             lacking.append(code)
     assert lacking == [ca.OP_ERF]

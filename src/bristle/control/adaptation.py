@@ -102,6 +102,11 @@ class Adaptation:
                 f"adaptation: limits: got {low:g} to {high:g}; expected 0 < lower <= 1 <= upper: the gains start at 1"
             )
 
+    def moved(self, theta: Expression, change: Expression) -> Expression:
+        """A gain after a change, projected onto the limits."""
+        low, high = self.limits
+        return ca.fmin(ca.fmax(theta + change, low), high)
+
 
 class Learnt(NamedTuple):
     """What adaptation remembers: the gains, and what its law and its step need beside them."""
@@ -147,8 +152,16 @@ def gradient(
         return tuple(slope * getattr(p, name) for slope, name in zip(slopes, adaptation.parameters, strict=True))
     if adaptation.law == "total":
         parts = zip(slopes, learnt.sensitivity, adaptation.parameters, strict=True)
-        return tuple(slope + by["z"] * s / getattr(p, name) for slope, s, name in parts)
+        return tuple(slope + by["z"] * _by_parameter(s, name, p) for slope, s, name in parts)
     return tuple(slopes)
+
+
+def _by_parameter(sensitivity: Expression, name: str, p: Lugre[Any]) -> Expression:
+    """The derivative dz/dp, of dz/d theta = p dz/dp: none of what does not enter z, nor of a parameter of zero, which a gain cannot change."""
+    if name not in functions.step_parameters():
+        return 0.0
+    value = getattr(p, name)
+    return sensitivity / ca.if_else(value == 0, 1.0, value)
 
 
 def laws_for(parameters: Sequence[str]) -> tuple[Law, ...]:
@@ -205,12 +218,12 @@ def learn(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: 
 
     An error that is no number teaches nothing.
     """
-    low, high = adaptation.limits
-    moved = []
-    for theta, slope in zip(learnt.theta, rate(adaptation, learnt, G, e), strict=True):
-        change = h * slope
-        moved.append(ca.fmin(ca.fmax(theta + ca.if_else(ca.fabs(change) < _LARGEST, change, 0.0), low), high))
-    return learnt._replace(theta=tuple(moved), covariance=_forgotten(adaptation, learnt, G, h))
+    changes = [h * slope for slope in rate(adaptation, learnt, G, e)]
+    theta = tuple(
+        adaptation.moved(theta, ca.if_else(ca.fabs(change) < _LARGEST, change, 0.0))
+        for theta, change in zip(learnt.theta, changes, strict=True)
+    )
+    return learnt._replace(theta=theta, covariance=_forgotten(adaptation, learnt, G, h))
 
 
 def _forgotten(
@@ -229,6 +242,6 @@ def _forgotten(
     upper = {(i, j): grown * (P[i * n + j] - h * PG[i] * PG[j] / over) for i in range(n) for j in range(i, n)}
     new = [upper[min(i, j), max(i, j)] for i in range(n) for j in range(n)]
     trace = sum(new[i * n + i] for i in range(n))
-    shrink = ca.fmin(1.0, sum(adaptation.gamma) / ca.fmax(trace, 1e-300))
+    shrink = ca.fmin(1.0, sum(adaptation.gamma) / ca.fmax(trace, 1e-200))
     sound = ca.fabs(over) < _LARGEST
     return tuple(ca.if_else(sound, shrink * x, old) for x, old in zip(new, P, strict=True))

@@ -167,26 +167,26 @@ def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Ex
     """
     v0, learnt = state.velocity, state.learnt
     crosses = v0 * v < 0
-    share = ca.if_else(crosses, ca.fabs(v0) / (ca.fabs(v0) + ca.fabs(v) + 1e-300), 0.5)
+    share = ca.if_else(crosses, ca.fabs(v0) / (ca.fabs(v0) + ca.fabs(v) + 1e-200), 0.5)
     middle = ca.if_else(crosses, 0.0, (v0 + v) / 2)
     z, slopes = state.deflection, learnt.sensitivity
     for first, last, part in ((v0, middle, share * h), (middle, v, (1 - share) * h)):
         p = law.active(z, first + last, state.parameters)
         acting = effective(p, a, learnt.theta) if a else p
         if a and a.law == "total":
-            by_z, rest, *by_p = functions.step_sensitivity_function()(first, last, part, *acting)
+            forgotten, rest, *by_p = functions.change_sensitivity_function()(first, last, part, *acting)
             enter = functions.step_parameters()
-            more = {n: by_p[i] * z + by_p[len(enter) + i] for i, n in enumerate(enter)}
+            more = {n: by_p[len(enter) + i] - by_p[i] * z for i, n in enumerate(enter)}
             pairs = zip(a.parameters, slopes, strict=True)
-            slopes = tuple(by_z * s + getattr(p, n) * more.get(n, 0.0) for n, s in pairs)
+            slopes = tuple(s + (getattr(p, n) * more.get(n, 0.0) - forgotten * s) for n, s in pairs)
         else:
-            by_z, rest = law.bristle_step(first, last, part, acting)
-        z = by_z * z + rest
+            forgotten, rest = law.bristle_change(first, last, part, acting)
+        z = z + (rest - forgotten * z)
         stiffness = law.active(
             z, first + last, state.parameters
         ).sigma_0  # where z has passed zero, that of its new side
         crossed = stiffness != p.sigma_0
-        other, slope = law.rescaled_deflection(z, rest / (1 - by_z + 1e-300), stiffness / p.sigma_0)
+        other, slope = law.rescaled_deflection(z, rest / (forgotten + 1e-200), stiffness / p.sigma_0)
         z, slopes = ca.if_else(crossed, other, z), tuple(ca.if_else(crossed, slope * s, s) for s in slopes)
     return z, learnt._replace(sensitivity=slopes)
 

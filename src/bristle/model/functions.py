@@ -182,9 +182,25 @@ def step_sensitivity_function() -> ca.Function:
     The step with its derivatives, p running over `step_parameters`.
     """
     inputs, p, outputs = _step()
+    return _function("step_sensitivity", inputs, outputs | _by_parameters(p, outputs))
+
+
+@cache
+def change_sensitivity_function() -> ca.Function:
+    """(v0, v1, h, *Lugre) -> (c, b, c_p..., b_p...).
+
+    `law.bristle_change` with its derivatives, p running over `step_parameters`.
+    """
+    s, p = _symbols("v0", "v1", "h"), _lugre()
+    c, b = ca.cse([*law.bristle_change(s["v0"], s["v1"], s["h"], p)])
+    outputs = {"c": c, "b": b}
+    return _function("change_sensitivity", s | p._asdict(), outputs | _by_parameters(p, outputs))
+
+
+def _by_parameters(p: Lugre[Any], outputs: Mapping[str, Any]) -> dict[str, Any]:
+    """The derivatives of some outputs by the parameters of the step, output after output."""
     free = {name: getattr(p, name) for name in step_parameters()}
-    slopes = {key: slope for name, value in outputs.items() for key, slope in _derivatives(name, value, free).items()}
-    return _function("step_sensitivity", inputs, outputs | slopes)
+    return {key: slope for name, value in outputs.items() for key, slope in _derivatives(name, value, free).items()}
 
 
 @cache

@@ -122,23 +122,29 @@ def rescaled_deflection(z: Expression, z_ss: Expression, harder: Expression) -> 
     rad, and its derivative by z. While g is constant dz/dt = abs(v) (1 - z / z_ss) has z = z_ss (1 - exp(-way / z_ss)),
     and z_ss is as much smaller as the bristle is harder.
     """
-    left = ca.fmin(ca.fmax(1 - z / (z_ss + 1e-300), 1e-300), 1.0)
+    left = ca.fmin(ca.fmax(1 - z / (z_ss + 1e-200), 1e-200), 1.0)
     return -z_ss / harder * ca.expm1(harder * ca.log(left)), ca.fmin(left ** (harder - 1), 1.0)
 
 
 def bristle_step(v0: Expression, v1: Expression, h: Expression, p: Lugre[Any]) -> tuple[Expression, Expression]:
-    """The exact-exponential step z(t + h) = a z(t) + b of (4), v going linearly from v0 to v1 of the same sign.
+    """The step z(t + h) = a z(t) + b of `bristle_change`: a = 1 - c, b. Returns (a, b), dimensionless and rad."""
+    forgotten, b = bristle_change(v0, v1, h, p)
+    return 1 - forgotten, b
+
+
+def bristle_change(v0: Expression, v1: Expression, h: Expression, p: Lugre[Any]) -> tuple[Expression, Expression]:
+    """The exact-exponential step z(t + h) = z(t) + b - c z(t) of (4), v going linearly from v0 to v1 of the same sign.
 
     dz/dt = lambda (z_ss - z) is linear in z. With z_ss linear over the step and lambda by Simpson's rule, x = h lambda,
-    phi = (1 - exp(-x)) / x:  a = exp(-x),  b = (1 - phi) z_ss(v1) + (phi - a) z_ss(v0).
-    Stable for any stiffness and any h; second order where x <~ 1. Returns (a, b), dimensionless and rad.
+    phi = (1 - exp(-x)) / x:  c = 1 - exp(-x),  b = c z_ss(v0) + (1 - phi) (z_ss(v1) - z_ss(v0)).
+    Stable for any stiffness and any h; second order where x <~ 1. In this form z keeps its digits where it hardly
+    changes, in single precision too. Returns (c, b), dimensionless and rad.
     """
     g0, g1 = stribeck(v0, p), stribeck(v1, p)
     gm = stribeck((v0 + v1) / 2, p)
     speed0, speed1 = ca.fabs(v0), ca.fabs(v1)
-    x = h * (p.sigma_0 / 6) * (speed0 / g0 + 2 * (speed0 + speed1) / gm + speed1 / g1) + _TINY
+    x = h * (p.sigma_0 / 6) * (speed0 / g0 + 2 * (speed0 + speed1) / gm + speed1 / g1)
     forgotten = -ca.expm1(-x)
-    a = 1 - forgotten
-    phi = forgotten / x
+    phi = (forgotten + _TINY) / (x + _TINY)
     reach = ca.sign(v0 + v1) / p.sigma_0
-    return a, reach * ((1 - phi) * g1 + (phi - a) * g0)
+    return forgotten, reach * (forgotten * g0 + (1 - phi) * (g1 - g0))

@@ -6,7 +6,6 @@ them, holds loops alone, and says at its top what each function takes and return
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,6 +16,7 @@ from bristle.control.adaptation import Adaptation, Law, Step, laws_for
 from bristle.control.compensator import Compensator, Name, Reference, Velocity
 from bristle.control.control_period import UNDISTURBED, LoopOptions, Numbers, after, at_rest, controlled, flat
 from bristle.control.pid import Gains, Sliding
+from bristle.control.symbolic import OF_ADAPTATION, OF_COMPENSATOR, setting_names, with_settings
 from bristle.model import functions, time_refinement
 from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, pair_of
 from bristle.questions.explorer import javascript
@@ -28,28 +28,10 @@ Expression = Any
 DURATION, SETTLE = 20.0, 10.0
 """s: a run in the loop, and from when on its error counts."""
 _GLUE = Path(__file__).with_name("engine.js")
-_OF_COMPENSATOR = ("share", "inertia", "softness", "filter_time", "observer_gain")
-_OF_ADAPTATION = ("dead_zone", "leakage", "forgetting")
-_SETTINGS = (*_OF_COMPENSATOR, *_OF_ADAPTATION, "limits", "gamma")
+_SETTINGS = (*OF_COMPENSATOR, *OF_ADAPTATION, "limits", "gamma")
 """What is a number of a compensator and its adaptation, in the order in which a control period takes them."""
 _LOGGED = ("position", "velocity", "deflection", "torque", "friction", "compensation")
 """What a control period logs beside the gains."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SymbolicAdaptation(Adaptation):
-    """An adaptation whose numbers are CasADi symbols, of which nothing can be refused."""
-
-    def __post_init__(self) -> None:
-        """Refuse nothing."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SymbolicCompensator(Compensator):
-    """A compensator whose numbers are CasADi symbols, of which nothing can be refused."""
-
-    def __post_init__(self) -> None:
-        """Refuse nothing."""
 
 
 class Way(NamedTuple):
@@ -95,8 +77,8 @@ def loop_options(loop: JointLoop) -> dict[str, Any]:
         "parameters": [*adaptation.parameters],
         "gamma": {law: [*loop.comparable_rates(law)] for law in laws_for(adaptation.parameters)},
         "limits": [*map(float, adaptation.limits)],
-        **{name: float(getattr(compensator, name)) for name in _OF_COMPENSATOR},
-        **{name: float(getattr(adaptation, name)) for name in _OF_ADAPTATION},
+        **{name: float(getattr(compensator, name)) for name in OF_COMPENSATOR},
+        **{name: float(getattr(adaptation, name)) for name in OF_ADAPTATION},
         "amplitude": float(loop.amplitude),
         "frequency": float(loop.frequency),
         "period": float(loop.period),
@@ -183,20 +165,14 @@ def _loop(way: Way, k: int) -> tuple[ca.Function, ca.Function]:
     (position, settings) -> memory, and (memory, y, v, a, plant, model, J, gains, settings, h) -> memory, what is
     logged, and gains of the adapted parameters. Settings are as in the script's `SETTINGS`, then gamma.
     """
-    lows = len(_OF_COMPENSATOR) + len(_OF_ADAPTATION)
-    settings = _symbol("settings", lows + 2 + len(way.parameters))
-    values: list[Expression] = ca.vertsplit(settings)
-    number = dict(zip(_SETTINGS, values, strict=False))
-    adaptation = None
+    names = setting_names(len(way.parameters))
+    settings = _symbol("settings", len(names))
+    adapts = None
     if way.law:
-        adaptation = SymbolicAdaptation(
-            law=way.law, step=way.step, parameters=way.parameters, limits=(values[lows], values[lows + 1]),
-            gamma=tuple(values[lows + 2 :]), **{name: number[name] for name in _OF_ADAPTATION},
-        )  # fmt: skip  # a list of values
-    of_compensator = {name: number[name] for name in _OF_COMPENSATOR}
-    options = LoopOptions(
-        compensator=SymbolicCompensator(name=way.name, velocity=way.velocity, adaptation=adaptation, **of_compensator)
-    )
+        rates = (0.0,) * len(way.parameters)
+        adapts = Adaptation(law=way.law, step=way.step, parameters=way.parameters, gamma=rates)
+    kind = Compensator(name=way.name, velocity=way.velocity, adaptation=adapts)
+    options = LoopOptions(compensator=with_settings(kind, dict(zip(names, ca.vertsplit(settings), strict=True))))
     plant, model, gains = _symbol("plant", 12), _symbol("model", 12), _symbol("gains", 4)
     y, v, a, J, h = map(_symbol, ("y", "v", "a", "J", "h"))
     constants = Numbers(

@@ -1,12 +1,11 @@
-"""Prints a CasADi function as JavaScript, so that a page evaluates the very expressions that bristle does.
+"""Prints a CasADi function as JavaScript: `model.printing` in the language of pages."""
 
-The instructions are those that `model.vectorize` walks for NumPy; every value is a number of its own, assigned once.
-"""
-
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from math import isnan
 
 import casadi as ca
+
+from bristle.model.printing import Language, Term, statements
 
 HELPERS = """\
 // NaN counts as missing, as in C.
@@ -63,18 +62,30 @@ _OTHERS: dict[int, Callable[..., str]] = {
 _SPECIAL = {float("inf"): "Infinity", -float("inf"): "-Infinity"}
 
 
-def operation(code: int, operands: Iterable[str]) -> str:
+def operation(code: int, operands: Sequence[Term]) -> Term:
     """CasADi's operation of that number on these operands, as a JavaScript expression.
 
     Raises KeyError where JavaScript has no such operation: erf, erfinv.
     """
+    texts = [x.text for x in operands]
     if code in _INFIX:
-        return f" {_INFIX[code]} ".join(operands)
+        return Term(f" {_INFIX[code]} ".join(texts))
     if code in _TRUTH:
-        return f" {_TRUTH[code]} ".join(operands) + " ? 1 : 0"
+        return Term(f" {_TRUTH[code]} ".join(texts) + " ? 1 : 0")
     if code in _CALLS:
-        return f"{_CALLS[code]}({', '.join(operands)})"
-    return _OTHERS[code](*operands)
+        return Term(f"{_CALLS[code]}({', '.join(texts)})")
+    return Term(_OTHERS[code](*texts))
+
+
+def _number(value: float) -> str:
+    """A constant, exactly."""
+    if isnan(value):
+        return "NaN"
+    text = _SPECIAL.get(value) or repr(value).removesuffix(".0")
+    return f"({text})" if text.startswith("-") else text
+
+
+_JAVASCRIPT = Language("JavaScript", operation, _number, lambda name, value: f"const {name} = {value.text};")
 
 
 def printed(function: ca.Function, name: str) -> str:
@@ -86,49 +97,18 @@ def printed(function: ca.Function, name: str) -> str:
 
     Raises ValueError where an operation has no counterpart in JavaScript.
     """
-    function = function if function.is_a("SXFunction") else function.expand()
     arguments = [function.name_in(k) for k in range(function.n_in())]
-    ends = [0]
-    for k in range(function.n_out()):
-        ends.append(ends[-1] + function.numel_out(k))
-    outputs = ["0"] * ends[-1]  # an element that is zero by structure has no instruction
-    work: dict[int, str] = {}
-    lines = []
-    for k in range(function.n_instructions()):
-        code, read, write = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_INPUT:
-            place, element = read
-            scalar = function.numel_in(place) == 1
-            work[write[0]] = (
-                arguments[place] if scalar else f"{arguments[place]}[{function.sparsity_in(place).find()[element]}]"
-            )
-        elif code == ca.OP_OUTPUT:
-            place, element = write
-            outputs[ends[place] + function.sparsity_out(place).find()[element]] = work[read[0]]
-        elif code == ca.OP_CONST:
-            work[write[0]] = _number(float(function.instruction_constant(k)))
-        else:
-            try:
-                value = operation(code, [work[r] for r in read])
-            except KeyError:
-                raise ValueError(
-                    f"{function.name()}: CasADi operation number {code} has no JavaScript counterpart; "
-                    "write the expression without it"
-                ) from None
-            work[write[0]] = f"_{k}"
-            lines.append(f"const _{k} = {value};")
+    scalar = [function.numel_in(k) == 1 for k in range(function.n_in())]
+
+    def operand(place: int, element: int) -> str:
+        """An argument, or an element of one."""
+        return arguments[place] if scalar[place] else f"{arguments[place]}[{element}]"
+
+    lines, outputs = statements(function, operand, _JAVASCRIPT)
     if len(outputs) == 1:
-        lines.append(f"return {outputs[0]};")
+        last = [f"return {outputs[0].text};"]
     else:
         arguments.append("out")
-        lines += [f"out[{k}] = {value};" for k, value in enumerate(outputs)]
-    body = "".join(f"  {line}\n" for line in lines)
+        last = [f"out[{k}] = {x.text};" for k, x in enumerate(outputs)]
+    body = "".join(f"  {line}\n" for line in (*lines, *last))
     return f"function {name}({', '.join(arguments)}) {{\n{body}}}\n"
-
-
-def _number(value: float) -> str:
-    """A constant, exactly."""
-    if isnan(value):
-        return "NaN"
-    text = _SPECIAL.get(value) or repr(value).removesuffix(".0")
-    return f"({text})" if text.startswith("-") else text
