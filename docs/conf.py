@@ -13,7 +13,7 @@ copyright = author  # noqa: A001  # Sphinx names it so
 version = release = bristle.__version__
 
 extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "bristle_site"]
-exclude_patterns = ["_ext", "results.schema.json"]
+exclude_patterns = ["_ext", "export.schema.json", "results.schema.json"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4  # as GitHub makes them

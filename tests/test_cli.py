@@ -716,6 +716,7 @@ def test_bristle_alone_shows_its_help() -> None:
         "compare",
         "sensitivity",
         "explore",
+        "export",
         "plan",
         "new",
         "explain",

@@ -22,6 +22,7 @@ BELOW = {
     "page": {"model"},
     "questions": {*CORE, "page"},
     "api": {*CORE, "page", "questions"},
+    "mujoco": {*CORE, "page", "questions", "api"},
     "terminal": set[str](),
     "options": {"page"},
     "cli": {*CORE, "page", "questions", "api", "terminal", "options"},

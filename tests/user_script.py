@@ -68,6 +68,10 @@ def questions(results: bristle.Results) -> None:
     """What results are asked."""
     planned: str = bristle.plan(results, velocities=4).reference_csv()
     assert bristle.explore(results).joints == tuple(joint.name for joint in results.joints)
+    handed: bristle.Export = bristle.export(results, "json")
+    with tempfile.TemporaryDirectory() as folder:
+        assert bristle.read_export(handed.write(Path(folder) / "wrist.json")) == handed.joints
+    assert results.export("urdf").check()
     checked: pd.DataFrame = bristle.validate(results, repetitions=20, starts=2).to_frame()
     assert planned
     assert len(checked)

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
         complete,
         draft,
         explore,
+        export,
         find_segments,
         fit,
         fit_dynamic,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
         identify,
         inspect,
         plan,
+        read_export,
         read_results,
         report,
         sensitivity,
@@ -36,9 +38,11 @@ if TYPE_CHECKING:
     from bristle.errors import InputError
     from bristle.model.parameters import Lugre, Pair
     from bristle.questions.array_fit.fit import Fit
+    from bristle.questions.export.export import Export
 
 __version__ = "0.1.0"
 __all__ = [
+    "Export",
     "Fit",
     "InputError",
     "Lugre",
@@ -51,6 +55,7 @@ __all__ = [
     "complete",
     "draft",
     "explore",
+    "export",
     "find_segments",
     "fit",
     "fit_dynamic",
@@ -59,6 +64,7 @@ __all__ = [
     "identify",
     "inspect",
     "plan",
+    "read_export",
     "read_results",
     "report",
     "sensitivity",

@@ -261,6 +261,71 @@ def explore(
 
 
 @app.command()
+def export(
+    experiment: Annotated[
+        Path, typer.Argument(metavar="RESULTS", help="A results.json, or an experiment file.", show_default=False)
+    ],
+    to: Annotated[
+        str,
+        typer.Option(
+            "--to",
+            metavar="FORMAT",
+            help="c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, yaml, matlab or latex.",
+            show_default=False,
+        ),
+    ],
+    joint: OfRobot = None,
+    output: Annotated[Path | None, to("FILE", "Where the file lands [default: by the joint's name].")] = None,
+    into: Annotated[
+        Path | None, typer.Option("--into", metavar="FILE", help="A URDF, SDF or MJCF to merge the values into.")
+    ] = None,
+    compensator: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME", help="In C: lugre (default), lugre-feedback, lugre-observer, stribeck or coulomb."
+        ),
+    ] = None,
+    adapt: Annotated[
+        str | None, typer.Option(metavar="LAW", help="In C, adapts: partial, partial-theta, total or printed.")
+    ] = None,
+    step: Annotated[
+        str | None, typer.Option(metavar="STEP", help="Of that law: gradient, normalised or least-squares.")
+    ] = None,
+    amplitude: Annotated[
+        str | None,
+        typer.Option(metavar="QUANTITY", help="Of the motion that a target without LuGre is fitted on."),
+    ] = None,
+    frequency: Annotated[str | None, typer.Option(metavar="QUANTITY", help="Of that motion [default: 0.5 Hz].")] = None,
+    check: Annotated[
+        bool, typer.Option("--check", help="Run the file in its target, where that is installed.")
+    ] = False,
+) -> None:
+    """Hand a joint over: C code, MuJoCo, FMU, URDF and more.
+
+    With what the target cannot hold, and what that loses, for this joint, on stated motions.
+
+    Example: bristle export reports/wrist/results.json --to c -o wrist.h --check
+    """
+    check_output_absent(output)
+    with shown() as progress:
+        from bristle import export as run
+
+        handed = run(
+            experiment, to, joint=joint, into=into, amplitude=amplitude, frequency=frequency,
+            compensator=compensator, adapt=adapt, step=step, progress=progress,
+        )  # fmt: skip  # a list of values
+        landing = output or Path(handed.artefact.name)
+        check_output_absent(landing)
+    _tell([handed.text()])
+    handed.write(landing)
+    if check:
+        with shown():
+            found = handed.check()
+        _tell(found)
+    print_lines([f"File: {landing}"], done=True)
+
+
+@app.command()
 def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="results.json of the first session.", show_default=False)],
     second: Annotated[

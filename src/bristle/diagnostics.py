@@ -1737,10 +1737,45 @@ class Kind(Enum):
     )
     PAPER_FEED_FORWARD = _NOTE, "No inertia feed-forward, unless it is named."
 
+    # what is handed over
+    PEAK_TAKEN_AS_NONE = (
+        _CAUTION,
+        "{names!j}{direction!d}: not identifiable from these data; exported without a Stribeck peak, as alpha_1 = 0.",
+    )
+    EXPORT_JOINT_LEFT_OUT = _CAUTION, "Left out: {why}"
+    EXPORT_WITHOUT_BRISTLE = (
+        _CAUTION,
+        "The bristle (sigma_0, sigma_1){direction!d} is not identified, and is not exported; losses are those of the friction curve.",
+    )
+    INTERVAL_WITH_ZERO = (
+        _NOTE,
+        "{name}: its 95 % interval holds zero; the value is exported, and the data do not tell it from none.",
+    )
+    INTERVAL_WITH_ZERO_IMPOSSIBLE = (
+        _CAUTION,
+        "{name}: its 95 % interval holds zero, which it cannot be; the exported value may be off by any factor.",
+    )
+    EXPORT_LOSES = (
+        _CAUTION,
+        (
+            "{joint}: {target} cannot hold this friction; the torque RMS error is {losses!l}. "
+            "Where that matters, use a target that holds it (docs/export.md)."
+        ),
+    )
+    EXPORT_LEAVES_OUT = (
+        _CAUTION,
+        "{joint}: {target} does not hold {names!j}, identified beside the friction; keep it in your own model of the load.",
+    )
+    EXPORT_WITHOUT_INERTIA = (
+        _CAUTION,
+        "{joint}: no inertia is known, and none is exported; the simulator keeps its own.",
+    )
+
     # what sensitivity is explored of
     ONE_DIRECTION_KNOWN = _CAUTION, "Only direction {direction} is known; it is used for both."
     BRISTLE_ASSUMED = _CAUTION, "{name}: not identifiable from these data; assumed {value:.3g} {unit}, {how}."
     DEFLECTION_OF_TRAVEL = _NOTE, "from a deflection of {share:g} of the travel"
+    WITHOUT_INERTIA_UNDAMPED = _NOTE, "for no inertia is known, without which (15) gives no damping"
     WITH_GUESSED_INERTIA = _NOTE, " and a guessed inertia of {J:.2g} {unit}"
     AS_HELD = _NOTE, "as it was held in the fit"
     GRIPPER_FRICTION = (
@@ -2389,6 +2424,7 @@ REASONS: Mapping[str, str] = {
         "CONSTANT_UNSEEN STATIC_NO_STRIBECK NO_STRIBECK LIKE_NOISE NO_PEAK BEND ONE_SPEED V_S_DOWN_TO_ZERO V_S_UP_TO_ANY NONE_BELOW_V_S "
         "TOO_FEW_FOR_PEAK PEAK_LEFT_OUT PROFILE_UNSEEN UNSEEN UNSEEN_WIDE UNSEEN_FAR UNSEEN_COMPANION UNSEEN_PEAK UNSEEN_NO_PEAK "
         "UNSEEN_UNCONVERGED UNSEEN_TOO_FEW UNSEEN_BELOW_COUNT UNSEEN_IN_COUNTS UNSEEN_BIASED STRAYS_AS_WELL UNSEEN_NO_REVERSAL UNSEEN_FAST "
+        "INTERVAL_WITH_ZERO_IMPOSSIBLE "
         "UNSEEN_HALVES UNSEEN_BEND NOTHING_SEEN DIRECTION_UNKNOWN NONE_KEPT NOT_MEASURED SIGMA_0_UNKNOWN NO_MODEL NOTHING_SEEN_OF "
         "NOTHING_COMPARED NOT_TOLD STILL_UNSEEN"
     ),
@@ -2404,6 +2440,7 @@ REASONS: Mapping[str, str] = {
     ),
     "Something is assumed that was not measured.": (
         "PRIOR DIRECTION_TAKEN INERTIA_GUESSED GUESSED NOISE_OF_HOLDS_GUESSED NOISE_OF_MOTION_GUESSED NOISE_OF_OTHER_POINTS DEFAULT_PID "
+        "PEAK_TAKEN_AS_NONE "
         "BRISTLE_FILLED PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT PAPER_REFERENCE PAPER_CONTROL PAPER_INERTIA PAPER_RATES PAPER_SAMPLING PAPER_TABLE_2 "
         "ONE_DIRECTION_KNOWN BRISTLE_ASSUMED GRIPPER_INTERVALS GRIPPER_NOISE GRIPPER_REFERENCE BOX_HELD BOX_CUT NOISE_ASSUMED HELD_AS_KNOWN "
         "EXTRAPOLATED LIMIT_SLOWEST_GUESSED LIMIT_HOLD_GUESSED LIMIT_POSITIONS_GUESSED LIMIT_ACCELERATION_GUESSED LIMIT_RATE LIMIT_FREQUENCY "
@@ -2419,6 +2456,9 @@ REASONS: Mapping[str, str] = {
     "What was simulated shows a use of the model that does harm or fails.": (
         "ERROR_INCREASED GAIN_AT_LIMIT MODEL_UNFIT ADAPTATION_WORSE ADAPTATION_HARMS PLANTS_REFUSED LOOP_DIVERGES MOTION_WORSE"
     ),
+    "The target of an export cannot hold it, so that a part of the torque is lost there.": (
+        "EXPORT_LOSES EXPORT_LEAVES_OUT EXPORT_WITHOUT_INERTIA EXPORT_WITHOUT_BRISTLE EXPORT_JOINT_LEFT_OUT"
+    ),
     # note
     "It says why a segment, a point or a run is left out, and no number rests on it.": (
         "TOO_SHORT TRANSIENT AT_REST ACCELERATING HUNTING UNSTEADY UNSETTLED SATURATED SETTLING POINT_AT_REST POINT_TOO_SLOW BELOW_BREAKAWAY "
@@ -2431,6 +2471,7 @@ REASONS: Mapping[str, str] = {
         "STRAY_POINT BELIEVE_MOVING MOVING_IN_DOUBT POINT_NAMED TO_LEAVE_OUT TERM_FIRST WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE "
         "PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS NO_INERTIA ONE_EDGE EDGES NO_STRIBECK_TERM POINTS_WITHOUT_NOISE TOO_FEW_TO_VALIDATE "
         "FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH CAPPED_BY_RATE CAPPED_BY_DECIMATION CAPPED_BY_SAMPLING PEAK_TO_LOOK_FOR AMID_THE_SPEEDS "
+        "WITHOUT_INERTIA_UNDAMPED "
         "BENT_BRISTLE BY_DAMPING_RATIO VISCOUS_SHARE FAR_POINTS RATE_OF_ZERO DEFLECTION_OF_AMPLITUDE WITH_DAMPING_RATIO DEFLECTION_OF_TRAVEL "
         "WITH_GUESSED_INERTIA AS_HELD TIMES_FOR_CORRELATION LOWEST_BIC LOWEST_BIC_OF_SUPPORTED NEXT_MODEL NEXT_HARDLY_WORSE AICC_PREFERS "
         "PEAK_NOT_SUPPORTED PEAK_LOWERS_BIC BRISTLE_NOT_SHOWN IN_OTHER_DIRECTIONS NOT_IN_SESSION NOT_IDENTIFIABLE_IN OF_OTHER_STAGES OPEN_IN "
@@ -2441,7 +2482,7 @@ REASONS: Mapping[str, str] = {
     ),
     "Its effect is in the interval already, or in no number.": (
         "CORRELATED TORQUE_UNSURE WHOLE_COUNT REST_EXCLUDES COUNTS_HIDE COARSE_LOOPS COARSE_LOOPS_BETWEEN TORQUE_EXACT TORQUE_UNCERTAIN "
-        "SYSTEMATIC_STAYS SYSTEMATIC_DRAWN COMMON_CONSTANTS OWN_CONSTANTS PROFILE_ROUGH WIDENED_TO_MOVING"
+        "SYSTEMATIC_STAYS SYSTEMATIC_DRAWN COMMON_CONSTANTS OWN_CONSTANTS PROFILE_ROUGH WIDENED_TO_MOVING INTERVAL_WITH_ZERO"
     ),
     "It says what was not computed, and why.": (
         "NO_BOOTSTRAP NO_BLOCKS NOT_FITTED NO_STRIBECK_ASKED NO_SIGMA_1 NO_COUNTS NOTHING_BELOW_G0 STAGE_UNSEEN NONE_COMPARED NO_GRID_FIT "
@@ -2556,6 +2597,9 @@ ADVICE: Mapping[str, str] = {
     ),
     "What was simulated shows a use of the model that does harm or fails.": (
         "Do not use it like this on the joint: follow the limit or the gain that the warning names, or leave it off."
+    ),
+    "The target of an export cannot hold it, so that a part of the torque is lost there.": (
+        "Judge the loss along your own motion (`--amplitude`, `--frequency`); where it matters, use a target that holds LuGre (docs/export.md)."
     ),
     # note
     "It says why a segment, a point or a run is left out, and no number rests on it.": (

@@ -11,6 +11,7 @@ from bristle.api.experiments import (
     write_comparison,
 )
 from bristle.api.exploring import explore
+from bristle.api.exporting import export, read_export
 from bristle.api.files import complete, draft, inspect
 from bristle.api.identifying import identify
 from bristle.api.results import Results, read_results
@@ -18,8 +19,10 @@ from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
 from bristle.model.parameters import Lugre, Pair
 from bristle.questions.array_fit.fit import Fit
+from bristle.questions.export.export import Export
 
 __all__ = [
+    "Export",
     "Fit",
     "InputError",
     "Lugre",
@@ -31,6 +34,7 @@ __all__ = [
     "complete",
     "draft",
     "explore",
+    "export",
     "find_segments",
     "fit",
     "fit_dynamic",
@@ -39,6 +43,7 @@ __all__ = [
     "identify",
     "inspect",
     "plan",
+    "read_export",
     "read_results",
     "report",
     "sensitivity",

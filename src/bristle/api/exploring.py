@@ -44,7 +44,7 @@ def explore(
 
     if isinstance(experiment, Fit):
         return explorer(
-            [experiment.joint], {experiment.joint.name: _loop(experiment.measured.experiment, experiment.joint)}
+            [experiment.joint], {experiment.joint.name: loop_of(experiment.measured.experiment, experiment.joint)}
         )
     known = identify(joint=joint, progress=progress) if experiment is None else read_if_results(experiment)
     results = known if isinstance(known, Results) else identify(known, joint=joint, progress=progress)
@@ -72,10 +72,10 @@ _Known = tuple[list[Joint], dict[str, JointLoop | str]]
 def _known(results: Results, joint: str | None = None) -> _Known:
     names = [found.name for found in results.joints] if joint is None else [joint]
     joints = [results.whole_joint(name) for name in names]
-    return joints, {found.name: _loop_of(results, found) for found in joints}
+    return joints, {found.name: known_loop(results, found) for found in joints}
 
 
-def _loop_of(results: Results, joint: Joint) -> JointLoop | str:
+def known_loop(results: Results, joint: Joint) -> JointLoop | str:
     """The loop of an identified joint, the paper's own of the embedded ones, or the sentence why there is none."""
     try:
         experiment, folder = results.logs.experiment_of(joint)
@@ -83,10 +83,11 @@ def _loop_of(results: Results, joint: Joint) -> JointLoop | str:
         return str(error)
     if folder is not None and folder == edro.datasets_folder() and joint.name in edro.TABLE_1:
         return of_paper([joint])[0]
-    return _loop(experiment, joint)
+    return loop_of(experiment, joint)
 
 
-def _loop(experiment: Experiment, joint: Joint) -> JointLoop | str:
+def loop_of(experiment: Experiment, joint: Joint) -> JointLoop | str:
+    """The loop of a joint as its experiment file has it, or the sentence why there is none."""
     try:
         return of_experiment(experiment, joint)
     except InputError as error:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from bristle.api.logs import JointLogs
 from bristle.api.sources import source_text
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from bristle.page.page import Rendered
     from bristle.questions.explorer.page import Explorer
+    from bristle.questions.export.export import Export
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -145,6 +146,12 @@ class Results:
         """
         known = None if compensated is None else (lambda: compensated)
         return write_results(self, Path(folder), progress, known, lambda: explored, mailed=mailed)
+
+    def export(self, to: str, *, joint: str | None = None, **options: Any) -> "Export":
+        """What the next tool takes of a joint, or of all; `bristle.export` says what the options are, and what it raises."""
+        from bristle.api.exporting import export
+
+        return export(self, to, joint=joint, **options)
 
     def plot(self, joint: str | None = None, ax: "Axes | None" = None) -> "Axes":
         """What was measured on a joint and what its fit makes of it, drawn into `ax` or new axes, which are returned.

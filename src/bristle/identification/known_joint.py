@@ -258,13 +258,13 @@ def truth_of(joint: Joint) -> Pair[float] | None:
     return Pair(*known) if len(known) == len(sets) else None
 
 
-def inertia_of(experiment: Experiment, joint: Joint) -> float | None:
+def inertia_of(experiment: Experiment | None, joint: Joint) -> float | None:
     """J, kg*m**2: identified, else as the experiment file gives it, of the joint or of the motor; with the links of a robot.
 
-    None where nothing tells it.
+    None where nothing tells it. Without an experiment, what was identified alone.
     """
-    declared = experiment.inertia.value if experiment.inertia else None
-    motor = experiment.motor_constants.at_joint().inertia if experiment.motor_constants else None
+    declared = experiment.inertia.value if experiment and experiment.inertia else None
+    motor = experiment.motor_constants.at_joint().inertia if experiment and experiment.motor_constants else None
     identified = [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
     own = next((J for J in (*identified, declared, motor) if J is not None and J > 0), None)
     return own if joint.link_inertia is None else (own or 0.0) + joint.link_inertia

@@ -1,0 +1,193 @@
+"""What identified joints are handed over as: C code, models for simulators, documents."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from hashlib import sha256
+from math import inf
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bristle import __version__
+from bristle.api.exploring import known_loop, loop_of
+from bristle.api.identifying import identify
+from bristle.api.joints import Known, read_if_results
+from bristle.api.results import Results
+from bristle.control.compensator import NAMES, Compensator
+from bristle.data.experiment.load import Experiment
+from bristle.data.units import to_si
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError, check_regular, unreadable
+from bristle.identification.document import LARGEST
+from bristle.identification.results import Joint
+from bristle.model.parameters import unit
+from bristle.progress import Progress
+from bristle.questions.array_fit.fit import Fit
+from bristle.questions.export.artefact import Request
+from bristle.questions.export.export import Export, export_joints
+from bristle.questions.export.exported import ExportedJoint, Origin, exported
+from bristle.questions.export.targets import target
+from bristle.simulation.joint_loop import JointLoop
+
+
+def export(
+    known: Known,
+    to: str,
+    *,
+    joint: str | None = None,
+    into: Path | str | None = None,
+    amplitude: float | str | None = None,
+    frequency: float | str | None = None,
+    compensator: str | None = None,
+    adapt: str | None = None,
+    step: str | None = None,
+    progress: Progress | None = None,
+) -> Export:
+    """What the next tool takes of an identified joint, and what it loses.
+
+    >>> import bristle
+    >>> handed = bristle.export("wrist.yaml", "urdf")
+    >>> handed.write("wrist.urdf").name
+    'wrist.urdf'
+
+    Args:
+        known: a file of a joint or of a robot, results or their file, or a fit of arrays.
+        to: c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, yaml, matlab or latex.
+        joint: the only one; None: all, where the target holds several.
+        into: a URDF, an SDF or an MJCF file into which the values are merged; the file itself is not changed.
+        amplitude: of the sine for which the values of a target without LuGre are the best, rad or a quantity; None: up to the fastest measured speed.
+        frequency: of that sine, Hz or a quantity; None: 0.5 Hz.
+        compensator: that is printed as C; None: `adapt.compensator` of the experiment, or lugre, driven by the reference velocity.
+        adapt: the law by which the C adapts; None: it does not.
+        step: the step of that law; None: `adapt.step` of the experiment, or gradient.
+        progress: told of every step.
+
+    Raises InputError in one sentence where a file cannot be used, a joint lacks what the target needs, or the target takes no such option.
+    """
+    target(to)
+    if adapt is None and step is not None:
+        raise InputError(f"step: got {step}, of an adaptation that is not asked for; give adapt as well")
+    if to != "c" and (compensator or adapt):
+        raise InputError(f"{to} holds no compensator; leave compensator and adapt out, or export to c")
+    found, digest = _found(known, joint, progress)
+    joints, refused = _handed(found, digest)
+    request = Request(
+        into=None if into is None else _read(Path(into)),
+        into_name="" if into is None else Path(into).name,
+        amplitude=_positive("amplitude", amplitude, unit("position", found[0].joint.kind)),
+        frequency=_positive("frequency", frequency, "Hz"),
+        compensator=_compensator(found[0].loop, compensator, adapt, step),
+    )
+    return export_joints(joints, to, request, refused)
+
+
+def exported_joints(known: Known, joint: str | None = None) -> tuple[ExportedJoint, ...]:
+    """What would be handed over of identified joints, or of one of them. Raises InputError as `export` does."""
+    return _handed(*_found(known, joint, None))[0]
+
+
+def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
+    """The joints of a JSON file that `bristle export --to json` wrote, equal to what was exported, to the last bit.
+
+    >>> import bristle
+    >>> handed = bristle.export("wrist.yaml", "json")
+    >>> bristle.read_export(handed.write("wrist.json")) == handed.joints
+    True
+
+    Raises InputError in one sentence where it is no such file, and OSError where it cannot be read.
+    """
+    from bristle.questions.export import json_document
+
+    return json_document.read_export(Path(path))
+
+
+class _Found(NamedTuple):
+    """One joint that is exported."""
+
+    joint: Joint
+    experiment: Experiment | None
+    """None: results do not know it."""
+    loop: Callable[[], JointLoop | str]
+    """Its loop, or the sentence why it has none."""
+
+
+def _found(known: Known, joint: str | None, progress: Progress | None) -> tuple[list[_Found], str | None]:
+    """The joints, and SHA-256 of the results file that they are from, where they are from one."""
+    if isinstance(known, Fit):
+        experiment = known.measured.experiment
+        return [_Found(known.joint, experiment, lambda: loop_of(experiment, known.joint))], None
+    source = read_if_results(known)
+    results = source if isinstance(source, Results) else identify(source, joint=joint, progress=progress)
+    digest = sha256(_read(Path(known))).hexdigest() if source is not known and isinstance(known, Path | str) else None
+    chosen = results.joints if joint is None else (results.joint(joint),)
+    return [_Found(one, _experiment(results, one), partial(known_loop, results, one)) for one in chosen], digest
+
+
+def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[ExportedJoint, ...], tuple[Diagnostic, ...]]:
+    """The joints, and of several why some cannot be handed over. Raises InputError where none can."""
+    joints: list[ExportedJoint] = []
+    refused: list[Diagnostic] = []
+    for one in found:
+        try:
+            joints.append(exported(one.joint, one.experiment, _origin(one, digest)))
+        except InputError as error:
+            if len(refused) + 1 == len(found):
+                raise
+            refused.append(Kind.EXPORT_JOINT_LEFT_OUT(why=str(error)))
+    return tuple(joints), tuple(refused)
+
+
+def _experiment(results: Results, joint: Joint) -> Experiment | None:
+    try:
+        return results.logs.experiment_of(joint)[0]
+    except InputError:
+        return None
+
+
+def _origin(found: _Found, digest: str | None) -> Origin:
+    return Origin(
+        bristle=__version__,
+        results_sha256=digest,
+        experiment=found.experiment.path.name if found.experiment else None,
+        logs={one.file: one.sha256 for one in found.joint.inputs},
+    )
+
+
+def _compensator(loop: Callable[[], JointLoop | str], name: Any, law: Any, step: Any) -> Compensator:
+    """As it is asked for; its rates and the observer's gain are those of the joint's loop."""
+    if law is None and name in {None, *NAMES} - {"lugre-observer"}:
+        return Compensator(name=name or "lugre")
+    known = loop()
+    if isinstance(known, str):
+        raise InputError(known)
+    own = replace(known.compensator, name=name or known.compensator.name, observer_gain=known.observer_gain)
+    if law is None:
+        return own
+    adaptation = replace(
+        known.adaptation, law=law, step=step or known.adaptation.step, gamma=known.comparable_rates(law)
+    )
+    return replace(own, adaptation=adaptation)
+
+
+def _positive(name: str, value: float | str | None, si: str) -> float | None:
+    if value is None:
+        return None
+    try:
+        number = to_si(value, si) if isinstance(value, str) else float(value)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
+    if not 0 < number < inf:
+        raise InputError(f"{name}: got {value}; expected a quantity above 0, as 0.5 {si}")
+    return number
+
+
+def _read(path: Path) -> bytes:
+    try:
+        check_regular(path)
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+    except OSError as error:
+        raise InputError(unreadable(path, error)) from error
+    if len(data) > LARGEST:
+        raise InputError(f"{path}: has more than {LARGEST} bytes; expected a model, without meshes")
+    return data

@@ -1,0 +1,240 @@
+"""A joint's identified friction in a Python simulation of MuJoCo: both directions, exactly, at each step.
+
+>>> friction = bristle.mujoco.Friction(model, "wrist", "results.json")  # doctest: +SKIP
+>>> while data.time < 10:  # doctest: +SKIP
+...     friction.apply(data)
+...     mujoco.mj_step(model, data)
+"""
+
+from collections.abc import Callable
+from functools import cache, partial
+from math import inf
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from bristle.api.exporting import exported_joints
+from bristle.api.joints import read_if_results
+from bristle.api.results import Results
+from bristle.arrays import Array
+from bristle.control.adaptation import Learnt
+from bristle.control.compensator import CompensatorState, advanced
+from bristle.control.plant import State, plant_step
+from bristle.errors import InputError, short, short_list
+from bristle.model import law, motor
+from bristle.model.parameters import Motor, Pair, pair_of, slides
+from bristle.model.vectorize import bound
+from bristle.questions.array_fit.fit import Fit
+from bristle.questions.export.exported import ExportedJoint
+
+_WORD = "bristle.mujoco"
+_SAME_STEP = 1e-6
+"""Relative, of two time steps that are the same but for rounding."""
+
+
+class _Passed(NamedTuple):
+    """A step that was predicted: deflection, rad, and velocity, rad/s, at its beginning and its end."""
+
+    z: float
+    v: float
+    z_next: float
+    v_next: float
+
+
+class Friction:
+    """The friction torque of one hinge or slide joint of a model, applied through `data.qfrc_applied`.
+
+    Velocity and bristle are stepped together, by the exponential of their linear system, at the acceleration that the
+    joint would have without this friction and at its effective inertia, 1 / (M**-1)_ii; the torque is the constant one
+    that takes the joint there in one step. So a stiff bristle is stable in stick at any time step. It assumes:
+
+    - the integrator is Euler, implicit or implicitfast: RK4 evaluates the forces four times in a step;
+    - during a step all other forces are constant: actuators, gravity, springs, contacts and the friction of other joints;
+    - the joint has no damping, frictionloss and LuGre actuator of its own, which would count twice.
+
+    One object serves one `MjData`; several joints have one object each, applied one after the other, in any order.
+    """
+
+    def __init__(self, model: Any, joint: str, result: Results | Fit | ExportedJoint | Path | str) -> None:
+        """Of the MuJoCo joint of that name.
+
+        Args:
+            model: `mujoco.MjModel`.
+            joint: its name in the model; the identified joint is the one of that name, else the only one.
+            result: results or their file, a fit of arrays, or a joint as `bristle.export` hands it over.
+
+        Raises InputError where the model has no such joint, its integrator or the joint itself does not fit, or the
+        joint's bristle or torque is not known.
+        """
+        self._dof = _dof(model, joint)
+        handed = _handed(result, joint).in_newton(_WORD).with_bristle(_WORD)
+        _check_kind(model, joint, handed)
+        _check_model(model, joint)
+        self._name, self._options = joint, model.opt
+        self._forward, self._solve = _evaluations(model)
+        self._one, self._response = np.zeros((1, model.nv)), np.zeros((1, model.nv))
+        self._one[0, self._dof] = 1.0
+        self._inputs, self._outputs = np.zeros(9), np.zeros(4)
+        self._constants = np.array([*handed.pair.positive, *handed.pair.negative, handed.quadratic])
+        self._run: Callable[[], None] = bound(_coupled_step(), [self._inputs, self._constants], [self._outputs])
+        self._written = self._users = 0.0
+        self.reset()
+
+    def reset(self, deflection: float = 0.0) -> None:
+        """Begin anew with the bristle at a deflection, rad.
+
+        Not needed after `mj_resetData`: where `data.time` has gone back, the bristle is not bent.
+        """
+        self._begun, self._step = -inf, 0.0
+        self._before = self._after = _Passed(deflection, 0.0, deflection, 0.0)
+        self._torque = 0.0
+
+    @property
+    def deflection(self) -> float:
+        """Of the bristle when `apply` was called last, rad."""
+        return self._after.z
+
+    @property
+    def torque(self) -> float:
+        """Friction torque over the step that `apply` was called for last, N*m, positive against positive motion."""
+        return self._torque
+
+    def apply(self, data: Any) -> None:
+        """Set `data.qfrc_applied` of the joint for the next step; call it right before each `mujoco.mj_step(model, data)`.
+
+        Set controls and other forces before. What you set `data.qfrc_applied` of this joint to yourself, anew or once, is kept and added to;
+        do not add to it in place, for it then holds the friction of the last step. A second call at the same `data.time` begins from where the
+        first one did. It evaluates the model's forward dynamics once.
+
+        Raises InputError where a time step was left out since the last call.
+        """
+        applied, dof = data.qfrc_applied, self._dof
+        if applied[dof] != self._written:
+            self._users = float(applied[dof])
+        applied[dof] = self._users
+        self._forward(data)
+        self._solve(data, self._response, self._one)
+        h, v = self._options.timestep, float(data.qvel[dof])
+        last = self._last(data.time, v)
+        self._inputs[:] = *last, v, data.qacc[dof], 1 / self._response[0, dof], self._step, h
+        self._run()
+        z, z_next, v_next, self._torque = self._outputs.tolist()
+        self._begun, self._step, self._before, self._after = data.time, h, last, _Passed(z, v, z_next, v_next)
+        applied[dof] = self._users - self._torque
+        self._written = float(applied[dof])
+
+    def _last(self, time: float, v: float) -> _Passed:
+        """The step that ends now; one in which nothing happened where there is none."""
+        passed = time - self._begun
+        if passed == 0:
+            return self._before
+        if passed == inf or passed < 0:
+            z = self._after.z if passed == inf else 0.0
+            return _Passed(z, v, z, v)
+        if abs(passed - self._step) > _SAME_STEP * self._step:
+            raise InputError(
+                f"{_WORD}: the friction of {short(self._name)} was applied {passed:.6g} s ago, and a time step is {self._step:.6g} s; "
+                "call apply before every mj_step, or reset after a jump"
+            )
+        return self._after
+
+
+def _evaluations(model: Any) -> tuple[Callable[[Any], None], Callable[[Any, Array, Array], None]]:
+    """(data) -> accelerations, without sensors; and (data, response, force) -> M**-1 of the force."""
+    import mujoco
+
+    whole, solve = mujoco.mjtStage.mjSTAGE_NONE.value, partial(mujoco.mj_solveM, model)
+    return lambda data: mujoco.mj_forwardSkip(model, data, whole, 1), solve
+
+
+@cache
+def _coupled_step() -> ca.Function:
+    """(last step, v, free acceleration, inertia, last h, h; constants) -> (z, z and v after h seconds, friction torque).
+
+    `plant_step` predicts the end of each step. Where the joint ended elsewhere, as at a limit or by another joint's
+    friction, the bristle moves by what its exact-exponential step along each of the two velocities differs by.
+    """
+    inputs, constants = ca.SX.sym("inputs", 9), ca.SX.sym("constants", 13)
+    z0, v0, z1, v1, v, a, J, h0, h = ca.vertsplit(inputs)
+    *numbers, quadratic = ca.vertsplit(constants)
+    pair = pair_of(numbers)
+    z = z1 + _along(z0, v0, v, h0, pair) - _along(z0, v0, v1, h0, pair)
+    drag = quadratic * law.load_terms(0.0, v, 0.0, 0.0)["quadratic"]
+    new = plant_step(State(0.0, v, z), J * a, -drag, h, pair, Motor(1.0, 0.0, 0.0, J), motor.current_for)
+    torque = J * (a - (new.velocity - v) / h)
+    outputs = ca.vertcat(z, new.deflection, new.velocity, torque)
+    return ca.Function("coupled_step", [inputs, constants], [ca.densify(outputs)], {"cse": True})
+
+
+def _along(z: Any, v0: Any, v1: Any, h: Any, pair: Pair[Any]) -> Any:
+    """The bristle after h seconds along a velocity that is linear meanwhile."""
+    return advanced(None, CompensatorState(pair, z, v0, 0.0, Learnt((), (), ())), v1, h)[0]
+
+
+def _handed(result: Results | Fit | ExportedJoint | Path | str, name: str) -> ExportedJoint:
+    """The joint of that name, else the only one."""
+    if isinstance(result, ExportedJoint):
+        return result
+    known = read_if_results(result) if isinstance(result, Path | str) else result
+    if isinstance(known, Fit):
+        return exported_joints(known)[0]
+    if not isinstance(known, Results):
+        raise InputError(f"{result}: is no results file; expected results.json, results or a fit of arrays")
+    names = [joint.name for joint in known.joints]
+    if name not in names and len(names) != 1:
+        raise InputError(
+            f"{_WORD}: the results have no joint {short(name)}, but {short_list(map(short, names))}; rename one, or give one joint's results"
+        )
+    return exported_joints(known, name if name in names else names[0])[0]
+
+
+def _dof(model: Any, name: str) -> int:
+    """The joint's degree of freedom. Raises InputError where the model has no such joint."""
+    import mujoco
+
+    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
+    if found < 0:
+        names = short_list(short(model.joint(k).name) for k in range(model.njnt))
+        raise InputError(f"{_WORD}: the model has no joint {short(name)}; it has {names}")
+    return int(model.jnt_dofadr[found])
+
+
+def _check_kind(model: Any, name: str, handed: ExportedJoint) -> None:
+    import mujoco
+
+    kinds = {mujoco.mjtJoint.mjJNT_HINGE.value: "hinge", mujoco.mjtJoint.mjJNT_SLIDE.value: "slide"}
+    got = kinds.get(int(model.joint(name).type[0]), "neither hinge nor slide")
+    expected = "slide" if slides(handed.kind) else "hinge"
+    if got != expected:
+        raise InputError(
+            f"{_WORD}: joint {short(name)} of the model is {got}; expected a {expected}, as the identified one"
+        )
+
+
+def _check_model(model: Any, name: str) -> None:
+    """InputError where the integrator does not hold a force over a step, or the joint has friction of its own."""
+    import mujoco
+
+    fits = ("EULER", "IMPLICIT", "IMPLICITFAST")
+    integrator = mujoco.mjtIntegrator(model.opt.integrator).name.removeprefix("mjINT_")
+    if integrator not in fits:
+        raise InputError(
+            f"{_WORD}: the model's integrator is {integrator}, in which the friction is not held over a step; set Euler, implicit or implicitfast"
+        )
+    dof, joint = model.joint(name).dofadr[0], model.joint(name).id
+    for what in ("damping", "frictionloss"):
+        if value := getattr(model, f"dof_{what}")[dof]:
+            raise InputError(
+                f"{_WORD}: joint {short(name)} has {what} {value:.4g} of its own, and friction would count twice; set it to 0 in the model"
+            )
+    lugre = getattr(mujoco.mjtDyn, "mjDYN_DCMOTOR", None)
+    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT.value
+    on_joint &= model.actuator_trnid[:, 0] == joint
+    if lugre is not None and np.any(
+        on_joint & (model.actuator_dyntype == lugre.value) & (model.actuator_dynprm[:, 5] > 0)
+    ):
+        raise InputError(
+            f"{_WORD}: joint {short(name)} has a dcmotor with LuGre friction, and friction would count twice; take it out of the model"
+        )

@@ -1,0 +1,86 @@
+"""What an export gives: files, what the target holds, and what it loses."""
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+from bristle.control.compensator import Compensator
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.model.parameters import INERTIA, Lugre
+from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.loss import LARGE, Loss
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Request:
+    """What is asked of an export beside the joints."""
+
+    into: bytes | None = None
+    """A model into which the values are merged, as it was read; None: a snippet."""
+    into_name: str = ""
+    """What that file is called."""
+    amplitude: float | None = None
+    """Of the motion for which the values are the best, rad; None: up to the fastest measured speed."""
+    frequency: float | None = None
+    """Hz."""
+    compensator: Compensator = field(default_factory=Compensator)
+    """That is printed as C, with its adaptation."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Artefact:
+    """What one target takes."""
+
+    name: str
+    """Of the file, as it is called if no other name is asked for."""
+    content: bytes
+    holds: str
+    """A sentence: what of the friction is in it."""
+    losses: Mapping[str, tuple[Loss, ...]] = field(default_factory=dict)
+    """Of each joint, motion by motion; none: nothing is lost."""
+    said: tuple[Diagnostic, ...] = ()
+    """What else must be known of it, beside what is said of the joints."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportTarget:
+    """A kind of artefact: who writes it, and who tries it."""
+
+    write: Callable[[Sequence[ExportedJoint], Request], Artefact]
+    check: Callable[[Artefact, Sequence[ExportedJoint], Request], tuple[str, ...]]
+    """Runs it in its target, and says in lines what came out; raises `NotInstalled` where that is missing."""
+    single: bool = False
+    """Whether it holds one joint."""
+    merges: bool = False
+    """Whether it can be merged into a given model."""
+
+
+class NotInstalled(Exception):  # noqa: N818  # no error: a check that cannot be made here
+    """Why an artefact cannot be tried on this machine, and what to install."""
+
+
+_LONGEST = 50
+"""Characters of a name that a file takes from its joint."""
+
+
+def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[Diagnostic, ...]:
+    """A diagnostic for each joint that loses more than 10 % of the torque along a motion."""
+    return tuple(
+        Kind.EXPORT_LOSES(joint=joint, target=target, losses=tuple(f"{x.percent:.0f} % {x.motion.name}" for x in large))
+        for joint, found in losses.items()
+        if (large := [x for x in found if x.percent > LARGE])
+    )
+
+
+def left_out(joint: ExportedJoint, target: str, counted: Sequence[str] = ()) -> tuple[Diagnostic, ...]:
+    """What torque was identified beside LuGre and the inertia, and is not in an artefact; `counted` are terms that its values stand for."""
+    held = {*Lugre._fields, INERTIA.name, "links", "torque_constant", *counted}
+    names = tuple(str(x.parameter) for x in joint.parameters if x.parameter.name not in held)
+    return (Kind.EXPORT_LEAVES_OUT(joint=joint.name, target=target, names=names),) if names else ()
+
+
+def slug(joints: Sequence[ExportedJoint]) -> str:
+    """What a file of these joints is called: the joint's name in plain letters, or `robot`."""
+    if len(joints) > 1:
+        return "robot"
+    return re.sub(r"[^a-z0-9]+", "_", joints[0].name.lower()).strip("_")[:_LONGEST] or "joint"

@@ -1,0 +1,153 @@
+"""Compiles the printed C with the compiler of this machine, and runs it beside the compensator in Python."""
+
+import ctypes
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.control.compensator import Compensator
+from bristle.control.running import RunningCompensator
+from bristle.errors import InputError
+from bristle.model.parameters import Lugre, Pair
+from bristle.questions.export.artefact import Artefact, NotInstalled, Request
+from bristle.questions.export.c_step import printed_step
+from bristle.questions.export.exported import ExportedJoint
+
+FLAGS = (
+    "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wfloat-equal", "-Werror", "-std=c99", "-O2",
+)  # fmt: skip  # a list of values
+_STEPS, _PERIOD = 10_000, 1e-3
+_SEED = 0
+_DRIVER = """
+#define BRISTLE_SELF_TEST
+#include "joint.h"
+int run(int n, const br_real *inputs, br_real *torque);
+int run(int n, const br_real *inputs, br_real *torque)
+{
+    const br_params p = NAME;
+    br_state s;
+    int k, worst = br_init(&p, &s, inputs[POSITION]);
+    for (k = 0; k < n; k++) {
+        br_input in;
+ASSIGN
+        const int status = br_step(&p, &s, &in, &torque[k]);
+        worst = status > worst ? status : worst;
+    }
+    return worst;
+}
+int self_test(void);
+int self_test(void) { return NAME_self_test(); }
+"""
+
+
+def check_header(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:
+    """The printed C beside Python, over 10 s at 1 kHz, in double and in single precision. Raises NotInstalled without a C compiler."""
+    (joint,) = joints
+    lines = []
+    inputs = motion(joint)
+    torque = python_torque(joint, request.compensator, inputs)
+    for name, real in (("double", np.float64), ("single", np.float32)):
+        with compiled(artefact.content.decode("ascii"), joint, request.compensator, real) as code:
+            found = code(inputs)
+            failed = code.self_test()
+        off = float(np.abs(found - torque).max() / np.abs(torque).max())
+        self_test = "passed" if failed == 0 else f"FAILED at step {failed}"
+        lines.append(
+            f"{name} precision: {off:.1e} of the peak torque off Python, {_STEPS} steps; self-test {self_test}"
+        )
+    return tuple(lines)
+
+
+def numbers_of(joint: ExportedJoint) -> Pair[float]:
+    """The joint's sets; without a bristle for compensators that have none, a stiffness of 1 standing for what does not enter."""
+    return joint.pair if joint.has_bristle else Pair(*(Lugre(*p, sigma_0=1.0, sigma_1=0.0) for p in joint.curves))
+
+
+def motion(joint: ExportedJoint) -> dict[str, Array]:
+    """What the compensator is given for 10 s at 1 kHz, (n,) each, as numbers of single precision.
+
+    Sliding up to half of the fastest measured speed, presliding, standstill, then reversals with noise.
+    """
+    rng = np.random.default_rng(_SEED)
+    t = _PERIOD * np.arange(1, _STEPS + 1)
+    top, w = 0.5 * joint.fastest, 2 * np.pi * 0.7
+    bent = min((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in numbers_of(joint))
+    parts = [t < 4, t < 6, t < 7]
+    amplitude = np.select(parts, [top / w, 0.5 * bent, 0.0], 0.1 * top / w)
+    noise = np.where(t < 7, 0.0, 0.02 * top * rng.standard_normal(t.size))
+    moved = {
+        "reference_position": amplitude * np.sin(w * t),
+        "reference_velocity": amplitude * w * np.cos(w * t) + noise,
+        "reference_acceleration": -amplitude * w**2 * np.sin(w * t),
+        "position": amplitude * np.sin(w * t - 0.05) + noise * _PERIOD,
+        "velocity": amplitude * w * np.cos(w * t - 0.05) + 0.5 * noise,
+        "dt": np.full(t.size, _PERIOD),
+    }
+    return {name: x.astype(np.float32).astype(np.float64) for name, x in moved.items()}
+
+
+def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[str, Array]) -> Array:
+    """What the compensator in Python makes of it, N*m, (n,)."""
+    running = RunningCompensator(compensator, numbers_of(joint), float(inputs["position"][0]))
+    columns = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
+    rows = np.array([inputs[name] for name in columns]).T.tolist()
+    return np.array([running.step(h, (y_ref, v_ref, a_ref), y, v) for h, y_ref, v_ref, a_ref, y, v in rows])
+
+
+class CompiledHeader:
+    """A header that was compiled, in a library that is loaded."""
+
+    def __init__(self, library: ctypes.CDLL, names: Sequence[str], real: type) -> None:
+        self._library, self._names, self._real = library, names, real
+
+    def __call__(self, inputs: dict[str, Array]) -> Array:
+        """The torque of every step, N*m, (n,). Raises InputError where a step was refused."""
+        torque, status = self.run(self.packed(inputs))
+        if status:
+            raise InputError(f"the printed C refused a step with status {status}; expected 0")
+        return np.asarray(torque, dtype=np.float64)
+
+    def packed(self, inputs: dict[str, Array]) -> Any:
+        """What the C reads, row by row, (n, inputs)."""
+        return np.array([inputs[name] for name in self._names]).T.astype(self._real, order="C")
+
+    def run(self, rows: Any) -> tuple[Any, int]:
+        """The torque of every row, (n,), and the worst status."""
+        torque: Any = np.empty(len(rows), dtype=self._real)
+        status = self._library.run(len(rows), *(ctypes.c_void_p(x.ctypes.data) for x in (rows, torque)))
+        return torque, int(status)
+
+    def self_test(self) -> int:
+        """0, or the first step of the test vector that is off."""
+        return int(self._library.self_test())
+
+
+@contextmanager
+def compiled(text: str, joint: ExportedJoint, compensator: Compensator, real: type) -> Iterator[CompiledHeader]:
+    """A header as a library, in double or single precision. Raises NotInstalled where there is no C compiler, or it refuses the code."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        raise NotInstalled("there is no C compiler here; install gcc or clang")
+    from bristle.questions.export.c_header import identifier  # which names this module's check
+
+    names = printed_step(compensator).inputs
+    assign = "\n".join(f"        in.{name} = inputs[{len(names)} * k + {j}];" for j, name in enumerate(names))
+    position = str(names.index("position")) if "position" in names else "0"
+    source = _DRIVER.replace("NAME", identifier(joint)).replace("ASSIGN", assign).replace("POSITION", position)
+    with tempfile.TemporaryDirectory(prefix="bristle-") as folder:
+        place = Path(folder)
+        (place / "joint.h").write_text(text, encoding="ascii")
+        (place / "driver.c").write_text(source, encoding="ascii")
+        single = ["-DBRISTLE_SINGLE"] if real is np.float32 else []
+        command = [compiler, *FLAGS, *single, "-shared", "-fPIC", "-o", "joint.so", "driver.c", "-lm"]
+        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)  # noqa: S603  # our own words
+        if done.returncode:
+            raise NotInstalled(f"{Path(compiler).name} refuses the code: {done.stderr.strip()[-300:]}")
+        yield CompiledHeader(ctypes.CDLL(str(place / "joint.so")), names, real)

@@ -1,0 +1,314 @@
+"""The compensator as one C99 header: for a microcontroller, a ros2_control controller, an S-function or an FMU.
+
+Its arithmetic is printed from the CasADi expressions that bristle evaluates; the template around it checks, names and explains.
+"""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from bristle.arrays import Array
+from bristle.control.adaptation import Adaptation
+from bristle.control.compensator import Compensator
+from bristle.control.running import RunningCompensator
+from bristle.control.symbolic import settings_of
+from bristle.errors import InputError
+from bristle.model.parameters import Lugre, in_current, slides, unit
+from bristle.questions.export import c_code
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, left_out, slug
+from bristle.questions.export.c_check import check_header, numbers_of
+from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_joint, printed_step
+from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.notes import notes
+
+RANGES = {
+    "alpha_0": (1e-5, 1e4),
+    "alpha_1": (0.0, 1e4),
+    "alpha_2": (0.0, 1e4),
+    "v_s": (1e-5, 1e3),
+    "sigma_0": (1e-1, 1e9),
+    "sigma_1": (0.0, 1e4),
+    "share": (0.0, 10.0),
+    "inertia": (0.0, 1e4),
+    "softness": (1e-6, 1e3),
+    "filter_time": (0.0, 1e3),
+    "observer_gain": (0.0, 1e4),
+    "dead_zone": (0.0, 1e3),
+    "leakage": (0.0, 1e3),
+    "forgetting": (0.0, 10.0),
+    "lower": (1e-3, 1.0),
+    "upper": (1.0, 1e3),
+    "gamma": (0.0, 1e6),
+    "reference_position": (-1e6, 1e6),
+    "reference_velocity": (-1e3, 1e3),
+    "reference_acceleration": (-1e6, 1e6),
+    "position": (-1e6, 1e6),
+    "velocity": (-1e3, 1e3),
+    "dt": (1e-6, 1.0),
+}
+"""Within which nothing overflows."""
+SINGLE_ADAPTING = {
+    "alpha_0": (1e-3, 1e3),
+    "alpha_1": (0.0, 1e3),
+    "sigma_1": (0.0, 1e3),
+    "gamma": (0.0, 1e4),
+    "observer_gain": (0.0, 1e3),
+    "reference_position": (-1e4, 1e4),
+    "position": (-1e4, 1e4),
+}
+"""The same of a compensator that adapts in single precision, where these are narrower: its gradients are squared."""
+_WHAT = {
+    "alpha_0": "Coulomb friction",
+    "alpha_1": "Stribeck amplitude",
+    "alpha_2": "viscous friction",
+    "v_s": "Stribeck velocity",
+    "sigma_0": "bristle stiffness",
+    "sigma_1": "bristle damping",
+    "share": "of the friction that is compensated",
+    "inertia": "fed forward: times the reference acceleration",
+    "softness": "v_0 of the Coulomb compensator",
+    "filter_time": "of the differentiated velocity",
+    "observer_gain": "k of the observer",
+    "dead_zone": "a position error below it teaches nothing",
+    "leakage": "rate at which gains return to 1",
+    "forgetting": "of least squares",
+    "lower": "least gain",
+    "upper": "largest gain",
+    "deflection": "of the model's bristle",
+    "reference_position": "where the joint is to be",
+    "reference_velocity": "how fast it is to move",
+    "reference_acceleration": "for the inertia",
+    "position": "measured",
+    "velocity": "that drives the model",
+    "dt": "since the last step",
+}
+_SECONDS = {"filter_time": "s", "dt": "s", "observer_gain": "1/s", "leakage": "1/s", "forgetting": "1/s"}
+_LIKE = {
+    "softness": "velocity",
+    "dead_zone": "position",
+    "deflection": "position",
+    "reference_position": "position",
+    "reference_velocity": "velocity",
+    "reference_acceleration": "acceleration",
+}
+_LARGEST = 1e30
+"""Of what has no range of its own."""
+_STEPS, _DT, _HERTZ = 48, 5e-3, 2.5
+"""The test vector: steps, their length, s, and the frequency of its sine, Hz."""
+_DOUBLE, _SINGLE = 1e-12, 5e-6
+"""How far a torque of the test vector may be off, over the largest."""
+
+
+class _Field(NamedTuple):
+    """A number of a struct."""
+
+    name: str
+    unit: str
+    what: str
+    low: str
+    high: str
+    shown: str
+    """Its range, for a reader."""
+
+
+def identifier(joint: ExportedJoint) -> str:
+    """What a joint's parameters are called in C."""
+    return f"bristle_{slug([joint])}"
+
+
+def header(joint: ExportedJoint, compensator: Compensator) -> str:
+    """The header of one joint.
+
+    Raises InputError where the compensator does nothing, or a parameter is out of the range of the code.
+    """
+    if compensator.name == "none":
+        raise InputError(
+            "compensator: none has no code; expected coulomb, stribeck, lugre, lugre-feedback or lugre-observer"
+        )
+    printed, given = printed_step(kind_of(compensator)), settings_of(compensator)
+    _refuse_out_of_range(joint, printed.fields, {name: given[name] for name in printed.settings})
+    rows = test_vector(joint, compensator, printed)
+    peak = float(np.abs(rows[:, -1]).max())
+    code = _code(kind_of(compensator))
+    guard = hashlib.sha256(joint.name.encode("utf-8", "surrogatepass")).hexdigest()[:12].upper()
+    text: str = _template().render(
+        joint=joint.name, name=identifier(joint), notes=[*notes(joint), *_about(compensator, joint)],
+        guard=f"BRISTLE_{guard}", sets=[[_text(getattr(p, name)) for name in printed.fields] for p in numbers_of(joint)],
+        settings=[(name, _text(given[name])) for name in printed.settings],
+        rows=[[*map(_text, row)] for row in rows], columns=printed.inputs,
+        tolerances=(_text(_DOUBLE), _text(_SINGLE)), allowed=(_text(_DOUBLE * peak), _text(_SINGLE * peak)), **code,
+    )  # fmt: skip  # a list of values
+    return text
+
+
+def test_vector(joint: ExportedJoint, compensator: Compensator, printed: PrintedStep) -> Array:
+    """What goes in and the torque that comes out, by the compensator in Python from rest at position 0, (steps, inputs + 1).
+
+    A sine up to half of the fastest measured speed, a standstill, and a sine in presliding. Every input is a number of single precision.
+    """
+    k = np.arange(1, _STEPS + 1)
+    w = 2 * np.pi * _HERTZ
+    speeds = np.where(k <= _STEPS // 2, 0.5 * joint.fastest, np.where(k <= 2 * _STEPS // 3, 0.0, 0.02 * joint.fastest))
+    t = _DT * k
+    columns = {
+        "reference_position": speeds / w * np.sin(w * t),
+        "reference_velocity": speeds * np.cos(w * t),
+        "reference_acceleration": -speeds * w * np.sin(w * t),
+        "position": speeds / w * np.sin(w * t - 0.1),
+        "velocity": speeds * np.cos(w * t - 0.1),
+        "dt": np.full(k.size, _DT),
+    }
+    given = {name: x.astype(np.float32).astype(np.float64) for name, x in columns.items()}
+    running = RunningCompensator(compensator, numbers_of(joint))
+    rows = np.array([given[name] for name in ("dt", *_REFERENCE, "position", "velocity")]).T.tolist()
+    torque = [running.step(h, (y_ref, v_ref, a_ref), y, v) for h, y_ref, v_ref, a_ref, y, v in rows]
+    return np.column_stack([*(given[name] for name in printed.inputs), torque])
+
+
+_REFERENCE = ("reference_position", "reference_velocity", "reference_acceleration")
+
+
+def kind_of(compensator: Compensator) -> Compensator:
+    """The compensator of its kind whose numbers are the default's: what is printed is the same for all of a kind."""
+    a = compensator.adaptation
+    kind = a and Adaptation(law=a.law, step=a.step, parameters=a.parameters, gamma=(0.0,) * len(a.parameters))
+    return Compensator(name=compensator.name, velocity=compensator.velocity, adaptation=kind)
+
+
+def _refuse_out_of_range(joint: ExportedJoint, fields: Sequence[str], settings: Mapping[str, float]) -> None:
+    for name, value in (*((name, getattr(p, name)) for p in numbers_of(joint) for name in fields), *settings.items()):
+        low, high = RANGES[_stem(name)]
+        if not low <= value <= high:
+            raise InputError(
+                f"{joint.name}: {name}: got {value:g}; the C code takes {low:g} to {high:g}: check its unit"
+            )
+
+
+def _about(compensator: Compensator, joint: ExportedJoint) -> Iterator[str]:
+    """What is computed, and in which units."""
+    a = compensator.adaptation
+    adapts = f", adapting {', '.join(a.parameters)} by the {a.law} law, {a.step} step" if a else ", without adaptation"
+    yield f"compensator: {compensator.name}{adapts}"
+    if slides(joint.kind) or in_current(joint.kind):
+        yield f"units below are those of a joint that turns; here rad is {unit('position', joint.kind)}, and N*m {unit('torque', joint.kind)}"
+
+
+@cache
+def _code(compensator: Compensator) -> dict[str, Any]:
+    """What the template names that is the same for all compensators of a kind."""
+    printed = printed_step(compensator)
+    gradient = printed.gradient
+    field = partial(_field, adapts=compensator.adaptation is not None)
+    parts: dict[str, Any] = {
+        "fields": [*map(field, printed.fields)],
+        "parameters": [*map(field, printed.settings)],
+        "memory": [*map(field, printed.memory)],
+        "inputs": [*map(field, printed.inputs)],
+        "start": [*_lines(printed.start, ("p->", ""), "s->")],
+        "start_reads_position": "position" in printed.memory,
+        "gains": [name for name in printed.memory if _stem(name) == "theta"],
+        "advance": [*_lines(printed.advance, ("p->", "p->", "s->", "in->"), "next->")],
+        "gradient": [*_lines(gradient, ("p->", "p->", "s->"), None)] if gradient else [],
+        "simulate": [*_lines(printed_joint(), ("p->", "j->", ""), "j->")] if gradient else [],
+        "math": c_code.MATH,
+        "units": {name: unit(name) for name in ("position", "velocity", "torque")},
+    }
+    digest = hashlib.sha256(repr(parts).encode()).hexdigest()
+    return parts | {"code_hash": f"0x{digest[:8]}"}
+
+
+def _lines(printed: NamedFunction, owners: Sequence[str], target: str | None) -> Iterator[str]:
+    """The statements of a function whose inputs belong to these structs, and its outputs to one, or to an array."""
+
+    def operand(place: int, element: int) -> str:
+        """A member of a struct, or an argument."""
+        return owners[place] + printed.inputs[place][element]
+
+    lines, outputs = c_code.printed(printed.function, operand)
+    yield from lines
+    gains = [name for name in printed.outputs if _stem(name) == "theta"]
+    for k, (name, value) in enumerate(zip(printed.outputs, outputs, strict=True)):
+        change = name in gains and printed.function.name() == "advance"
+        place = f"out[{k}]" if target is None else f"change[{gains.index(name)}]" if change else target + name
+        yield f"{place} = {value.text};"
+
+
+def ranges(name: str, *, adapts: bool) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Lowest and highest value of a number in double precision, and in single."""
+    stem = _stem(name)
+    double = RANGES.get(stem, (-_LARGEST, _LARGEST))
+    return double, SINGLE_ADAPTING.get(stem, double) if adapts else double
+
+
+def _field(name: str, *, adapts: bool) -> _Field:
+    double, single = ranges(name, adapts=adapts)
+    low, high = (
+        f"BR_C({_text(x)})" if x == y else f"BR_K({_text(x)}, {_text(y)})" for x, y in zip(double, single, strict=True)
+    )
+    shown = "[{:g}, {:g}]".format(*double) + ("" if single == double else " (single [{:g}, {:g}])".format(*single))
+    stem = _stem(name)
+    return _Field(name, _unit(name, stem), _meaning(name, stem), low, high, shown)
+
+
+def _stem(name: str) -> str:
+    """What a number is of a kind: gamma_1 -> gamma, theta_alpha_0 -> theta."""
+    return name.split("_", 1)[0] if name.startswith(("gamma_", "theta_", "sensitivity_", "covariance_")) else name
+
+
+def _unit(name: str, stem: str) -> str:
+    if stem in ("gamma", "covariance"):
+        return "as docs/compensation.md has it"
+    if stem == "inertia":
+        return unit("inertia")
+    if stem in Lugre._fields or stem in ("position", "velocity"):
+        return unit(stem)
+    if stem == "sensitivity":
+        return unit("position")
+    return _SECONDS.get(name) or (unit(_LIKE[name]) if name in _LIKE else "1")
+
+
+def _meaning(name: str, stem: str) -> str:
+    rest = name.removeprefix(f"{stem}_")
+    by_stem = {
+        "gamma": f"learning rate of adapted parameter {rest}",
+        "theta": f"gain of {rest}: what it is multiplied by",
+        "sensitivity": f"dz / d theta of {rest}",
+        "covariance": "P of least squares",
+    }
+    return by_stem.get(stem) or _WHAT[name]
+
+
+def _text(value: float) -> str:
+    """A number with every digit."""
+    return repr(float(value))
+
+
+@cache
+def _template() -> Any:
+    environment = Environment(  # noqa: S701  # C, whose texts `escaped` makes harmless
+        loader=PackageLoader("bristle.questions.export"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["c"] = c_code.escaped
+    return environment.get_template("bristle.h")
+
+
+def _write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
+    (joint,) = joints
+    if request.compensator.name.startswith("lugre"):
+        joint.with_bristle("c with this compensator")
+    return Artefact(
+        name=f"{slug(joints)}.h",
+        content=header(joint, request.compensator).encode("ascii"),
+        holds="LuGre with both directions, as bristle computes it: nothing is lost",
+        said=left_out(joint, "c"),
+    )
+
+
+TARGET = ExportTarget(write=_write, check=check_header, single=True)

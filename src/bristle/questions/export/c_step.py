@@ -1,0 +1,176 @@
+"""The functions of a compensator, and of a simulated joint, that are printed as C: of named numbers, and of nothing that they do not use."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import casadi as ca
+
+from bristle.control.adaptation import effective
+from bristle.control.compensator import (
+    Compensator,
+    CompensatorState,
+    Measurement,
+    Reference,
+    adapted_count,
+    initial_state,
+    packed,
+    step,
+    unpacked,
+)
+from bristle.control.plant import State, plant_step
+from bristle.control.symbolic import SymbolicAdaptation, setting_names, with_settings
+from bristle.model import functions, law, motor
+from bristle.model.parameters import Lugre, Motor, pair_of
+
+Expression = Any
+"""A CasADi symbol: CasADi carries no types."""
+SETS = tuple(f"{d}.{name}" for d in ("positive", "negative") for name in Lugre._fields)
+"""The twelve numbers of a pair, as C calls them."""
+_INPUTS = (
+    "reference_position",
+    "reference_velocity",
+    "reference_acceleration",
+    "position",
+    "velocity",
+    "dt",
+)
+JOINT = ("position", "velocity", "deflection")
+"""What a simulated joint remembers."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangingAdaptation(SymbolicAdaptation):
+    """One that gives the change of each gain; the C adds it, in single precision without losing what is small beside the gain."""
+
+    def moved(self, theta: Expression, change: Expression) -> Expression:  # noqa: ARG002  # the C adds
+        """The change alone."""
+        return change
+
+
+class NamedFunction(NamedTuple):
+    """A function of groups of numbers, each of which has a name."""
+
+    function: ca.Function
+    inputs: tuple[tuple[str, ...], ...]
+    """The names of each input's elements."""
+    outputs: tuple[str, ...]
+
+
+class PrintedStep(NamedTuple):
+    """A compensator as it is printed."""
+
+    fields: tuple[str, ...]
+    """The parameters of a set that it depends on."""
+    settings: tuple[str, ...]
+    """Its own numbers, beside the twelve of the pair."""
+    memory: tuple[str, ...]
+    inputs: tuple[str, ...]
+    start: NamedFunction
+    """(settings, position) -> memory at rest."""
+    advance: NamedFunction
+    """(pair, settings, memory, inputs) -> memory one control period later, of gains their changes, and the torque, N*m."""
+    gradient: NamedFunction | None
+    """(pair, settings, memory) -> the derivative of the friction torque by each of the set that acts, at a given deflection; None: no bristle."""
+
+
+@lru_cache(maxsize=64)
+def printed_step(compensator: Compensator) -> PrintedStep:
+    """What is printed of a compensator: what its torque depends on, and no more."""
+    n = adapted_count(compensator)
+    names = setting_names(n)
+    q, s, w = ca.SX.sym("q", 12), ca.SX.sym("s", len(names)), ca.SX.sym("w", len(_INPUTS))
+    symbolic = with_settings(compensator, dict(zip(names, ca.vertsplit(s), strict=True)), ChangingAdaptation)
+    at_rest = packed(initial_state(symbolic, pair_of(ca.vertsplit(q)), w[3]))
+    m = ca.SX.sym("m", len(at_rest))
+    state = unpacked(ca.vertsplit(m), pair_of(ca.vertsplit(q)), n)
+    y_ref, v_ref, a_ref, y, v, h = ca.vertsplit(w)
+    new, T = step(symbolic, state, Reference(y_ref, v_ref, a_ref), Measurement(y, v), h)
+    out = ca.densify(ca.vertcat(*packed(new), T))
+    kept = _kept(out, m)
+    remembered = _remembered(compensator)
+    memory = [remembered[k] for k in kept]
+    used = _depends(ca.vertcat(out[kept], out[-1], *_at(at_rest, kept)), s)
+    used += [names.index(name) for name in ("lower", "upper") if n]
+    given = _depends(ca.vertcat(out[kept], out[-1]), w)
+    settings, inputs = [names[k] for k in used], [_INPUTS[k] for k in given]
+    read = {SETS[k].partition(".")[2] for k in _depends(out[[*kept, out.numel() - 1]], q)}
+    return PrintedStep(
+        fields=tuple(name for name in Lugre._fields if name in read),
+        settings=tuple(settings),
+        memory=tuple(memory),
+        inputs=tuple(inputs),
+        start=_named("start", [(settings, s[used]), (("position",), w[3])], memory, _at(at_rest, kept)),
+        advance=_named(
+            "advance",
+            [(SETS, q), (settings, s[used]), (memory, m[kept]), (inputs, w[given])],
+            [*memory, "torque"],
+            [out[k] for k in (*kept, out.numel() - 1)],
+        ),
+        gradient=_gradient(symbolic, state, (q, s[used], m[kept]), (settings, memory))
+        if "deflection" in memory
+        else None,
+    )
+
+
+def _remembered(compensator: Compensator) -> tuple[str, ...]:
+    """What a compensator remembers, in the order of `compensator.packed`."""
+    adapted = compensator.adaptation.parameters if compensator.adaptation else ()
+    learnt = [f"{what}_{x}" for what in ("theta", "sensitivity") for x in adapted]
+    return "deflection", "velocity", "position", *learnt, *(f"covariance_{a}_{b}" for a in adapted for b in adapted)
+
+
+def _at(values: Sequence[Expression], places: Sequence[int]) -> list[Expression]:
+    return [values[k] for k in places]
+
+
+def _depends(out: Expression, by: Expression) -> list[int]:
+    """Which elements of a vector some expressions depend on."""
+    return [k for k, enters in enumerate(ca.which_depends(out, by, 1, False)) if enters]
+
+
+def _kept(out: Expression, memory: Expression) -> list[int]:
+    """The elements of the memory that reach the torque, the last of `out`, now or later."""
+    kept: set[int] = set()
+    rows = [out.numel() - 1]
+    while new := {*_depends(out[rows], memory)} - kept:
+        kept |= new
+        rows = sorted(new)
+    return sorted(kept)
+
+
+def _gradient(
+    compensator: Compensator,
+    state: CompensatorState,
+    symbols: tuple[Expression, Expression, Expression],
+    names: tuple[Sequence[str], Sequence[str]],
+) -> NamedFunction:
+    z, v, a = state.deflection, state.velocity, compensator.adaptation
+    p = law.active(z, v, state.parameters)
+    acting = effective(p, a, state.learnt.theta) if a else p
+    _, _, *by = functions.torque_sensitivity_function()(z, v, *acting)
+    groups = list(zip((SETS, *names), symbols, strict=True))
+    return _named("gradient", groups, Lugre._fields, by)
+
+
+@lru_cache(maxsize=1)
+def printed_joint() -> NamedFunction:
+    """(pair, joint at an instant, (inertia, torque, dt)) -> the joint after dt seconds, and its friction then, N*m: `plant.plant_step`."""
+    q, x, w = ca.SX.sym("q", 12), ca.SX.sym("x", 3), ca.SX.sym("w", 3)
+    pair, (J, T, h) = pair_of(ca.vertsplit(q)), ca.vertsplit(w)
+    new = plant_step(State(*ca.vertsplit(x)), T, 0.0, h, pair, Motor(1.0, 1.0, 0.0, J), motor.current_for)
+    friction = law.torque(new.deflection, new.velocity, law.active(new.deflection, new.velocity, pair))
+    groups = [(SETS, q), (JOINT, x), (("inertia", "torque", "dt"), w)]
+    return _named("joint", groups, (*JOINT, "friction"), [*new, friction])
+
+
+def _named(
+    name: str,
+    inputs: Sequence[tuple[Sequence[str], Expression]],
+    outputs: Sequence[str],
+    values: Sequence[Expression],
+) -> NamedFunction:
+    out = ca.densify(ca.vertcat(*(ca.SX(x) for x in values)))
+    function = ca.Function(name, [x for _, x in inputs], [out], {"cse": True})
+    return NamedFunction(function, tuple(tuple(names) for names, _ in inputs), tuple(outputs))

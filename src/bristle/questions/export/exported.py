@@ -1,0 +1,249 @@
+"""What is handed over of an identified joint: one value of each parameter with its interval and source, and what must be said of it.
+
+What the data do not show is filled in only where a target cannot do without it, and is marked as assumed wherever it stands.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from bristle.arrays import Interval, Number
+from bristle.data.experiment.load import Experiment
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
+from bristle.identification.fits import Estimate
+from bristle.identification.known_joint import (
+    KnownJoint,
+    assumed_damping,
+    chosen,
+    inertia_of,
+    known_joint,
+)
+from bristle.identification.results import Joint
+from bristle.identification.verdict import Trust, verdict
+from bristle.model.law import DAMPING_RATIO
+from bristle.model.parameters import (
+    INERTIA,
+    SIGNED,
+    WITHOUT_PEAK,
+    Direction,
+    Lugre,
+    Pair,
+    ParameterName,
+    Stribeck,
+    in_current,
+    in_direction,
+    is_passive,
+    unit,
+    units_of,
+)
+from bristle.model.parameters import Kind as JointKind
+from bristle.simulation.joint_loop import fastest_measured
+
+FREQUENCY = 0.5
+"""Hz, of the motions along which torques are compared."""
+_POSITIVE = ("alpha_0", "v_s", "sigma_0")
+"""Parameters that cannot be zero: an interval that holds zero says that nothing is known of their size."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedParameter:
+    """One parameter as it is handed over."""
+
+    parameter: ParameterName
+    value: float
+    unit: str
+    standard_error: Number | None
+    """None: there is none, as of what is given or assumed."""
+    interval: Interval | None
+    """95 %."""
+    source: str
+    """The fit that it comes from, as `static` or `joint`; `given` in the experiment file, or `assumed`."""
+
+    @property
+    def assumed(self) -> bool:
+        """Whether the data do not show it, and it had to be filled in."""
+        return self.source == "assumed"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Origin:
+    """Where the numbers come from."""
+
+    bristle: str
+    """Version that exports."""
+    results_sha256: str | None
+    """Of the results.json that was exported; None: there is no such file."""
+    experiment: str | None
+    """Name of the experiment file."""
+    logs: Mapping[str, str]
+    """SHA-256 of each log, by its name."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedJoint:
+    """One joint as it is handed over. Units are those of a revolute joint; rad stands for m and N*m for N where it slides."""
+
+    name: str
+    kind: JointKind
+    simulated: bool
+    """Whether it was identified from simulated data."""
+    trust: Trust
+    reason: Diagnostic | None
+    """Why not to trust it without care."""
+    parameters: tuple[ExportedParameter, ...]
+    """The six of each direction (`both`, or + and -), or four where no bristle is known; then what is of no direction, as inertia or offset."""
+    inertia: float | None
+    """What the joint accelerates, kg*m**2: identified, or declared, with the links of a robot; None: nothing tells it."""
+    fastest: float
+    """The fastest measured speed, rad/s: up to there the model was identified."""
+    said: tuple[Diagnostic, ...]
+    """What was assumed, and what of the values is doubtful, beside the reason."""
+    origin: Origin
+
+    @property
+    def curves(self) -> tuple[Stribeck[float], Stribeck[float]]:
+        """Friction vs velocity of both directions, + first. Raises KeyError where a parameter is missing."""
+        positive, negative = (self._set(Stribeck._fields, d) for d in SIGNED)
+        return Stribeck(**positive), Stribeck(**negative)
+
+    @property
+    def pair(self) -> Pair[float]:
+        """Both directions, whole. Raises KeyError where the bristle is not known."""
+        return Pair(*(Lugre(**self._set(Lugre._fields, d)) for d in SIGNED))
+
+    @property
+    def quadratic(self) -> float:
+        """What multiplies v abs(v) beside the friction of the pair, N*m*s**2/rad**2; 0 where no such term was fitted."""
+        return next((x.value for x in self.parameters if x.parameter.name == "quadratic"), 0.0)
+
+    @property
+    def has_bristle(self) -> bool:
+        """Whether the data show the bristle's stiffness in both directions."""
+        rows = {x.parameter: x for x in self.parameters}
+        found = [in_direction(rows, "sigma_0", d) for d in SIGNED]
+        return all(row is not None and not row.assumed for row in found)
+
+    def _set(self, names: Sequence[str], direction: Direction) -> dict[str, float]:
+        rows = {x.parameter: x.value for x in self.parameters}
+        found = {name: in_direction(rows, name, direction) for name in names}
+        if missing := [name for name, value in found.items() if value is None]:
+            raise KeyError(f"{missing[0]}{direction}")
+        return {name: value for name, value in found.items() if value is not None}
+
+    def in_newton(self, target: str) -> "ExportedJoint":
+        """The joint. Raises InputError where its torque is known as a current alone, which the target does not take."""
+        if in_current(self.kind):
+            raise InputError(
+                f"{self.name}: its torque is known as a current alone, and {target} takes N*m or N; "
+                "give motor.torque_constant, identify, and export again"
+            )
+        return self
+
+    def with_bristle(self, target: str) -> "ExportedJoint":
+        """The joint. Raises InputError where no stage shows its bristle's stiffness, without which the target's model is not its own."""
+        if not self.has_bristle:
+            raise InputError(
+                f"{self.name}: sigma_0 is not identified, and {target} holds a LuGre bristle; add a presliding or tracking run "
+                "that shows it, or export to urdf, sdf, isaac, mujoco-frictionloss, json, yaml, matlab or latex"
+            )
+        return self
+
+
+def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> ExportedJoint:
+    """What is handed over of a joint. Raises InputError where nothing is known of the friction vs velocity in a direction."""
+    known = known_joint(joint)
+    for d in SIGNED:
+        if not known.has_law(d):
+            raise InputError(
+                f"{joint.name}: nothing is known of the friction vs velocity in direction {d}; "
+                "an export needs ramp, points or tracking runs in both directions"
+            )
+    J = inertia_of(experiment, joint)
+    ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) else SIGNED
+    sources = {row.parameter: str(row.source) for row in chosen(joint)}
+    said: list[Diagnostic] = []
+    rows = [row for d in ways for row in _direction(joint, known, d, J, sources, said)]
+    rows += _shared(joint, sources)
+    said = _of_both(said)
+    found = verdict(joint)
+    said += _doubts(rows, ways)
+    told = [replace(x, units=units_of(joint.kind)) for x in dict.fromkeys(said) if _about(x) != _about(found.reason)]
+    return ExportedJoint(
+        name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=found.reason,
+        parameters=tuple(rows), inertia=J, fastest=fastest_measured(joint), said=tuple(told), origin=origin,
+    )  # fmt: skip  # a list of values
+
+
+def _about(said: Diagnostic | None) -> tuple[Kind, str] | None:
+    """What a diagnostic says of which direction."""
+    return None if said is None else (said.kind, str(said.numbers.get("direction", "")))
+
+
+def _direction(
+    joint: Joint,
+    known: KnownJoint,
+    d: Direction,
+    J: float | None,
+    sources: Mapping[ParameterName, str],
+    said: list[Diagnostic],
+) -> Iterator[ExportedParameter]:
+    """The parameters of a direction: without those of the bristle where its stiffness is not known. What is assumed is added to `said`."""
+    values, missing = known.values(d), known.missing(d)
+    if missing_peak := [name for name in WITHOUT_PEAK if name in missing]:
+        said.append(Kind.PEAK_TAKEN_AS_NONE(names=tuple(missing_peak), direction=d))
+    names = Stribeck._fields if "sigma_0" in missing else Lugre._fields
+    if "sigma_0" in missing:
+        said.append(Kind.EXPORT_WITHOUT_BRISTLE(direction=d))
+    elif "sigma_1" in missing:
+        values["sigma_1"] = assumed_damping(values["sigma_0"], J) if J else 0.0
+        how = Kind.WITH_DAMPING_RATIO(ratio=DAMPING_RATIO, inertia="") if J else Kind.WITHOUT_INERTIA_UNDAMPED()
+        of = {"value": values["sigma_1"], "unit": unit("sigma_1", joint.kind), "how": how}
+        said.append(Kind.BRISTLE_FILLED(name="sigma_1", direction=d, **of))
+    for name in names:
+        e = None if name in missing else known.estimate(name, d)
+        if e is not None and e.value is not None:
+            yield _estimated(ParameterName(name, d), e.value, e, in_direction(sources, name, d) or "given")
+        else:
+            source = "assumed" if name in missing else "given"
+            yield ExportedParameter(
+                parameter=ParameterName(name, d), value=values[name], unit=unit(name, joint.kind),
+                standard_error=None, interval=None, source=source,
+            )  # fmt: skip  # a list of values
+
+
+def _of_both(said: Sequence[Diagnostic]) -> list[Diagnostic]:
+    """What is said alike of both directions is said once."""
+    together = [(x, x.but(direction=Direction.BOTH)) for x in said]
+    twice = Counter(both for _, both in together)
+    return [both if twice[both] > 1 else x for x, both in together]
+
+
+def _shared(joint: Joint, sources: Mapping[ParameterName, str]) -> Iterator[ExportedParameter]:
+    """What is of no direction, as far as it has a value."""
+    for row in chosen(joint):
+        if row.parameter.name not in Lugre._fields and row.estimate.value is not None:
+            name = ParameterName.parse(str(row.parameter))  # which is shared, whatever stage it is from
+            yield _estimated(name, row.estimate.value, row.estimate, sources[row.parameter])
+
+
+def _estimated(name: ParameterName, value: float, e: Estimate, source: str) -> ExportedParameter:
+    return ExportedParameter(
+        parameter=name, value=value, unit=e.unit, standard_error=e.standard_error, interval=e.interval, source=source
+    )
+
+
+def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...]) -> Iterator[Diagnostic]:
+    """Intervals that hold zero, and sets that are not passive."""
+    for row in rows:
+        if row.interval is not None and row.interval[0] <= 0 <= row.interval[1]:
+            name, _ = row.parameter
+            if name in Lugre._fields or name == INERTIA.name:
+                kind = Kind.INTERVAL_WITH_ZERO_IMPOSSIBLE if name in _POSITIVE else Kind.INTERVAL_WITH_ZERO
+                yield kind(name=str(row.parameter))
+    for d in ways:
+        values = {x.parameter.name: x.value for x in rows if x.parameter.direction == d}
+        p = Lugre(**{name: values.get(name, 0.0) for name in Lugre._fields})
+        if not is_passive(p):
+            least = p.sigma_1 * p.alpha_1 / p.alpha_0
+            yield Kind.NOT_PASSIVE(direction=d, alpha_2=p.alpha_2, least=least)

@@ -1,0 +1,278 @@
+"""Joint and friction as an FMU, FMI 2.0 for co-simulation: the printed C with the functions of FMI around it, and a linux64 binary of it."""
+
+import hashlib
+import math
+import platform
+import re
+import shutil
+import subprocess
+import tempfile
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from typing import NamedTuple
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+
+from bristle import __version__
+from bristle.control.compensator import Compensator
+from bristle.errors import InputError, one_line
+from bristle.model.parameters import Lugre, unit
+from bristle.page.output_folder import zipped
+from bristle.page.wording import shortened
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, large_losses, left_out, slug
+from bristle.questions.export.c_code import escaped
+from bristle.questions.export.c_header import RANGES, header, identifier
+from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.fmu_check import check_fmu
+from bristle.questions.export.loss import Loss, declared_motion, losses, lugre, stated_motions
+from bristle.questions.export.notes import notes
+from bristle.questions.export.xml_edit import attribute
+
+FMU_FLAGS = ("-std=c99", "-O2", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-fast-math", "-ffp-contract=off")
+"""Of the binary."""
+_NAMELESS = ("-Wl,--build-id=none", "-Wl,-s")
+"""So that its bytes do not tell when and where it was made."""
+_LARGEST = 1e30
+_STEP, _RANGE = 1e-3, (1e-6, 1e-2)
+"""Longest internal step, s: the default is no longer than that; between these it may be set."""
+_SHARE = 50
+"""Internal steps in the shorter one of the joint's two times."""
+_INERTIA = (1e-9, RANGES["inertia"][1])
+_TORQUE = (-1e6, 1e6)
+_ANY, _BEFORE, _NEVER = ("BR_INSTANTIATED | BR_INITIALISING | BR_STEPPING", "BR_INSTANTIATED | BR_INITIALISING", "0")
+"""Phases in which a variable may be set."""
+_BASE = {"rad": {"rad": 1}, "s": {"s": 1}, "m": {"m": 1}, "kg": {"kg": 1}, "N": {"kg": 1, "m": 1, "s": -2}}
+"""Exponents of the SI base units."""
+
+
+class FmuVariable(NamedTuple):
+    """A variable of the FMU; its value reference is its place."""
+
+    name: str
+    what: str
+    unit: str
+    causality: str
+    member: str
+    """In the C."""
+    low: float = -_LARGEST
+    high: float = _LARGEST
+    start: float | None = None
+    """None: it is computed."""
+    settable: str = _NEVER
+
+    @property
+    def variability(self) -> str:
+        """As FMI calls it."""
+        if self.causality != "parameter":
+            return "continuous"
+        return "fixed" if self.settable == _BEFORE else "tunable"
+
+    @property
+    def low_text(self) -> str:
+        """Every digit."""
+        return repr(self.low)
+
+    @property
+    def high_text(self) -> str:
+        """Every digit."""
+        return repr(self.high)
+
+    @property
+    def start_text(self) -> str:
+        """Every digit; nothing where it is computed."""
+        return "" if self.start is None else repr(self.start)
+
+
+def fmu_variables(joint: ExportedJoint) -> tuple[FmuVariable, ...]:
+    """The variables of a joint, in the order of their value references: input, outputs, parameters."""
+    return (*_signals(joint), *_friction_parameters(joint), *_other_parameters(joint))
+
+
+def _signals(joint: ExportedJoint) -> Iterator[FmuVariable]:
+    position, velocity, torque = (unit(name, joint.kind) for name in ("position", "velocity", "torque"))
+    yield FmuVariable("torque", "drives the joint", torque, "input", "torque", *_TORQUE, 0.0, _ANY)
+    yield FmuVariable("position", "of the joint", position, "output", "joint.position")
+    yield FmuVariable("velocity", "of the joint", velocity, "output", "joint.velocity")
+    yield FmuVariable("friction", "against positive velocity", torque, "output", "joint.friction")
+    yield FmuVariable("z", "deflection of the bristle", position, "output", "joint.deflection")
+
+
+def _friction_parameters(joint: ExportedJoint) -> Iterator[FmuVariable]:
+    for direction, p in zip(("positive", "negative"), joint.pair, strict=True):
+        for name in Lugre._fields:
+            what = f"{name}, {direction} direction"
+            yield FmuVariable(
+                f"{direction}.{name}", what, unit(name, joint.kind), "parameter", f"p.{direction}.{name}",
+                *RANGES[name], getattr(p, name), _ANY,
+            )  # fmt: skip  # a list of values
+
+
+def _other_parameters(joint: ExportedJoint) -> Iterator[FmuVariable]:
+    kind, longest = joint.kind, longest_step(joint)
+    for name, what, si, span, start, settable in (
+        ("inertia", "what the torque accelerates", unit("inertia", kind), _INERTIA, _inertia(joint), _ANY),
+        ("start_position", "at the start", unit("position", kind), RANGES["position"], 0.0, _BEFORE),
+        ("start_velocity", "at the start", unit("velocity", kind), RANGES["velocity"], 0.0, _BEFORE),
+        ("longest_step", "longest internal step", "s", _RANGE, longest, _ANY),
+    ):
+        yield FmuVariable(name, what, si, "parameter", name, *span, start, settable)
+
+
+def longest_step(joint: ExportedJoint) -> float:
+    """Longest internal step, s: 1, 2 or 5 times a power of ten, and 1 ms at most.
+
+    No longer than a fiftieth of sqrt(J / sigma_0), a radian of the joint's oscillation in stick, and of J v_s / (alpha_0 + alpha_1), in which
+    friction at breakaway changes the velocity by v_s. Velocity is then within 0.001 % or so of the continuous equations (benchmarks/export_fmu.py).
+    """
+    J = _inertia(joint)
+    times = [t for p in joint.pair for t in (math.sqrt(J / p.sigma_0), J * p.v_s / (p.alpha_0 + p.alpha_1))]
+    wanted = min(_STEP, max(_RANGE[0], min(times) / _SHARE))
+    power = math.floor(math.log10(wanted))
+    return max(x for k in (power, power + 1) for f in (1, 2, 5) if (x := float(f"{f}e{k}")) <= wanted * (1 + 1e-9))
+
+
+def _inertia(joint: ExportedJoint) -> float:
+    J, (low, high) = joint.inertia, _INERTIA
+    if J is None:
+        raise InputError(
+            f"{joint.name}: no inertia is known, and an FMU of a joint needs one; add a tracking run, or give the inertia in the experiment file, "
+            "identify, and export again"
+        )
+    if not low <= J <= high:
+        raise InputError(f"{joint.name}: inertia: got {J:g}; the FMU takes {low:g} to {high:g}: check its unit")
+    return J
+
+
+def base_units(text: str) -> dict[str, int]:
+    """Exponents of the SI base units, rad among them, of a unit such as N*m*s/rad or kg*m**2."""
+    exponents: dict[str, int] = {}
+    for sign, part in zip((1, -1), text.split("/"), strict=False):
+        for name, power in re.findall(r"([a-zA-Z]+)(?:\*\*(\d))?", part):
+            for base, n in _BASE[name].items():
+                exponents[base] = exponents.get(base, 0) + sign * n * int(power or 1)
+    return {base: n for base, n in exponents.items() if n}
+
+
+def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
+    """The files but the binary. The token is a hash of them all."""
+    variables = fmu_variables(joint)
+    first = next(k for k, v in enumerate(variables) if v.causality == "parameter")
+    context = {
+        "joint": joint.name,
+        "name": identifier(joint),
+        "tool": f"bristle {__version__}",
+        "title": f"{shortened(joint.name)}: joint and friction",
+        "description": f"{shortened(joint.name)}: joint and LuGre friction, torque in"
+        + (", identified from SIMULATED data" if joint.simulated else ""),
+        "holds": _HOLDS,
+        "notes": [*notes(joint, lost)],
+        "variables": variables,
+        "first_parameter": first,
+        "parameters": identifier(joint),
+        "outputs": [k + 1 for k, v in enumerate(variables) if v.causality == "output"],
+        "units": {v.unit: base_units(v.unit) for v in variables},
+    }
+
+    def files(token: str) -> dict[str, bytes]:
+        """As they are with that token."""
+        return {
+            "modelDescription.xml": _rendered("modelDescription.xml", context, token),
+            "documentation/index.html": _rendered("fmu.html", context, token),
+            "sources/fmu.c": _rendered("fmu.c", context, token),
+            "sources/joint.h": header(joint, Compensator()).encode("ascii"),
+        }
+
+    digest = hashlib.sha256()
+    for name, content in sorted(files("").items()):
+        digest.update(f"{name} {len(content)}\n".encode() + content)
+    return files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}")
+
+
+def _rendered(template: str, context: Mapping[str, object], token: str) -> bytes:
+    text: str = _environment().get_template(template).render(context, token=token)
+    return (text.rstrip("\n") + "\n").encode()
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("bristle.questions.export"),
+        autoescape=lambda name: name is not None and not name.endswith(".c"),  # noqa: S701  # texts in C pass `escaped`
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "c": escaped,
+        "attribute": lambda text: Markup(attribute(text)),  # noqa: S704  # which escapes
+        "shown": lambda text: one_line(text, 10_000),
+    }
+    return environment
+
+
+def fmu_binary(sources: Mapping[str, bytes], name: str) -> bytes | str:
+    """The shared library of the sources for linux64, or why there is none."""
+    if (platform.system(), platform.machine()) != ("Linux", "x86_64"):
+        return "this machine is not linux64"
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        return "there is no C compiler here"
+    with tempfile.TemporaryDirectory(prefix="bristle-") as folder:
+        place = Path(folder)
+        for file in ("fmu.c", "joint.h"):
+            (place / file).write_bytes(sources[f"sources/{file}"])
+        command = [
+            compiler,
+            *FMU_FLAGS,
+            *_NAMELESS,
+            f"-ffile-prefix-map={folder}=.",
+            "-o",
+            f"{name}.so",
+            "fmu.c",
+            "-lm",
+        ]
+        done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)  # noqa: S603  # our own words
+        if done.returncode:
+            return f"{Path(compiler).name} refuses the code: {one_line(done.stderr, 200)}"
+        return (place / f"{name}.so").read_bytes()
+
+
+_HOLDS = "the joint, its inertia and LuGre friction with both directions, as bristle steps it"
+
+
+def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
+    """The FMU of one joint.
+
+    Raises InputError where its torque is a current alone, its bristle or its inertia is not known, or a parameter is out of the range of the code.
+    """
+    (joint,) = joints
+    joint = joint.in_newton("fmu").with_bristle("fmu")
+    name = identifier(joint)
+    lost: tuple[Loss, ...] = ()
+    if joint.quadratic:
+        motions = [declared_motion(joint, request.amplitude, request.frequency), *stated_motions(joint)]
+        lost = losses(joint, lugre(joint.pair), motions)
+    files = _sources(joint, lost)
+    binary = fmu_binary(files, name)
+    if isinstance(binary, bytes):
+        files[f"binaries/linux64/{name}.so"] = binary
+    form = (
+        f"as C sources alone: {binary}; fmpy compile makes the binary"
+        if isinstance(binary, str)
+        else "as C sources and a linux64 binary"
+    )
+    lost_of = {joint.name: lost} if lost else {}
+    return Artefact(
+        name=f"{slug(joints)[:60]}.fmu",
+        content=zipped(files),
+        holds=f"{_HOLDS}; FMI 2.0 for co-simulation, {form}",
+        losses=lost_of,
+        said=(*large_losses("fmu", lost_of), *left_out(joint, "fmu")),
+    )
+
+
+TARGET = ExportTarget(write=write_fmu, check=check_fmu, single=True)
+"""Joint and friction."""

@@ -1,0 +1,112 @@
+"""Isaac Lab: a Python snippet with an `ImplicitActuatorCfg` for each joint, of static, dynamic and viscous friction and armature.
+
+PhysX takes static and dynamic friction as efforts and viscous friction as effort by velocity from Isaac Sim 5.0 on; in 4.5 `friction` is a
+coefficient of the transmitted load, and the other two are not applied (docstrings of isaaclab.actuators.ActuatorBaseCfg and of PhysX's
+PxJointFrictionParams).
+"""
+
+import ast
+import re
+from collections.abc import Iterator, Sequence
+
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import one_line
+from bristle.model.parameters import INERTIA, unit
+from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
+from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, losses_of, said_of
+from bristle.questions.export.exported import ExportedJoint
+
+_HOLDS = "static, dynamic and viscous friction, the same in both directions, and armature; no Stribeck velocity and no presliding."
+_HEAD = """\
+# Actuators of Isaac Lab with identified friction: put them into `actuators` of your ArticulationCfg.
+#
+# For Isaac Sim 5.0 and later, where friction and dynamic_friction are efforts and viscous_friction is effort by velocity.
+# In Isaac Sim 4.5 friction is a coefficient of the transmitted load, and the other two are not applied: do not use it there.
+# PhysX holds a joint at rest up to `friction`; a Newton backend takes it as the friction of a moving joint: give it dynamic_friction.
+# stiffness and damping None: as the asset has them. A joint is in one group alone: take its name out of the others.
+# joint_names_expr is a regular expression of the name as it was identified; USD names have letters, digits and _ only.
+"""
+
+
+def write_isaac(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
+    """The snippet with the best values along the motion that is asked for.
+
+    Raises InputError where a joint's torque is a current.
+    """
+    found = best_values(joints, request, "isaac")
+    text = f"{_HEAD}\nfrom isaaclab.actuators import ImplicitActuatorCfg\n\nACTUATORS = {{\n{''.join(map(_entry, found))}}}\n"
+    return Artefact(
+        name=f"{slug(joints)}_actuators.py", content=text.encode("ascii"), holds=_HOLDS,
+        losses=losses_of(found), said=(*said_of(found, "isaac"), *_without_inertia(joints)),
+    )  # fmt: skip  # a list of values
+
+
+def _without_inertia(joints: Sequence[ExportedJoint]) -> Iterator[Diagnostic]:
+    return (Kind.EXPORT_WITHOUT_INERTIA(joint=joint.name) for joint in joints if _armature(joint) is None)
+
+
+def _armature(joint: ExportedJoint) -> float | None:
+    """The inertia that was identified with the friction, kg*m**2: of a robot's joint the rotor's; else what is declared. None: neither is known."""
+    return next((x.value for x in joint.parameters if x.parameter == INERTIA), joint.inertia)
+
+
+def _static(one: CoulombViscous) -> float:
+    """The static effort, N*m: the mean of alpha_0 + alpha_1 over both directions, and not below the dynamic one, which PhysX refuses."""
+    return max(sum(p.alpha_0 + p.alpha_1 for p in one.joint.curves) / 2, one.coulomb)
+
+
+def _entry(one: CoulombViscous) -> str:
+    kind, name = one.joint.kind, one.joint.name
+    lines = "".join(f"    # {_ascii(line)}\n" for line in comment_lines(one, _HOLDS))
+    J = _armature(one.joint)
+    return f"""\
+{lines}    {name!a}: ImplicitActuatorCfg(
+        joint_names_expr=[{re.escape(name)!a}],
+        stiffness=None,
+        damping=None,
+        friction={_static(one)!r},  # {unit("torque", kind)}, at rest: alpha_0 + alpha_1, the mean of both directions
+        dynamic_friction={one.coulomb!r},  # {unit("torque", kind)}
+        viscous_friction={one.viscous!r},  # {unit("alpha_2", kind)}
+        armature={J!r},  # {unit("inertia", kind)}; {_of_armature(one.joint)}
+    ),
+"""
+
+
+def _of_armature(joint: ExportedJoint) -> str:
+    J = _armature(joint)
+    if J is None:
+        return "no inertia is known: as the asset has it"
+    if joint.inertia != J:
+        return "of the rotor, as identified beside the links"
+    return "all that the joint accelerates: take off what the asset's links have of it"
+
+
+def _ascii(line: str) -> str:
+    return ascii(one_line(line))[1:-1]
+
+
+def check_isaac(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:
+    """Compiles the snippet and reads its numbers. Raises NotInstalled where Isaac Lab is not installed, which would run it."""
+    found = best_values(joints, request, "isaac")
+    held = list(_numbers(artefact.content.decode()))
+    expected = [(_static(x), x.coulomb, x.viscous, _armature(x.joint)) for x in found]
+    line = f"compiled: its numbers are {'' if held == expected else 'NOT '}as exported"
+    try:
+        exec(compile(artefact.content, artefact.name, "exec"), {})  # noqa: S102  # our own text, whose numbers were just read
+    except ImportError as error:
+        raise NotInstalled(
+            f"{line}; Isaac Lab, which takes them, is not here: install isaaclab in Isaac Sim's Python"
+        ) from error
+    return line, "Isaac Lab: takes it"
+
+
+def _numbers(text: str) -> Iterator[tuple[object, ...]]:
+    """Static, dynamic and viscous friction and armature of each actuator."""
+    wanted = ("friction", "dynamic_friction", "viscous_friction", "armature")
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Call):
+            values = {x.arg: x.value for x in node.keywords}
+            yield tuple(ast.literal_eval(values[name]) for name in wanted)
+
+
+TARGET = ExportTarget(write=write_isaac, check=check_isaac)

@@ -1,0 +1,76 @@
+"""JSON of schema bristle-export/1: all that is known of the joints, to the last digit; and how it is read back, from JSON or YAML."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from bristle.data.experiment.yaml_file import parse
+from bristle.errors import InputError, check_regular, one_line, unreadable
+from bristle.identification.results import first_reason
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
+from bristle.questions.export.document_schema import SCHEMA, as_json, as_values, export_schema, joints_in
+from bristle.questions.export.exported import ExportedJoint
+
+LARGEST_EXPORT = 10_000_000
+"""Bytes that a document may have; a joint has about 10 000."""
+HOLDS_ALL = "everything that is exported of the joints, every digit of it; schema bristle-export/1"
+_SHOWN = 300
+"""Characters of a reason that are quoted."""
+
+
+def write_json(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
+    """The document as JSON."""
+    return Artefact(name=f"{slug(joints)}.json", content=as_json(joints).encode(), holds=HOLDS_ALL)
+
+
+def check_json(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked
+    """Validates the document by its schema, and reads it back."""
+    text = artefact.content.decode()
+    return validated(json.loads(text)), told_back(joints_in(text), joints)
+
+
+def validated(values: object) -> str:
+    """A line: whether a document is as its schema says, by jsonschema, or else by pydantic as it is read."""
+    try:
+        import jsonschema
+    except ImportError:
+        return f"{SCHEMA}: pydantic takes it; install jsonschema to hold it to docs/export.schema.json"
+    wrong = next(iter(jsonschema.Draft202012Validator(export_schema()).iter_errors(values)), None)
+    return f"{SCHEMA}: {'valid' if wrong is None else f'NOT valid ({one_line(wrong.message, 120)})'}"
+
+
+def told_back(read: Sequence[ExportedJoint], joints: Sequence[ExportedJoint]) -> str:
+    """A line: whether the joints that were read back are those that were exported."""
+    same = tuple(read) == tuple(joints) and as_values(read) == as_values(joints)
+    return f"read back: {'equal to the last bit' if same else 'NOT what was exported'}"
+
+
+def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
+    """The joints of a document of schema bristle-export/1, in JSON or, by its name, in YAML: .yaml or .yml.
+
+    Raises InputError where it cannot be read, or is no such document.
+    """
+    path = Path(path)
+    try:
+        check_regular(path)
+        with path.open("rb") as file:
+            data = file.read(LARGEST_EXPORT + 1)
+    except OSError as error:
+        raise InputError(unreadable(path, error)) from error
+    try:
+        if len(data) > LARGEST_EXPORT:
+            raise InputError(f"it has more than {LARGEST_EXPORT} bytes")
+        text = data.decode("utf-8")
+        return joints_in(json.dumps(parse(text, path.name)) if path.suffix in {".yaml", ".yml"} else text)
+    except (
+        ValueError,
+        TypeError,
+        RecursionError,
+    ) as error:  # InputError is a ValueError; a date of YAML has no form in JSON
+        why = str(error) if isinstance(error, InputError) else first_reason(error)
+        raise InputError(
+            f"{path}: is no document of schema {SCHEMA} ({one_line(why, _SHOWN)}); expected one that bristle exported"
+        ) from error
+
+
+TARGET = ExportTarget(write=write_json, check=check_json)

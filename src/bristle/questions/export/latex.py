@@ -1,0 +1,126 @@
+"""LaTeX: a table of the parameters with their uncertainty, unit, 95 % interval and source; plain `tabular`, no package needed."""
+
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from bristle.errors import one_line
+from bristle.model.parameters import Direction
+from bristle.page.wording import FITS, measured, shortened, slugs, span
+from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
+from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from bristle.questions.export.notes import notes
+
+_HOLDS = "each parameter, rounded to two digits of its standard error, with unit, 95 % interval and source"
+_ESCAPED = {
+    "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#", "%": r"\%", "_": r"\_",
+    "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}",
+    '"': "{''}", "-": "{-}",
+}  # fmt: skip  # a table
+_SYMBOLS = {
+    "alpha_0": r"\alpha_0", "alpha_1": r"\alpha_1", "alpha_2": r"\alpha_2", "v_s": "v_s",
+    "sigma_0": r"\sigma_0", "sigma_1": r"\sigma_1",
+}  # fmt: skip  # a table
+_SIGNS = {Direction.POSITIVE: "^+", Direction.NEGATIVE: "^-"}
+
+
+def write_latex(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
+    """The table, with a caption and a label; several joints stand one below the other."""
+    comments = "".join(f"% {ascii(one_line(line))[1:-1]}\n" for joint in joints for line in notes(joint))
+    rows = "\n".join(row for joint in joints for row in _rows(joint, len(joints) > 1))
+    text = f"""\
+{comments}\\begin{{table}}
+\\centering
+\\caption{{{_caption(joints)}}}
+\\label{{tab:friction-{slugs([slug(joints)])[0]}}}
+\\begin{{tabular}}{{lllll}}
+\\hline
+Parameter & Value & Unit & 95 \\% interval & Source \\\\
+\\hline
+{rows}
+\\hline
+\\end{{tabular}}
+\\end{{table}}
+"""
+    return Artefact(name=f"{slug(joints)}.tex", content=text.encode("utf-8"), holds=_HOLDS)
+
+
+def _caption(joints: Sequence[ExportedJoint]) -> str:
+    whose = "of the joints" if len(joints) > 1 else f"of {latex_text(joints[0].name)}"
+    simulated = " Identified from simulated data." if any(joint.simulated for joint in joints) else ""
+    assumed = any(one.assumed for joint in joints for one in joint.parameters)
+    marked = " Values with an asterisk are assumed, not identified." if assumed else ""
+    return f"LuGre friction {whose}: value $\\pm$ standard error, where there is one, and 95~\\% interval.{simulated}{marked}"
+
+
+def _rows(joint: ExportedJoint, headed: bool) -> Iterator[str]:
+    if headed:
+        yield rf"\multicolumn{{5}}{{l}}{{{latex_text(joint.name)}}} \\"
+    for one in joint.parameters:
+        mark = "$^*$" if one.assumed else ""
+        interval = "" if one.interval is None else _math(span(one.interval).replace("∞", r"\infty"))
+        cells = (
+            _symbol(one),
+            _value(one) + mark,
+            _unit(one.unit),
+            interval,
+            latex_text(FITS.get(one.source, one.source)),
+        )
+        yield rf"{' & '.join(cells)} \\"
+
+
+def _symbol(one: ExportedParameter) -> str:
+    name, direction = one.parameter
+    if name not in _SYMBOLS:
+        return latex_text(name)
+    return f"${_SYMBOLS[name]}{_SIGNS.get(direction, '')}$"
+
+
+def _value(one: ExportedParameter) -> str:
+    return _math(measured(one.value, one.standard_error).replace("±", r"\pm"))
+
+
+def _math(text: str) -> str:
+    """Numbers in math mode, exponents as powers of ten."""
+    return f"${re.sub(r'e([+-])0*([0-9]+)', _power, text)}$"
+
+
+def _power(found: re.Match[str]) -> str:
+    return rf" \times 10^{{{'-' if found[1] == '-' else ''}{found[2]}}}"
+
+
+def _unit(si: str) -> str:
+    """A unit as LaTeX has it: powers raised, factors set apart."""
+    return re.sub(r"\*\*([0-9])", r"$^\1$", si).replace("*", r"\,")
+
+
+def latex_text(text: str) -> str:
+    """A text, whatever it holds, in one line of at most 80 characters; letters that no plain LaTeX font has by their code."""
+    return "".join(_ESCAPED.get(c) or _letter(c) for c in shortened(" ".join(text.split()), 80).replace("…", "..."))
+
+
+def _letter(c: str) -> str:
+    """ASCII, and the letters of Western Europe that every font encoding of LaTeX has, as they are."""
+    return c if c.isascii() or (c.isalpha() and "\u00c0" <= c <= "\u00ff" and c not in "ÐðÞþ") else f"[U+{ord(c):04X}]"
+
+
+def check_latex(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked
+    """Sets the table by pdflatex, without leave to run programs. Raises NotInstalled where that is not installed."""
+    program = shutil.which("pdflatex")
+    if program is None:
+        raise NotInstalled("pdflatex, which sets the table, is not here: install texlive")
+    with tempfile.TemporaryDirectory() as folder:
+        page = b"\\documentclass{article}\\begin{document}\n%b\\end{document}\n"
+        (Path(folder) / "checked.tex").write_bytes(page % artefact.content)
+        done = subprocess.run(  # noqa: S603  # the program that was found, and our own file
+            [program, "-no-shell-escape", "-interaction=nonstopmode", "-halt-on-error", "checked.tex"],
+            cwd=folder, capture_output=True, text=True, errors="replace", timeout=120, check=False,
+        )  # fmt: skip  # a call
+    wrong = next((line for line in done.stdout.splitlines() if line.startswith("!")), f"status {done.returncode}")
+    return ("pdflatex: sets it" if done.returncode == 0 else f"pdflatex refuses it: {one_line(wrong, 200)}",)
+
+
+TARGET = ExportTarget(write=write_latex, check=check_latex)

@@ -1,0 +1,166 @@
+"""What a target loses that cannot hold the joint's friction: the root mean square of the torque error along stated motions, in percent."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.estimation.linear import bounded_least_squares
+from bristle.model import functions
+from bristle.model.parameters import Lugre, Pair, unit
+from bristle.model.rollout import rollout
+from bristle.model.vectorize import evaluate
+from bristle.page.wording import in_percent
+from bristle.questions.export.exported import FREQUENCY, ExportedJoint
+from bristle.simulation.references import Sine
+
+LARGE = 10.0
+"""Percent: a loss above it is said in a sentence."""
+_NONE = 1e-6
+"""Percent: less is rounding."""
+_PERIODS = 3
+"""That are simulated, from a bristle that is not bent; the last one counts."""
+_SAMPLES = 2000
+"""Of a period."""
+_SLOW = 0.1
+"""Of the fastest measured speed: the slow motion where no Stribeck velocity is below it."""
+
+
+class StatedMotion(NamedTuple):
+    """A sine of the position along which torques are compared."""
+
+    name: str
+    amplitude: float
+    """rad."""
+    frequency: float
+    """Hz."""
+
+    @property
+    def velocity(self) -> Array:
+        """rad/s, (n,), of all simulated periods; `last` is the part that counts."""
+        time = self.step * np.arange(_PERIODS * _SAMPLES, dtype=np.float64)
+        return np.asarray(Sine(self.amplitude, self.frequency).at(time).velocity)
+
+    @property
+    def step(self) -> float:
+        """Between samples, s."""
+        return 1 / (self.frequency * _SAMPLES)
+
+
+class Loss(NamedTuple):
+    """Of one model along one motion."""
+
+    motion: StatedMotion
+    percent: float
+    """100 * rms(model - friction) / rms(friction)."""
+
+
+Friction = Callable[[Array, float], Array]
+"""(velocity (n,), step) -> torque (n,): rad/s, s, N*m."""
+
+
+def friction_of(joint: ExportedJoint) -> Friction:
+    """The joint's own friction, v abs(v) included; where its bristle is not known, the curve of friction vs velocity."""
+    own = lugre(joint.pair) if joint.has_bristle else _curve(joint)
+    return lambda v, step: own(v, step) + _drag(joint.quadratic, v)
+
+
+def _curve(joint: ExportedJoint) -> Friction:
+    """Friction vs velocity, which has no memory."""
+    positive, negative = joint.curves
+
+    def torque(v: Array, step: float) -> Array:  # noqa: ARG001  # it has no memory
+        """At each velocity by itself."""
+        by_set = [evaluate(functions.steady_torque_function(), v, *p)[0] for p in (positive, negative)]
+        return np.where(v < 0, by_set[1], by_set[0])
+
+    return torque
+
+
+def lugre(p: Lugre[float] | Pair[float], bias: float = 0.0) -> Friction:
+    """LuGre from a bristle that is not bent, and a constant bias, N*m."""
+    return lambda v, step: rollout(v, step, p, 0.0).torque + bias
+
+
+def coulomb_viscous(coulomb: float, viscous: float) -> Friction:
+    """Coulomb friction, N*m, and viscous friction, N*m*s/rad: all that most simulators hold."""
+
+    def torque(v: Array, step: float) -> Array:  # noqa: ARG001  # it has no memory
+        """At each velocity by itself."""
+        by_coulomb, by_viscous = evaluate(functions.linear_shapes_function(), v)
+        return coulomb * by_coulomb + viscous * by_viscous
+
+    return torque
+
+
+def _drag(quadratic: float, v: Array) -> Array:
+    """What is proportional to v abs(v), N*m."""
+    zero = np.zeros_like(v)
+    names = [functions.load_terms_function().name_out(k) for k in range(functions.load_terms_function().n_out())]
+    return quadratic * evaluate(functions.load_terms_function(), zero, v, zero, zero)[names.index("quadratic")]
+
+
+def declared_motion(
+    joint: ExportedJoint, amplitude: float | None = None, frequency: float | None = None
+) -> StatedMotion:
+    """The motion for which a target's values are the best: a sine up to the fastest measured speed at 0.5 Hz, unless one is asked for."""
+    f = frequency or FREQUENCY
+    return StatedMotion("fitted", amplitude or joint.fastest / (2 * np.pi * f), f)
+
+
+def stated_motions(joint: ExportedJoint) -> tuple[StatedMotion, ...]:
+    """Three sines at 0.5 Hz: medium and slow sliding, and presliding.
+
+    Medium: up to half of the fastest measured speed. Slow: up to the mean Stribeck velocity, or a tenth of the fastest
+    speed where that is not below it. Presliding, where the bristle was identified: half as far as it bends at breakaway.
+    """
+    w = 2 * np.pi * FREQUENCY
+    peaked = [p.v_s for p in joint.curves if p.alpha_1 > 0]
+    slow = min(float(np.mean(peaked)) if peaked else np.inf, _SLOW * joint.fastest)
+    motions = [StatedMotion("medium", 0.5 * joint.fastest / w, FREQUENCY), StatedMotion("slow", slow / w, FREQUENCY)]
+    if joint.has_bristle:
+        bent = float(np.mean([(p.alpha_0 + p.alpha_1) / p.sigma_0 for p in joint.pair]))
+        motions.append(StatedMotion("presliding", 0.5 * bent, FREQUENCY))
+    return tuple(motions)
+
+
+def along(friction: Friction, motion: StatedMotion) -> tuple[Array, Array]:
+    """Velocity and torque over the last period, (n,) each: rad/s and N*m."""
+    v = motion.velocity
+    return v[-_SAMPLES:], friction(v, motion.step)[-_SAMPLES:]
+
+
+def losses(joint: ExportedJoint, model: Friction, motions: Sequence[StatedMotion]) -> tuple[Loss, ...]:
+    """How far a model's torque is from the joint's, motion by motion."""
+    found = []
+    for motion in motions:
+        (_, true), (_, kept) = along(friction_of(joint), motion), along(model, motion)
+        found.append(Loss(motion, 100 * float(np.sqrt(np.mean((kept - true) ** 2) / np.mean(true**2)))))
+    return tuple(found)
+
+
+def best_coulomb_viscous(joint: ExportedJoint, motion: StatedMotion, *, viscous: bool = True) -> tuple[float, float]:
+    """Coulomb friction, N*m, and viscous friction, N*m*s/rad, neither negative, of the least squared torque error along a motion.
+
+    Without `viscous` the second is zero, and the first the best alone.
+    """
+    v, T = along(friction_of(joint), motion)
+    columns = np.column_stack(evaluate(functions.linear_shapes_function(), v))
+    kept = columns if viscous else columns[:, :1]
+    best = bounded_least_squares(kept, T, np.zeros(kept.shape[1]))
+    return float(best[0]), float(best[1]) if viscous else 0.0
+
+
+def told(found: Sequence[Loss], joint: ExportedJoint) -> str:
+    """The losses in one line, with each motion."""
+    q = unit("position", joint.kind)
+    return ", ".join(
+        f"{_in_print(x.percent)} {x.motion.name} ({x.motion.amplitude:.3g} {q}, {x.motion.frequency:g} Hz)"
+        for x in found
+    )
+
+
+def _in_print(percent: float) -> str:
+    """In two digits; what is left by rounding is none."""
+    return "0 %" if percent < _NONE else in_percent(percent / 100)

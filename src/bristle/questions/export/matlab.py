@@ -1,0 +1,121 @@
+"""MATLAB and Octave: a script that assigns a struct with every parameter, its unit, error, interval and source."""
+
+import math
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from bristle.errors import one_line
+from bristle.model.parameters import Direction, unit
+from bristle.page.wording import slugs
+from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
+from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from bristle.questions.export.notes import notes
+
+_LONGEST = 50
+"""Characters of an identifier; MATLAB takes 63."""
+_WORDS = frozenset({
+    "break", "case", "catch", "classdef", "continue", "do", "else", "elseif", "end", "endfor", "endfunction", "endif", "endwhile", "for",
+    "function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "until", "unwind_protect", "while",
+})  # fmt: skip  # a list of words
+"""Of MATLAB and of Octave."""
+_WAYS = {
+    Direction.POSITIVE: "positive",
+    Direction.NEGATIVE: "negative",
+    Direction.BOTH: "both",
+    Direction.SHARED: "shared",
+}
+_HOLDS = "every parameter with unit, standard error, 95 % interval and source; warnings as comments"
+
+
+def write_matlab(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
+    """The script: of one joint the struct has its name, of several `robot` has a field for each."""
+    names = [_identifier(name) for name in slugs([joint.name for joint in joints])]
+    name = _identifier(slug(joints))
+    places = [name] if len(joints) == 1 else [f"{name}.{field}" for field in names]
+    lines = [line for joint, place in zip(joints, places, strict=True) for line in _lines(joint, place)]
+    text = "\n".join((f"% Friction that bristle identified; run it to get the struct {name}.", *lines)) + "\n"
+    return Artefact(name=f"{name}_friction.m", content=text.encode("ascii"), holds=_HOLDS)
+
+
+def _identifier(text: str) -> str:
+    """A text as a name of MATLAB, which is none of its words."""
+    name = re.sub(r"\W+", "_", text, flags=re.ASCII).strip("_")[:_LONGEST]
+    return name if name[:1].isalpha() and name not in _WORDS else f"joint_{name}"
+
+
+def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
+    yield "%"
+    for note in notes(joint):
+        yield f"% {ascii(one_line(note))[1:-1]}"
+    yield f"{place} = struct();"
+    yield f"{place}.name = {_text(joint.name)};"
+    yield f"{place}.kind = {_text(joint.kind)};"
+    yield f"{place}.simulated = {_logical(joint.simulated)};"
+    yield f"{place}.trust = {_text(joint.trust)};"
+    yield f"{place}.inertia = {_number(joint.inertia)}; % {unit('inertia', joint.kind)}, all that the joint accelerates"
+    yield f"{place}.fastest = {_number(joint.fastest)}; % {unit('velocity', joint.kind)}, up to which it was identified"
+    yield f"{place}.bristle = {_text(joint.origin.bristle)};"
+    yield f"{place}.results_sha256 = {_text(joint.origin.results_sha256 or '')};"
+    for one in joint.parameters:
+        yield f"{place}.{_WAYS[one.parameter.direction]}.{_identifier(one.parameter.name)} = {_parameter(one)};"
+
+
+def _parameter(one: ExportedParameter) -> str:
+    interval = "[]" if one.interval is None else f"[{_number(one.interval[0])}, {_number(one.interval[1])}]"
+    values = {
+        "value": _number(one.value), "unit": _text(one.unit), "standard_error": _number(one.standard_error),
+        "interval": interval, "source": _text(one.source), "assumed": _logical(one.assumed),
+    }  # fmt: skip  # a list of values
+    fields = ", ".join(f"'{name}', {value}" for name, value in values.items())
+    return f"struct({fields})"
+
+
+def _logical(x: bool) -> str:
+    return "true" if x else "false"
+
+
+def _number(x: float | None) -> str:
+    """A number, every digit of it; [] where there is none."""
+    if x is None:
+        return "[]"
+    return repr(x) if math.isfinite(x) else "NaN" if math.isnan(x) else "Inf" if x > 0 else "-Inf"
+
+
+def _text(text: str) -> str:
+    """A text as MATLAB has it: what is not printable ASCII by its bytes in UTF-8."""
+    if text.isascii() and text.isprintable():
+        return "'" + text.replace("'", "''") + "'"
+    codes = " ".join(map(str, text.encode("utf-8", "replace")))
+    return f"native2unicode(uint8([{codes}]), 'UTF-8')"
+
+
+_ASSIGNED = re.compile(r"(\w[\w.]*) = struct\('value'")
+"""A parameter in the script."""
+
+
+def check_matlab(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked
+    """Runs the script in Octave, and compares every value. Raises NotInstalled where that is not installed."""
+    octave = shutil.which("octave-cli") or shutil.which("octave")
+    if octave is None:
+        raise NotInstalled("Octave, which runs the script, is not here: install octave")
+    lines = artefact.content.decode("ascii").splitlines()
+    places = [found[1] for line in lines if (found := _ASSIGNED.match(line))]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "checked.m"
+        shown = "\n".join(f"printf('%.17g\\n', {place}.value);" for place in places)
+        path.write_bytes(artefact.content + shown.encode("ascii") + b"\n")
+        done = subprocess.run(  # noqa: S603  # the program that was found, and our own file
+            [octave, "--no-gui", "--norc", str(path)], capture_output=True, text=True, timeout=60, check=False
+        )
+    if done.returncode:
+        return (f"Octave refuses it: {one_line(done.stderr, 200)}",)
+    held = [float(x) for x in done.stdout.split()]
+    same = held == [one.value for joint in joints for one in joint.parameters]
+    return (f"Octave: its {len(held)} values are {'as exported, to the last bit' if same else 'NOT as exported'}",)
+
+
+TARGET = ExportTarget(write=write_matlab, check=check_matlab)

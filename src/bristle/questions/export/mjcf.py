@@ -1,0 +1,372 @@
+"""MuJoCo: one LuGre set for both directions and a constant bias, as actuators of a joint, by themselves or merged into a given MJCF.
+
+`<dcmotor lugre=...>` is LuGre exactly in continuous time; MuJoCo steps its bristle by the exact exponential at the
+velocity that the step begins with, which is of first order. Without a voltage, and with a motor constant of 1e-9,
+nothing of the motor is left (MuJoCo 3.7.0 to 4.0.0 take it so; with the real constant its back-EMF would brake).
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError, one_line, short
+from bristle.model.parameters import slides, unit
+from bristle.page.wording import shortened
+from bristle.questions.export.artefact import (
+    Artefact,
+    ExportTarget,
+    NotInstalled,
+    Request,
+    large_losses,
+    left_out,
+    slug,
+)
+from bristle.questions.export.exported import FREQUENCY, ExportedJoint
+from bristle.questions.export.loss import (
+    Friction,
+    Loss,
+    StatedMotion,
+    declared_motion,
+    friction_of,
+    losses,
+    stated_motions,
+    told,
+)
+from bristle.questions.export.notes import notes
+from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
+from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment
+from bristle.simulation.references import Sine
+
+NAME = "mujoco"
+STEP = 0.002
+"""Time step of the example and of `check`, s."""
+_HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
+_OLDEST = (3, 7)
+"""MuJoCo that has `<dcmotor>`."""
+_IMPOSED = (1.0, 0.1, 0.02)
+"""Amplitudes of `check`, rad; of a joint that slides, of the declared motion."""
+_PERIODS = 3
+"""That `check` plays; the last one counts."""
+
+
+class _Held(NamedTuple):
+    """What MuJoCo holds of a joint."""
+
+    joint: ExportedJoint
+    alone: tuple[Loss, ...]
+    """Of the best symmetric set without a bias."""
+    symmetric: SymmetricSet
+    """With the bias: what is exported."""
+    lost: tuple[Loss, ...]
+
+
+def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
+    """One `<dcmotor>` for each joint, and a `<general>` where there is a bias."""
+    found = [_held(joint, request) for joint in joints]
+    blocks = [(one.joint, _comment(one), _actuators(one)) for one in found]
+    content = _merged(blocks, request) if request.into is not None else _example(found, blocks)
+    lost = {one.joint.name: one.lost for one in found}
+    biased = [one for one in found if one.symmetric.bias]
+    alone = "; ".join(f"{shortened(one.joint.name)} {told(one.alone, one.joint)}" for one in biased)
+    return Artefact(
+        name=request.into_name or f"{slug(joints)}.xml",
+        content=content,
+        holds=_HOLDS
+        if not alone
+        else f"{_HOLDS} and a constant bias; the set alone has a torque RMS error of: {alone}",
+        losses=lost,
+        said=(*large_losses(NAME, lost), *(x for joint in joints for x in mjcf_left_out(joint, NAME))),
+    )
+
+
+def _held(joint: ExportedJoint, request: Request) -> _Held:
+    joint = joint.in_newton(NAME).with_bristle(NAME)
+    motions = mjcf_motions(joint, request)
+    alone, symmetric = (best_symmetric(joint, motions, bias=bias) for bias in (False, True))
+    return _Held(joint, losses(joint, alone.friction, motions), symmetric, losses(joint, symmetric.friction, motions))
+
+
+def mjcf_motions(joint: ExportedJoint, request: Request) -> list[StatedMotion]:
+    """The declared motion, then the stated ones."""
+    return [declared_motion(joint, request.amplitude, request.frequency), *stated_motions(joint)]
+
+
+def mjcf_left_out(joint: ExportedJoint, target: str) -> Iterator[Diagnostic]:
+    """What is identified and not exported, and that no inertia is known."""
+    yield from left_out(joint, target)
+    if joint.inertia is None:
+        yield Kind.EXPORT_WITHOUT_INERTIA(joint=joint.name)
+
+
+def _actuators(held: _Held) -> str:
+    """The elements of one joint; every attribute that a default class of the model may have changed is written."""
+    name, (p, bias) = held.joint.name, held.symmetric
+    numbers = " ".join(map(repr, (p.sigma_0, p.sigma_1, p.alpha_0, p.alpha_0 + p.alpha_1, p.v_s)))
+    lines = [
+        f'<dcmotor name={attribute(_own(name))} joint={attribute(name)} gear="1" lugre="{numbers}" '
+        f'damping="{p.alpha_2!r} 0 0" resistance="1" motorconst="1e-9" saturation="1e9 0 0"/>'
+    ]
+    if bias:
+        lines.append(
+            f'<general name={attribute(_own(name) + " bias")} joint={attribute(name)} gear="1" dyntype="none" gaintype="fixed" gainprm="0" '
+            f'biastype="affine" biasprm="{-bias!r} 0 0" damping="0 0 0" ctrllimited="false" forcelimited="false" actlimited="false"/>'
+        )
+    return "\n".join(lines)
+
+
+def _own(name: str) -> str:
+    return f"{name} friction"
+
+
+def _comment(held: _Held) -> str:
+    joint, (p, bias) = held.joint, held.symmetric
+    torque = unit("torque", joint.kind)
+    lines = [
+        *map(one_line, notes(joint, held.lost)),
+        f"Held here: one LuGre set for both directions, sigma_0 {p.sigma_0:.4g}, sigma_1 {p.sigma_1:.4g}, alpha_0 {p.alpha_0:.4g}, "
+        f"alpha_1 {p.alpha_1:.4g}, alpha_2 {p.alpha_2:.4g}, v_s {p.v_s:.4g}, and a constant bias of {bias:.4g} {torque}.",
+        f"Without the bias, the best set has: {told(held.alone, joint)}.",
+        "Both directions, exactly: bristle.mujoco.Friction, in a Python simulation.",
+        f"Keep the time step below {_largest_step(held.symmetric):.2g} s: above it MuJoCo's bristle oscillates in stick.",
+        "Leave ctrl of these actuators at 0.",
+        "saturation and gear keep defaults of the model from cutting or scaling the friction.",
+        *mjcf_joint_lines(joint),
+    ]
+    return comment("\n".join(lines) + "\n")
+
+
+def _largest_step(held: SymmetricSet) -> float:
+    """Above it the step of velocity and bristle in stick has an eigenvalue outside the unit circle, s: (sigma_1 + alpha_2) / sigma_0.
+
+    MuJoCo takes z + h v for z and v - h / (J + h d) (sigma_0 z + d v) for v, d = sigma_1 + alpha_2: the determinant is
+    (J + h**2 sigma_0) / (J + h d), for the semi-implicit step (1 - h d / J + h**2 sigma_0 / J); both are 1 there.
+    """
+    p = held.parameters
+    return (p.sigma_1 + p.alpha_2) / p.sigma_0
+
+
+def mjcf_joint_lines(joint: ExportedJoint) -> Iterator[str]:
+    """Lines for a comment: what was written into the joint itself."""
+    yield "damping and frictionloss of the joint itself are set here, so that friction does not count twice."
+    if joint.inertia is None:
+        yield "No inertia is known: armature is not set."
+    else:
+        yield (
+            f"armature {joint.inertia:.4g} {unit('inertia', joint.kind)} is the whole inertia that was identified; "
+            "where the bodies of the model hold a part of it as well, subtract that part."
+        )
+
+
+def _joint_attributes(joint: ExportedJoint) -> dict[str, str]:
+    return {**mjcf_armature(joint), "damping": "0 0 0", "frictionloss": "0"}
+
+
+def mjcf_armature(joint: ExportedJoint) -> dict[str, str]:
+    """The attribute, where an inertia is known."""
+    return {} if joint.inertia is None else {"armature": repr(joint.inertia)}
+
+
+_Block = tuple[ExportedJoint, str, str]
+"""A joint, its comment, and its elements."""
+
+
+def _example(found: Sequence[_Held], blocks: Sequence[_Block]) -> bytes:
+    """A whole small model with each joint."""
+    step = min(STEP, *(_largest_step(one.symmetric) / 2 for one in found))
+    bodies = [mjcf_example_body(joint, _joint_attributes(joint)) for joint, _, _ in blocks]
+    actuators = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
+    return mjcf_example_model(bodies, step, f"<actuator>\n{_indented(actuators)}\n</actuator>")
+
+
+def mjcf_example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
+    """A body that hangs on one joint: next to no inertia of its own, or 1 where none is known."""
+    own = "1" if joint.inertia is None else "1e-9"
+    kind = "slide" if slides(joint.kind) else "hinge"
+    written = "".join(f" {name}={attribute(value)}" for name, value in attributes.items())
+    return (
+        f'<body>\n  <joint name={attribute(joint.name)} type="{kind}" axis="0 0 1"{written}/>\n'
+        f'  <inertial pos="0 0 0" mass="{own}" diaginertia="{own} {own} {own}"/>\n</body>'
+    )
+
+
+def mjcf_example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
+    """A model that MuJoCo loads as it is; its bodies are an example, its joints and actuators are to be copied."""
+    note = comment("An example: copy the attributes of each joint, and what stands beside, into your own model.")
+    inner = (
+        f'{note}\n<option timestep="{step!r}" gravity="0 0 0" integrator="implicitfast"/>\n'
+        f"<worldbody>\n{_indented(chr(10).join(bodies))}\n</worldbody>" + (f"\n{rest}" if rest else "")
+    )
+    return f'<mujoco model="bristle example">\n{_indented(inner)}\n</mujoco>\n'.encode()
+
+
+def _indented(text: str) -> str:
+    return "\n".join("  " + line for line in text.split("\n"))
+
+
+def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
+    """The given model with the joints' friction."""
+    document = mjcf_read(request)
+    actuators = [x for x in document.root.children if x.tag == "actuator"]
+    taken = {x.attributes.get("name") for section in actuators for x in section.children}
+    for joint, _, _ in blocks:
+        if taken & {_own(joint.name), f"{_own(joint.name)} bias"}:
+            raise InputError(
+                f"{document.what}: has an actuator {short(_own(joint.name))} already, which holds this joint's friction; "
+                "merge into the model as it was before"
+            )
+        document.set_attributes(mjcf_joint(document, joint), _joint_attributes(joint))
+    text = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
+    if actuators:
+        document.insert_last(actuators[0], text)
+    else:
+        document.insert_last(document.root, f"<actuator>\n{_indented(text)}\n</actuator>")
+    return document.written()
+
+
+def mjcf_read(request: Request) -> XmlDocument:
+    """The model to merge into. Raises InputError where it is no MJCF."""
+    document = XmlDocument.read(request.into or b"", request.into_name or "into")
+    if document.root.tag != "mujoco":
+        raise InputError(f"{document.what}: begins with <{short(document.root.tag)}>; expected an MJCF, <mujoco>")
+    return document
+
+
+def mjcf_joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
+    """The joint of that name in <worldbody>. Raises InputError where there is none, or it is of another kind."""
+    there = [x for world in document.root.children if world.tag == "worldbody" for x in world.find_all("joint")]
+    found = next((x for x in there if x.attributes.get("name") == joint.name), None)
+    if found is None:
+        names = ", ".join(short(name) for x in there if (name := x.attributes.get("name"))) or "no joint with a name"
+        raise InputError(
+            f"{document.what}: has no joint {short(joint.name)} in <worldbody>; it has {names}; give the model's joint the name of the exported one"
+        )
+    kind = "slide" if slides(joint.kind) else "hinge"
+    if found.attributes.get("type", kind) != kind:
+        raise InputError(
+            f"{document.what}, line {found.line}: joint {short(joint.name)} is of type {short(found.attributes['type'])}; expected {kind}"
+        )
+    if "springdamper" in found.attributes:
+        raise InputError(
+            f"{document.what}, line {found.line}: joint {short(joint.name)} has springdamper, which makes a damping; give stiffness instead"
+        )
+    return found
+
+
+def check_mjcf(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:
+    """Each joint along imposed motions: MuJoCo against what it holds, and against the joint."""
+    mujoco = mjcf_mujoco(_OLDEST)
+    found = [_held(joint, request) for joint in joints]
+    example = _example(found, [(one.joint, "", _actuators(one)) for one in found])
+    model, lines = mjcf_model(mujoco, artefact.content, None if request.into is None else example)
+    for one in found:
+        lines += mjcf_compared(one.joint, request, one.symmetric.friction, partial(_played, mujoco, model, one))
+    return tuple(lines)
+
+
+def mjcf_mujoco(oldest: tuple[int, int]) -> Any:
+    """The module. Raises NotInstalled where there is none, or it is too old."""
+    try:
+        import mujoco
+    except ImportError as missing:
+        raise NotInstalled("MuJoCo is not installed; install bristle[mujoco]") from missing
+    if tuple(map(int, mujoco.__version__.split(".")[:2])) < oldest:
+        raise NotInstalled(
+            f"MuJoCo {mujoco.__version__} is older than {'.'.join(map(str, oldest))}; install bristle[mujoco]"
+        )
+    return mujoco
+
+
+def mjcf_model(mujoco: Any, artefact: bytes, example: bytes | None) -> tuple[Any, list[str]]:
+    """The artefact as MuJoCo compiles it, and lines; the example instead where the model that was merged into lacks its files.
+
+    Contacts and limits are off, so that nothing but friction acts against an imposed motion.
+    """
+    lines: list[str] = []
+    try:
+        model = mujoco.MjModel.from_xml_string(artefact.decode("utf-8"))
+    except ValueError as error:
+        if example is None:
+            raise
+        lines.append(
+            f"the merged model does not load from its text alone ({one_line(str(error), 200)}); its friction was run in an example"
+        )
+        model = mujoco.MjModel.from_xml_string(example.decode("utf-8"))
+    bits = mujoco.mjtDisableBit
+    model.opt.disableflags |= int(bits.mjDSBL_CONTACT) | int(bits.mjDSBL_LIMIT) | int(bits.mjDSBL_EQUALITY)
+    model.opt.timestep, model.opt.integrator = STEP, int(mujoco.mjtIntegrator.mjINT_EULER)
+    return model, lines
+
+
+Played = Callable[[StatedMotion], Array]
+"""(motion) -> friction torque, N*m, (n,), at each time step of the last period, as MuJoCo has it."""
+
+
+def mjcf_compared(joint: ExportedJoint, request: Request, held: Friction, played: Played) -> Iterator[str]:
+    """A line for each motion: how far MuJoCo is from the model that it holds, and from the joint."""
+    q, name = unit("position", joint.kind), shortened(joint.name)
+    for motion in _imposed(joint, request):
+        torque = played(motion)
+        own, lost = (percent_off(torque, at_steps(friction, motion)) for friction in (held, friction_of(joint)))
+        yield (
+            f"{name}, {motion.amplitude:.3g} {q} at {motion.frequency:g} Hz imposed at {1000 * STEP:g} ms: torque RMS error "
+            f"{own:.2g} % of the model held, {lost:.2g} % of the joint"
+        )
+
+
+def _imposed(joint: ExportedJoint, request: Request) -> list[StatedMotion]:
+    """1, 0.1 and 0.02 rad, then the declared motion and the stated ones."""
+    declared, *stated = mjcf_motions(joint, request)
+    full = declared.amplitude if slides(joint.kind) else 1.0
+    return [*(StatedMotion("imposed", full * share, FREQUENCY) for share in _IMPOSED), declared, *stated]
+
+
+def step_times(motion: StatedMotion) -> Array:
+    """The times at which `check` imposes a motion, s."""
+    return np.asarray(STEP * np.arange(round(_PERIODS / (motion.frequency * STEP))), dtype=np.float64)
+
+
+def at_steps(friction: Friction, motion: StatedMotion) -> Array:
+    """A model's torque at MuJoCo's time steps over the last period, N*m, from ten samples in each."""
+    time = np.asarray(np.arange(10 * step_times(motion).size) * (STEP / 10), dtype=np.float64)
+    torque = friction(np.asarray(Sine(motion.amplitude, motion.frequency).at(time).velocity), STEP / 10)[::10]
+    return last_period(torque)
+
+
+def last_period(torque: Array) -> Array:
+    """Of what `step_times` has."""
+    return torque[-(torque.size // _PERIODS) :]
+
+
+def percent_off(torque: Array, true: Array) -> float:
+    """100 times the root mean square of the difference over that of the true one."""
+    return 100 * float(np.sqrt(np.mean((torque - true) ** 2) / np.mean(true**2)))
+
+
+def _played(mujoco: Any, model: Any, held: _Held, motion: StatedMotion) -> Array:
+    """Position and velocity are set before each step; the actuators then have the friction of that instant."""
+    data, name = mujoco.MjData(model), held.joint.name
+    joint = model.joint(as_read(name))
+    own = [model.actuator(as_read(x)).id for x in (_own(name), f"{_own(name)} bias")[: 2 if held.symmetric.bias else 1]]
+    at = Sine(motion.amplitude, motion.frequency).at(step_times(motion))
+    q, v = joint.qposadr[0], joint.dofadr[0]
+    torque = np.empty(at.velocity.size)
+    for k, (position, velocity) in enumerate(zip(at.position, at.velocity, strict=True)):
+        data.qpos[:], data.qvel[:] = model.qpos0, 0.0
+        data.qpos[q] += position
+        data.qvel[v] = velocity
+        mujoco.mj_step(model, data)
+        torque[k] = -data.actuator_force[own].sum()
+    torque += model.actuator_damping[own[0]] * at.velocity
+    return last_period(torque)
+
+
+def as_read(name: str) -> str:
+    """A name as a reader of XML has it once it is written: what XML cannot hold is replaced."""
+    return XmlDocument.read(f"<_ n={attribute(name)}/>".encode(), "a name").root.attributes["n"]
+
+
+TARGET = ExportTarget(write=write_mjcf, check=check_mjcf, merges=True)

@@ -1,0 +1,105 @@
+"""The best symmetric LuGre set, alone or with a constant bias: for simulators whose friction has one set for both directions."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.model.parameters import Lugre, Pair
+from bristle.model.rollout import rollout, rollout_jacobian
+from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.loss import Friction, StatedMotion, along, friction_of, lugre
+
+_REACH = np.log(1e3)
+"""How far a parameter may go from the mean of both directions, as a logarithm: what no motion shows would run away."""
+
+
+class SymmetricSet(NamedTuple):
+    """What a simulator holds of a joint whose directions differ."""
+
+    parameters: Lugre[float]
+    bias: float
+    """Constant torque, N*m, that is part of the friction: positive against positive motion."""
+
+    @property
+    def friction(self) -> Friction:
+        """Along a velocity; as a pair of two equal sets, so that what it loses of such a pair is exactly nothing."""
+        return lugre(Pair(self.parameters, self.parameters), self.bias)
+
+
+class _Wanted(NamedTuple):
+    """The joint's torque along one motion."""
+
+    motion: StatedMotion
+    torque: Array
+    """Over the last period, (n,), N*m."""
+    weight: float
+    """One over root mean square and root of n: each motion counts the same."""
+
+
+def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bias: bool = True) -> SymmetricSet:
+    """The set and the bias of the least squared torque error along motions, each divided by the mean square of its torque.
+
+    By trust-region steps with exact Jacobians, in logarithms of the parameters; one that is zero in both directions
+    stays zero, and v_s is free only where there is a Stribeck term. Without `bias` that is zero. A joint whose
+    directions are the same keeps their set as it is.
+    """
+    positive, negative = joint.pair
+    if positive == negative and not joint.quadratic:
+        return SymmetricSet(positive, 0.0)
+    mean = Lugre(*((p + n) / 2 for p, n in zip(positive, negative, strict=True)))
+    wanted = [_wanted(joint, motion) for motion in motions]
+    free = [k for k, (name, x) in enumerate(mean._asdict().items()) if x > 0 and (name != "v_s" or mean.alpha_1 > 0)]
+    level = mean.alpha_0 if bias else 0.0
+    held = _held(mean, free, level)
+    solved = _solve(wanted, held, free, level, len(free) + bias)
+    return held(solved)
+
+
+def _wanted(joint: ExportedJoint, motion: StatedMotion) -> _Wanted:
+    _, torque = along(friction_of(joint), motion)
+    return _Wanted(motion, torque, 1 / float(np.sqrt(np.sum(torque**2))))
+
+
+def _held(mean: Lugre[float], free: Sequence[int], level: float) -> Callable[[Array], SymmetricSet]:
+    """(unknowns) -> the set: logarithms of the ratio of each free parameter to the mean, then the bias in units of `level`."""
+
+    def held(x: Array) -> SymmetricSet:
+        """The set that the unknowns stand for."""
+        values = list(mean)
+        for k, ratio in zip(free, np.exp(x[: len(free)]).tolist(), strict=True):
+            values[k] *= ratio
+        return SymmetricSet(Lugre(*values), level * float(x[-1]) if level else 0.0)
+
+    return held
+
+
+def _solve(
+    wanted: Sequence[_Wanted], held: Callable[[Array], SymmetricSet], free: Sequence[int], level: float, count: int
+) -> Array:
+    """The unknowns of the least cost."""
+    from scipy.optimize import least_squares
+
+    def residuals(x: Array) -> Array:
+        """Of all motions, one after the other."""
+        p, bias = held(x)
+        return np.concatenate([
+            one.weight * (rollout(one.motion.velocity, one.motion.step, p, 0.0).torque[-one.torque.size :] + bias - one.torque)
+            for one in wanted
+        ])  # fmt: skip  # one motion in a line
+
+    def slopes(x: Array) -> Array:
+        """Their derivatives by the unknowns."""
+        p, _ = held(x)
+        rows = []
+        for one in wanted:
+            by = rollout_jacobian(one.motion.velocity, one.motion.step, p, 0.0).by_parameters[-one.torque.size :]
+            columns = [by[:, k] * p[k] for k in free] + [np.full(one.torque.size, level)] * (count - len(free))
+            rows.append(one.weight * np.column_stack(columns))
+        return np.concatenate(rows)
+
+    solved = least_squares(
+        residuals, np.zeros(count), slopes, bounds=(-_REACH, _REACH), x_scale="jac", xtol=1e-10, ftol=1e-10
+    )
+    return np.asarray(solved.x, dtype=np.float64)

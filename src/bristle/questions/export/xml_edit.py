@@ -1,0 +1,332 @@
+"""An XML file edited at its bytes: what an edit does not concern stays as it was, down to blanks, quotes, comments and line ends.
+
+Expat parses it and tells where elements begin and end; only the inside of one start tag, which Expat found sound, is searched here.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+from xml.parsers import expat
+from xml.sax.saxutils import escape
+
+from bristle.errors import InputError, short
+
+MAX_BYTES = 2**23
+"""Largest file, bytes."""
+MAX_ELEMENTS = 200_000
+"""Most elements of a file, comments included."""
+MAX_DEPTH = 200
+"""Deepest nesting."""
+_ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*("[^"]*"|'[^']*')""")
+_TAG_END = re.compile(rb"\s*(/?)>")
+_NAME = re.compile(rb"<[^\s/>]+")
+_BLANKS = b" \t\r\n"
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+"""What XML 1.0 cannot hold, not even as a reference."""
+_ATTRIBUTE_NAME = re.compile(r"[A-Za-z_][\w.:-]*", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class XmlElement:
+    """An element as it stands in a file; two are the same only where they are one place of one file."""
+
+    tag: str
+    """As it is written, with its prefix."""
+    attributes: Mapping[str, str]
+    """Names as they are written; references resolved."""
+    children: tuple["XmlElement", ...]
+    comments: tuple["XmlElement", ...] = ()
+    """Those right within it, as elements without a tag, whose attribute `text` is what they say."""
+    line: int
+    """On which it begins, from 1."""
+    start: int
+    """Byte of its `<`."""
+    opened: int
+    """Byte after its start tag."""
+    closing: int
+    """Byte of its end tag; `opened` where it closes itself."""
+    end: int
+    """Byte after it."""
+
+    def find_all(self, tag: str) -> Iterator["XmlElement"]:
+        """The elements of a tag, depth first, in the order of the file: itself and those within."""
+        if self.tag == tag:
+            yield self
+        for child in self.children:
+            yield from child.find_all(tag)
+
+
+@dataclass(slots=True, kw_only=True)
+class XmlDocument:
+    """A file with its elements, and the edits that were asked for."""
+
+    content: bytes
+    """As it was read."""
+    what: str
+    """How the file is called in sentences."""
+    root: XmlElement
+    _attributes: dict[XmlElement, dict[str, str]] = field(default_factory=dict)
+    _inserted: dict[XmlElement, list[str]] = field(default_factory=dict)
+    _replaced: dict[XmlElement, str] = field(default_factory=dict)
+
+    @classmethod
+    def read(cls, content: bytes, what: str) -> "XmlDocument":
+        """A file of UTF-8, with or without a byte order mark.
+
+        Raises InputError, one sentence with file and line, where it is not well-formed, declares a document type or an entity, is encoded otherwise,
+        has more than 8 MB or 200000 elements, or is nested deeper than 200.
+        """
+        if len(content) > MAX_BYTES:
+            raise InputError(f"{what}: has more than {MAX_BYTES} bytes; expected a model without meshes")
+        try:
+            text = content.decode("utf-8")
+        except UnicodeDecodeError as error:
+            line = content.count(b"\n", 0, error.start) + 1
+            raise InputError(f"{what}, line {line}: is not encoded as UTF-8; save it so") from error
+        if "\0" in text:
+            raise InputError(
+                f"{what}, line {text.count(chr(10), 0, text.index(chr(0))) + 1}: holds NUL; expected XML in UTF-8"
+            )
+        return cls(content=content, what=what, root=_ElementReader(content, what).root())
+
+    def set_attributes(self, element: XmlElement, values: Mapping[str, str]) -> None:
+        """Add attributes, or replace their values; others stay. Raises ValueError where a name is no ASCII name of an attribute."""
+        if odd := [name for name in values if not _ATTRIBUTE_NAME.fullmatch(name)]:
+            raise ValueError(f"{odd[0]!r} is no name of an attribute")
+        self._attributes.setdefault(element, {}).update(values)
+
+    def insert_last(self, parent: XmlElement, text: str) -> None:
+        """Insert elements or comments as the last children, indented as the file is; lines of the text end with a line feed.
+
+        Raises InputError where the text is not well-formed by itself.
+        """
+        _check_fragment(text)
+        self._inserted.setdefault(parent, []).append(text)
+
+    def annotate(self, parent: XmlElement, text: str) -> None:
+        """Insert a comment as the last child, in the place of an older one that begins with the same word."""
+        word = text.split(maxsplit=1)[0]
+        for old in parent.comments:
+            if old.attributes["text"].split(maxsplit=1)[:1] == [word]:
+                return self.replace(old, comment(text))
+        return self.insert_last(parent, comment(text))
+
+    def replace(self, element: XmlElement, text: str) -> None:
+        """Put a text, elements or comments, in the place of an element or a comment. Raises InputError where it is not well-formed by itself."""
+        _check_fragment(text)
+        self._replaced[element] = text
+
+    def written(self) -> bytes:
+        """The file with the edits.
+
+        Raises ValueError where an edit lies within an element that is replaced, and InputError where the file is not what `read` takes, as too long.
+        """
+        out, at = [], 0
+        for start, end, new in sorted(self._splices(), key=lambda splice: splice[:2]):
+            if start < at:
+                raise ValueError(f"{self.what}: an edit at byte {start} lies within another")
+            out += [self.content[at:start], new]
+            at = end
+        result = b"".join((*out, self.content[at:]))
+        type(self).read(result, self.what)
+        return result
+
+    def _splices(self) -> Iterator[tuple[int, int, bytes]]:
+        """Each edit: from where, to where, and what stands there afterwards."""
+        for element, text in self._replaced.items():
+            yield element.start, element.end, self._laid_out(text, self._indent(element) or b"")
+        for element, values in self._attributes.items():
+            yield from _attribute_splices(self.content, element, values)
+        for parent, texts in self._inserted.items():
+            yield self._insertion(parent, texts)
+
+    def _insertion(self, parent: XmlElement, texts: list[str]) -> tuple[int, int, bytes]:
+        own = self._indent(parent)
+        inside = self.content[parent.opened : parent.closing]
+        body = inside.rstrip(_BLANKS)
+        empty = parent.opened == parent.closing
+        if own is None if empty else b"\n" not in inside[len(body) :]:  # all on one line
+            new = b"".join(self._laid_out(text, b"") for text in texts)
+        else:
+            indent = self._indent_within(parent, own or b"")
+            new = b"".join(self._newline + indent + self._laid_out(text, indent) for text in texts)
+            new += self._newline + (own or b"") if empty else b""
+        if parent.closing < parent.end:
+            at = parent.opened + len(body)
+            return at, at, new
+        tag = _NAME.match(self.content, parent.start)
+        assert tag is not None  # noqa: S101  # Expat found an element there
+        return parent.opened - 2, parent.opened, b">" + new + b"</" + tag[0][1:] + b">"
+
+    def _indent(self, element: XmlElement) -> bytes | None:
+        """The blanks before an element that is the first on its line; None where it is not."""
+        line = self.content[self.content.rfind(b"\n", 0, element.start) + 1 : element.start]
+        line = line.removeprefix(b"\xef\xbb\xbf")
+        return None if line.strip(b" \t") else line
+
+    def _indent_within(self, parent: XmlElement, own: bytes) -> bytes:
+        """As its last child that is the first on its line is indented; else one step further than itself."""
+        for child in reversed(parent.children):
+            if (found := self._indent(child)) is not None:
+                return found
+        return own + self._step
+
+    @property
+    def _step(self) -> bytes:
+        """By which the file indents: that of the first child which is further in than its parent; else two blanks."""
+        for element in _all(self.root):
+            own = self._indent(element)
+            for child in element.children[:1]:
+                found = self._indent(child)
+                if own is not None and found is not None and found.startswith(own) and found != own:
+                    return found[len(own) :]
+        return b"  "
+
+    @property
+    def _newline(self) -> bytes:
+        first = self.content.find(b"\n")
+        return b"\r\n" if first > 0 and self.content[first - 1 : first] == b"\r" else b"\n"
+
+    def _laid_out(self, text: str, indent: bytes) -> bytes:
+        """A text whose second and later lines are indented, and end as those of the file."""
+        return (self._newline + indent).join(text.encode("utf-8").split(b"\n"))
+
+
+def attribute(value: str) -> str:
+    """A value as an attribute has it, quoted; what XML cannot hold becomes U+FFFD, and what does not print a reference."""
+    text = escape(_NO_XML.sub("\N{REPLACEMENT CHARACTER}", value), {'"': "&quot;"})
+    return '"' + "".join(c if c.isprintable() else f"&#x{ord(c):X};" for c in text) + '"'
+
+
+def comment(text: str) -> str:
+    """A text as a comment, whatever it holds: no two hyphens in a row, and what does not print, but a line feed, as Python escapes it."""
+    shown = "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+    return f"<!-- {re.sub('-(?=-)', '- ', shown)} -->"
+
+
+def _all(element: XmlElement) -> Iterator[XmlElement]:
+    yield element
+    for child in element.children:
+        yield from _all(child)
+
+
+def _check_fragment(text: str) -> None:
+    XmlDocument.read(f"<_>{text}</_>".encode(), "what is inserted")
+
+
+def _attribute_splices(
+    content: bytes, element: XmlElement, values: Mapping[str, str]
+) -> Iterator[tuple[int, int, bytes]]:
+    """The edits that give an element some attributes."""
+    spans, end = _attribute_spans(content, element.start)
+    missing = b""
+    for name, value in values.items():
+        text = attribute(value).encode("utf-8")
+        if name in spans:
+            yield *spans[name], text
+        else:
+            missing += b" " + name.encode("ascii") + b"=" + text
+    if missing:
+        yield end, end, missing
+
+
+def _attribute_spans(content: bytes, start: int) -> tuple[dict[str, tuple[int, int]], int]:
+    """Where the value of each attribute stands, with its quotes, in the start tag at a byte; and where the last one ends."""
+    name = _NAME.match(content, start)
+    assert name is not None  # noqa: S101  # Expat found an element there
+    at, spans = name.end(), {}
+    while found := _ATTRIBUTE.match(content, at):
+        spans[found[1].decode("utf-8")] = found.span(2)
+        at = found.end()
+    return spans, at
+
+
+@dataclass(slots=True)
+class _Open:
+    """An element whose end has not come."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    start: int
+    children: list[XmlElement] = field(default_factory=list)
+    comments: list[XmlElement] = field(default_factory=list)
+
+
+class _ElementReader:
+    """Reads the elements of one file."""
+
+    def __init__(self, content: bytes, what: str) -> None:
+        self._content = content
+        self._what = what
+        self._stack = [_Open("", {}, 0, 0)]
+        self._count = 0
+        self._parser: Any = expat.ParserCreate("UTF-8")
+        self._parser.StartElementHandler = self._begin
+        self._parser.EndElementHandler = self._end
+        self._parser.CommentHandler = self._commented
+        self._parser.XmlDeclHandler = self._declared
+        self._parser.StartDoctypeDeclHandler = self._refuse_doctype
+        self._parser.EntityDeclHandler = self._refuse_doctype
+
+    def root(self) -> XmlElement:
+        """The outermost element. Raises InputError where the file is not as `XmlDocument.read` takes it."""
+        try:
+            self._parser.Parse(self._content, True)
+        except expat.ExpatError as error:
+            why = expat.ErrorString(error.code)
+            raise self._error(error.lineno, f"is not well-formed XML ({why}); expected XML in UTF-8") from error
+        return self._stack[0].children[0]
+
+    def _error(self, line: int, why: str) -> InputError:
+        return InputError(f"{self._what}, line {line}: {why}")
+
+    def _begin(self, tag: str, attributes: dict[str, str]) -> None:
+        line = self._parser.CurrentLineNumber
+        self._add()
+        if len(self._stack) > MAX_DEPTH:
+            raise self._error(line, f"nests elements deeper than {MAX_DEPTH}; expected a model")
+        self._stack.append(_Open(tag, attributes, line, self._parser.CurrentByteIndex))
+
+    def _add(self) -> None:
+        """One more."""
+        self._count += 1
+        if self._count > MAX_ELEMENTS:
+            why = f"has more than {MAX_ELEMENTS} elements; expected a model without meshes"
+            raise self._error(self._parser.CurrentLineNumber, why)
+
+    def _end(self, _tag: str) -> None:
+        done = self._stack.pop()
+        _, last = _attribute_spans(self._content, done.start)
+        tag_end = _TAG_END.match(self._content, last)
+        assert tag_end is not None  # noqa: S101  # Expat found it sound
+        opened = closing = end = tag_end.end()
+        if not tag_end[1]:
+            closing = self._parser.CurrentByteIndex
+            end = self._content.index(b">", closing) + 1
+        self._stack[-1].children.append(
+            XmlElement(
+                tag=done.tag, attributes=done.attributes, children=tuple(done.children), comments=tuple(done.comments),
+                line=done.line, start=done.start, opened=opened, closing=closing, end=end,
+            )
+        )  # fmt: skip  # a list of values
+
+    def _commented(self, text: str) -> None:
+        self._add()
+        start = self._parser.CurrentByteIndex
+        end = self._content.index(b"-->", start + 4) + 3
+        self._stack[-1].comments.append(
+            XmlElement(
+                tag="", attributes={"text": text}, children=(), line=self._parser.CurrentLineNumber,
+                start=start, opened=end, closing=end, end=end,
+            )
+        )  # fmt: skip  # a list of values
+
+    def _declared(self, _version: str, encoding: str | None, _standalone: int) -> None:
+        if encoding is not None and encoding.upper() not in {"UTF-8", "UTF8"}:
+            raise self._error(1, f"declares the encoding {short(encoding)}; expected UTF-8: save it so")
+
+    def _refuse_doctype(self, *_: Any) -> None:
+        line = self._parser.CurrentLineNumber
+        raise self._error(line, "declares a document type or an entity; expected plain XML: take the declaration out")

@@ -1,0 +1,395 @@
+"""The printed C is the compensator in Python: to the last bit in double precision, and it never gives a number that is none."""
+
+import ctypes
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bristle.control.adaptation import LAWS, STEPS, Adaptation, effective
+from bristle.control.compensator import NAMES, Compensator, Measurement, Reference, initial_state, step
+from bristle.errors import InputError
+from bristle.model import functions, law
+from bristle.model.parameters import Lugre
+from bristle.questions.export import c_code
+from bristle.questions.export.artefact import Artefact, Request
+from bristle.questions.export.c_check import FLAGS, compiled, motion, python_torque
+from bristle.questions.export.c_header import TARGET, header, identifier, kind_of, ranges
+from bristle.questions.export.c_step import printed_step
+from bristle.questions.export.exported import ExportedJoint
+from bristle.simulation import edro
+
+from .conftest import Handed
+
+PLAIN = [Compensator(name=name) for name in NAMES if name != "none"]
+ADAPTING = [Compensator(adaptation=Adaptation(law=law, step=s)) for law in LAWS for s in STEPS]
+OF_ALL = [
+    Compensator(adaptation=Adaptation(law=law, step=s, parameters=Lugre._fields, gamma=(1.0,) * 6))
+    for law in LAWS[1:]
+    for s in STEPS
+]
+OBSERVER = Compensator(name="lugre-observer", adaptation=Adaptation(law="total"), observer_gain=3.0)
+ALL = [*PLAIN, *ADAPTING, OBSERVER]
+FREESTANDING = (*FLAGS, "-ffreestanding")
+Build = Callable[..., ctypes.CDLL]
+needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc, which is not installed")
+
+
+def called(compensator: Compensator) -> str:
+    """How a case is named."""
+    a = compensator.adaptation
+    return f"{compensator.name} {a.law} {a.step} {len(a.parameters)}" if a else compensator.name
+
+
+def handed_over(joint: ExportedJoint, compensator: Compensator) -> Artefact:
+    """What `bristle export --to c` writes."""
+    return TARGET.write([joint], Request(compensator=compensator))
+
+
+def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """A command in a folder."""
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603  # our own words
+
+
+@needs_gcc
+@pytest.mark.parametrize("compensator", ALL, ids=called)
+def test_c_is_python(compensator: Compensator, handed: Handed) -> None:
+    """Over 10 s at 1 kHz with presliding, standstill, reversals and noise: double to 1e-12 of the peak torque, single to 1e-6, adapting 5e-6.
+
+    The header's own self-test passes in both.
+    """
+    joint = handed("wrist pitch")
+    text, inputs = header(joint, compensator), motion(joint)
+    torque = python_torque(joint, compensator, inputs)
+    for real, most in ((np.float64, 1e-12), (np.float32, 5e-6 if compensator.adaptation else 1e-6)):
+        with compiled(text, joint, compensator, real) as code:
+            assert np.abs(code(inputs) - torque).max() <= most * np.abs(torque).max()
+            assert code.self_test() == 0
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", edro.TABLE_1)
+def test_every_joint_is_exported(name: str, handed: Handed) -> None:
+    """What `--check` says of the four joints holds the figures: 0 in double precision, the self-tests passed."""
+    joint = handed(name)
+    request = Request()
+    double, single = TARGET.check(TARGET.write([joint], request), [joint], request)
+    assert double.startswith("double precision: 0.0e+00 of the peak torque")
+    assert double.endswith("passed")
+    assert single.endswith("passed")
+
+
+@needs_gcc
+def test_a_wrong_header_fails_its_self_test(handed: Handed) -> None:
+    """A constant that is off by a millionth makes the self-test say at which step."""
+    joint = handed()
+    text = header(joint, Compensator())
+    damaged = text.replace(repr(joint.pair.positive.alpha_2), repr(joint.pair.positive.alpha_2 * (1 + 1e-6)))
+    assert damaged != text
+    with compiled(damaged, joint, Compensator(), np.float64) as code:
+        assert code.self_test() > 0
+
+
+@pytest.fixture
+def built(tmp_path: Path) -> Build:
+    """A C file beside a header, compiled and loaded."""
+
+    def build(header_text: str, source: str, *options: str) -> ctypes.CDLL:
+        """The library."""
+        (tmp_path / "joint.h").write_text(header_text, encoding="ascii")
+        (tmp_path / "f.c").write_text(source, encoding="ascii")
+        name = f"f{len([*tmp_path.iterdir()])}.so"
+        done = run(tmp_path, "gcc", "-std=c99", "-O2", "-shared", "-fPIC", *options, "-o", name, "f.c", "-lm")
+        assert done.returncode == 0, done.stderr
+        return ctypes.CDLL(str(tmp_path / name))
+
+    return build
+
+
+@needs_gcc
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("compensator", [*ALL, *OF_ALL], ids=called)
+def test_no_flag_is_raised_within_the_ranges(
+    compensator: Compensator, single: bool, handed: Handed, built: Build
+) -> None:
+    """Parameters and inputs from everywhere in their stated ranges: no division by zero, nothing invalid, no overflow, no step refused."""
+    printed, adapts = printed_step(kind_of(compensator)), compensator.adaptation is not None
+
+    def drawn(owner: str, name: str) -> str:
+        """An assignment."""
+        low, high = ranges(name, adapts=adapts)[single]
+        return f"{owner}.{name} = drawn({low!r}, {high!r});"
+
+    parameters = [drawn(f"p.{d}", name) for d in ("positive", "negative") for name in printed.fields]
+    source = (Path(__file__).with_name("c_flags.c")).read_text(encoding="ascii")
+    source = source.replace("PARAMS", "\n".join([*parameters, *(drawn("p", name) for name in printed.settings)]))
+    source = source.replace("INPUTS", "\n".join(drawn("in", name) for name in printed.inputs))
+    options = ("-frounding-math", *(["-DBRISTLE_SINGLE"] if single else []))
+    library, refused = built(header(handed(), compensator), source, *options), ctypes.c_int()
+    assert library.flags(4000, 40, ctypes.byref(refused)) == 0
+    assert refused.value == 0
+
+
+BAD = """
+#include "joint.h"
+int bad(double *out);
+int bad(double *out)
+{
+    const br_real wrong[] = {(br_real)NAN, (br_real)INFINITY, (br_real)-INFINITY, (br_real)2e9, (br_real)-2e9};
+    br_params p = NAME;
+    br_state s, before;
+    br_input good = GOOD, in;
+    br_real torque, last;
+    int failures = 0, k, j;
+    failures += br_init(&p, &s, 0) != BR_OK;
+    for (k = 0; k < 20; k++) failures += br_step(&p, &s, &good, &last) != BR_OK;
+    before = s;
+    for (k = 0; k < 5; k++) {
+        for (j = 0; j < (int)(sizeof in / sizeof(br_real)); j++) {
+            in = good;
+            ((br_real *)&in)[j] = wrong[k];
+            failures += br_step(&p, &s, &in, &torque) != BR_BAD_INPUT || torque < last || torque > last;
+        }
+        for (j = 0; j < (int)(sizeof p / sizeof(br_real)); j++) {
+            br_params q = p;
+            ((br_real *)&q)[j] = wrong[k];
+            failures += br_step(&q, &s, &good, &torque) != BR_BAD_PARAMS || torque < last || torque > last;
+            failures += br_init(&q, &before, 0) != BR_BAD_PARAMS;
+        }
+    }
+    before = s;
+    s.deflection = (br_real)NAN;
+    failures += br_step(&p, &s, &good, &torque) != BR_NOT_FINITE || torque < last || torque > last;
+    s = before;
+    failures += br_step(&p, &s, &good, &torque) != BR_OK;
+    *out = (double)last;
+    return failures;
+}
+"""
+
+
+@needs_gcc
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("compensator", [PLAIN[2], OBSERVER], ids=called)
+def test_bad_numbers_give_the_last_valid_torque(
+    compensator: Compensator, single: bool, handed: Handed, built: Build
+) -> None:
+    """What is not finite or out of range: a status, the last valid torque, and the state as it was, so that the next good step works."""
+    joint, out = handed(), ctypes.c_double()
+    columns = printed_step(kind_of(compensator)).inputs
+    good = {"reference_velocity": "0.1f", "velocity": "0.1f", "dt": "0.001f"}
+    source = BAD.replace("NAME", identifier(joint))
+    source = source.replace("GOOD", "{" + ", ".join(good.get(name, "0") for name in columns) + "}")
+    library = built(header(joint, compensator), source, *(["-DBRISTLE_SINGLE"] if single else []))
+    assert library.bad(ctypes.byref(out)) == 0
+    assert out.value > 0
+
+
+TWO_FUNCTIONS = """#include "joint.h"
+int start(const br_params *p, br_state *s);
+int start(const br_params *p, br_state *s) { return br_init(p, s, BR_C(0.0)); }
+int tick(const br_params *p, br_state *s, const br_input *in, br_real *torque);
+int tick(const br_params *p, br_state *s, const br_input *in, br_real *torque) { return br_step(p, s, in, torque); }
+"""
+
+
+@needs_gcc
+@pytest.mark.parametrize("compensator", ALL, ids=called)
+def test_no_warning(compensator: Compensator, handed: Handed, tmp_path: Path) -> None:
+    """With every warning that controllers' rules ask for, freestanding, in double and single precision, with self-test and simulated joint."""
+    (tmp_path / "joint.h").write_text(header(handed(), compensator), encoding="ascii")
+    (tmp_path / "f.c").write_text(TWO_FUNCTIONS, encoding="ascii")
+    for options in ([], ["-DBRISTLE_SINGLE"], ["-DBRISTLE_SIMULATE", "-DBRISTLE_SELF_TEST"]):
+        done = run(tmp_path, "gcc", *FREESTANDING, *options, "-c", "f.c")
+        assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++, which is not installed")
+def test_the_header_is_cpp_too(handed: Handed, tmp_path: Path) -> None:
+    """A ros2_control controller is C++17: no warning there either."""
+    (tmp_path / "joint.h").write_text(header(handed(), ADAPTING[0]), encoding="ascii")
+    (tmp_path / "f.cpp").write_text(TWO_FUNCTIONS, encoding="ascii")
+    flags = [flag for flag in FLAGS if flag != "-std=c99"]
+    done = run(tmp_path, "g++", "-std=c++17", *flags, "-DBRISTLE_SIMULATE", "-DBRISTLE_SELF_TEST", "-c", "f.cpp")
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.skipif(shutil.which("cppcheck") is None, reason="needs cppcheck, which is not installed")
+@pytest.mark.parametrize("compensator", ALL, ids=called)
+def test_cppcheck_is_silent(compensator: Compensator, handed: Handed, tmp_path: Path) -> None:
+    """Every check of cppcheck, but that functions of a header are used, and that it can see the system's headers."""
+    (tmp_path / "joint.h").write_text(header(handed(), compensator), encoding="ascii")
+    (tmp_path / "f.c").write_text(TWO_FUNCTIONS, encoding="ascii")
+    quiet = ("--suppress=missingIncludeSystem", "--suppress=unusedFunction")
+    for options in (["-DBRISTLE_SELF_TEST"], ["-DBRISTLE_SINGLE"], ["-DBRISTLE_SIMULATE"]):
+        done = run(
+            tmp_path, "cppcheck", "--enable=all", *quiet, "--std=c99", "-q", "--error-exitcode=1", *options, "f.c"
+        )
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.skipif(shutil.which("arm-none-eabi-gcc") is None, reason="needs arm-none-eabi-gcc, which is not installed")
+@pytest.mark.parametrize("compensator", ALL, ids=called)
+def test_it_fits_a_microcontroller(compensator: Compensator, handed: Handed, tmp_path: Path) -> None:
+    """On a Cortex-M4F, single precision, -O2, parameters known at run time: at most 4096 bytes of code, 256 bytes of stack, no data."""
+    (tmp_path / "joint.h").write_text(header(handed(), compensator), encoding="ascii")
+    (tmp_path / "f.c").write_text(TWO_FUNCTIONS, encoding="ascii")
+    target = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16")
+    compile_it = ("arm-none-eabi-gcc", *target, *FREESTANDING, "-DBRISTLE_SINGLE", "-fstack-usage", "-c", "f.c")
+    assert run(tmp_path, *compile_it).returncode == 0
+    code, data, bss = run(tmp_path, "arm-none-eabi-size", "f.o").stdout.split("\n")[1].split()[:3]
+    stack = [int(line.split("\t")[1]) for line in (tmp_path / "f.su").read_text().split("\n") if line]
+    assert (int(code) <= 4096, int(data), int(bss)) == (True, 0, 0)
+    assert max(stack) <= 256
+
+
+@needs_gcc
+def test_headers_of_several_joints_stand_together(handed: Handed, tmp_path: Path) -> None:
+    """Two joints in one file share the code; two compensators in one file are refused in a sentence."""
+    one, other = handed("wrist pitch"), handed("elbow pitch")
+    (tmp_path / "one.h").write_text(header(one, Compensator()), encoding="ascii")
+    (tmp_path / "other.h").write_text(header(other, Compensator()), encoding="ascii")
+    (tmp_path / "adapts.h").write_text(header(other, ADAPTING[0]), encoding="ascii")
+    use = f"int f(br_state *s);\nint f(br_state *s) {{ return br_init(&{identifier(one)}, s, 0) + br_init(&{identifier(other)}, s, 0); }}\n"
+    (tmp_path / "f.c").write_text(f'#include "one.h"\n#include "other.h"\n#include "one.h"\n{use}', encoding="ascii")
+    assert run(tmp_path, "gcc", *FREESTANDING, "-c", "f.c").stderr == ""
+    (tmp_path / "g.c").write_text('#include "one.h"\n#include "adapts.h"\n', encoding="ascii")
+    assert "headers of different compensators in one file" in run(tmp_path, "gcc", "-c", "g.c").stderr
+
+
+GRADIENT = """
+#include "joint.h"
+void after(int n, const br_real *in, br_real *state, br_real *out);
+void after(int n, const br_real *in, br_real *state, br_real *out)
+{
+    const br_params p = NAME;
+    br_state s;
+    br_real torque;
+    int k;
+    br_init(&p, &s, 0);
+    for (k = 0; k < n; k++) {
+        const br_input now = {in[4 * k], in[4 * k + 1], in[4 * k + 2], in[4 * k + 3]};
+        br_step(&p, &s, &now, &torque);
+    }
+    *(br_state *)state = s;
+    br_gradient(&p, &s, out);
+}
+"""
+
+
+@needs_gcc
+def test_the_gradient_is_casadis(handed: Handed, built: Build) -> None:
+    """br_gradient is dT_f/dp at the deflection and the gains that the steps led to, as CasADi has it."""
+    joint, compensator = handed(), ADAPTING[LAWS.index("partial") * len(STEPS)]
+    columns = ("reference_position", "reference_velocity", "position", "dt")
+    rows = np.array([motion(joint)[name][:700] for name in columns]).T.copy()
+    inputs = printed_step(kind_of(compensator)).inputs
+    assert inputs == ("reference_position", "reference_velocity", "reference_acceleration", "position", "dt")
+    source = GRADIENT.replace("NAME", identifier(joint)).replace("in[4 * k + 1], in", "in[4 * k + 1], 0, in")
+    library, state, out = built(header(joint, compensator), source), np.zeros(16), np.zeros(6)
+    library.after(len(rows), *(ctypes.c_void_p(x.ctypes.data) for x in (rows, state, out)))
+    known = initial_state(compensator, joint.pair)
+    for y_ref, v_ref, y, h in rows.tolist():
+        known, _ = step(compensator, known, Reference(y_ref, v_ref, 0.0), Measurement(y, 0.0), h)
+    z, v = float(known.deflection), float(known.velocity)
+    p = Lugre(*(float(x) for x in law.active(z, v, joint.pair)))
+    assert compensator.adaptation is not None
+    acting = effective(p, compensator.adaptation, known.learnt.theta)
+    _, _, *by = functions.torque_sensitivity_function()(z, v, *acting)
+    np.testing.assert_allclose(out, [float(x) for x in by], rtol=1e-12)
+    np.testing.assert_allclose(state[:2], [z, v], rtol=1e-14)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    name=st.text(max_size=60)
+    | st.sampled_from(
+        [
+            "step",
+            "params",
+            "",
+            "*/ #error",
+            "??/\n*/",
+            '\\\n#include "/etc/passwd"',
+            "a" * 10_000,
+            "/*",
+            "\u202e*/",
+            "é\x00",
+        ]
+    )
+)
+def test_no_name_leaves_its_comment(handed: Handed, name: str) -> None:
+    """Whatever a joint is called, the header is printable ASCII, and without its comments the same but for identifiers and guards."""
+    text, plain = header(replace(handed(), name=name), Compensator()), header(handed(), Compensator())
+    assert all(c == "\n" or 32 <= ord(c) < 127 for c in text)
+    assert "??" not in text
+    assert code_of(text) == code_of(plain)
+
+
+def code_of(text: str) -> str:
+    """A header without comments, a joint's own names replaced."""
+    bare = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
+    own = re.search(r"static const br_params (\w+) =", bare)
+    assert own is not None
+    return re.sub(r"BRISTLE_[0-9A-F]{12}", "GUARD", bare).replace(own[1], "bristle_name")
+
+
+def test_bytes_are_reproducible(handed: Handed) -> None:
+    """The same joint gives the same bytes, and numbers of a compensator do not change the code."""
+    joint = handed()
+    assert header(joint, Compensator()) == header(joint, Compensator())
+    code = re.compile(r"BRISTLE_CODE (0x\w+)")
+    one, other = (code.search(header(joint, Compensator(share=share))) for share in (1.0, 0.5))
+    assert one is not None
+    assert other is not None
+    assert one[1] == other[1]
+
+
+def test_what_must_be_known_stands_in_the_header(handed: Handed) -> None:
+    """Provenance, SIMULATED, every parameter with its interval, what is assumed, and each range, in comments."""
+    joint = handed()
+    row = joint.parameters[0]
+    assumed = replace(row, source="assumed", interval=None, standard_error=None)
+    text = header(replace(joint, parameters=(assumed, *joint.parameters[1:])), Compensator())
+    for words in (
+        "SIMULATED",
+        f"sha256 {'0' * 64}",
+        f"alpha_0+ = {row.value:.4g} N*m, ASSUMED",
+        "95 % [",
+        "Test vector",
+        "N*m*s/rad, [0, 10000]",
+    ):
+        assert words in text
+
+
+def test_what_cannot_be_exported_is_refused(handed: Handed) -> None:
+    """One sentence each: no compensator, a parameter out of range, a bristle that nobody saw."""
+    joint = handed()
+    with pytest.raises(InputError, match="none has no code; expected coulomb"):
+        header(joint, Compensator(name="none"))
+    far = tuple(replace(x, value=1e7) if x.parameter.name == "alpha_2" else x for x in joint.parameters)
+    with pytest.raises(InputError, match=r"alpha_2: got 1e\+07; the C code takes 0 to 10000"):
+        header(replace(joint, parameters=far), Compensator())
+    blind = tuple(replace(x, source="assumed") if x.parameter.name == "sigma_0" else x for x in joint.parameters)
+    with pytest.raises(
+        InputError, match="sigma_0 is not identified, and c with this compensator holds a LuGre bristle"
+    ):
+        handed_over(replace(joint, parameters=blind), Compensator())
+    assert handed_over(replace(joint, parameters=blind), Compensator(name="stribeck")).content
+
+
+def test_an_operation_without_a_counterpart_is_refused() -> None:
+    """The printer names the operation that C has not."""
+    x = ca.SX.sym("x")
+    with pytest.raises(ValueError, match="no C99 counterpart"):
+        c_code.printed(ca.Function("f", [x], [ca.erf(x)]), lambda *_: "x")
+    with pytest.raises(ValueError, match="has no constant in C99"):
+        c_code.constant(float("inf"))

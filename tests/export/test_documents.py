@@ -1,0 +1,341 @@
+import json
+import math
+import os
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from bristle.data.experiment.yaml_file import parse
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.identification.verdict import Trust
+from bristle.model.parameters import Direction, Lugre, ParameterName, unit
+from bristle.model.parameters import Kind as JointKind
+from bristle.questions.export.artefact import Artefact, NotInstalled, Request
+from bristle.questions.export.document_schema import as_json, export_schema, joints_in
+from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin
+from bristle.questions.export.json_document import check_json, read_export, write_json
+from bristle.questions.export.latex import check_latex, latex_text, write_latex
+from bristle.questions.export.matlab import check_matlab, write_matlab
+from bristle.questions.export.yaml_document import check_yaml, write_yaml
+
+Handed = Callable[..., ExportedJoint]
+DOCS = Path(__file__).parents[2] / "docs"
+NAMES = ("gripper rotation", "wrist pitch", "elbow pitch", "base rotation")
+ASK = Request()
+HOSTILE = (
+    """a"b'c<d>&e""", "-->", "]]>", "*/", "a\nb\r\tc", "${x} $(y) %s {0}", "\u202eabc\u202c", "\0\x1b[31m", "x" * 10_000, "关节 ∑ ß ą Ð",
+    "\\input{/etc/passwd}", "\\", "", " ", "\x85\u2028", "%{", "%}", "'); system('x'); ('", "end", "1 2", "~", "null", "2020-01-01", "1e3", "- a: b",
+    "--- x", "#!", "&a *a", "!!python/object:x",
+)  # fmt: skip  # a list
+
+positive = st.floats(1e-300, 1e300)
+ends = st.floats(allow_nan=False)
+words = st.text(st.characters(codec="utf-8"), max_size=12)
+
+
+@st.composite
+def parameters(draw: st.DrawFn, kind: JointKind) -> tuple[ExportedParameter, ...]:
+    """A whole set for both directions, or one of each."""
+    directions = draw(st.sampled_from([(Direction.BOTH,), (Direction.POSITIVE, Direction.NEGATIVE)]))
+    names = [ParameterName(name, d) for d in directions for name in Lugre._fields]
+    shared = draw(st.lists(st.sampled_from(["inertia", "offset", "gravity_sin", "quadratic"]), unique=True))
+    names += [ParameterName(name, Direction.SHARED) for name in shared]
+    return tuple(
+        ExportedParameter(
+            parameter=name, value=draw(positive), unit=unit(name.name, kind),
+            standard_error=draw(st.none() | positive | st.just(math.inf)), interval=draw(st.none() | st.tuples(ends, ends)),
+            source=draw(st.sampled_from(["joint", "static", "given", "assumed"])),
+        )
+        for name in names
+    )  # fmt: skip  # a list of values
+
+
+diagnostics = st.one_of(
+    st.builds(lambda x, y: Kind.NOT_PASSIVE(direction=Direction.POSITIVE, alpha_2=x, least=y), positive, positive),
+    st.builds(lambda x: Kind.INTERVAL_WITH_ZERO(name=x), words),
+    st.builds(
+        lambda x: Kind.BRISTLE_FILLED(name="sigma_0", direction="+", value=x, unit="N*m/rad", how=Kind.DEFLECTION_OF_TRAVEL(share=1e-3)),
+        positive,
+    ),
+)  # fmt: skip  # a list
+
+
+@st.composite
+def made(draw: st.DrawFn) -> ExportedJoint:
+    """Any joint that can be exported."""
+    kind: JointKind = draw(st.sampled_from(["revolute", "prismatic", "revolute in A", "prismatic in A"]))
+    return ExportedJoint(
+        name=draw(words), kind=kind, simulated=draw(st.booleans()), trust=draw(st.sampled_from(Trust)),
+        reason=draw(st.none() | diagnostics), parameters=draw(parameters(kind)), inertia=draw(st.none() | positive),
+        fastest=draw(positive), said=tuple(draw(st.lists(diagnostics, max_size=2))),
+        origin=Origin(bristle=draw(words), results_sha256=draw(st.none() | words), experiment=draw(st.none() | words),
+                      logs=draw(st.dictionaries(words, words, max_size=2))),
+    )  # fmt: skip  # a list of values
+
+
+def robot(handed: Handed) -> list[ExportedJoint]:
+    """Every joint of the embedded report."""
+    return [handed(name) for name in NAMES]
+
+
+def named(handed: Handed, name: str) -> ExportedJoint:
+    """A joint of another name."""
+    return replace(handed("wrist pitch"), name=name)
+
+
+def saved(folder: Path, artefact: Artefact) -> Path:
+    """The file."""
+    path = folder / artefact.name
+    path.write_bytes(artefact.content)
+    return path
+
+
+def test_schema_in_the_docs_is_the_one_in_the_code() -> None:
+    """docs/export.schema.json is what `export_schema()` gives; BRISTLE_REGENERATE=1 rewrites it."""
+    text = json.dumps(export_schema(), indent=2) + "\n"
+    path = DOCS / "export.schema.json"
+    if os.environ.get("BRISTLE_REGENERATE"):
+        path.write_text(text, encoding="utf-8")
+    assert path.read_text(encoding="utf-8") == text
+
+
+def test_schema_refuses_a_parameter_without_a_unit(handed: Handed) -> None:
+    """The schema is not empty words: a parameter without its unit is refused."""
+    document = json.loads(as_json([handed()]))
+    jsonschema.validate(document, export_schema())
+    del document["joints"][0]["parameters"][0]["unit"]
+    with pytest.raises(jsonschema.ValidationError, match="unit"):
+        jsonschema.validate(document, export_schema())
+
+
+@pytest.mark.parametrize(("write", "check"), [(write_json, check_json), (write_yaml, check_yaml)])
+def test_what_was_exported_is_read_back_to_the_last_bit(
+    handed: Handed, tmp_path: Path, write: Callable[..., Artefact], check: Callable[..., tuple[str, ...]]
+) -> None:
+    """Every joint of the report comes back as it was, and the check says so."""
+    joints = robot(handed)
+    artefact = write(joints, ASK)
+    assert read_export(saved(tmp_path, artefact)) == tuple(joints)
+    assert check(artefact, joints, ASK) == ("bristle-export/1: valid", "read back: equal to the last bit")
+    assert check(artefact, joints[:2], ASK)[1] == "read back: NOT what was exported"
+    assert artefact.losses == {}
+    assert write(joints, ASK).content == artefact.content
+
+
+@given(made())
+def test_any_joint_comes_back_from_json_and_yaml(joint: ExportedJoint) -> None:
+    """Each number, name and sentence is the same again, whatever it is; the document satisfies its schema."""
+    for write, text_of in (
+        (write_json, bytes.decode),
+        (write_yaml, lambda content: json.dumps(parse(content.decode(), "f"))),
+    ):
+        text = text_of(write([joint], ASK).content)
+        (read,) = joints_in(text)
+        assert read == joint
+        assert as_json([read]) == as_json([joint])
+        jsonschema.validate(json.loads(text), export_schema())
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_names_come_back(handed: Handed, name: str) -> None:
+    """A name is a name in JSON and in YAML, whatever it looks like."""
+    joint = named(handed, name)
+    assert joints_in(write_json([joint], ASK).content.decode()) == (joint,)
+    written = write_yaml([joint], ASK).content
+    assert written.isascii()
+    assert joints_in(json.dumps(parse(written.decode(), "f"))) == (joint,)
+
+
+def test_what_is_assumed_and_said_stands_in_the_document(handed: Handed) -> None:
+    """A value that was filled in has the source `assumed`; a diagnostic has its code, severity and sentence, with units."""
+    joint = handed("base rotation")
+    row = replace(joint.parameters[0], source="assumed", standard_error=None, interval=(0.0, math.inf))
+    document = json.loads(as_json([replace(joint, parameters=(row, *joint.parameters[1:]))]))["joints"][0]
+    assert document["parameters"][0]["source"] == "assumed"
+    assert document["parameters"][0]["standard_error"] is None
+    assert document["parameters"][0]["interval"] == [0.0, "inf"]
+    assert document["reason"]["severity"] == "caution"
+    assert document["reason"]["kind"] == "NOT_PASSIVE"
+    assert "N*m*s/rad" in document["reason"]["text"]
+    assert document["said"] == []
+
+
+def changed(text: str, **fields: Any) -> str:
+    """The document with other fields in its first joint."""
+    document = json.loads(text)
+    document["joints"][0].update(fields)
+    return json.dumps(document)
+
+
+def spoilt(text: str) -> dict[str, str]:
+    """Documents that are none, by what is told of them."""
+    document = json.loads(text)
+    rows = document["joints"][0]["parameters"]
+    return {
+        "bristle-export/1": text.replace("bristle-export/1", "bristle-export/9"),
+        "has no parameter 'alpha_0+'": changed(text, parameters=rows[1:]),
+        "has parameter 'alpha_0+' twice": changed(text, parameters=[rows[0], *rows]),
+        "got alpha_0+ = -1; expected a number above zero": changed(text, parameters=[{**rows[0], "value": -1.0}, *rows[1:]]),
+        "got v_s+ = 0; expected": changed(text, parameters=[*rows[:3], {**rows[3], "value": 0.0}, *rows[4:]]),
+        "got fastest = 0": changed(text, fastest=0.0),
+        "is there twice": json.dumps({**document, "joints": document["joints"] * 2}),
+        "valid number": changed(text, fastest="1"),
+        "NaN is no JSON": text.replace("1.2150103663576686", "NaN"),
+        "beyond every number": text.replace("1.2150103663576686", "1e999"),
+        "key 'name' is given twice": text.replace('"name"', '"name": "x", "name"', 1),
+        "more than 1000000": "[" + "," * 1_000_001 + "]",
+        "line 1 column 1": "",
+        "recursion": "[" * 100_000,
+        "Unable to": "null",
+        "has 101 joints": json.dumps({**document, "joints": document["joints"] * 101}),
+    }  # fmt: skip  # a table
+
+
+WHYS = tuple(range(16))
+
+
+@pytest.mark.parametrize("k", WHYS)
+def test_a_document_that_is_none_is_refused_in_a_sentence(handed: Handed, tmp_path: Path, k: int) -> None:
+    """Other schemas, missing parameters, impossible numbers and whatever else a file may hold: one sentence that names the file."""
+    found = spoilt(as_json([handed("wrist pitch")]))
+    assert len(found) == len(WHYS)
+    why, text = list(found.items())[k]
+    path = tmp_path / "e.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InputError) as error:
+        read_export(path)
+    assert str(error.value).startswith(f"{path}: is no document of schema bristle-export/1 (")
+    assert why in str(error.value) or why in {"recursion", "Unable to"}
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "why"),
+    [
+        ("e.json", b"\xff", "is no document of schema bristle-export/1"),
+        ("e.yaml", b"a: 2020-01-01", "is no document of schema bristle-export/1"),
+        ("e.yaml", b"a: &x 1\nb: *x", "anchors"),
+        ("e.yml", b"- 1", "is no document of schema bristle-export/1"),
+        ("e.yaml", b"a: .nan", "NaN is no JSON"),
+        ("e.json", b" " * 10_000_001, "it has more than 10000000 bytes"),
+        ("missing/e.json", None, "no such file"),
+    ],
+)
+def test_a_file_that_is_none_is_refused(tmp_path: Path, name: str, content: bytes | None, why: str) -> None:
+    """What is no text, no mapping, too long or not there."""
+    path = tmp_path / name
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(InputError, match=why):
+        read_export(path)
+
+
+TEXT = r"(?:'(?:[^'\n]|'')*'|native2unicode\(uint8\(\[[\d ]*\]\), 'UTF-8'\))"
+NUMBER = r"(?:-?\d[\d.e+-]*|-?Inf|NaN|\[\])"
+VALUE = rf"(?:{TEXT}|{NUMBER}|true|false|\[{NUMBER}, {NUMBER}\])"
+ASSIGNED = re.compile(
+    rf"[A-Za-z]\w{{0,62}}(?:\.[A-Za-z]\w{{0,62}})* = (?:struct\((?:'\w+', {VALUE}(?:, )?)*\)|{VALUE});(?: % .*)?",
+    re.ASCII,
+)
+"""All that a line of the script is, beside comments."""
+
+
+@pytest.mark.parametrize("name", [*HOSTILE, *NAMES])
+def test_a_script_for_matlab_assigns_and_nothing_else(handed: Handed, name: str) -> None:
+    """Whatever the joint is called, each line is a comment or one assignment of constants, in ASCII; its name is there, byte by byte."""
+    joint = named(handed, name)
+    text = write_matlab([joint, handed("wrist pitch")], ASK).content.decode("ascii")
+    alone = write_matlab([joint], ASK)
+    for line in (*text.splitlines(), *alone.content.decode("ascii").splitlines()):
+        assert (line.startswith("%") and not line.startswith(("%{", "%}"))) or ASSIGNED.fullmatch(line), line
+    (shown,) = re.findall(r"^\w+\.name = (.*);$", alone.content.decode(), re.MULTILINE)
+    codes = re.search(r"\[([\d ]*)\]", shown)
+    read = bytes(map(int, codes[1].split())).decode() if "uint8" in shown and codes else shown[1:-1].replace("''", "'")
+    assert read == name
+    assert re.fullmatch(r"[a-z]\w*_friction\.m", alone.name)
+
+
+def test_a_script_for_matlab_has_every_value(handed: Handed) -> None:
+    """Values, units, errors, intervals and sources of every joint are in the script, every digit of them."""
+    joints = robot(handed)
+    rows = (
+        replace(joints[0].parameters[0], source="assumed", interval=(0.0, math.inf), standard_error=None),
+        *joints[0].parameters[1:],
+    )
+    joints[0] = replace(joints[0], parameters=rows)
+    text = write_matlab(joints, ASK).content.decode()
+    assert (
+        "robot.gripper_rotation.positive.alpha_0 = struct('value', 0.01944251424989716, 'unit', 'N*m', 'standard_error', [], "
+        in text
+    )
+    assert "'interval', [0.0, Inf], 'source', 'assumed', 'assumed', true);" in text
+    for joint in joints:
+        for one in joint.parameters:
+            assert f"'value', {one.value!r}, 'unit', '{one.unit}'" in text
+    for part in ("SIMULATED", "sha256 " + "0" * 64, "% use with caution: "):
+        assert part in text
+
+
+def test_the_script_runs_in_octave(handed: Handed) -> None:
+    """Octave has each value to the last bit."""
+    joints = [*robot(handed), *(named(handed, name) for name in HOSTILE[:4])]
+    try:
+        said = check_matlab(write_matlab(joints, ASK), joints, ASK)
+    except NotInstalled as missing:
+        pytest.skip(f"needs Octave: {missing}")
+    assert said[0].endswith("as exported, to the last bit")
+    assert "NOT" not in said[0]
+
+
+@pytest.mark.parametrize("name", [*HOSTILE, *NAMES])
+def test_no_name_reaches_latex_unescaped(handed: Handed, name: str) -> None:
+    """Without its escapes a name has no special character, is short, and stands on one line; comments are ASCII."""
+    text = latex_text(name)
+    bare = re.sub(r"\\(?:text[a-z]+\{\}|[{}$&#%_])|\{''\}|\{-\}", "", text)
+    assert not set(bare) & set('\\{}$&#%_^~<>|"')
+    assert text.isprintable()
+    assert all(c.isascii() or "\u00c0" <= c <= "\u00ff" for c in text)
+    content = write_latex([named(handed, name), handed("wrist pitch")], ASK).content.decode()
+    lines = content.splitlines()
+    assert content.count("\\begin{table}") == content.count("\\end{table}") == 1
+    assert next(line for line in lines if line.startswith("\\multicolumn")) == rf"\multicolumn{{5}}{{l}}{{{text}}} \\"
+    assert all(line.isascii() for line in lines if line.startswith("%"))
+    assert max(map(len, lines)) < 2000
+
+
+def test_the_table_has_each_parameter_as_a_paper_has_it(handed: Handed) -> None:
+    """Values are rounded to two digits of their errors; what is assumed has an asterisk, which the caption explains; no package is needed."""
+    joint = handed("wrist pitch")
+    rows = tuple(
+        replace(x, source="assumed", standard_error=None, interval=None) if x.parameter == ("sigma_1", "+") else x
+        for x in joint.parameters
+    )
+    text = write_latex([replace(joint, parameters=rows)], ASK).content.decode()
+    assert r"$\alpha_0^+$ & $0.07053 \pm 0.00022$ & N\,m & $[0.07010, 0.07096]$ & joint fit \\" in text
+    assert r"$\sigma_1^+$ & $0.118$$^*$ & N\,m\,s/rad &  & assumed \\" in text
+    assert r"inertia & $0.008682 \pm 0.000015$ & kg\,m$^2$ & $[0.008652, 0.008712]$ & joint fit \\" in text
+    assert "Values with an asterisk are assumed, not identified." in text
+    assert "asterisk" not in write_latex([joint], ASK).content.decode()
+    assert "Identified from simulated data." in text
+    assert "usepackage" not in text
+    assert "rule" not in text
+    extreme = replace(rows[0], value=1.23456e-9, standard_error=4.5e-12, interval=(-math.inf, 1e-7))
+    text = write_latex([replace(joint, parameters=(extreme, *rows[1:]))], ASK).content.decode()
+    assert r"$(1.2346 \pm 0.0045) \times 10^{-9}$ & N\,m & $[-\infty, 1 \times 10^{-7}]$" in text
+
+
+def test_latex_sets_the_table(handed: Handed) -> None:
+    """LaTeX takes it, whatever the joints are called."""
+    joints = [*robot(handed), *(named(handed, name) for name in HOSTILE)]
+    try:
+        said = check_latex(write_latex(joints, ASK), joints, ASK)
+    except NotInstalled as missing:
+        pytest.skip(f"needs pdflatex: {missing}")
+    assert said == ("pdflatex: sets it",)

@@ -1,0 +1,319 @@
+"""What is exported is what was identified, every refusal is a sentence, and nothing is filled in silently."""
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle.diagnostics import Kind
+from bristle.identification.known_joint import chosen
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck
+from bristle.questions.export.artefact import Request, large_losses
+from bristle.questions.export.export import export_joints
+from bristle.questions.export.loss import (
+    Loss,
+    StatedMotion,
+    best_coulomb_viscous,
+    coulomb_viscous,
+    declared_motion,
+    friction_of,
+    losses,
+    lugre,
+    stated_motions,
+)
+from bristle.questions.export.targets import TARGETS, target
+
+from ..conftest import FEW, run, speeds, write
+from .conftest import RESULTS, Handed
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+@pytest.fixture
+def points(tmp_path: Path) -> Path:
+    """The results of a joint of which points alone were measured."""
+    results = bristle.identify(write(tmp_path, speeds()))
+    path = tmp_path / "results.json"
+    path.write_text(results.to_json(tmp_path), encoding="utf-8")
+    return path
+
+
+def test_values_are_those_to_use() -> None:
+    """Of each joint the exported value, error, interval and source of every parameter are those of the report's first screen."""
+    results = bristle.read_results(RESULTS)
+    for joint, handed in zip(results.joints, results.export("json").joints, strict=True):
+        rows = {row.parameter: row for row in chosen(joint) if row.estimate.value is not None}
+        assert rows.keys() == {x.parameter for x in handed.parameters}
+        for x in handed.parameters:
+            e = rows[x.parameter].estimate
+            expected = (e.value, e.standard_error, e.interval, e.unit, str(rows[x.parameter].source))
+            assert (x.value, x.standard_error, x.interval, x.unit, x.source) == expected
+        assert handed.simulated
+        assert handed.origin.logs == {one.file: one.sha256 for one in joint.inputs}
+
+
+@pytest.mark.parametrize("to", TARGETS)
+def test_every_target_is_written_by_the_command(to: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command writes one file by the joint's name, says SIMULATED, and the same bytes a second time; a file that is there stays."""
+    monkeypatch.chdir(tmp_path)
+    ran = run("export", RESULTS, "--to", to, "--joint", "wrist pitch")
+    assert (ran.code, ran.said) == (0, [])
+    (written,) = tmp_path.iterdir()
+    assert written.name.startswith("wrist_pitch")
+    assert f"File: {written.name}" in ran.out
+    assert "SIMULATED" in ran.words
+    again = tmp_path / "again"
+    assert run("export", RESULTS, "--to", to, "--joint", "wrist pitch", "-o", again).code == 0
+    assert again.read_bytes() == written.read_bytes()
+    refused = run("export", RESULTS, "--to", to, "--joint", "wrist pitch", "-o", again)
+    assert refused.code == 2
+    assert "is there already" in refused.err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["--to", "urd"], "to: got 'urd'; expected one of c, mujoco"),
+        (["--to", "c"], "c holds one joint, and the results have 4: say which with joint, one of gripper rotation"),
+        (["--to", "urdf", "--joint", "knee"], "joint: got 'knee'; expected one of gripper rotation"),
+        (["--to", "urdf", "--adapt", "partial"], "urdf holds no compensator; leave compensator and adapt out"),
+        (["--to", "c", "--joint", "wrist pitch", "--step", "gradient"], "give adapt as well"),
+        (["--to", "c", "--joint", "wrist pitch", "--adapt", "best"], "law: got 'best'; expected one of printed"),
+        (["--to", "c", "--joint", "wrist pitch", "--compensator", "pid"], "compensator: got 'pid'; expected one of"),
+        (["--to", "c", "--joint", "wrist pitch", "--adapt", "total", "--compensator", "coulomb"], "coulomb cannot adapt"),
+        (["--to", "c", "--joint", "wrist pitch", "--into", "FOLDER/a.urdf"], "into: c is written as a file of its own"),
+        (["--to", "urdf", "--into", "FOLDER/none.urdf"], "no such file"),
+        (["--to", "urdf", "--amplitude", "-1 rad"], "amplitude: got -1 rad; expected a quantity above 0"),
+        (["--to", "urdf", "--amplitude", "1 s"], "amplitude: unit 's' is no unit of rad"),
+        (["--to", "urdf", "--frequency", "0 Hz"], "frequency: got 0 Hz; expected a quantity above 0"),
+    ],
+)  # fmt: skip  # a table
+def test_bad_requests_are_refused(arguments: list[str], sentence: str, tmp_path: Path) -> None:
+    """One sentence, exit code 2, and nothing written."""
+    (tmp_path / "a.urdf").write_text("<robot/>", encoding="utf-8")
+    asked = [text.replace("FOLDER", str(tmp_path)) for text in arguments]
+    ran = run("export", RESULTS, *asked, "-o", tmp_path / "out")
+    assert ran.code == 2
+    assert len(ran.said) == 1
+    assert sentence in ran.err
+    assert [path.name for path in tmp_path.iterdir()] == ["a.urdf"]
+
+
+def test_points_alone_have_no_bristle(points: Path, tmp_path: Path) -> None:
+    """A joint of constant velocities goes where no bristle is needed, without sigma_0 and sigma_1; where one is, it is refused."""
+    handed = bristle.export(points, "json").joints[0]
+    assert {x.parameter.name for x in handed.parameters} == {*Stribeck._fields}
+    assert not handed.has_bristle
+    assert "presliding" not in [motion.name for motion in stated_motions(handed)]
+    for to in ("c", "mujoco", "fmu"):
+        ran = run("export", points, "--to", to, "-o", tmp_path / "out")
+        assert ran.code == 2
+        assert "sigma_0 is not identified" in ran.err
+    ran = run("export", points, "--to", "urdf", "-o", tmp_path / "out.urdf")
+    assert ran.code == 0
+    assert "The bristle (sigma_0, sigma_1) is not identified, and is not exported" in ran.words
+    assert "is not exported" in (tmp_path / "out.urdf").read_text(encoding="utf-8")
+    curve = bristle.export(points, "urdf")
+    (losses_of,) = curve.artefact.losses.values()
+    assert [x.motion.name for x in losses_of] == ["fitted", "medium", "slow"]
+    assert losses_of[0].percent < 5
+    assert run("export", points, "--to", "c", "--compensator", "stribeck", "-o", tmp_path / "out.h").code == 0
+
+
+def test_a_damping_that_is_not_identified_is_assumed_and_marked(handed: Handed) -> None:
+    """sigma_1 follows from (15) where the stiffness is known: marked in every artefact that has it."""
+    joint = handed()
+    rows = tuple(
+        replace(x, source="assumed", interval=None, standard_error=None) if x.parameter.name == "sigma_1" else x
+        for x in joint.parameters
+    )
+    for to, mark in (
+        ("c", b"ASSUMED"),
+        ("mujoco", b"ASSUMED"),
+        ("json", b'"assumed"'),
+        ("yaml", b"assumed"),
+        ("latex", b"assumed"),
+    ):
+        assert mark in target(to).write([replace(joint, parameters=rows)], Request()).content
+
+
+def test_one_direction_is_refused(tmp_path: Path) -> None:
+    """What is known in one direction alone is no joint that can be handed over."""
+    ran = run("export", write(tmp_path, speeds(both=False)), "--to", "urdf", "-o", tmp_path / "out")
+    assert ran.code == 2
+    assert "nothing is known of the friction vs velocity in direction -" in ran.err
+    few = run("export", write(tmp_path / "few", FEW), "--to", "urdf", "-o", tmp_path / "out")
+    assert few.code == 2
+
+
+def test_a_current_is_no_torque(handed: Handed) -> None:
+    """A joint whose torque is known as a current goes to the documents and to C, and is refused elsewhere."""
+    joint = handed(kind="revolute in A")
+    request = Request()
+    for to in ("urdf", "sdf", "isaac", "mujoco", "mujoco-frictionloss", "fmu"):
+        with pytest.raises(bristle.InputError, match="known as a current alone"):
+            target(to).write([joint], request)
+    for to in ("c", "json", "yaml", "matlab", "latex"):
+        assert target(to).write([joint], request).content
+
+
+def test_of_several_joints_those_that_fit_are_exported(handed: Handed) -> None:
+    """A joint that a target cannot take is left out and named; where it takes none, that is refused."""
+    good, bad = handed("wrist pitch"), handed("elbow pitch", kind="revolute in A")
+    one = export_joints([good, bad], "urdf", Request())
+    assert [joint.name for joint in one.joints] == ["wrist pitch"]
+    assert "Left out: elbow pitch: its torque is known as a current alone" in one.text().replace("\n", " ")
+    with pytest.raises(bristle.InputError, match="known as a current alone"):
+        export_joints([bad, bad], "urdf", Request())
+
+
+def test_what_is_doubtful_is_said(handed: Handed) -> None:
+    """Base rotation is not passive, which stands in what is printed and in the artefact; an interval that holds zero is said too."""
+    handed_over = bristle.export(RESULTS, "c", joint="base rotation")
+    assert "can feed energy back in direction -" in " ".join(handed_over.text().split())
+    assert b"can feed energy back in direction -" in handed_over.content
+    one = handed("base rotation")
+    assert one.reason is not None
+    assert str(one.reason) not in [str(x) for x in one.said]
+
+
+def test_intervals_that_hold_zero_are_said(points: Path) -> None:
+    """alpha_1 may be none, v_s may not: a note and a caution."""
+    data = json.loads(points.read_text(encoding="utf-8"))
+    fits = data["joints"]["wrist"]["static"]
+    for fit in fits.values():
+        fit["parameters"]["alpha_1"]["interval"] = [-1.0, 1.0]
+        fit["parameters"]["v_s"]["interval"] = [-1.0, 1.0]
+    points.write_text(json.dumps(data), encoding="utf-8")
+    said = bristle.export(points, "json").joints[0].said
+    assert {Kind.INTERVAL_WITH_ZERO, Kind.INTERVAL_WITH_ZERO_IMPOSSIBLE} <= {x.kind for x in said}
+
+
+def test_the_loss_is_its_formula(handed: Handed) -> None:
+    """100 rms(difference) / rms(torque) over the last period; nothing of the joint's own friction, all of none at all."""
+    joint = handed("wrist pitch")
+    motions = [declared_motion(joint), *stated_motions(joint)]
+    assert [x.percent for x in losses(joint, lugre(joint.pair), motions)] == [0.0] * 4
+    assert [x.percent for x in losses(joint, coulomb_viscous(0.0, 0.0), motions)] == [100.0] * 4
+    one = Pair(joint.pair.positive, joint.pair.positive)
+    kept = [friction_of(joint)(m.velocity, m.step)[-2000:] for m in motions]
+    for motion, found, true in zip(motions, losses(joint, lugre(one), motions), kept, strict=True):
+        off = lugre(one)(motion.velocity, motion.step)[-2000:] - true
+        assert found.percent == pytest.approx(100 * np.sqrt(np.mean(off**2) / np.mean(true**2)), rel=1e-12)
+    assert [m.name for m in motions] == ["fitted", "medium", "slow", "presliding"]
+
+
+def test_v_abs_v_counts(handed: Handed) -> None:
+    """With a term v abs(v) the best viscous value rises, and the loss of LuGre alone is that of the term."""
+    joint = handed("wrist pitch")
+    row = replace(joint.parameters[-1], parameter=ParameterName("quadratic", Direction.SHARED), value=0.05)
+    dragged = replace(joint, parameters=(*joint.parameters, row))
+    motion = declared_motion(joint)
+    assert best_coulomb_viscous(dragged, motion)[1] > best_coulomb_viscous(joint, motion)[1]
+    (loss,) = losses(dragged, lugre(joint.pair), [motion])
+    assert loss.percent > 1
+    (said,) = target("c").write([dragged], Request()).said
+    assert "c does not hold quadratic, identified beside the friction" in str(said)
+
+
+def test_large_losses_are_said() -> None:
+    """Above 10 %, motion by motion; below, nothing."""
+    motion = StatedMotion("slow", 1.0, 0.5)
+    (said,) = large_losses("urdf", {"wrist": (Loss(motion, 12.3), Loss(motion._replace(name="medium"), 9.0))})
+    assert "wrist: urdf cannot hold this friction; the torque RMS error is 12 % slow" in str(said)
+    assert large_losses("urdf", {"wrist": (Loss(motion, 9.9),)}) == ()
+
+
+def test_adaptation_has_the_rates_of_the_joints_loop() -> None:
+    """--adapt takes the paper's rates for the embedded joints, scaled where a law has the parameter once more in its gradient."""
+    results = bristle.read_results(RESULTS)
+    plain, theta = (
+        bristle.export(results, "c", joint="wrist pitch", adapt=law) for law in ("partial", "partial-theta")
+    )
+    assert plain.request.compensator.adaptation is not None
+    assert theta.request.compensator.adaptation is not None
+    assert plain.request.compensator.adaptation.gamma == (20.0, 20.0)
+    assert theta.request.compensator.adaptation.gamma != (20.0, 20.0)
+
+
+def test_a_symmetric_joint_has_one_set(handed: Handed) -> None:
+    """Of `both` directions, + and - are the same set."""
+    joint = handed()
+    both = tuple(
+        replace(x, parameter=x.parameter._replace(direction=Direction.BOTH))
+        for x in joint.parameters
+        if x.parameter.direction == Direction.POSITIVE
+    )
+    pair = replace(joint, parameters=both).pair
+    assert pair.positive == pair.negative == joint.pair.positive
+    assert len(both) == len(Lugre._fields)
+
+
+def example(name: str) -> str:
+    """A piece of code of docs/export.md."""
+    text = (DOCS / "export.md").read_text(encoding="utf-8")
+    found = re.search(rf"<!-- example: {name} -->\n```\w+\n(.*?)```", text, re.DOTALL)
+    assert found is not None
+    return found[1]
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc, which is not installed")
+def test_the_microcontroller_of_the_docs_compiles(handed: Handed, tmp_path: Path) -> None:
+    """In at most 25 lines, without a warning."""
+    code = example("microcontroller")
+    assert len(code.splitlines()) <= 25
+    header = target("c").write([replace(handed(), name="wrist")], Request())
+    (tmp_path / "wrist.h").write_bytes(header.content)
+    declared = "int friction_begin(float position);\nfloat friction_torque(float v, float a);\n"
+    (tmp_path / "f.c").write_text(declared + code, encoding="utf-8")
+    flags = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror", "-std=c99", "-O2")
+    done = subprocess.run(["gcc", *flags, "-c", "f.c"], cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603, S607
+    assert done.returncode == 0, done.stderr
+
+
+STUBS = """
+#include <vector>
+namespace rclcpp { struct Time {}; struct Duration { double seconds() const { return 1e-3; } }; }
+namespace rclcpp_lifecycle { struct State {}; }
+enum class CallbackReturn { SUCCESS, ERROR };
+namespace controller_interface {
+enum class return_type { OK };
+struct Handle { double value = 0; double get_value() const { return value; } void set_value(double x) { value = x; } };
+struct ControllerInterface {
+    std::vector<Handle> state_interfaces_{1}, command_interfaces_{1};
+    double velocity_reference_ = 0.1, effort_reference_ = 0;
+    virtual CallbackReturn on_activate(const rclcpp_lifecycle::State &) = 0;
+    virtual return_type update(const rclcpp::Time &, const rclcpp::Duration &) = 0;
+    virtual ~ControllerInterface() = default;
+};
+}
+"""
+MAIN = """
+int main()
+{
+    FrictionCompensation c;
+    if (c.on_activate(rclcpp_lifecycle::State{}) != CallbackReturn::SUCCESS) return 1;
+    for (int k = 0; k < 3000; k++) c.update(rclcpp::Time{}, rclcpp::Duration{});
+    return c.command_interfaces_[0].value > 0.01 ? 0 : 2;
+}
+"""
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="needs g++, which is not installed")
+def test_the_controller_of_the_docs_runs(handed: Handed, tmp_path: Path) -> None:
+    """With stand-ins for ros2_control's classes it compiles, and after 3 s at 0.1 rad/s asks for the joint's friction."""
+    code = example("ros2_control")
+    assert len(code.splitlines()) <= 28
+    header = target("c").write([replace(handed(), name="wrist")], Request())
+    (tmp_path / "wrist.h").write_bytes(header.content)
+    (tmp_path / "f.cpp").write_text(STUBS + code + MAIN, encoding="utf-8")
+    build = ["g++", "-std=c++17", "-O2", "-o", "f", "f.cpp"]
+    done = subprocess.run(build, cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603
+    assert done.returncode == 0, done.stderr
+    assert subprocess.run([tmp_path / "f"], check=False).returncode == 0  # noqa: S603

@@ -1,0 +1,610 @@
+"""The FMU is the joint in Python to the last bits, follows the continuous equations, and refuses what it cannot do without harm."""
+
+import ctypes
+import importlib
+import math
+import platform
+import re
+import shutil
+import subprocess
+import zipfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from io import BytesIO
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.page.output_folder import zipped
+from bristle.questions.export import c_check, fmu_check
+from bristle.questions.export.artefact import Artefact, NotInstalled, Request
+from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from bristle.questions.export.fmu import TARGET, base_units, fmu_binary, fmu_variables, longest_step
+from bristle.questions.export.fmu_check import (
+    STEP,
+    LoadedFmu,
+    Played,
+    communication_points,
+    drive_torque,
+    fmu_problems,
+    loaded_fmu,
+    of_largest,
+    python_joint,
+    radau_held,
+    rms_percent,
+)
+from bristle.simulation import edro
+
+from .conftest import Handed
+
+try:
+    NO_FMPY = not fmu_check.installed_fmpy()
+except NotInstalled:
+    NO_FMPY = True
+HERE = platform.system() == "Linux" and platform.machine() == "x86_64" and shutil.which("cc") is not None
+needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc, which is not installed")
+runs = pytest.mark.skipif(NO_FMPY or not HERE, reason="needs fmpy, a C compiler and linux64; install bristle[fmu]")
+needs_fmpy = pytest.mark.skipif(NO_FMPY, reason="needs fmpy, which is not installed; install bristle[fmu]")
+ERROR, DISCARD = 3, 2
+HOSTILE = [
+    'say "cheese" & <b>',
+    "--> ]]> */ /* ??/",
+    "new\nline\r\ttab \\",
+    "${x} {{ y }} %s%n",
+    "\u202eabc\u2066",
+    "nul\0 esc\x1b",
+    "x" * 10_000,
+    "Müllers Gelenk 関節",
+    "",
+    "\ud800",
+]
+
+
+def handed_over(joint: ExportedJoint) -> Artefact:
+    """What `bristle export --to fmu` writes."""
+    return TARGET.write([joint], Request())
+
+
+def run(folder: Path, *command: str) -> subprocess.CompletedProcess[str]:
+    """A command in a folder."""
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)  # noqa: S603  # our own words
+
+
+def files_of(content: bytes) -> dict[str, bytes]:
+    """What is packed."""
+    with zipfile.ZipFile(BytesIO(content)) as archive:
+        return {name: archive.read(name) for name in archive.namelist()}
+
+
+def changed(joint: ExportedJoint, **factors: float) -> ExportedJoint:
+    """The joint with friction parameters of both directions, and the inertia J, times something."""
+    rows = (replace(x, value=x.value * factors.get(x.parameter.name, 1.0)) for x in joint.parameters)
+    return replace(joint, parameters=tuple(rows), inertia=(joint.inertia or math.nan) * factors.get("J", 1.0))
+
+
+@pytest.fixture
+def wrist(handed: Handed) -> Iterator[LoadedFmu]:
+    """The FMU of the wrist pitch, as fmpy loads it."""
+    with loaded_fmu(handed_over(handed("wrist pitch")).content) as found:
+        yield found
+
+
+@runs
+def test_check_holds_the_figures(handed: Handed) -> None:
+    """What `--check` says: valid; <= 1e-12 off Python; <= 0.01 % off Radau; the sources, built by fmpy, give the same."""
+    joint = handed("wrist pitch")
+    if shutil.which("make") is None and shutil.which("ninja") is None:
+        pytest.skip("fmpy needs make or ninja to build, which are not installed")
+    valid, python, radau, sources = TARGET.check(handed_over(joint), [joint], Request())
+    assert valid == "fmpy validation: no problem"
+    assert float(re.findall(r"sliding: (\S+) of", python)[0]) <= 1e-12
+    assert float(re.findall(r"Radau: (\S+) %", radau)[0]) <= 0.01
+    assert float(re.findall(r"fmpy: (\S+) of", sources)[0]) <= 1e-12
+
+
+@runs
+@pytest.mark.parametrize("name", edro.TABLE_1)
+def test_the_fmu_is_python(name: str, handed: Handed) -> None:
+    """Over 10 s at 1 ms with presliding, reversals and sliding: each joint within 1e-12 of its largest position and velocity; friction too."""
+    joint = handed(name)
+    torque = drive_torque(joint, communication_points())
+    with loaded_fmu(handed_over(joint).content) as found:
+        played = found.play(torque)
+    true = python_joint(joint, torque, STEP, longest_step(joint))
+    assert of_largest(played, true) <= 1e-12
+    assert np.abs(played.friction - true.friction).max() <= 1e-12 * np.abs(true.friction).max()
+    assert np.abs(played.deflection - true.deflection).max() <= 1e-12 * np.abs(true.deflection).max()
+    assert np.count_nonzero(np.diff(np.sign(true.velocity))) > 10
+
+
+@pytest.mark.parametrize(
+    "factors",
+    [
+        {},
+        {"sigma_0": 300.0, "sigma_1": 0.3, "J": 0.3},
+        {"v_s": 0.15, "alpha_1": 8.0, "J": 0.1},
+        {"sigma_0": 0.2, "v_s": 4.0, "J": 10.0},
+    ],
+    ids=["identified", "stiff", "peaked", "soft"],
+)
+def test_the_default_step_follows_the_continuous_equations(factors: dict[str, float], handed: Handed) -> None:
+    """Velocity within 0.01 % of SciPy's Radau, the torque held over each millisecond as the FMU holds it, also where the joint is another one."""
+    joint = changed(handed("gripper rotation"), **factors)
+    torque = drive_torque(joint, communication_points()[3000:3600])
+    found = python_joint(joint, torque, STEP, longest_step(joint))
+    assert rms_percent(found.velocity, radau_held(joint, torque, STEP)) <= 0.01
+
+
+def test_the_default_step_is_a_round_number(handed: Handed) -> None:
+    """1, 2 or 5 times a power of ten, not longer than 1 ms nor a fiftieth of the joint's two times, and more than 0.4 of that."""
+    for factor in np.logspace(-6, 4, 40):
+        joint = changed(handed(), J=float(factor))
+        longest, J = longest_step(joint), joint.inertia or math.nan
+        times = [t for p in joint.pair for t in (math.sqrt(J / p.sigma_0), J * p.v_s / (p.alpha_0 + p.alpha_1))]
+        wanted = min(max(min(times) / 50, 1e-6), 1e-3)
+        assert f"{longest:.6e}"[0] in "125"
+        assert 0.4 * wanted * (1 - 1e-9) <= longest <= wanted * (1 + 1e-9)
+
+
+def test_bytes_are_reproducible(handed: Handed, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same bytes in another folder with another temporary one; no time, path or build id of this machine; the token tells joints apart."""
+    joint = handed()
+    first = handed_over(joint).content
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert handed_over(joint).content == first
+    with zipfile.ZipFile(BytesIO(first)) as archive:
+        assert {entry.date_time for entry in archive.infolist()} == {(1980, 1, 1, 0, 0, 0)}
+    assert not re.search(rb"bristle-[a-z0-9_]{8}|/tmp|/home|/work|/root", b"".join(files_of(first).values()))
+    other = replace(joint, inertia=(joint.inertia or 0) * 1.001)
+    tokens = [root_of(handed_over(x).content).attrib["guid"] for x in (joint, other)]
+    assert tokens[0] != tokens[1]
+    assert all(re.fullmatch(r"\{[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\}", token) for token in tokens)
+
+
+def root_of(content: bytes) -> ET.Element:
+    """The model description."""
+    return ET.fromstring(files_of(content)["modelDescription.xml"])  # noqa: S314  # our own
+
+
+@pytest.mark.skipif(not HERE or shutil.which("nm") is None, reason="needs nm, a C compiler and linux64")
+def test_the_binary_shows_fmi_and_nothing_else(handed: Handed, tmp_path: Path) -> None:
+    """Exactly the functions of FMI 2.0 for co-simulation, no variable of its own that can be written."""
+    content = handed_over(handed()).content
+    (name,) = [name for name in files_of(content) if name.startswith("binaries/")]
+    assert name == f"binaries/linux64/{root_of(content).attrib['modelName']}.so"
+    (tmp_path / "joint.so").write_bytes(files_of(content)[name])
+    shown = run(tmp_path, "nm", "-D", "--defined-only", "joint.so")
+    symbols = [line.split()[1:] for line in shown.stdout.splitlines()]
+    assert {kind for kind, _ in symbols} == {"T"}
+    both = "TypesPlatform Version Real Integer Boolean String FMUstate DirectionalDerivative RealOutputDerivatives Status RealStatus IntegerStatus"
+    others = (
+        "SetDebugLogging Instantiate FreeInstance SetupExperiment EnterInitializationMode ExitInitializationMode Terminate Reset SetReal SetInteger "
+        "SetBoolean SetString SetFMUstate FreeFMUstate SerializedFMUstateSize SerializeFMUstate DeSerializeFMUstate SetRealInputDerivatives DoStep "
+        "CancelStep GetBooleanStatus GetStringStatus"
+    )
+    expected = {f"fmi2Get{x}" for x in both.split()} | {f"fmi2{x}" for x in others.split()}
+    assert {name for _, name in symbols} == expected
+
+
+@needs_gcc
+def test_no_warning(handed: Handed, tmp_path: Path) -> None:
+    """The sources compile without a word under every warning that the C header takes, with a prefix too, and never in single precision."""
+    for name, content in files_of(handed_over(handed()).content).items():
+        if name.startswith("sources/"):
+            (tmp_path / Path(name).name).write_bytes(content)
+    for options in ([], ["-DFMI2_FUNCTION_PREFIX=abc_"], ["-DBRISTLE_SINGLE"], ["-Wshadow", "-O0"]):
+        done = run(tmp_path, "gcc", *c_check.FLAGS, *options, "-c", "fmu.c", "-o", "fmu.o")
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+@runs
+def test_tunable_parameters_take_effect(wrist: LoadedFmu, handed: Handed) -> None:
+    """Each friction parameter, the inertia and the longest step, set at the start, give what Python gives with that value."""
+    joint = handed("wrist pitch")
+    torque = drive_torque(joint, communication_points()[3000:4000])
+    plain = wrist.play(torque)
+    for k, _ in enumerate(("positive", "negative")):
+        for name in Lugre._fields:
+            sets = [*joint.pair]
+            sets[k] = sets[k]._replace(**{name: 1.3 * getattr(sets[k], name)})
+            values = {
+                f"{d}__{n}": x
+                for d, p in zip(("positive", "negative"), sets, strict=True)
+                for n, x in p._asdict().items()
+            }
+            found, true = (
+                wrist.play(torque, **values),
+                python_joint(with_sets(joint, *sets), torque, STEP, longest_step(joint)),
+            )
+            assert of_largest(found, true) <= 1e-12
+            assert of_largest(found, plain) > 1e-9
+    heavy = wrist.play(torque, inertia=2 * (joint.inertia or 0))
+    assert of_largest(heavy, python_joint(changed(joint, J=2.0), torque, STEP, longest_step(joint))) <= 1e-12
+    coarse = wrist.play(torque, longest_step=1e-3)
+    assert of_largest(coarse, python_joint(joint, torque, STEP, 1e-3)) <= 1e-12
+    assert of_largest(coarse, plain) > 1e-9
+
+
+def with_sets(joint: ExportedJoint, positive: Lugre[float], negative: Lugre[float]) -> ExportedJoint:
+    """The joint with these values."""
+    sets = {Direction.POSITIVE: positive, Direction.NEGATIVE: negative}
+    rows = (
+        replace(x, value=getattr(sets[x.parameter.direction], x.parameter.name)) if x.parameter.direction in sets else x
+        for x in joint.parameters
+    )
+    return replace(joint, parameters=tuple(rows))
+
+
+@runs
+def test_a_parameter_is_tuned_between_steps(wrist: LoadedFmu) -> None:
+    """Set while stepping, it changes the friction at once and nothing else; start values cannot be set any more."""
+    slave = wrist.begin(wrist.instance())
+    slave.setReal([wrist.references["torque"]], [0.2])
+    slave.doStep(0.0, 0.1)
+    names = ["position", "velocity", "z", "friction"]
+    before = values(wrist, slave, *names)
+    slave.setReal([wrist.references["positive.alpha_2"]], [1.0])
+    after = values(wrist, slave, *names)
+    assert after[:3] == before[:3]
+    assert after[3] > before[3] + 0.5 * before[1]
+    refused(slave.setReal, [wrist.references["start_position"]], [1.0])
+    slave.freeInstance()
+
+
+def values(found: LoadedFmu, slave: Any, *names: str) -> list[float]:
+    """Of some variables."""
+    return list(slave.getReal([found.references[name] for name in names]))
+
+
+def refused(call: Any, *arguments: Any, status: int = ERROR) -> None:
+    """The call returns that status."""
+    with pytest.raises(Exception, match=rf"failed with status {status}"):
+        call(*arguments)
+
+
+@runs
+def test_it_begins_at_its_start_values(wrist: LoadedFmu, handed: Handed) -> None:
+    """Outputs are there before the first step: position and velocity as set, no deflection, and the friction of that velocity."""
+    p = handed("wrist pitch").pair.positive
+    slave = wrist.begin(wrist.instance(), start_position=0.4, start_velocity=0.3)
+    assert values(wrist, slave, "position", "velocity", "z") == [0.4, 0.3, 0.0]
+    (friction,) = values(wrist, slave, "friction")
+    assert friction == pytest.approx((p.sigma_1 + p.alpha_2) * 0.3, rel=1e-12)
+    slave.doStep(0.0, STEP)
+    assert values(wrist, slave, "position")[0] > 0.4
+    slave.reset()
+    assert values(wrist, slave, "position", "velocity", "start_position") == [0.0, 0.0, 0.0]
+    slave.freeInstance()
+
+
+@runs
+def test_instances_share_nothing(wrist: LoadedFmu, handed: Handed) -> None:
+    """Two instances, stepped in turn with other torques and parameters, and four in threads, move as each does alone."""
+    torque = drive_torque(handed("wrist pitch"), communication_points()[3000:3600])
+    alone = [wrist.play(torque), wrist.play(-torque, inertia=0.02)]
+    slaves = [wrist.begin(wrist.instance("a")), wrist.begin(wrist.instance("b"), inertia=0.02)]
+    for k, T in enumerate(torque.tolist()):
+        for slave, sign in zip(slaves, (1, -1), strict=True):
+            slave.setReal([0], [sign * T])
+            slave.doStep(k * STEP, STEP)
+    for slave, one in zip(slaves, alone, strict=True):
+        assert values(wrist, slave, "position", "velocity") == [one.position[-1], one.velocity[-1]]
+        slave.terminate()
+    with ThreadPoolExecutor(4) as pool:
+        together = [*pool.map(lambda J: wrist.play(torque, inertia=J), (0.01, 0.02, 0.01, 0.02))]
+    for a, b in pairwise(together[k] for k in (0, 2)):
+        assert np.array_equal(a.velocity, b.velocity)
+    assert np.array_equal(together[1].velocity, wrist.play(torque, inertia=0.02).velocity)
+
+
+@runs
+def test_a_state_comes_back(wrist: LoadedFmu, handed: Handed) -> None:
+    """Saved, stepped on, set again, also by way of bytes and in another instance: the same steps once more."""
+    torque = drive_torque(handed("wrist pitch"), communication_points()[3000:3300])
+
+    def on(slave: Any) -> list[list[float]]:
+        """From 0.1 s."""
+        rows = []
+        for k in range(100, 300):
+            slave.setReal([0], [torque[k]])
+            slave.doStep(k * STEP, STEP)
+            rows.append(values(wrist, slave, "position", "velocity", "z", "friction"))
+        return rows
+
+    slave, other = wrist.begin(wrist.instance()), wrist.instance("other")
+    for k in range(100):
+        slave.setReal([0], [torque[k]])
+        slave.doStep(k * STEP, STEP)
+    saved = slave.getFMUstate()
+    kept = slave.serializeFMUstate(saved)
+    first = on(slave)
+    slave.setFMUstate(saved)
+    assert on(slave) == first
+    read = other.deSerializeFMUstate(kept)
+    other.setFMUstate(read)
+    assert on(other) == first
+    for one, state in ((slave, saved), (other, read)):
+        one.freeFMUstate(state)
+        assert state.value is None
+        one.freeInstance()
+
+
+@runs
+def test_a_foreign_state_is_refused(wrist: LoadedFmu, handed: Handed, capsys: pytest.CaptureFixture[str]) -> None:
+    """Bytes of another length, of another FMU, or with a parameter that is no number make no state."""
+    slave = wrist.begin(wrist.instance())
+    saved = slave.getFMUstate()
+    kept = slave.serializeFMUstate(saved)
+    slave.freeFMUstate(saved)
+    refused(slave.deSerializeFMUstate, kept[:-1])
+    refused(slave.deSerializeFMUstate, b"\0" * len(kept))
+    refused(slave.deSerializeFMUstate, kept[:48] + b"\xff" * 8 + kept[56:])
+    with loaded_fmu(handed_over(handed("elbow pitch")).content) as elbow:
+        other = elbow.begin(elbow.instance())
+        refused(other.deSerializeFMUstate, kept)
+        other.freeInstance()
+    slave.freeInstance()
+    assert capsys.readouterr().out.count("these bytes are no state of this FMU") == 3
+
+
+@runs
+def test_a_bad_call_leaves_all_as_it_was(wrist: LoadedFmu, capsys: pytest.CaptureFixture[str]) -> None:
+    """Values, times and calls that cannot be taken return fmi2Error, one sentence each to the logger, and change no value; stepping goes on."""
+    r, nan, inf = wrist.references, math.nan, math.inf
+    slave = wrist.begin(wrist.instance())
+    slave.setReal([r["torque"]], [0.2])
+    slave.doStep(0.0, 0.01)
+    everything = [*wrist.references]
+    before = values(wrist, slave, *everything)
+    bad: list[tuple[Any, ...]] = [
+        *((slave.doStep, 0.01, h) for h in (0.0, -0.01, nan, inf, 1e12)),
+        *((slave.doStep, t, 0.01) for t in (0.0, 0.0099, 0.02, nan, inf)),
+        *((slave.setReal, [r["torque"]], [x]) for x in (nan, inf, -inf, 1e7)),
+        *(
+            (slave.setReal, [r[name]], [-1.0])
+            for name in ("positive.alpha_0", "negative.sigma_0", "inertia", "longest_step")
+        ),
+        (slave.setReal, [r["torque"], r["inertia"]], [0.3, nan]),
+        (slave.setReal, [r["velocity"]], [1.0]),
+        (slave.setReal, [99], [1.0]),
+        (slave.getReal, [99]),
+        (slave.getInteger, [0]),
+        (slave.setString, [0], ["x"]),
+        (slave.getDirectionalDerivative, [r["velocity"]], [r["torque"]], [1.0]),
+        (slave.enterInitializationMode,),
+        (slave.setFMUstate, None),
+    ]
+    for call, *arguments in bad:
+        refused(call, *arguments)
+        assert values(wrist, slave, *everything) == before
+    told = capsys.readouterr().out.splitlines()
+    assert sum(line.startswith("[ERROR] fmi2") for line in told) == len(told) == len(bad)
+    slave.doStep(0.01, 0.01)
+    slave.terminate()
+    refused(slave.doStep, 0.02, 0.01)
+    slave.freeInstance()
+
+
+@runs
+def test_the_stop_time_is_the_end(wrist: LoadedFmu) -> None:
+    """No step goes past it, and a hundred steps of 0.01 s go up to 1 s; the time is known."""
+    slave = wrist.instance()
+    slave.setupExperiment(startTime=0.0, stopTime=1.0)
+    slave.enterInitializationMode()
+    slave.exitInitializationMode()
+    t = 0.0
+    for _ in range(100):
+        slave.doStep(t, 0.01)
+        t += 0.01
+    refused(slave.doStep, t, 0.01)
+    value = ctypes.c_double()
+    slave.fmi2GetRealStatus(slave.component, 2, ctypes.byref(value))
+    assert value.value == pytest.approx(1.0, abs=1e-12)
+    slave.freeInstance()
+
+
+@runs
+def test_wrong_instances_are_not_made(wrist: LoadedFmu, capsys: pytest.CaptureFixture[str]) -> None:
+    """Another GUID, and model exchange, give no instance and a sentence; nothing of it stays in memory."""
+    slave = wrist.instance()
+    for kind, guid in ((1, b"{0}"), (0, wrist.description.guid.encode())):
+        assert not slave.fmi2Instantiate(b"x", kind, guid, b"", ctypes.byref(slave.callbacks), 0, 0)
+    assert capsys.readouterr().out.count("[ERROR] fmi2Instantiate") == 2
+    assert not slave.fmi2Instantiate(b"x", 1, wrist.description.guid.encode(), b"", None, 0, 0)
+    slave.freeInstance()
+
+
+@runs
+def test_memory_is_the_environments(wrist: LoadedFmu) -> None:
+    """One piece for an instance and one for a state, by the given functions, all of it given back; none while it steps."""
+    fmpy = fmu_check.installed_fmpy()
+    taken: list[int] = []
+
+    def allocate(n: int, size: int) -> int:
+        """Counts."""
+        taken.append(fmpy.calloc(n, size))
+        return taken[-1]
+
+    def release(pointer: int) -> None:
+        """Counts down."""
+        taken.remove(pointer)
+        fmpy.free(pointer)
+
+    callbacks = fmpy.fmi2.fmi2CallbackFunctions()
+    callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(lambda *_: None)
+    callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(allocate)
+    callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(release)
+    slave = wrist.instance(callbacks=callbacks)
+    wrist.begin(slave)
+    for k in range(100):
+        slave.doStep(k * STEP, STEP)
+        assert len(taken) == 1
+    state = slave.getFMUstate()
+    assert len(taken) == 2
+    slave.freeFMUstate(state)
+    slave.freeInstance()
+    assert not taken
+
+
+@runs
+def test_a_motion_that_is_not_finite_is_discarded(handed: Handed, capsys: pytest.CaptureFixture[str]) -> None:
+    """A step whose end is out of all bounds returns fmi2Discard and leaves the joint where it was."""
+    content = files_of(handed_over(handed("wrist pitch")).content)
+    low = content["sources/fmu.c"].replace(b"#define BR_LARGEST 1e30", b"#define BR_LARGEST 1e0")
+    assert low != content["sources/fmu.c"]
+    binary = fmu_binary({**content, "sources/fmu.c": low}, "x")
+    assert isinstance(binary, bytes)
+    (name,) = [name for name in content if name.startswith("binaries/")]
+    with loaded_fmu(zipped({**content, name: binary})) as found:
+        slave = found.begin(found.instance())
+        slave.setReal([0], [1.0])
+        refused(slave.doStep, 0.0, 0.5, status=DISCARD)
+        assert values(found, slave, "position", "velocity", "z", "friction") == [0.0, 0.0, 0.0, 0.0]
+        slave.doStep(0.0, 1e-4)
+        slave.freeInstance()
+    assert "[DISCARD] fmi2DoStep: the motion from 0 s on is not finite" in capsys.readouterr().out
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", HOSTILE, ids=[ascii(x)[:20] for x in HOSTILE])
+def test_hostile_names_stay_harmless(name: str, handed: Handed, tmp_path: Path) -> None:
+    """C compiles without a warning, in plain ASCII; XML is read, and fmpy takes it; HTML shows text alone; file and model have plain names."""
+    artefact = handed_over(replace(handed("wrist pitch"), name=name))
+    content = files_of(artefact.content)
+    assert re.fullmatch(r"[a-z0-9_]{1,60}\.fmu", artefact.name)
+    root = root_of(artefact.content)
+    assert re.fullmatch(r"[a-z][a-z0-9_]{0,80}", root.attrib["modelName"])
+    assert root.attrib["description"].endswith("joint and LuGre friction, torque in, identified from SIMULATED data")
+    text = content["documentation/index.html"].decode()
+    assert not re.search(r"[\x00-\x09\x0b-\x1f\u202a-\u202e\u2066-\u2069]", text)
+    assert "<b>" not in text
+    for file in ("fmu.c", "joint.h"):
+        (tmp_path / file).write_text(content[f"sources/{file}"].decode("ascii"), encoding="ascii")
+    done = run(tmp_path, "gcc", *c_check.FLAGS, "-c", "fmu.c", "-o", "fmu.o")
+    assert (done.returncode, done.stderr) == (0, "")
+    if not NO_FMPY:
+        assert fmu_problems(artefact.content) == []
+
+
+def test_what_an_fmu_needs(handed: Handed) -> None:
+    """Without an inertia, with a torque in amperes, without a bristle, or with a number out of range: refused, and the sentence says what to do."""
+    joint = handed("wrist pitch")
+    with pytest.raises(
+        InputError,
+        match="no inertia is known, and an FMU of a joint needs one; add a tracking run, or give the inertia",
+    ):
+        handed_over(replace(joint, inertia=None))
+    with pytest.raises(InputError, match=r"inertia: got 1e-12; the FMU takes 1e-09 to 10000"):
+        handed_over(replace(joint, inertia=1e-12))
+    with pytest.raises(InputError, match=r"give motor.torque_constant"):
+        handed_over(replace(joint, kind="revolute in A"))
+    guessed = (replace(x, source="assumed") if x.parameter.name == "sigma_0" else x for x in joint.parameters)
+    with pytest.raises(InputError, match="sigma_0 is not identified, and fmu holds a LuGre bristle"):
+        handed_over(replace(joint, parameters=tuple(guessed)))
+    with pytest.raises(InputError, match=r"v_s: got .*; the C code takes"):
+        handed_over(changed(joint, v_s=1e-9))
+
+
+@needs_fmpy
+def test_without_a_compiler_there_are_sources(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The FMU then has no binary, says so, is valid, and is else the same to the byte."""
+    joint = handed("wrist pitch")
+    whole = files_of(handed_over(joint).content)
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    artefact = handed_over(joint)
+    assert artefact.holds.endswith("as C sources alone: there is no C compiler here; fmpy compile makes the binary")
+    assert files_of(artefact.content) == {name: x for name, x in whole.items() if not name.startswith("binaries/")}
+    assert fmu_problems(artefact.content) == []
+
+
+def test_a_machine_of_another_kind_gets_sources(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it is not linux64, nothing is compiled and the artefact says so."""
+    monkeypatch.setattr(platform, "machine", lambda: "arm64")
+    assert "C sources alone: this machine is not linux64" in handed_over(handed()).holds
+
+
+def test_a_check_says_that_fmpy_is_missing(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without fmpy, what to install."""
+    monkeypatch.setattr(importlib, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
+    fmu_check.installed_fmpy.cache_clear()
+    joint = handed()
+    with pytest.raises(NotInstalled, match=r"fmpy is not installed; install bristle\[fmu\]"):
+        TARGET.check(Artefact(name="x", content=b"", holds=""), [joint], Request())
+
+
+@needs_fmpy
+def test_a_joint_that_slides_has_its_units(handed: Handed) -> None:
+    """N and m, defined; the description is valid."""
+    artefact = handed_over(handed("wrist pitch", kind="prismatic"))
+    assert fmu_problems(artefact.content) == []
+    units = {v.attrib["name"]: v[0].attrib["unit"] for v in root_of(artefact.content).iter("ScalarVariable")}
+    assert [units[name] for name in ("torque", "position", "velocity", "inertia", "positive.sigma_0")] == [
+        "N",
+        "m",
+        "m/s",
+        "kg",
+        "N/m",
+    ]
+    assert not {"rad", "N*m"} & {u.attrib["name"] for u in root_of(artefact.content).iter("Unit")}
+
+
+def test_units_are_si() -> None:
+    """Exponents of the base units, the radian among them."""
+    assert base_units("N*m*s/rad") == {"kg": 1, "m": 2, "s": -1, "rad": -1}
+    assert base_units("kg*m**2") == {"kg": 1, "m": 2}
+    assert base_units("N/m") == {"kg": 1, "s": -2}
+    assert base_units("m/s") == {"m": 1, "s": -1}
+
+
+def test_what_was_identified_is_what_starts(handed: Handed) -> None:
+    """The start values are those of the joint, to the last digit, and every parameter has its range."""
+    joint = handed("elbow pitch")
+    starts = {v.name: v.start for v in fmu_variables(joint)}
+    for direction, p in zip(("positive", "negative"), joint.pair, strict=True):
+        assert [starts[f"{direction}.{name}"] for name in Lugre._fields] == [*p]
+    assert starts["inertia"] == joint.inertia
+    written = {v.attrib["name"]: v[0].attrib for v in root_of(handed_over(joint).content).iter("ScalarVariable")}
+    for v in fmu_variables(joint):
+        assert v.start is None or [float(written[v.name][x]) for x in ("start", "min", "max")] == [
+            v.start,
+            v.low,
+            v.high,
+        ]
+
+
+def test_what_is_left_out_is_said(handed: Handed) -> None:
+    """A term in v abs(v) and an offset are not in the FMU: said, and the term's loss along the stated motions is given, also in the documentation."""
+    joint = handed("wrist pitch")
+    rows = tuple(
+        ExportedParameter(
+            parameter=ParameterName(name, Direction.SHARED),
+            value=0.1,
+            unit="",
+            standard_error=None,
+            interval=None,
+            source="joint",
+        )
+        for name in ("quadratic", "offset")
+    )
+    artefact = handed_over(replace(joint, parameters=(*joint.parameters, *rows)))
+    assert [x.kind for x in artefact.said if x.kind is Kind.EXPORT_LEAVES_OUT] == [Kind.EXPORT_LEAVES_OUT]
+    assert artefact.losses[joint.name][0].percent > 1
+    assert b"torque RMS error" in files_of(artefact.content)["documentation/index.html"]
+    assert handed_over(joint).losses == {}
+
+
+def test_a_played_joint_is_compared_by_its_largest() -> None:
+    """The measure of `check` is the largest difference over the largest value, of position or velocity, whichever is worse."""
+    one, zero = np.array([0.0, 2.0]), np.zeros(2)
+    assert of_largest(
+        Played(one, one + np.array([0.0, 0.02]), zero, zero), Played(one, one, zero, zero)
+    ) == pytest.approx(0.01)

@@ -1,0 +1,455 @@
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+from xml.etree import ElementTree as Xml
+
+import numpy as np
+import pytest
+
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.model.parameters import Direction, ParameterName, unit
+from bristle.questions.export.artefact import NotInstalled, Request
+from bristle.questions.export.coulomb_viscous import best_values, compared
+from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from bristle.questions.export.isaac import check_isaac, write_isaac
+from bristle.questions.export.loss import along, coulomb_viscous, friction_of
+from bristle.questions.export.sdf import check_sdf, write_sdf
+from bristle.questions.export.urdf import check_urdf, write_urdf
+from bristle.questions.export.xml_edit import XmlDocument
+
+Handed = Callable[..., ExportedJoint]
+ARM = Path(__file__).parents[2] / "datasets" / "arm" / "arm.urdf"
+JOINTS = ("gripper rotation", "wrist pitch", "elbow pitch", "base rotation")
+HOSTILE = (
+    """a"b'c<d>&e""", "-->", "]]>", "<!-- x", "*/", "a\nb\r\tc", "${x} $(y) %s {0}", "\u202eabc\u202c\u200f", "\0\x1b[31m", "\ud800", "x" * 10_000,
+    "关节 ∑", "'''\"\"\"\\", "\\", "", " ", "\x85\u2028", "%{", "#}", "__import__('os')",
+)  # fmt: skip  # a list
+URDF = b"""\
+<?xml version="1.0" ?>\r
+<robot name='r' xmlns:xacro="http://www.ros.org/wiki/xacro">\r
+\t<!-- <joint name="wrist pitch" type="revolute"> -->\r
+\t<joint   name = 'wrist pitch'  type="revolute" ><!-- keep -- me not -->\r
+""".replace(b" -- me not", b"") + b"""\
+\t\t<parent link="a"/><child link="b"/>\r
+\t</joint>\r
+\t<joint name="slide" type="prismatic"/>\r
+\t<joint name="rigid" type="fixed"/>\r
+\t<joint name="twice" type="revolute"/><joint name="twice" type="revolute"/>\r
+\t<joint name="elbow pitch" type="continuous"><dynamics  friction='1'\tspring="2"/></joint>\r
+\t<joint name="two" type="revolute"><dynamics/><dynamics/></joint>\r
+\t<transmission name="t"><joint name="wrist pitch"><hardwareInterface>E</hardwareInterface></joint>\r
+\t\t<joint name="only here" type="revolute"/></transmission>\r
+\t<xacro:macro name="m"><joint name="in a macro" type="revolute"/></xacro:macro>\r
+\t<link name="a"/><link name="b"/><![CDATA[ <joint> ]]>\r
+</robot>\r
+"""  # fmt: skip  # one file
+SDF = b"""\
+<sdf version='1.7'>
+    <world name="w">
+        <model name="m">
+            <joint name="wrist pitch" type="revolute">
+                <axis>
+                    <xyz>0 0 1</xyz>
+                    <dynamics> <spring_reference>1</spring_reference>
+                        <friction  a="b"> 7 </friction></dynamics>
+                </axis>
+            </joint>
+            <model name="inner"><joint name="elbow pitch" type="revolute"><axis/></joint></model>
+            <joint name="slide" type="prismatic"><axis><dynamics/></axis></joint>
+            <joint name="two" type="revolute"><axis/><axis/></joint>
+            <joint name="no axis" type="revolute"/>
+            <joint name="twice" type="revolute"><axis/></joint>
+        </model>
+        <model name="n"><joint name="twice" type="revolute"><axis/></joint></model>
+        <plugin><joint name="in a plugin" type="revolute"/></plugin>
+    </world>
+</sdf>
+"""
+
+
+def named(handed: Handed, name: str, **changes: Any) -> ExportedJoint:
+    """A joint of another name."""
+    return replace(handed("wrist pitch"), name=name, **changes)
+
+
+@pytest.fixture
+def slide(handed: Handed) -> ExportedJoint:
+    """A joint that slides."""
+    joint = named(handed, "slide", kind="prismatic")
+    units = {x.parameter: unit(x.parameter.name, "prismatic") for x in joint.parameters}
+    return replace(joint, parameters=tuple(replace(x, unit=units[x.parameter]) for x in joint.parameters))
+
+
+def parsed(content: bytes) -> Xml.Element:
+    """The file as another parser has it."""
+    return Xml.fromstring(content)  # noqa: S314  # made here
+
+
+def outside(old: bytes, new: bytes) -> tuple[bytes, bytes]:
+    """What lies between the part with which both begin and the part with which both end."""
+    pairs = enumerate(zip(old, new, strict=False))
+    begin = next((k for k, (x, y) in pairs if x != y), min(len(old), len(new)))
+    pairs = enumerate(zip(reversed(old[begin:]), reversed(new[begin:]), strict=False))
+    end = next((k for k, (x, y) in pairs if x != y), min(len(old), len(new)) - begin)
+    return old[begin : len(old) - end], new[begin : len(new) - end]
+
+
+@pytest.mark.parametrize("name", JOINTS)
+def test_the_values_are_the_best_and_the_losses_are_those_of_the_formula(handed: Handed, name: str) -> None:
+    """No other Coulomb and viscous friction loses less along the declared motion, and the loss is rms error by rms torque, in percent."""
+    (found,) = best_values([handed(name)], Request(amplitude=0.3, frequency=0.7), "urdf")
+    assert [x.motion.name for x in found.losses] == ["fitted", "medium", "slow", "presliding"]
+    assert found.motion[1:] == (0.3, 0.7)
+
+    def loss(coulomb: float, viscous: float) -> float:
+        v, T = along(friction_of(found.joint), found.motion)
+        error = coulomb * np.sign(v) + viscous * v - T
+        return 100 * float(np.sqrt(np.mean(error**2) / np.mean(T**2)))
+
+    least = loss(found.coulomb, found.viscous)
+    assert found.losses[0].percent == pytest.approx(least, rel=1e-9)
+    for x, y in ((1e-4, 0), (-1e-4, 0), (0, 1e-4), (0, -1e-4), (1e-4, 1e-4), (-1e-4, 1e-4), (1e-2, -1e-2)):
+        assert loss(found.coulomb * (1 + x), found.viscous * (1 + y)) > least
+    for one in found.losses:
+        kept, true = (
+            along(f, one.motion)[1] for f in (coulomb_viscous(found.coulomb, found.viscous), friction_of(found.joint))
+        )
+        assert one.percent == pytest.approx(100 * np.linalg.norm(kept - true) / np.linalg.norm(true), rel=1e-12)
+
+
+@pytest.mark.parametrize("write", [write_urdf, write_sdf, write_isaac])
+def test_what_is_lost_and_left_out_is_said(handed: Handed, write: Callable[..., Any]) -> None:
+    """Losses above ten per cent are a caution, and so is an offset that was identified beside the friction."""
+    joint = handed("wrist pitch")
+    offset = ExportedParameter(
+        parameter=ParameterName("offset", Direction.SHARED), value=0.1, unit="N*m", standard_error=0.1,
+        interval=(-0.1, 0.3), source="joint",
+    )  # fmt: skip  # a list of values
+    artefact = write([replace(joint, parameters=(*joint.parameters, offset))], Request())
+    kinds = [x.kind for x in artefact.said]
+    assert kinds == [Kind.EXPORT_LOSES, Kind.EXPORT_LEAVES_OUT]
+    assert "presliding" in str(artefact.said[0])
+    assert "offset" in str(artefact.said[1])
+    assert [x.percent > 10 for x in artefact.losses["wrist pitch"]] == [True] * 4
+
+
+@pytest.mark.parametrize("write", [write_urdf, write_sdf, write_isaac])
+def test_a_torque_that_is_a_current_is_refused(handed: Handed, write: Callable[..., Any]) -> None:
+    """Without a torque constant there is no torque to hand over."""
+    with pytest.raises(InputError, match=r"motor\.torque_constant"):
+        write([handed(kind="revolute in A")], Request())
+
+
+@pytest.mark.parametrize("write", [write_urdf, write_sdf, write_isaac])
+def test_an_artefact_says_where_its_numbers_are_from(handed: Handed, write: Callable[..., Any]) -> None:
+    """Version, hash, data, trust, every parameter and the losses stand in the file; the same export gives the same bytes."""
+    joint = handed("wrist pitch")
+    rows = tuple(
+        replace(x, source="assumed", standard_error=None, interval=None) if x.parameter.name == "sigma_1" else x
+        for x in joint.parameters
+    )
+    joint = replace(joint, parameters=rows)
+    content = write([joint], Request()).content
+    text = content.decode()
+    for part in (
+        "bristle 0",
+        "0" * 64,
+        "SIMULATED",
+        "edro.yaml",
+        "ASSUMED",
+        "torque RMS error",
+        *(str(x.parameter) for x in rows),
+    ):
+        assert part in text
+    assert write([joint], Request()).content == content
+
+
+@pytest.mark.parametrize("name", HOSTILE)
+def test_hostile_names_stay_names(handed: Handed, name: str) -> None:
+    """Whatever a joint is called, the file has its numbers, one joint, and nothing that its name says; XML has U+FFFD for what it cannot hold."""
+    joint = named(handed, name)
+    (best,) = best_values([joint], Request(), "urdf")
+    urdf = parsed(write_urdf([joint], Request()).content)
+    assert len(urdf.findall("joint")) == 1
+    assert (urdf.find("joint").get("name") == name) == (not {"\0", "\x1b", "\ud800"} & set(name))  # type: ignore[union-attr]
+    dynamics = urdf.find("joint/dynamics")
+    assert dynamics is not None
+    assert {key: float(x) for key, x in dynamics.attrib.items()} == {"friction": best.coulomb, "damping": best.viscous}
+    sdf = parsed(write_sdf([joint], Request()).content)
+    assert [float(x.text or "") for x in sdf.iter("friction")] == [best.coulomb]
+    made = run(write_isaac([joint], Request()).content)
+    assert list(made) == [name]
+    assert made[name].dynamic_friction == best.coulomb
+    for content in (write_urdf([joint], Request()).content, write_sdf([joint], Request()).content):
+        assert all(c.isprintable() or c == "\n" for c in content.decode())
+        for line in content.decode().splitlines():
+            assert len(line) < 11_000
+
+
+def test_a_urdf_of_joints_loads(handed: Handed, slide: ExportedJoint) -> None:
+    """The snippet is a robot: MuJoCo and Pinocchio read damping and friction as exported, turning and sliding."""
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
+    joints = [*map(handed, JOINTS), slide, named(handed, "no inertia", inertia=None)]
+    artefact = write_urdf(joints, Request())
+    lines = check_urdf(artefact, joints, Request())
+    assert lines[0] == "parsed again: damping and friction are as exported, to the last bit, in 6 joints"
+    assert all(line.endswith(": damping and friction are as exported, to the last bit, in 6 joints") for line in lines)
+    assert any(line.startswith("MuJoCo") for line in lines)
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(artefact.content.decode())
+    best = best_values(joints, Request(), "urdf")
+    assert model.dof_damping.tolist() == [x.viscous for x in best]
+    assert model.dof_frictionloss.tolist() == [x.coulomb for x in best]
+    moving = model.body_inertia[1:, 2].tolist()
+    assert moving[:4] == pytest.approx([x.inertia for x in joints[:4]])
+    assert model.body_mass[5] == pytest.approx(slide.inertia)
+
+
+def test_pinocchio_reads_the_snippet(handed: Handed) -> None:
+    """Pinocchio's damping and friction are those that were exported."""
+    pytest.importorskip("pinocchio", reason="needs Pinocchio: pip install pin")
+    joints = [*map(handed, JOINTS)]
+    lines = check_urdf(write_urdf(joints, Request()), joints, Request())
+    assert any(line.startswith("Pinocchio") and "as exported, to the last bit" in line for line in lines)
+
+
+def test_a_check_tells_what_differs(handed: Handed) -> None:
+    """A file whose numbers were changed does not pass."""
+    joint = handed("wrist pitch")
+    artefact = write_urdf([joint], Request())
+    spoilt = replace(artefact, content=artefact.content.replace(b'friction="0.06', b'friction="0.07'))
+    assert spoilt != artefact
+    try:
+        said = check_urdf(spoilt, [joint], Request())[0]
+    except NotInstalled as missing:
+        said = str(missing)
+    assert said.startswith("parsed again: damping and friction are NOT as exported in 'wrist pitch'")
+    assert compared("x", {}, {"a": (1, 2)}).startswith("x: damping and friction are NOT")
+
+
+def test_merging_into_a_urdf_changes_nothing_else(handed: Handed) -> None:
+    """The file is byte-identical but for the comment and <dynamics> of the joint, which is not that of a transmission or a comment."""
+    joint = handed("wrist pitch")
+    (best,) = best_values([joint], Request(), "urdf")
+    merged = write_urdf([joint], Request(into=URDF, into_name="r.urdf")).content
+    old, new = outside(URDF, merged)
+    assert old == b""
+    assert new.count(b"\n") == new.count(b"\r\n")
+    assert f'<dynamics damping="{best.viscous!r}" friction="{best.coulomb!r}"/>'.encode() in new
+    assert new.count(b"<dynamics ") == 1
+    assert b"\r\n\t\t<!-- bristle: " in merged
+    changed = [x for x in parsed(merged) if x.find("dynamics") is not None and x.get("name") == "wrist pitch"]
+    assert len(changed) == 1
+    assert merged.index(new) < URDF.index(b"\t</joint>") + len(new)
+
+
+def test_dynamics_that_are_there_keep_what_else_they_say(handed: Handed) -> None:
+    """Friction and damping are replaced, other attributes and blanks stay; merging once more changes nothing."""
+    joint = handed("elbow pitch")
+    (best,) = best_values([joint], Request(), "urdf")
+    merged = write_urdf([joint], Request(into=URDF, into_name="r.urdf")).content
+    expected = f"""<dynamics  friction="{best.coulomb!r}"\tspring="2" damping="{best.viscous!r}"/><!-- bristle: """
+    assert expected.encode() in merged
+    assert write_urdf([joint], Request(into=merged)).content == merged
+    again = write_urdf([joint], Request(into=merged, amplitude=0.1)).content
+    assert again.count(b"<!-- bristle: ") == 1
+    begin, end = merged.index(b"<dynamics  "), merged.index(b" -->", merged.index(b"<!-- bristle: "))
+    assert again.startswith(merged[:begin])
+    assert again.endswith(merged[end:])
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("rigid", "r.urdf, line 8: joint 'rigid' is 'fixed', and the identified one is revolute; expected revolute or continuous"),
+        ("slide", "r.urdf, line 7: joint 'slide' is 'prismatic', and the identified one is revolute; expected revolute or continuous"),
+        ("twice", "r.urdf: has joint 'twice' twice, in lines 9 and 9; expected a file that has it once"),
+        ("two", "r.urdf, line 11: joint 'two' has two <dynamics>; keep one of them"),
+        ("only here", "r.urdf: has no joint 'only here'; run xacro on it first; its joints are 'wrist pitch', 'slide', 'rigid', "),
+        ("in a macro", "r.urdf: has no joint 'in a macro'; run xacro on it first; its joints are 'wrist pitch'"),
+        ("a\nb", r"r.urdf: has no joint 'a\nb'; run xacro on it first; "),
+    ],
+)  # fmt: skip  # a table
+def test_a_joint_that_is_not_in_the_urdf_is_refused(handed: Handed, name: str, why: str) -> None:
+    """What is not there, there twice, rigid or of another kind is told in a sentence, with the line."""
+    with pytest.raises(InputError) as error:
+        write_urdf([named(handed, name)], Request(into=URDF, into_name="r.urdf"))
+    assert str(error.value).startswith(why)
+
+
+@pytest.mark.parametrize("write", [write_urdf, write_sdf])
+@pytest.mark.parametrize(
+    ("content", "why"),
+    [
+        (b"<mujoco/>", "f: its root is <mujoco>; expected an? (URDF|SDF)"),
+        (b'<!DOCTYPE robot [<!ENTITY a "b">]><robot/>', "f, line 1: declares a document type or an entity"),
+        (b"<robot>", "f, line 1: is not well-formed"),
+        (b"", "f, line 1: is not well-formed"),
+    ],
+)
+def test_a_file_that_is_no_model_is_refused(
+    handed: Handed, write: Callable[..., Any], content: bytes, why: str
+) -> None:
+    """Document types, other roots and what is no XML are refused in a sentence."""
+    with pytest.raises(InputError, match=f"^{why}"):
+        write([handed()], Request(into=content, into_name="f"))
+
+
+def test_a_robot_is_merged_joint_by_joint(handed: Handed) -> None:
+    """In a real robot each joint gets its own, all else stays byte by byte, and MuJoCo reads the values from its tree."""
+    pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
+    content = ARM.read_bytes()
+    joints = [named(handed, "wrist_pitch"), named(handed, "elbow")]
+    artefact = write_urdf(joints, Request(into=content, into_name="arm.urdf"))
+    lines = check_urdf(artefact, joints, Request(into=content))
+    assert all("as exported, to the last bit, in 2 joints" in line for line in lines)
+    lost = set(content.splitlines()) - set(artefact.content.splitlines())
+    assert all(b"<dynamics" in line for line in lost)
+    assert len(lost) <= 2
+
+
+def test_a_urdf_without_joints_is_refused(handed: Handed) -> None:
+    """That of MuJoCo is read, and has none."""
+    mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
+    path = Path(mujoco.__file__).parent / "testdata" / "model.urdf"
+    if not path.exists():
+        pytest.skip("this MuJoCo comes without testdata/model.urdf")
+    content = path.read_bytes()
+    assert XmlDocument.read(content, path.name).written() == content
+    with pytest.raises(InputError, match=r"^model\.urdf: has no joint 'wrist pitch'; its joints are none$"):
+        write_urdf([handed("wrist pitch")], Request(into=content, into_name=path.name))
+
+
+def test_merging_into_an_sdf_keeps_springs(handed: Handed, slide: ExportedJoint) -> None:
+    """Damping and friction are replaced or added, in worlds and nested models; springs and all else stay; merging twice changes nothing."""
+    joints = [handed("wrist pitch"), handed("elbow pitch"), slide]
+    best = {x.joint.name: x for x in best_values(joints, Request(), "sdf")}
+    merged = write_sdf(joints, Request(into=SDF, into_name="w.sdf")).content
+    assert b"<spring_reference>1</spring_reference>" in merged
+    held = {
+        joint.get("name"): (float(joint.findtext("axis/dynamics/damping", "nan")), float(joint.findtext("axis/dynamics/friction", "nan")))
+        for joint in parsed(merged).iter("joint") if joint.find("axis/dynamics") is not None
+    }  # fmt: skip  # an entry
+    assert held == {name: (x.viscous, x.coulomb) for name, x in best.items()}
+    assert write_sdf(joints, Request(into=merged)).content == merged
+    lost = set(SDF.splitlines()) - set(merged.splitlines())
+    assert {line.strip() for line in lost} == {
+        b'<friction  a="b"> 7 </friction></dynamics>',
+        b'<model name="inner"><joint name="elbow pitch" type="revolute"><axis/></joint></model>',
+        b'<joint name="slide" type="prismatic"><axis><dynamics/></axis></joint>',
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        ("twice", "w.sdf: has joint 'twice' twice, in lines 15 and 17; expected a file that has it once"),
+        ("in a plugin", "w.sdf: has no joint 'in a plugin'; its joints are "),
+        ("two", "w.sdf, line 13: joint 'two' has 2 <axis>; expected one"),
+        ("no axis", "w.sdf, line 14: joint 'no axis' has 0 <axis>; expected one"),
+        ("slide", "w.sdf, line 12: joint 'slide' is 'prismatic', and the identified one is revolute; expected revolute or continuous"),
+    ],
+)  # fmt: skip  # a table
+def test_a_joint_that_is_not_in_the_sdf_is_refused(handed: Handed, name: str, why: str) -> None:
+    """What is not there, or there twice, is told in a sentence."""
+    with pytest.raises(InputError) as error:
+        write_sdf([named(handed, name)], Request(into=SDF, into_name="w.sdf"))
+    assert str(error.value).startswith(why)
+
+
+def test_an_sdf_of_joints_holds_the_values(handed: Handed, slide: ExportedJoint) -> None:
+    """The snippet has each joint with its numbers; without Gazebo the check says what it could not do."""
+    joints = [*map(handed, JOINTS), slide]
+    try:
+        said = check_sdf(write_sdf(joints, Request()), joints, Request())[0]
+    except NotInstalled as missing:
+        said = str(missing)
+        assert "install Gazebo" in said
+    assert said.startswith("parsed again: damping and friction are as exported, to the last bit, in 5 joints")
+
+
+@dataclass(kw_only=True)
+class Actuator:
+    """What stands for Isaac Lab's ImplicitActuatorCfg."""
+
+    joint_names_expr: list[str]
+    stiffness: None
+    damping: None
+    friction: float
+    dynamic_friction: float
+    viscous_friction: float
+    armature: float | None
+
+
+def run(content: bytes) -> dict[str, Actuator]:
+    """What the snippet makes, with a stub in the place of Isaac Lab."""
+    stub = ModuleType("isaaclab.actuators")
+    stub.ImplicitActuatorCfg = Actuator  # type: ignore[attr-defined]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sys.modules, "isaaclab", ModuleType("isaaclab"))
+        patch.setitem(sys.modules, "isaaclab.actuators", stub)
+        made: dict[str, Any] = {}
+        exec(compile(content, "actuators.py", "exec"), made)  # noqa: S102  # written by ourselves
+    found: dict[str, Actuator] = made["ACTUATORS"]
+    return found
+
+
+def test_the_actuators_of_isaac_lab_have_the_numbers(handed: Handed) -> None:
+    """Static friction is the breakaway level, dynamic and viscous are the best values, armature is the identified inertia."""
+    import re
+
+    joints = [*map(handed, JOINTS)]
+    made = run(write_isaac(joints, Request()).content)
+    for best in best_values(joints, Request(), "isaac"):
+        actuator = made[best.joint.name]
+        assert (actuator.dynamic_friction, actuator.viscous_friction) == (best.coulomb, best.viscous)
+        assert actuator.friction == pytest.approx(np.mean([p.alpha_0 + p.alpha_1 for p in best.joint.pair]), rel=1e-15)
+        assert actuator.armature == best.joint.inertia
+        assert [re.fullmatch(actuator.joint_names_expr[0], x.name) is not None for x in joints] == [
+            x is best.joint for x in joints
+        ]
+
+
+def test_static_friction_is_not_below_the_dynamic_one(handed: Handed) -> None:
+    """PhysX refuses a static friction below the dynamic one, which a joint without viscous friction at low speed could have."""
+    joint = handed("wrist pitch")
+    small = {"alpha_0": 1e-6, "alpha_1": 0.0, "alpha_2": 0.0}
+    rows = tuple(replace(x, value=small.get(x.parameter.name, x.value)) for x in joint.parameters)
+    quadratic = replace(rows[-1], parameter=ParameterName("quadratic", Direction.SHARED), value=5.0)
+    made = run(write_isaac([replace(joint, parameters=(*rows, quadratic))], Request()).content)["wrist pitch"]
+    assert made.friction >= made.dynamic_friction
+
+
+def test_an_armature_is_never_invented(handed: Handed) -> None:
+    """Without an inertia it stays as the asset has it, and that is said; of a robot's joint it is the rotor's alone."""
+    joint = handed("wrist pitch")
+    rows = tuple(x for x in joint.parameters if x.parameter.name != "inertia")
+    artefact = write_isaac([replace(joint, parameters=rows, inertia=None)], Request())
+    assert run(artefact.content)["wrist pitch"].armature is None
+    assert Kind.EXPORT_WITHOUT_INERTIA in [x.kind for x in artefact.said]
+    rotor = run(write_isaac([replace(joint, inertia=10.0)], Request()).content)["wrist pitch"].armature
+    assert rotor == next(x.value for x in joint.parameters if x.parameter.name == "inertia")
+
+
+def test_the_snippet_is_checked(handed: Handed) -> None:
+    """Its numbers are read again; a stub in the place of Isaac Lab takes it."""
+    joint = handed("wrist pitch")
+    artefact = write_isaac([joint], Request())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sys.modules, "isaaclab", None)
+        with pytest.raises(NotInstalled, match=r"^compiled: its numbers are as exported; Isaac Lab"):
+            check_isaac(artefact, [joint], Request())
+    stub = ModuleType("isaaclab.actuators")
+    stub.ImplicitActuatorCfg = Actuator  # type: ignore[attr-defined]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(sys.modules, "isaaclab", ModuleType("isaaclab"))
+        patch.setitem(sys.modules, "isaaclab.actuators", stub)
+        assert check_isaac(artefact, [joint], Request()) == (
+            "compiled: its numbers are as exported",
+            "Isaac Lab: takes it",
+        )
