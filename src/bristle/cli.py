@@ -318,11 +318,16 @@ def export(
         check_output_absent(landing)
     _tell([handed.text()])
     handed.write(landing)
+    wrong: tuple[str, ...] = ()
     if check:
         with shown():
             found = handed.check()
         _tell(found)
+        wrong = handed.failed(found)
     print_lines([f"File: {landing}"], done=True)
+    if wrong:
+        complain(f"{len(wrong)} of the checks failed, a defect of bristle: please report it with the results file")
+        raise typer.Exit(1)
 
 
 @app.command()

@@ -79,7 +79,6 @@ class Friction:
         self._inputs, self._outputs = np.zeros(9), np.zeros(4)
         self._constants = np.array([*handed.pair.positive, *handed.pair.negative, handed.quadratic])
         self._run: Callable[[], None] = bound(_coupled_step(), [self._inputs, self._constants], [self._outputs])
-        self._written = self._users = 0.0
         self.reset()
 
     def reset(self, deflection: float = 0.0) -> None:
@@ -101,19 +100,18 @@ class Friction:
         """Friction torque over the step that `apply` was called for last, N*m, positive against positive motion."""
         return self._torque
 
-    def apply(self, data: Any) -> None:
+    def apply(self, data: Any, torque: float = 0.0) -> None:
         """Set `data.qfrc_applied` of the joint for the next step; call it right before each `mujoco.mj_step(model, data)`.
 
-        Set controls and other forces before. What you set `data.qfrc_applied` of this joint to yourself, anew or once, is kept and added to;
-        do not add to it in place, for it then holds the friction of the last step. A second call at the same `data.time` begins from where the
-        first one did. It evaluates the model's forward dynamics once.
+        Args:
+            data: `mujoco.MjData`, whose controls and forces on other joints are set.
+            torque: of your own on this joint, N*m: `data.qfrc_applied` of this joint is overwritten by this less the friction.
 
-        Raises InputError where a time step was left out since the last call.
+        A second call at the same `data.time` begins from where the first one did. It evaluates the model's forward
+        dynamics once. Raises InputError where a time step was left out since the last call.
         """
         applied, dof = data.qfrc_applied, self._dof
-        if applied[dof] != self._written:
-            self._users = float(applied[dof])
-        applied[dof] = self._users
+        applied[dof] = torque
         self._forward(data)
         self._solve(data, self._response, self._one)
         h, v = self._options.timestep, float(data.qvel[dof])
@@ -122,14 +120,14 @@ class Friction:
         self._run()
         z, z_next, v_next, self._torque = self._outputs.tolist()
         self._begun, self._step, self._before, self._after = data.time, h, last, _Passed(z, v, z_next, v_next)
-        applied[dof] = self._users - self._torque
-        self._written = float(applied[dof])
+        applied[dof] = torque - self._torque
 
     def _last(self, time: float, v: float) -> _Passed:
         """The step that ends now; one in which nothing happened where there is none."""
         passed = time - self._begun
         if passed == 0:
-            return self._before
+            first = self._before
+            return _Passed(first.z, v, first.z, v) if first.z == first.z_next and first.v == first.v_next else first
         if passed == inf or passed < 0:
             z = self._after.z if passed == inf else 0.0
             return _Passed(z, v, z, v)
@@ -229,8 +227,14 @@ def _check_model(model: Any, name: str) -> None:
             raise InputError(
                 f"{_WORD}: joint {short(name)} has {what} {value:.4g} of its own, and friction would count twice; set it to 0 in the model"
             )
+    if np.any(getattr(model, "dof_dampingpoly", np.zeros((model.nv, 1)))[dof]):
+        raise InputError(
+            f"{_WORD}: joint {short(name)} has a polynomial damping of its own, and friction would count twice; set it to 0 in the model"
+        )
     lugre = getattr(mujoco.mjtDyn, "mjDYN_DCMOTOR", None)
-    on_joint = model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT.value
+    on_joint = np.isin(
+        model.actuator_trntype, (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)
+    )
     on_joint &= model.actuator_trnid[:, 0] == joint
     if lugre is not None and np.any(
         on_joint & (model.actuator_dyntype == lugre.value) & (model.actuator_dynprm[:, 5] > 0)

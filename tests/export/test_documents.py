@@ -75,6 +75,7 @@ def made(draw: st.DrawFn) -> ExportedJoint:
     return ExportedJoint(
         name=draw(words), kind=kind, simulated=draw(st.booleans()), trust=draw(st.sampled_from(Trust)),
         reason=draw(st.none() | diagnostics), parameters=draw(parameters(kind)), inertia=draw(st.none() | positive),
+        rotor_inertia=draw(st.none() | positive),
         fastest=draw(positive), said=tuple(draw(st.lists(diagnostics, max_size=2))),
         origin=Origin(bristle=draw(words), results_sha256=draw(st.none() | words), experiment=draw(st.none() | words),
                       logs=draw(st.dictionaries(words, words, max_size=2))),

@@ -16,6 +16,7 @@ from bristle.identification.known_joint import chosen
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck
 from bristle.questions.export.artefact import Request, large_losses
 from bristle.questions.export.export import export_joints
+from bristle.questions.export.exported import Origin, exported
 from bristle.questions.export.loss import (
     Loss,
     StatedMotion,
@@ -32,6 +33,7 @@ from bristle.questions.export.targets import TARGETS, target
 from ..conftest import FEW, run, speeds, write
 from .conftest import RESULTS, Handed
 
+LAW = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -91,6 +93,7 @@ def test_every_target_is_written_by_the_command(to: str, tmp_path: Path, monkeyp
         (["--to", "urdf", "--into", "FOLDER/none.urdf"], "no such file"),
         (["--to", "urdf", "--amplitude", "-1 rad"], "amplitude: got -1 rad; expected a quantity above 0"),
         (["--to", "urdf", "--amplitude", "1 s"], "amplitude: unit 's' is no unit of rad"),
+        (["--to", "json", "--amplitude", "1 rad"], "json has no values that are fitted along a motion"),
         (["--to", "urdf", "--frequency", "0 Hz"], "frequency: got 0 Hz; expected a quantity above 0"),
     ],
 )  # fmt: skip  # a table
@@ -171,6 +174,50 @@ def test_of_several_joints_those_that_fit_are_exported(handed: Handed) -> None:
     assert "Left out: elbow pitch: its torque is known as a current alone" in one.text().replace("\n", " ")
     with pytest.raises(bristle.InputError, match="known as a current alone"):
         export_joints([bad, bad], "urdf", Request())
+
+
+def test_a_damping_of_an_assumed_ratio_is_marked() -> None:
+    """Slow loading and an inertia give sigma_1 by (15), an assumption: its source is `assumed`, and the warning goes along."""
+    results = bristle.read_results(RESULTS)
+    joint = replace(results.joint("wrist pitch"), tracking=None, joint_fit=None)
+    one = exported(
+        joint, results.logs.experiment_of(joint)[0], Origin(bristle="0", results_sha256=None, experiment=None, logs={})
+    )
+    assert {x.source for x in one.parameters if x.parameter.name == "sigma_1"} == {"assumed"}
+    assert {x.source for x in one.parameters if x.parameter.name == "sigma_0"} == {"presliding"}
+    assert Kind.PRIOR in {x.kind for x in one.said}
+
+
+def test_one_law_with_two_stiffnesses_is_a_pair() -> None:
+    """A symmetric curve and a bristle per direction: both directions are exported, with the bristle."""
+    v = np.concatenate([np.geomspace(0.015, 0.8, 12), -np.geomspace(0.015, 0.8, 12)])
+    T = bristle.friction(v, LAW) + 2e-5 * np.random.default_rng(0).standard_normal(v.size)
+    t = np.arange(0, 8, 0.002)
+    load = 0.02 * np.interp(t, [0, 2, 6, 8], [0, 1, -1, 0])
+    bend = np.cumsum(np.diff(load, prepend=0.0) / (6.0 * (1 - np.abs(load) / 0.026)))
+    slow = bristle.fit_presliding(t, bend, load, breakaway=bristle.fit(v, T, directions="symmetric"))
+    known = {row.parameter: row.estimate.value for row in chosen(slow.joint) if row.estimate.value is not None}
+    assert ParameterName("sigma_0", Direction.POSITIVE) in known
+    one = bristle.export(slow, "json").joints[0]
+    assert one.has_bristle
+    assert one.pair.positive.sigma_0 == known[ParameterName("sigma_0", Direction.POSITIVE)]
+
+
+def test_a_compensator_without_a_bristle_says_what_it_leaves_out() -> None:
+    """Coulomb and Stribeck compensators have losses; the LuGre ones have none."""
+    for name, least in (("coulomb", 20.0), ("stribeck", 0.01)):
+        handed_over = bristle.export(RESULTS, "c", joint="wrist pitch", compensator=name)
+        (found,) = handed_over.artefact.losses.values()
+        assert max(x.percent for x in found) > least
+    assert not bristle.export(RESULTS, "c", joint="wrist pitch").artefact.losses
+
+
+def test_a_failed_check_ends_with_1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A check that finds the artefact wrong is a defect of bristle, and said."""
+    monkeypatch.setattr("bristle.questions.export.json_document.as_values", lambda _: object())
+    ran = run("export", RESULTS, "--to", "json", "-o", tmp_path / "out.json", "--check")
+    assert ran.code == 1
+    assert "1 of the checks failed" in ran.err
 
 
 def test_what_is_doubtful_is_said(handed: Handed) -> None:

@@ -111,7 +111,7 @@ def test_the_largest_time_step_is_one(handed: Handed) -> None:
     """A joint at rest with a small push settles 10 % below the time step that is named, and does not 10 % above."""
     joint = handed("wrist pitch")
     content = mjcf.TARGET.write([joint], Request()).content.decode()
-    limit = float(content.split("Keep the time step below ")[1].split()[0])
+    limit = float(content.split("Keep the time step well below ")[1].split()[0])
     for factor, settles in ((0.9, True), (1.1, False)):
         model = mujoco.MjModel.from_xml_string(content)
         model.opt.timestep = factor * limit
@@ -129,7 +129,7 @@ def test_what_mujoco_loads_is_written(handed: Handed, target: ExportTarget) -> N
     artefact = target.write(joints, Request())
     model = mujoco.MjModel.from_xml_string(artefact.content.decode())
     assert [model.joint(x.name).type[0] for x in joints] == [3, 2]
-    assert [model.joint(x.name).armature[0] for x in joints] == [x.inertia for x in joints]
+    assert [model.joint(x.name).armature[0] for x in joints] == [x.rotor_inertia for x in joints]
     assert len(target.check(artefact, joints, Request())) == 14
     assert artefact == target.write(joints, Request())
 
@@ -153,7 +153,9 @@ def test_what_is_not_held_is_said(handed: Handed, target: ExportTarget) -> None:
         parameter=ParameterName("offset", Direction.SHARED), value=0.1, unit="N*m", standard_error=None, interval=None, source="joint",
     )  # fmt: skip  # a list of values
     joint = handed("wrist pitch")
-    artefact = target.write([replace(joint, inertia=None, parameters=(*joint.parameters, offset))], Request())
+    artefact = target.write(
+        [replace(joint, inertia=None, rotor_inertia=None, parameters=(*joint.parameters, offset))], Request()
+    )
     assert {x.kind.name for x in artefact.said} == {"EXPORT_LOSES", "EXPORT_LEAVES_OUT", "EXPORT_WITHOUT_INERTIA"}
     assert b"armature=" not in artefact.content
     mujoco.MjModel.from_xml_string(artefact.content.decode())
@@ -215,6 +217,8 @@ def test_an_actuator_section_is_used(handed: Handed) -> None:
         ((b"'wrist pitch'", b"'wrist'"), "'wrist'"),
         ((b"name='wrist pitch'", b"name='wrist pitch' type='ball'"), "hinge"),
         ((b"name='wrist pitch'", b"name='wrist pitch' springdamper='1 1'"), "springdamper"),
+        ((b"name='wrist pitch'", b"name='wrist pitch' actuatorfrcrange='-1 1'"), "would cut the friction too"),
+        ((b"<worldbody>", b"<default><joint type='slide'/></default><worldbody>"), "write type on the joint itself"),
         ((b"<!-- a robot -->", b"<!DOCTYPE mujoco>"), "document type"),
         ((b"mujoco", b"robot"), "MJCF"),
     ],
@@ -226,6 +230,22 @@ def test_what_cannot_be_merged_into_is_refused(
     """A missing joint, one of another kind, a document type and another format: one sentence each."""
     with pytest.raises(InputError, match=said):
         target.write([handed("wrist pitch")], Request(into=ROBOT.replace(*change), into_name="arm.xml"))
+
+
+def test_a_robots_joint_has_the_rotor_alone(handed: Handed) -> None:
+    """Of a joint whose links are known, armature is the rotor's inertia: the bodies of a model have the links."""
+    joint = handed("wrist pitch", inertia=10.0)
+    for target in TARGETS:
+        model = mujoco.MjModel.from_xml_string(target.write([joint], Request()).content.decode())
+        assert model.joint("wrist pitch").armature[0] == joint.rotor_inertia != 10.0
+
+
+def test_friction_of_the_other_target_is_not_added(handed: Handed) -> None:
+    """Into a model that holds LuGre already no frictionloss is merged: it would count twice."""
+    joint = handed("wrist pitch")
+    once = mjcf.TARGET.write([joint], Request(into=ROBOT, into_name="arm.xml")).content
+    with pytest.raises(InputError, match="already, which holds this joint's friction"):
+        mjcf_frictionloss.TARGET.write([joint], Request(into=once, into_name="arm.xml"))
 
 
 def test_a_second_merge_is_refused(handed: Handed) -> None:

@@ -168,22 +168,41 @@ def test_a_limit_does_not_wind_the_bristle_up(handed: Handed) -> None:
     assert data.qpos[0] < 0
 
 
-def test_own_forces_of_the_user_are_kept(handed: Handed) -> None:
-    """What is set in qfrc_applied, once or at each step, acts as a control does."""
+def test_a_torque_of_ones_own_acts_as_a_control(handed: Handed) -> None:
+    """The argument `torque` acts as a control does; once it is zero, the joint comes to rest."""
     joint = handed("wrist pitch")
     ends = []
-    for way in ("control", "once", "each"):
+    for way in ("control", "argument"):
         model = one(J=joint.inertia)
         data, friction = mujoco.MjData(model), Friction(model, "wrist pitch", joint)
-        for k in range(100):
-            if way == "control":
-                data.ctrl[0] = 0.3
-            elif way == "each" or k == 0:
-                data.qfrc_applied[0] = 0.3
-            friction.apply(data)
+        for _ in range(2000):
+            data.ctrl[0] = 0.3 if way == "control" else 0.0
+            friction.apply(data, torque=0.0 if way == "control" else 0.3)
             mujoco.mj_step(model, data)
         ends.append(data.qvel[0])
-    assert ends == pytest.approx([ends[0]] * 3, rel=1e-12)
+        data.ctrl[0] = 0.0
+        for _ in range(2000):
+            friction.apply(data)
+            mujoco.mj_step(model, data)
+        assert abs(data.qvel[0]) < 1e-9
+    assert ends[0] > 1
+    assert ends == pytest.approx([ends[0]] * 2, rel=1e-12)
+
+
+def test_a_first_call_is_forgotten_at_a_reset(handed: Handed) -> None:
+    """A call at time 0 with a wild velocity, then mj_resetData: what follows is as with a new object."""
+    joint, torques = handed("wrist pitch"), []
+    for wild in (True, False):
+        model = one(J=joint.inertia)
+        data, friction = mujoco.MjData(model), Friction(model, "wrist pitch", joint)
+        if wild:
+            data.qvel[0] = -3.0
+            friction.apply(data)
+            mujoco.mj_resetData(model, data)
+        data.qvel[0] = 1.0
+        friction.apply(data)
+        torques.append((friction.torque, friction.deflection))
+    assert torques[0] == torques[1]
 
 
 def test_what_begins_anew_repeats_itself(handed: Handed) -> None:

@@ -409,7 +409,7 @@ def test_the_actuators_of_isaac_lab_have_the_numbers(handed: Handed) -> None:
         actuator = made[best.joint.name]
         assert (actuator.dynamic_friction, actuator.viscous_friction) == (best.coulomb, best.viscous)
         assert actuator.friction == pytest.approx(np.mean([p.alpha_0 + p.alpha_1 for p in best.joint.pair]), rel=1e-15)
-        assert actuator.armature == best.joint.inertia
+        assert actuator.armature == best.joint.rotor_inertia
         assert [re.fullmatch(actuator.joint_names_expr[0], x.name) is not None for x in joints] == [
             x is best.joint for x in joints
         ]
@@ -429,7 +429,7 @@ def test_an_armature_is_never_invented(handed: Handed) -> None:
     """Without an inertia it stays as the asset has it, and that is said; of a robot's joint it is the rotor's alone."""
     joint = handed("wrist pitch")
     rows = tuple(x for x in joint.parameters if x.parameter.name != "inertia")
-    artefact = write_isaac([replace(joint, parameters=rows, inertia=None)], Request())
+    artefact = write_isaac([replace(joint, parameters=rows, inertia=None, rotor_inertia=None)], Request())
     assert run(artefact.content)["wrist pitch"].armature is None
     assert Kind.EXPORT_WITHOUT_INERTIA in [x.kind for x in artefact.said]
     rotor = run(write_isaac([replace(joint, inertia=10.0)], Request()).content)["wrist pitch"].armature

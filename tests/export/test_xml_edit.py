@@ -161,15 +161,14 @@ def test_elements_are_found_depth_first_with_their_lines() -> None:
 
 
 def test_a_comment_of_ours_is_replaced_and_others_stay() -> None:
-    """The second comment of one first word stands in the place of the first one."""
-    document = XmlDocument.read(b"<a>\n  <!-- mine -->\n</a>", "f")
-    document.annotate(document.root, "ours: 1")
+    """The second comment of the same two first words stands in the place of the first one; any other of the user stays."""
+    document = XmlDocument.read(b"<a>\n  <!-- ours: mine -->\n</a>", "f")
+    document.annotate(document.root, "ours: value 1")
     once = document.written()
     document = XmlDocument.read(once, "f")
-    document.annotate(document.root, "ours: 2")
-    assert (
-        document.written() == once.replace(b"ours: 1", b"ours: 2") == b"<a>\n  <!-- mine -->\n  <!-- ours: 2 -->\n</a>"
-    )
+    document.annotate(document.root, "ours: value 2")
+    both = b"<a>\n  <!-- ours: mine -->\n  <!-- ours: value 2 -->\n</a>"
+    assert document.written() == once.replace(b"value 1", b"value 2") == both
 
 
 @pytest.mark.parametrize(

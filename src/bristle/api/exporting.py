@@ -13,7 +13,7 @@ from bristle.api.exploring import known_loop, loop_of
 from bristle.api.identifying import identify
 from bristle.api.joints import Known, read_if_results
 from bristle.api.results import Results
-from bristle.control.compensator import NAMES, Compensator
+from bristle.control.compensator import Compensator
 from bristle.data.experiment.load import Experiment
 from bristle.data.units import to_si
 from bristle.diagnostics import Diagnostic, Kind
@@ -76,7 +76,7 @@ def export(
         into_name="" if into is None else Path(into).name,
         amplitude=_positive("amplitude", amplitude, unit("position", found[0].joint.kind)),
         frequency=_positive("frequency", frequency, "Hz"),
-        compensator=_compensator(found[0].loop, compensator, adapt, step),
+        compensator=_compensator(found[0], compensator, adapt, step),
     )
     return export_joints(joints, to, request, refused)
 
@@ -153,14 +153,15 @@ def _origin(found: _Found, digest: str | None) -> Origin:
     )
 
 
-def _compensator(loop: Callable[[], JointLoop | str], name: Any, law: Any, step: Any) -> Compensator:
-    """As it is asked for; its rates and the observer's gain are those of the joint's loop."""
-    if law is None and name in {None, *NAMES} - {"lugre-observer"}:
-        return Compensator(name=name or "lugre")
-    known = loop()
+def _compensator(found: _Found, name: Any, law: Any, step: Any) -> Compensator:
+    """As it is asked for, here or in the experiment file; its rates and the observer's gain are those of the joint's loop."""
+    name = name or (found.experiment.adapt.compensator if found.experiment else None) or "lugre"
+    if law is None and name != "lugre-observer":
+        return Compensator(name=name)
+    known = found.loop()
     if isinstance(known, str):
         raise InputError(known)
-    own = replace(known.compensator, name=name or known.compensator.name, observer_gain=known.observer_gain)
+    own = replace(known.compensator, name=name, observer_gain=known.observer_gain)
     if law is None:
         return own
     adaptation = replace(

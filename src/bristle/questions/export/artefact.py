@@ -51,8 +51,21 @@ class ExportTarget:
     """Runs it in its target, and says in lines what came out; raises `NotInstalled` where that is missing."""
     single: bool = False
     """Whether it holds one joint."""
+    fitted: bool = False
+    """Whether its values are the best along a motion that can be asked for."""
     merges: bool = False
     """Whether it can be merged into a given model."""
+
+
+class Failed(str):
+    """A line of a check that found an artefact wrong."""
+
+    __slots__ = ()
+
+
+def told_by(holds: bool, line: str, otherwise: str) -> str:
+    """A line of a check, or what stands in its place where that does not hold."""
+    return line if holds else Failed(otherwise)
 
 
 class NotInstalled(Exception):  # noqa: N818  # no error: a check that cannot be made here

@@ -4,6 +4,7 @@
 and no operation can raise the flag of a division by zero that Python's does not.
 """
 
+import re
 from collections.abc import Callable, Sequence
 from math import isfinite
 
@@ -108,6 +109,6 @@ def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printe
 
 
 def escaped(text: str) -> str:
-    """A text for a comment: printable ASCII, without what ends a comment, begins a trigraph or joins lines; of any length up to 200."""
-    plain = "".join(c if c.isascii() and c.isprintable() else f"<U+{ord(c):04X}>" for c in text[:200])
-    return plain.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?").replace("\\", "<U+005C>")
+    """A text for a comment: printable ASCII, without what ends a comment, begins a trigraph or joins lines."""
+    plain = "".join(c if c.isascii() and c.isprintable() else f"<U+{ord(c):04X}>" for c in text)
+    return re.sub(r"\?(?=\?)", "? ", plain).replace("*/", "* /").replace("/*", "/ *").replace("\\", "<U+005C>")

@@ -4,6 +4,7 @@ Its arithmetic is printed from the CasADi expressions that bristle evaluates; th
 """
 
 import hashlib
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, partial
 from typing import Any, NamedTuple
@@ -18,11 +19,13 @@ from bristle.control.running import RunningCompensator
 from bristle.control.symbolic import settings_of
 from bristle.errors import InputError
 from bristle.model.parameters import Lugre, in_current, slides, unit
+from bristle.page.wording import shortened
 from bristle.questions.export import c_code
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, left_out, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, large_losses, left_out, slug
 from bristle.questions.export.c_check import check_header, numbers_of
 from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_joint, printed_step
 from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.loss import Friction, losses, stated_motions
 from bristle.questions.export.notes import notes
 
 RANGES = {
@@ -134,9 +137,12 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
     rows = test_vector(joint, compensator, printed)
     peak = float(np.abs(rows[:, -1]).max())
     code = _code(kind_of(compensator))
-    guard = hashlib.sha256(joint.name.encode("utf-8", "surrogatepass")).hexdigest()[:12].upper()
+    told = f"{joint.name}{joint.pair if joint.has_bristle else joint.curves}{sorted(given.items())}"
+    guard = hashlib.sha256(told.encode("utf-8", "surrogatepass")).hexdigest()[:12].upper()
     text: str = _template().render(
-        joint=joint.name, name=identifier(joint), notes=[*notes(joint), *_about(compensator, joint)],
+        joint=shortened(joint.name), name=identifier(joint), compensator=compensator.name,
+        notes=[line for text in (*notes(joint), *_about(compensator, joint)) for line in _wrapped(text)],
+        double_only=compensator.name == "lugre-observer" and compensator.adaptation is not None,
         guard=f"BRISTLE_{guard}", sets=[[_text(getattr(p, name)) for name in printed.fields] for p in numbers_of(joint)],
         settings=[(name, _text(given[name])) for name in printed.settings],
         rows=[[*map(_text, row)] for row in rows], columns=printed.inputs,
@@ -282,6 +288,11 @@ def _meaning(name: str, stem: str) -> str:
     return by_stem.get(stem) or _WHAT[name]
 
 
+def _wrapped(text: str) -> list[str]:
+    """Lines of a comment, escaped."""
+    return textwrap.wrap(c_code.escaped(text), 140, break_on_hyphens=False)
+
+
 def _text(value: float) -> str:
     """A number with every digit."""
     return repr(float(value))
@@ -303,12 +314,44 @@ def _write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     (joint,) = joints
     if request.compensator.name.startswith("lugre"):
         joint.with_bristle("c with this compensator")
+    whole = request.compensator.name.startswith("lugre")
+    found = (
+        ()
+        if whole and not joint.quadratic
+        else losses(joint, _alone(joint, request.compensator), stated_motions(joint))
+    )
+    lost = {joint.name: found} if found else {}
     return Artefact(
         name=f"{slug(joints)}.h",
         content=header(joint, request.compensator).encode("ascii"),
-        holds="LuGre with both directions, as bristle computes it: nothing is lost",
-        said=left_out(joint, "c"),
+        holds=_HOLDS[request.compensator.name],
+        losses=lost,
+        said=(*large_losses("c", lost), *left_out(joint, "c")),
     )
+
+
+_HOLDS = {
+    "coulomb": "Coulomb friction alone, alpha_0 tanh(v / softness); no viscous friction, no Stribeck peak, no bristle",
+    "stribeck": "friction vs velocity of both directions, without the bristle",
+    **dict.fromkeys(
+        ("lugre", "lugre-feedback", "lugre-observer"),
+        "LuGre with both directions, to the last bit as bristle computes it",
+    ),
+}
+
+
+def _alone(joint: ExportedJoint, compensator: Compensator) -> Friction:
+    """What a compensator gives along a velocity that it is told, N*m, (n,)."""
+    plain = Compensator(
+        name="lugre" if compensator.name.startswith("lugre") else compensator.name, softness=compensator.softness
+    )
+
+    def torque(v: Array, step: float) -> Array:
+        """Step by step from rest."""
+        running = RunningCompensator(plain, numbers_of(joint))
+        return np.array([running.step(step, (0.0, x), 0.0, x) for x in v.tolist()])
+
+    return torque
 
 
 TARGET = ExportTarget(write=_write, check=check_header, single=True)

@@ -7,7 +7,7 @@ from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError, one_line, short, short_list
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import counted, number
-from bristle.questions.export.artefact import Request, large_losses, left_out
+from bristle.questions.export.artefact import Failed, Request, large_losses, left_out
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import (
     Loss,
@@ -85,7 +85,7 @@ def compared(who: str, held: Values, expected: Values) -> str:
     """A line: whether these joints have the values that were exported."""
     wrong = [name for name, values in expected.items() if held.get(name) != values]
     if wrong:
-        return f"{who}: damping and friction are NOT as exported in {short_list(map(short, wrong))}"
+        return Failed(f"{who}: damping and friction are NOT as exported in {short_list(map(short, wrong))}")
     return f"{who}: damping and friction are as exported, to the last bit, in {counted(len(expected), 'joint')}"
 
 

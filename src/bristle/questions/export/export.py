@@ -7,8 +7,9 @@ from pathlib import Path
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.verdict import Trust
+from bristle.model.parameters import unit
 from bristle.page.output_folder import write_bytes
-from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request
+from bristle.questions.export.artefact import Artefact, ExportTarget, Failed, NotInstalled, Request
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import told
 from bristle.questions.export.targets import target
@@ -52,6 +53,11 @@ class Export:
         except NotInstalled as missing:
             return (f"not run in its target: {missing}",)
 
+    @staticmethod
+    def failed(lines: Sequence[str]) -> tuple[str, ...]:
+        """Those lines of a check that found the artefact wrong."""
+        return tuple(line for line in lines if isinstance(line, Failed))
+
 
 def export_joints(
     joints: Sequence[ExportedJoint], to: str, request: Request, refused: tuple[Diagnostic, ...] = ()
@@ -65,6 +71,10 @@ def export_joints(
         raise InputError(
             f"{to} holds one joint, and the results have {len(joints)}: say which with joint, one of {', '.join(x.name for x in joints)}"
         )
+    if not chosen.fitted and (request.amplitude or request.frequency):
+        raise InputError(f"{to} has no values that are fitted along a motion; leave amplitude and frequency out")
+    if len({unit("position", x.kind) for x in joints}) > 1 and request.amplitude:
+        raise InputError("amplitude: got one for joints that turn and joints that slide; say which joint with joint")
     if request.into is not None and not chosen.merges:
         raise InputError(f"into: {to} is written as a file of its own; leave into out")
     kept, left_out = _takes(chosen, joints, request) if len(joints) > 1 else (tuple(joints), ())
@@ -81,7 +91,7 @@ def _takes(
     kept, left_out = [], []
     for joint in joints:
         try:
-            chosen.write([joint], replace(request, into=None))
+            chosen.write([joint], request)
             kept.append(joint)
         except InputError as error:
             left_out.append(Kind.EXPORT_JOINT_LEFT_OUT(why=str(error)))

@@ -95,6 +95,8 @@ class ExportedJoint:
     """The six of each direction (`both`, or + and -), or four where no bristle is known; then what is of no direction, as inertia or offset."""
     inertia: float | None
     """What the joint accelerates, kg*m**2: identified, or declared, with the links of a robot; None: nothing tells it."""
+    rotor_inertia: float | None
+    """The same without the links of a robot, kg*m**2: what a simulator that has the links takes as armature; None: nothing tells it."""
     fastest: float
     """The fastest measured speed, rad/s: up to there the model was identified."""
     said: tuple[Diagnostic, ...]
@@ -160,7 +162,8 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
                 "an export needs ramp, points or tracking runs in both directions"
             )
     J = inertia_of(experiment, joint)
-    ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) else SIGNED
+    signed = any(row.parameter.direction in SIGNED for row in chosen(joint) if row.parameter.name in Lugre._fields)
+    ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
     said: list[Diagnostic] = []
     rows = [row for d in ways for row in _direction(joint, known, d, J, sources, said)]
@@ -168,10 +171,12 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     said = _of_both(said)
     found = verdict(joint)
     said += _doubts(rows, ways)
+    rotor = inertia_of(experiment, replace(joint, link_inertia=None))
     told = [replace(x, units=units_of(joint.kind)) for x in dict.fromkeys(said) if _about(x) != _about(found.reason)]
     return ExportedJoint(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=found.reason,
-        parameters=tuple(rows), inertia=J, fastest=fastest_measured(joint), said=tuple(told), origin=origin,
+        parameters=tuple(rows), inertia=J, rotor_inertia=rotor,
+        fastest=fastest_measured(joint), said=tuple(told), origin=origin,
     )  # fmt: skip  # a list of values
 
 
@@ -202,8 +207,11 @@ def _direction(
         said.append(Kind.BRISTLE_FILLED(name="sigma_1", direction=d, **of))
     for name in names:
         e = None if name in missing else known.estimate(name, d)
+        prior = [x for x in e.warnings if x.kind is Kind.PRIOR] if e is not None else []
+        said += prior
         if e is not None and e.value is not None:
-            yield _estimated(ParameterName(name, d), e.value, e, in_direction(sources, name, d) or "given")
+            source = "assumed" if prior else in_direction(sources, name, d) or "given"
+            yield _estimated(ParameterName(name, d), e.value, e, source)
         else:
             source = "assumed" if name in missing else "given"
             yield ExportedParameter(

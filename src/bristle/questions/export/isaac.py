@@ -11,8 +11,8 @@ from collections.abc import Iterator, Sequence
 
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import one_line
-from bristle.model.parameters import INERTIA, unit
-from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
+from bristle.model.parameters import unit
+from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug, told_by
 from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, losses_of, said_of
 from bristle.questions.export.exported import ExportedJoint
 
@@ -42,12 +42,7 @@ def write_isaac(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
 
 
 def _without_inertia(joints: Sequence[ExportedJoint]) -> Iterator[Diagnostic]:
-    return (Kind.EXPORT_WITHOUT_INERTIA(joint=joint.name) for joint in joints if _armature(joint) is None)
-
-
-def _armature(joint: ExportedJoint) -> float | None:
-    """The inertia that was identified with the friction, kg*m**2: of a robot's joint the rotor's; else what is declared. None: neither is known."""
-    return next((x.value for x in joint.parameters if x.parameter == INERTIA), joint.inertia)
+    return (Kind.EXPORT_WITHOUT_INERTIA(joint=joint.name) for joint in joints if joint.rotor_inertia is None)
 
 
 def _static(one: CoulombViscous) -> float:
@@ -58,7 +53,7 @@ def _static(one: CoulombViscous) -> float:
 def _entry(one: CoulombViscous) -> str:
     kind, name = one.joint.kind, one.joint.name
     lines = "".join(f"    # {_ascii(line)}\n" for line in comment_lines(one, _HOLDS))
-    J = _armature(one.joint)
+    J = one.joint.rotor_inertia
     return f"""\
 {lines}    {name!a}: ImplicitActuatorCfg(
         joint_names_expr=[{re.escape(name)!a}],
@@ -73,7 +68,7 @@ def _entry(one: CoulombViscous) -> str:
 
 
 def _of_armature(joint: ExportedJoint) -> str:
-    J = _armature(joint)
+    J = joint.rotor_inertia
     if J is None:
         return "no inertia is known: as the asset has it"
     if joint.inertia != J:
@@ -89,8 +84,10 @@ def check_isaac(artefact: Artefact, joints: Sequence[ExportedJoint], request: Re
     """Compiles the snippet and reads its numbers. Raises NotInstalled where Isaac Lab is not installed, which would run it."""
     found = best_values(joints, request, "isaac")
     held = list(_numbers(artefact.content.decode()))
-    expected = [(_static(x), x.coulomb, x.viscous, _armature(x.joint)) for x in found]
-    line = f"compiled: its numbers are {'' if held == expected else 'NOT '}as exported"
+    expected = [(_static(x), x.coulomb, x.viscous, x.joint.rotor_inertia) for x in found]
+    line = told_by(
+        held == expected, "compiled: its numbers are as exported", "compiled: its numbers are NOT as exported"
+    )
     try:
         exec(compile(artefact.content, artefact.name, "exec"), {})  # noqa: S102  # our own text, whose numbers were just read
     except ImportError as error:
@@ -109,4 +106,4 @@ def _numbers(text: str) -> Iterator[tuple[object, ...]]:
             yield tuple(ast.literal_eval(values[name]) for name in wanted)
 
 
-TARGET = ExportTarget(write=write_isaac, check=check_isaac)
+TARGET = ExportTarget(fitted=True, write=write_isaac, check=check_isaac)

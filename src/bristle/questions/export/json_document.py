@@ -7,7 +7,7 @@ from pathlib import Path
 from bristle.data.experiment.yaml_file import parse
 from bristle.errors import InputError, check_regular, one_line, unreadable
 from bristle.identification.results import first_reason
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Failed, Request, slug, told_by
 from bristle.questions.export.document_schema import SCHEMA, as_json, as_values, export_schema, joints_in
 from bristle.questions.export.exported import ExportedJoint
 
@@ -36,13 +36,13 @@ def validated(values: object) -> str:
     except ImportError:
         return f"{SCHEMA}: pydantic takes it; install jsonschema to hold it to docs/export.schema.json"
     wrong = next(iter(jsonschema.Draft202012Validator(export_schema()).iter_errors(values)), None)
-    return f"{SCHEMA}: {'valid' if wrong is None else f'NOT valid ({one_line(wrong.message, 120)})'}"
+    return f"{SCHEMA}: valid" if wrong is None else Failed(f"{SCHEMA}: NOT valid ({one_line(wrong.message, 120)})")
 
 
 def told_back(read: Sequence[ExportedJoint], joints: Sequence[ExportedJoint]) -> str:
     """A line: whether the joints that were read back are those that were exported."""
     same = tuple(read) == tuple(joints) and as_values(read) == as_values(joints)
-    return f"read back: {'equal to the last bit' if same else 'NOT what was exported'}"
+    return told_by(same, "read back: equal to the last bit", "read back: NOT what was exported")
 
 
 def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:

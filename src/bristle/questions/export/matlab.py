@@ -20,8 +20,9 @@ _LONGEST = 50
 _WORDS = frozenset({
     "break", "case", "catch", "classdef", "continue", "do", "else", "elseif", "end", "endfor", "endfunction", "endif", "endwhile", "for",
     "function", "global", "if", "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "until", "unwind_protect", "while",
+    "struct", "true", "false", "uint8", "native2unicode", "inf", "nan",
 })  # fmt: skip  # a list of words
-"""Of MATLAB and of Octave."""
+"""Of MATLAB and of Octave, and what the script calls."""
 _WAYS = {
     Direction.POSITIVE: "positive",
     Direction.NEGATIVE: "negative",

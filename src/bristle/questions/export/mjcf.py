@@ -44,6 +44,9 @@ from bristle.simulation.references import Sine
 NAME = "mujoco"
 STEP = 0.002
 """Time step of the example and of `check`, s."""
+_NO_SPRING = "0 0"
+_LEAST_STEP = 1e-5
+"""Of the example, s."""
 _HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
 _OLDEST = (3, 7)
 """MuJoCo that has `<dcmotor>`."""
@@ -73,7 +76,7 @@ def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     biased = [one for one in found if one.symmetric.bias]
     alone = "; ".join(f"{shortened(one.joint.name)} {told(one.alone, one.joint)}" for one in biased)
     return Artefact(
-        name=request.into_name or f"{slug(joints)}.xml",
+        name=f"{slug(joints)}.xml",
         content=content,
         holds=_HOLDS
         if not alone
@@ -98,7 +101,7 @@ def mjcf_motions(joint: ExportedJoint, request: Request) -> list[StatedMotion]:
 def mjcf_left_out(joint: ExportedJoint, target: str) -> Iterator[Diagnostic]:
     """What is identified and not exported, and that no inertia is known."""
     yield from left_out(joint, target)
-    if joint.inertia is None:
+    if joint.rotor_inertia is None:
         yield Kind.EXPORT_WITHOUT_INERTIA(joint=joint.name)
 
 
@@ -107,18 +110,19 @@ def _actuators(held: _Held) -> str:
     name, (p, bias) = held.joint.name, held.symmetric
     numbers = " ".join(map(repr, (p.sigma_0, p.sigma_1, p.alpha_0, p.alpha_0 + p.alpha_1, p.v_s)))
     lines = [
-        f'<dcmotor name={attribute(_own(name))} joint={attribute(name)} gear="1" lugre="{numbers}" '
+        f'<dcmotor name={attribute(own_actuator(name))} joint={attribute(name)} gear="1" lugre="{numbers}" '
         f'damping="{p.alpha_2!r} 0 0" resistance="1" motorconst="1e-9" saturation="1e9 0 0"/>'
     ]
     if bias:
         lines.append(
-            f'<general name={attribute(_own(name) + " bias")} joint={attribute(name)} gear="1" dyntype="none" gaintype="fixed" gainprm="0" '
+            f'<general name={attribute(own_actuator(name) + " bias")} joint={attribute(name)} gear="1" dyntype="none" gaintype="fixed" gainprm="0" '
             f'biastype="affine" biasprm="{-bias!r} 0 0" damping="0 0 0" ctrllimited="false" forcelimited="false" actlimited="false"/>'
         )
     return "\n".join(lines)
 
 
-def _own(name: str) -> str:
+def own_actuator(name: str) -> str:
+    """What the actuator that holds a joint's friction is called."""
     return f"{name} friction"
 
 
@@ -131,12 +135,19 @@ def _comment(held: _Held) -> str:
         f"alpha_1 {p.alpha_1:.4g}, alpha_2 {p.alpha_2:.4g}, v_s {p.v_s:.4g}, and a constant bias of {bias:.4g} {torque}.",
         f"Without the bias, the best set has: {told(held.alone, joint)}.",
         "Both directions, exactly: bristle.mujoco.Friction, in a Python simulation.",
-        f"Keep the time step below {_largest_step(held.symmetric):.2g} s: above it MuJoCo's bristle oscillates in stick.",
+        _step_line(held.symmetric),
         "Leave ctrl of these actuators at 0.",
         "saturation and gear keep defaults of the model from cutting or scaling the friction.",
         *mjcf_joint_lines(joint),
     ]
     return comment("\n".join(lines) + "\n")
+
+
+def _step_line(held: SymmetricSet) -> str:
+    largest = _largest_step(held)
+    if not largest:
+        return "Without damping MuJoCo's bristle oscillates in stick at any time step."
+    return f"Keep the time step well below {largest:.2g} s: above it MuJoCo's bristle oscillates in stick."
 
 
 def _largest_step(held: SymmetricSet) -> float:
@@ -152,22 +163,24 @@ def _largest_step(held: SymmetricSet) -> float:
 def mjcf_joint_lines(joint: ExportedJoint) -> Iterator[str]:
     """Lines for a comment: what was written into the joint itself."""
     yield "damping and frictionloss of the joint itself are set here, so that friction does not count twice."
-    if joint.inertia is None:
+    if joint.rotor_inertia is None:
         yield "No inertia is known: armature is not set."
+    elif joint.rotor_inertia != joint.inertia:
+        yield f"armature {joint.rotor_inertia:.4g} {unit('inertia', joint.kind)} is the rotor's inertia, without the links."
     else:
         yield (
-            f"armature {joint.inertia:.4g} {unit('inertia', joint.kind)} is the whole inertia that was identified; "
+            f"armature {joint.rotor_inertia:.4g} {unit('inertia', joint.kind)} is all that the joint was seen to accelerate; "
             "where the bodies of the model hold a part of it as well, subtract that part."
         )
 
 
 def _joint_attributes(joint: ExportedJoint) -> dict[str, str]:
-    return {**mjcf_armature(joint), "damping": "0 0 0", "frictionloss": "0"}
+    return {**mjcf_armature(joint), "damping": "0 0 0", "frictionloss": "0", "springdamper": _NO_SPRING}
 
 
 def mjcf_armature(joint: ExportedJoint) -> dict[str, str]:
     """The attribute, where an inertia is known."""
-    return {} if joint.inertia is None else {"armature": repr(joint.inertia)}
+    return {} if joint.rotor_inertia is None else {"armature": repr(joint.rotor_inertia)}
 
 
 _Block = tuple[ExportedJoint, str, str]
@@ -176,7 +189,7 @@ _Block = tuple[ExportedJoint, str, str]
 
 def _example(found: Sequence[_Held], blocks: Sequence[_Block]) -> bytes:
     """A whole small model with each joint."""
-    step = min(STEP, *(_largest_step(one.symmetric) / 2 for one in found))
+    step = max(_LEAST_STEP, min(STEP, *(_largest_step(one.symmetric) / 2 for one in found)))
     bodies = [mjcf_example_body(joint, _joint_attributes(joint)) for joint, _, _ in blocks]
     actuators = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
     return mjcf_example_model(bodies, step, f"<actuator>\n{_indented(actuators)}\n</actuator>")
@@ -184,7 +197,7 @@ def _example(found: Sequence[_Held], blocks: Sequence[_Block]) -> bytes:
 
 def mjcf_example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
     """A body that hangs on one joint: next to no inertia of its own, or 1 where none is known."""
-    own = "1" if joint.inertia is None else "1e-9"
+    own = "1" if joint.rotor_inertia is None else "1e-9"
     kind = "slide" if slides(joint.kind) else "hinge"
     written = "".join(f" {name}={attribute(value)}" for name, value in attributes.items())
     return (
@@ -213,9 +226,9 @@ def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     actuators = [x for x in document.root.children if x.tag == "actuator"]
     taken = {x.attributes.get("name") for section in actuators for x in section.children}
     for joint, _, _ in blocks:
-        if taken & {_own(joint.name), f"{_own(joint.name)} bias"}:
+        if taken & {own_actuator(joint.name), f"{own_actuator(joint.name)} bias"}:
             raise InputError(
-                f"{document.what}: has an actuator {short(_own(joint.name))} already, which holds this joint's friction; "
+                f"{document.what}: has an actuator {short(own_actuator(joint.name))} already, which holds this joint's friction; "
                 "merge into the model as it was before"
             )
         document.set_attributes(mjcf_joint(document, joint), _joint_attributes(joint))
@@ -245,11 +258,21 @@ def mjcf_joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
             f"{document.what}: has no joint {short(joint.name)} in <worldbody>; it has {names}; give the model's joint the name of the exported one"
         )
     kind = "slide" if slides(joint.kind) else "hinge"
-    if found.attributes.get("type", kind) != kind:
+    by_class = any("type" in x.attributes for d in document.root.find_all("default") for x in d.find_all("joint"))
+    if by_class and "type" not in found.attributes:
         raise InputError(
-            f"{document.what}, line {found.line}: joint {short(joint.name)} is of type {short(found.attributes['type'])}; expected {kind}"
+            f"{document.what}, line {found.line}: joint {short(joint.name)} may get its type from a default class; write type on the joint itself"
         )
-    if "springdamper" in found.attributes:
+    if (got := found.attributes.get("type", "hinge")) != kind:
+        raise InputError(
+            f"{document.what}, line {found.line}: joint {short(joint.name)} is of type {short(got)}; expected {kind}"
+        )
+    if "actuatorfrcrange" in found.attributes:
+        raise InputError(
+            f"{document.what}, line {found.line}: joint {short(joint.name)} has actuatorfrcrange, which would cut the friction too; "
+            "limit the motor's own forcerange instead"
+        )
+    if found.attributes.get("springdamper", _NO_SPRING) != _NO_SPRING:
         raise InputError(
             f"{document.what}, line {found.line}: joint {short(joint.name)} has springdamper, which makes a damping; give stiffness instead"
         )
@@ -350,7 +373,10 @@ def _played(mujoco: Any, model: Any, held: _Held, motion: StatedMotion) -> Array
     """Position and velocity are set before each step; the actuators then have the friction of that instant."""
     data, name = mujoco.MjData(model), held.joint.name
     joint = model.joint(as_read(name))
-    own = [model.actuator(as_read(x)).id for x in (_own(name), f"{_own(name)} bias")[: 2 if held.symmetric.bias else 1]]
+    own = [
+        model.actuator(as_read(x)).id
+        for x in (own_actuator(name), f"{own_actuator(name)} bias")[: 2 if held.symmetric.bias else 1]
+    ]
     at = Sine(motion.amplitude, motion.frequency).at(step_times(motion))
     q, v = joint.qposadr[0], joint.dofadr[0]
     torque = np.empty(at.velocity.size)
@@ -360,8 +386,8 @@ def _played(mujoco: Any, model: Any, held: _Held, motion: StatedMotion) -> Array
         data.qvel[v] = velocity
         mujoco.mj_step(model, data)
         torque[k] = -data.actuator_force[own].sum()
-    torque += model.actuator_damping[own[0]] * at.velocity
-    return last_period(torque)
+    torque += (model.actuator_damping[own[0]] + model.dof_damping[v]) * at.velocity
+    return last_period(torque + model.dof_frictionloss[v] * np.sign(at.velocity))
 
 
 def as_read(name: str) -> str:
@@ -369,4 +395,4 @@ def as_read(name: str) -> str:
     return XmlDocument.read(f"<_ n={attribute(name)}/>".encode(), "a name").root.attributes["n"]
 
 
-TARGET = ExportTarget(write=write_mjcf, check=check_mjcf, merges=True)
+TARGET = ExportTarget(fitted=True, write=write_mjcf, check=check_mjcf, merges=True)

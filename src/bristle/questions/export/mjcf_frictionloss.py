@@ -12,6 +12,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
+from bristle.errors import InputError, short
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
 from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, losses_of, said_of
 from bristle.questions.export.exported import ExportedJoint
@@ -29,6 +30,7 @@ from bristle.questions.export.mjcf import (
     mjcf_model,
     mjcf_mujoco,
     mjcf_read,
+    own_actuator,
     step_times,
 )
 from bristle.questions.export.xml_edit import comment
@@ -44,9 +46,9 @@ def write_frictionloss(joints: Sequence[ExportedJoint], request: Request) -> Art
     Raises InputError where a joint's torque is a current, or the file that is merged into is no MJCF or lacks the joint.
     """
     found = best_values(joints, request, NAME)
-    without = (Kind.EXPORT_WITHOUT_INERTIA(joint=x.name) for x in joints if x.inertia is None)
+    without = (Kind.EXPORT_WITHOUT_INERTIA(joint=x.name) for x in joints if x.rotor_inertia is None)
     return Artefact(
-        name=request.into_name or f"{slug(joints)}_frictionloss.xml",
+        name=f"{slug(joints)}_frictionloss.xml",
         content=_example(found) if request.into is None else _merged(found, request),
         holds=_HOLDS,
         losses=losses_of(found),
@@ -55,7 +57,12 @@ def write_frictionloss(joints: Sequence[ExportedJoint], request: Request) -> Art
 
 
 def _attributes(one: CoulombViscous) -> dict[str, str]:
-    return {**mjcf_armature(one.joint), "damping": repr(one.viscous), "frictionloss": repr(one.coulomb)}
+    return {
+        **mjcf_armature(one.joint),
+        "damping": f"{one.viscous!r} 0 0",
+        "frictionloss": repr(one.coulomb),
+        "springdamper": "0 0",
+    }
 
 
 def _note(one: CoulombViscous) -> str:
@@ -71,6 +78,11 @@ def _merged(found: Sequence[CoulombViscous], request: Request) -> bytes:
     document = mjcf_read(request)
     for one in found:
         joint = mjcf_joint(document, one.joint)
+        if any(x.attributes.get("name") == own_actuator(one.joint.name) for x in document.root.find_all("dcmotor")):
+            raise InputError(
+                f"{document.what}: has an actuator {short(own_actuator(one.joint.name))} already, which holds this joint's friction; "
+                "merge into the model as it was before"
+            )
         document.set_attributes(joint, _attributes(one))
         document.annotate(joint, _note(one))
     return document.written()
@@ -102,4 +114,4 @@ def frictionloss_played(mujoco: Any, model: Any, joint: ExportedJoint, motion: S
     return last_period(torque)
 
 
-TARGET = ExportTarget(write=write_frictionloss, check=check_frictionloss, merges=True)
+TARGET = ExportTarget(fitted=True, write=write_frictionloss, check=check_frictionloss, merges=True)

@@ -179,4 +179,4 @@ def _by_gazebo(gz: str, content: bytes) -> str:
     return f"gz sdf --check: {said or 'nothing to say'} (status {done.returncode})"
 
 
-TARGET = ExportTarget(write=write_sdf, check=check_sdf, merges=True)
+TARGET = ExportTarget(fitted=True, write=write_sdf, check=check_sdf, merges=True)

@@ -201,4 +201,4 @@ def _pinocchio(text: str) -> tuple[str, Values]:
     return f"Pinocchio {pinocchio.__version__}", held
 
 
-TARGET = ExportTarget(write=write_urdf, check=check_urdf, merges=True)
+TARGET = ExportTarget(fitted=True, write=write_urdf, check=check_urdf, merges=True)

@@ -105,10 +105,10 @@ class XmlDocument:
         self._inserted.setdefault(parent, []).append(text)
 
     def annotate(self, parent: XmlElement, text: str) -> None:
-        """Insert a comment as the last child, in the place of an older one that begins with the same word."""
-        word = text.split(maxsplit=1)[0]
+        """Insert a comment as the last child, in the place of an older one that begins with the same two words."""
+        words = text.split(maxsplit=2)[:2]
         for old in parent.comments:
-            if old.attributes["text"].split(maxsplit=1)[:1] == [word]:
+            if old.attributes["text"].split(maxsplit=2)[:2] == words:
                 return self.replace(old, comment(text))
         return self.insert_last(parent, comment(text))
 

@@ -1,6 +1,6 @@
-/* {{ joint | c }}: LuGre friction compensator, C99, one header.
+/* {{ joint | c }}: friction compensator ({{ compensator }}), C99, one header.
 {% for line in notes %}
- * {{ line | c }}
+ * {{ line }}
 {% endfor %}
  *
  * Use: call br_init once, then br_step every control period; add its torque to the controller's.
@@ -18,6 +18,14 @@
 
 #include <math.h>
 
+#ifdef __FAST_MATH__
+#error "bristle: -ffast-math removes the checks for what is no number; compile without it"
+#endif
+{% if double_only %}
+#ifdef BRISTLE_SINGLE
+#error "bristle: an observer that adapts is computed in double precision alone: its bristle follows the position error without limit"
+#endif
+{% endif %}
 #ifdef BRISTLE_SINGLE
 typedef float br_real;
 #define BR_C(x) x##f
@@ -215,10 +223,10 @@ static const br_params {{ name }} = {
 {% endfor %}
 };
 
-/* Test vector, by bristle in Python ({{ rows | length }} steps from rest at position 0):
+/* Test vector, by bristle in Python ({{ rows | length }} steps from rest at position 0, one after the other):
  * {{ columns | join(", ") }}, torque
-{% for row in rows[::6] %}
- * step {{ 6 * loop.index0 + 1 }}: {{ row | join(", ") }}
+{% for row in rows %}
+ * {{ row | join(", ") }}
 {% endfor %}
  */
 #ifdef BRISTLE_SELF_TEST
