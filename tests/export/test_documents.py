@@ -9,7 +9,7 @@ from typing import Any
 
 import jsonschema
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bristle.data.experiment.yaml_file import parse
@@ -38,6 +38,7 @@ HOSTILE = (
 
 positive = st.floats(1e-300, 1e300)
 ends = st.floats(allow_nan=False)
+intervals = st.tuples(ends, ends).map(lambda x: (min(x), max(x)))
 words = st.text(st.characters(codec="utf-8"), max_size=12)
 
 
@@ -51,7 +52,7 @@ def parameters(draw: st.DrawFn, kind: JointKind) -> tuple[ExportedParameter, ...
     return tuple(
         ExportedParameter(
             parameter=name, value=draw(positive), unit=unit(name.name, kind),
-            standard_error=draw(st.none() | positive | st.just(math.inf)), interval=draw(st.none() | st.tuples(ends, ends)),
+            standard_error=draw(st.none() | positive | st.just(math.inf)), interval=draw(st.none() | intervals),
             source=draw(st.sampled_from(["joint", "static", "given", "assumed"])),
         )
         for name in names
@@ -90,6 +91,23 @@ def robot(handed: Handed) -> list[ExportedJoint]:
 def named(handed: Handed, name: str) -> ExportedJoint:
     """A joint of another name."""
     return replace(handed("wrist pitch"), name=name)
+
+
+def test_impossible_numbers_of_a_document_are_refused(handed: Handed, tmp_path: Path) -> None:
+    """An inertia below zero, a standard error below zero and an interval the wrong way round are one sentence each."""
+    text = as_json([handed("wrist pitch")])
+    document = json.loads(text)
+    row = document["joints"][0]["parameters"][0]
+    for bad in (
+        changed(text, inertia=-1.0),
+        changed(text, rotor_inertia=0.0),
+        changed(text, parameters=[row | {"standard_error": -1.0}, *document["joints"][0]["parameters"][1:]]),
+        changed(text, parameters=[row | {"interval": [2.0, 1.0]}, *document["joints"][0]["parameters"][1:]]),
+    ):
+        path = tmp_path / "bad.json"
+        path.write_text(bad, encoding="utf-8")
+        with pytest.raises(InputError, match="wrist pitch"):
+            read_export(path)
 
 
 def saved(folder: Path, artefact: Artefact) -> Path:
@@ -131,6 +149,7 @@ def test_what_was_exported_is_read_back_to_the_last_bit(
     assert write(joints, ASK).content == artefact.content
 
 
+@settings(deadline=None, max_examples=60)
 @given(made())
 def test_any_joint_comes_back_from_json_and_yaml(joint: ExportedJoint) -> None:
     """Each number, name and sentence is the same again, whatever it is; the document satisfies its schema."""

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import isfinite
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, Literal
 
 from bristle import __version__
@@ -90,8 +90,15 @@ def _whole(joint: ExportedJoint) -> ExportedJoint:
         for key, value in p._asdict().items():
             if not BOUNDS[key][0] <= value < BOUNDS[key][1] or (value == 0 and key in _NOT_ZERO):
                 raise InputError(f"joint {short(joint.name)}: got {key}{d} = {value:g}; expected a number above zero")
-    if not (isfinite(joint.fastest) and joint.fastest > 0):
-        raise InputError(f"joint {short(joint.name)}: got fastest = {joint.fastest:g}; expected a speed above zero")
+    for what, x in (("fastest", joint.fastest), ("inertia", joint.inertia), ("rotor_inertia", joint.rotor_inertia)):
+        if x is not None and not (isfinite(x) and x > 0):
+            raise InputError(f"joint {short(joint.name)}: got {what} = {x:g}; expected a number above zero")
+    for row in joint.parameters:
+        spread, (low, high) = row.standard_error, row.interval or (-inf, inf)
+        if not low <= high or (spread is not None and spread < 0):
+            raise InputError(
+                f"joint {short(joint.name)}: {row.parameter} has a standard error below zero, or an interval whose ends are exchanged"
+            )
     return _with_units(joint)
 
 

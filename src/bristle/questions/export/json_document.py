@@ -20,7 +20,7 @@ _SHOWN = 300
 
 def write_json(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
     """The document as JSON."""
-    return Artefact(name=f"{slug(joints)}.json", content=as_json(joints).encode(), holds=HOLDS_ALL)
+    return Artefact(name=f"{slug(joints)}_friction.json", content=as_json(joints).encode(), holds=HOLDS_ALL)
 
 
 def check_json(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked

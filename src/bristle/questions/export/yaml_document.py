@@ -21,7 +21,7 @@ def write_yaml(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  
             return True
 
     text = yaml.dump(as_values(joints), Dumper=Plain, sort_keys=False, allow_unicode=False, width=2**20)
-    return Artefact(name=f"{slug(joints)}.yaml", content=text.encode("ascii"), holds=HOLDS_ALL)
+    return Artefact(name=f"{slug(joints)}_friction.yaml", content=text.encode("ascii"), holds=HOLDS_ALL)
 
 
 def check_yaml(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked
