@@ -77,6 +77,16 @@ def unreadable(path: Path | str, error: OSError) -> str:
     return f"{path}: cannot be read ({error.strerror or error})"
 
 
+def read_at_most(path: Path, most: int) -> bytes:
+    """The bytes of a regular file, of a longer one no more than `most` + 1. Raises InputError where it cannot be read."""
+    try:
+        check_regular(path)
+        with path.open("rb") as file:
+            return file.read(most + 1)
+    except OSError as error:
+        raise InputError(unreadable(path, error)) from error
+
+
 def short(value: object) -> str:
     """A value as it is quoted in a sentence."""
     text = " ".join(repr(value[:100] if isinstance(value, str | bytes) else value).split())

@@ -17,7 +17,7 @@ from bristle.control.compensator import Compensator
 from bristle.data.experiment.load import Experiment
 from bristle.data.units import to_si
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.errors import InputError, check_regular, unreadable
+from bristle.errors import InputError, read_at_most
 from bristle.identification.document import LARGEST
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
@@ -87,14 +87,14 @@ def exported_joints(known: Known, joint: str | None = None) -> tuple[ExportedJoi
 
 
 def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
-    """The joints of a JSON file that `bristle export --to json` wrote, equal to what was exported, to the last bit.
+    """The joints of a file that `bristle export --to json` or yaml wrote, equal to what was exported, to the last bit.
 
     >>> import bristle
     >>> handed = bristle.export("wrist.yaml", "json")
     >>> bristle.read_export(handed.write("wrist.json")) == handed.joints
     True
 
-    Raises InputError in one sentence where it is no such file, and OSError where it cannot be read.
+    Raises InputError in one sentence where it cannot be read, or is no such file.
     """
     from bristle.questions.export import json_document
 
@@ -183,12 +183,7 @@ def _positive(name: str, value: float | str | None, si: str) -> float | None:
 
 
 def _read(path: Path) -> bytes:
-    try:
-        check_regular(path)
-        with path.open("rb") as file:
-            data = file.read(LARGEST + 1)
-    except OSError as error:
-        raise InputError(unreadable(path, error)) from error
+    data = read_at_most(path, LARGEST)
     if len(data) > LARGEST:
         raise InputError(f"{path}: has more than {LARGEST} bytes; expected a model, without meshes")
     return data

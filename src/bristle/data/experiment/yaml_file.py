@@ -9,7 +9,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, ValidationError
 from pydantic_core import ErrorDetails
 
-from bristle.errors import InputError, check_regular, short, unreadable
+from bristle.errors import InputError, read_at_most, short
 
 MAX_BYTES = 1_000_000
 """Largest experiment file, bytes."""
@@ -88,12 +88,7 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_integer)
 
 def read_text(path: Path) -> str:
     """The text of a regular file of at most `MAX_BYTES`. Raises InputError where it cannot be read."""
-    try:
-        check_regular(path)
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InputError(unreadable(path, error)) from error
+    content = read_at_most(path, MAX_BYTES)
     if len(content) > MAX_BYTES:
         raise InputError(f"{path}: larger than {MAX_BYTES} bytes; expected an experiment file, which is a page of YAML")
     try:

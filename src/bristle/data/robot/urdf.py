@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Literal
 from xml.etree import ElementTree as Xml
 
-from bristle.errors import InputError, check_name, check_regular, short, short_list, unreadable
+from bristle.errors import InputError, check_name, read_at_most, short, short_list
 
 MAX_BYTES = 2**23
 """Largest URDF, bytes."""
@@ -99,12 +99,7 @@ def read_urdf(path: Path) -> Urdf:
     Raises InputError, one sentence, where it cannot be read, is no URDF, holds a number that is none, or its joints make no
     tree.
     """
-    try:
-        check_regular(path)
-        with path.open("rb") as file:
-            content = file.read(MAX_BYTES + 1)
-    except OSError as error:
-        raise InputError(unreadable(path, error)) from error
+    content = read_at_most(path, MAX_BYTES)
     try:
         return _urdf(content, path.name)
     except InputError as error:

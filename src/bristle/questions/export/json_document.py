@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from bristle.data.experiment.yaml_file import parse
-from bristle.errors import InputError, check_regular, one_line, unreadable
+from bristle.errors import InputError, one_line, read_at_most
 from bristle.identification.results import first_reason
 from bristle.questions.export.artefact import Artefact, ExportTarget, Failed, Request, slug, told_by
 from bristle.questions.export.document_schema import SCHEMA, as_json, as_values, export_schema, joints_in
@@ -51,12 +51,7 @@ def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
     Raises InputError where it cannot be read, or is no such document.
     """
     path = Path(path)
-    try:
-        check_regular(path)
-        with path.open("rb") as file:
-            data = file.read(LARGEST_EXPORT + 1)
-    except OSError as error:
-        raise InputError(unreadable(path, error)) from error
+    data = read_at_most(path, LARGEST_EXPORT)
     try:
         if len(data) > LARGEST_EXPORT:
             raise InputError(f"it has more than {LARGEST_EXPORT} bytes")
