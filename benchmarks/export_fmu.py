@@ -39,9 +39,9 @@ from bristle.questions.export.fmu_check import (
     python_joint,
     radau_continuous,
     radau_held,
-    rms_percent,
     source_only,
 )
+from bristle.questions.export.loss import rms_percent
 
 RESULTS = Path(__file__).parents[1] / "reports" / "edro" / "results.json"
 STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5)

@@ -24,21 +24,26 @@ from collections.abc import Iterator
 from pathlib import Path
 from time import perf_counter_ns
 
-import casadi as ca
 import mujoco
 import numpy as np
-from scipy.integrate import solve_ivp
 
 import bristle
 from bristle.arrays import Array
-from bristle.model import law
 from bristle.model.parameters import Pair
 from bristle.mujoco import Friction
 from bristle.questions.export import mjcf, mjcf_frictionloss
 from bristle.questions.export.artefact import Request
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
-from bristle.questions.export.loss import StatedMotion, best_coulomb_viscous, coulomb_viscous, friction_of, lugre
-from bristle.questions.export.mjcf import at_steps, last_period, percent_off, step_times
+from bristle.questions.export.fmu_check import radau_continuous, radau_held
+from bristle.questions.export.loss import (
+    StatedMotion,
+    best_coulomb_viscous,
+    coulomb_viscous,
+    friction_of,
+    lugre,
+    rms_percent,
+)
+from bristle.questions.export.mjcf import at_steps, last_period, step_times
 from bristle.questions.export.symmetric import best_symmetric
 from bristle.simulation.references import Sine
 
@@ -68,7 +73,7 @@ def implementation(joint: ExportedJoint) -> Iterator[str]:
     for amplitude in (1.0, 0.1, 0.02):
         motion = StatedMotion("imposed", amplitude, FREQUENCY)
         true = at_steps(lugre(Pair(p, p)), motion)
-        plain, middle = (percent_off(imposed(model, motion, ahead), true) for ahead in (0.0, mjcf.STEP / 2))
+        plain, middle = (rms_percent(imposed(model, motion, ahead), true) for ahead in (0.0, mjcf.STEP / 2))
         yield f"  {amplitude:5g} rad: {plain:.2f} %  (velocity of the middle of the step: {middle:.4f} %)"
 
 
@@ -91,45 +96,6 @@ def drive(t: float) -> float:
     return float(0.16 * np.sin(0.2 * w * t) + 0.1 * np.sin(0.5 * w * t + 1) + 0.06 * np.sin(1.1 * w * t + 2))
 
 
-def rates_of(joint: ExportedJoint) -> ca.Function:
-    """((v, z), torque) -> their rates: the continuous equation."""
-    z, v, T = ca.SX.sym("z"), ca.SX.sym("v"), ca.SX.sym("T")
-    p = law.active(z, v, joint.pair)
-    rates = ca.vertcat((T - law.torque(z, v, p)) / joint.inertia, law.bristle_rate(z, v, p))
-    return ca.Function("rates", [ca.vertcat(v, z), T], [rates])
-
-
-def radau(joint: ExportedJoint, h: float) -> Array:
-    """Velocity at each time step, rad/s, the torque continuous."""
-    rates, t = rates_of(joint), h * np.arange(round(SECONDS / h))
-    solved = solve_ivp(
-        lambda t, x: rates(x, drive(t)).full()[:, 0],
-        (0, SECONDS),
-        [0, 0],
-        "Radau",
-        t,
-        rtol=1e-9,
-        atol=1e-12,
-        max_step=0.01,
-    )
-    return np.asarray(solved.y[0])
-
-
-def radau_held(joint: ExportedJoint, h: float) -> Array:
-    """Velocity at each time step, rad/s, the torque held over each."""
-    rates, x, v = rates_of(joint), np.zeros(2), np.empty(round(SECONDS / h))
-    torque = 0.0
-
-    def held(_: float, x: Array) -> Array:
-        """Rates at the torque of this step."""
-        return np.asarray(rates(x, torque).full()[:, 0])
-
-    for k in range(v.size):
-        v[k], torque = x[0], drive(k * h)
-        x = solve_ivp(held, (0, h), x, "Radau", rtol=1e-8, atol=1e-11, first_step=h / 4).y[:, -1]
-    return v
-
-
 def simulated(joint: ExportedJoint, h: float, ahead: float) -> Array:
     """Velocity at each time step, rad/s, with `Friction`."""
     model = model_of(joint, h)
@@ -144,11 +110,13 @@ def simulated(joint: ExportedJoint, h: float, ahead: float) -> Array:
 def driven(joint: ExportedJoint) -> Iterator[str]:
     """(b)."""
     for h in STEPS:
-        true, held = radau(joint, h), radau_held(joint, h)
+        times = np.asarray(h * np.arange(round(SECONDS / h)), dtype=np.float64)
+        true = radau_continuous(joint, drive, times)
+        held = np.append(0.0, radau_held(joint, np.array([drive(t) for t in times]), h)[:-1])
         begin, middle = (simulated(joint, h, ahead) for ahead in (0.0, h / 2))
         yield (
-            f"  {1000 * h:g} ms: {percent_off(begin, true):.2f} %; against the torque held {percent_off(begin, held):.4f} %; "
-            f"torque of the middle of each step {percent_off(middle, true):.4f} %"
+            f"  {1000 * h:g} ms: {rms_percent(begin, true):.2f} %; against the torque held {rms_percent(begin, held):.4f} %; "
+            f"torque of the middle of each step {rms_percent(middle, true):.4f} %"
         )
 
 
@@ -193,13 +161,13 @@ def fall_backs(joint: ExportedJoint) -> Iterator[str]:
     played = (mjcf_frictionloss.frictionloss_played(mujoco, compiled, joint, x) for x in sines)
     true = [at_steps(friction_of(joint), x) for x in sines]
     lost = {
-        name: [percent_off(at_steps(f, x), T) for x, T in zip(sines, true, strict=True)] for name, f in models.items()
+        name: [rms_percent(at_steps(f, x), T) for x, T in zip(sines, true, strict=True)] for name, f in models.items()
     }
-    soft = {"... as MuJoCo has both": [percent_off(T, t) for T, t in zip(played, true, strict=True)]}
+    soft = {"... as MuJoCo has both": [rms_percent(T, t) for T, t in zip(played, true, strict=True)]}
     first = dict(list(lost.items())[:2])
     for name, percents in (first | soft | lost).items():
         yield row(name, percents)
-    yield row("bristle.mujoco.Friction", [percent_off(applied(joint, x), over_steps(joint, x)) for x in sines], 2)
+    yield row("bristle.mujoco.Friction", [rms_percent(applied(joint, x), over_steps(joint, x)) for x in sines], 2)
 
 
 def row(name: str, percents: list[float], digits: int = 0) -> str:

@@ -39,8 +39,8 @@ from bristle.questions.export.fmu_check import (
     of_largest,
     python_joint,
     radau_held,
-    rms_percent,
 )
+from bristle.questions.export.loss import rms_percent
 from bristle.simulation import edro
 
 from .conftest import Handed

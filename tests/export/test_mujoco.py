@@ -12,6 +12,7 @@ from bristle.questions.export.artefact import ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.questions.export.loss import losses, lugre
 from bristle.questions.export.symmetric import best_symmetric
+from bristle.questions.export.xml_edit import as_read
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 Handed = Callable[..., ExportedJoint]
@@ -169,7 +170,7 @@ def test_hostile_names_stay_names(handed: Handed, target: ExportTarget, name: st
     artefact = target.write([joint], Request())
     model = mujoco.MjModel.from_xml_string(artefact.content.decode())
     assert (model.nbody, model.njnt, model.nu) == (2, 1, 2 if target is mjcf.TARGET else 0)
-    assert model.joint(0).name == mjcf.as_read(name)
+    assert model.joint(0).name == as_read(name)
     assert not any(ord(c) < 32 and c != "\n" for c in artefact.content.decode())
     assert "\u202e" not in artefact.content.decode()
     assert target.check(artefact, [joint], Request())

@@ -1,6 +1,7 @@
 """What an export gives: files, what the target holds, and what it loses."""
 
 import re
+import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -74,6 +75,11 @@ class NotInstalled(Exception):  # noqa: N818  # no error: a check that cannot be
 
 _LONGEST = 50
 """Characters of a name that a file takes from its joint."""
+
+
+def c_compiler() -> str | None:
+    """Where this machine's C compiler is; None: there is none."""
+    return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
 
 def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[Diagnostic, ...]:

@@ -1,7 +1,6 @@
 """Compiles the printed C with the compiler of this machine, and runs it beside the compensator in Python."""
 
 import ctypes
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -16,7 +15,7 @@ from bristle.control.compensator import Compensator
 from bristle.control.running import RunningCompensator
 from bristle.errors import InputError
 from bristle.model.parameters import Lugre, Pair
-from bristle.questions.export.artefact import Artefact, NotInstalled, Request, told_by
+from bristle.questions.export.artefact import Artefact, NotInstalled, Request, c_compiler, told_by
 from bristle.questions.export.c_step import printed_step
 from bristle.questions.export.exported import ExportedJoint
 
@@ -142,7 +141,7 @@ def compiled(text: str, joint: ExportedJoint, compensator: Compensator, real: ty
 
     Raises NotInstalled where there is no C compiler, and RefusedCodeError where it refuses the code.
     """
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    compiler = c_compiler()
     if compiler is None:
         raise NotInstalled("there is no C compiler here; install gcc or clang")
     from bristle.questions.export.c_header import identifier  # which names this module's check

@@ -19,7 +19,7 @@ from bristle.questions.export.loss import (
     stated_motions,
 )
 from bristle.questions.export.notes import notes
-from bristle.questions.export.xml_edit import XmlElement
+from bristle.questions.export.xml_edit import XmlElement, as_read
 
 _TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
 """Of a joint in a URDF or an SDF, by whether the exported one slides."""
@@ -79,6 +79,27 @@ def comment_lines(one: CoulombViscous, holds: str) -> Iterator[str]:
     yield f"bristle: {one_line(one.sentence)}"
     yield one_line(holds)
     yield from map(one_line, notes(one.joint, one.losses))
+
+
+AXIS_HOLDS = (
+    "Coulomb friction and damping, the same in both directions; no Stribeck peak, no presliding, and no rotor inertia."
+)
+"""What the `<dynamics>` of a URDF or an SDF has of a joint."""
+
+
+def axis_note(one: CoulombViscous) -> str:
+    """What stands beside `<dynamics>`; its first two words mark it as ours."""
+    return "\n     ".join(comment_lines(one, AXIS_HOLDS))
+
+
+def axis_values(one: CoulombViscous) -> dict[str, str]:
+    """What `<dynamics>` has, every digit."""
+    return {"damping": repr(one.viscous), "friction": repr(one.coulomb)}
+
+
+def expected_values(found: Sequence[CoulombViscous]) -> Values:
+    """What a reader of the XML must find, by the names that it has for the joints."""
+    return {as_read(one.joint.name): (one.viscous, one.coulomb) for one in found}
 
 
 def compared(who: str, held: Values, expected: Values) -> str:

@@ -4,7 +4,6 @@ import hashlib
 import math
 import platform
 import re
-import shutil
 import subprocess
 import tempfile
 import uuid
@@ -22,7 +21,7 @@ from bristle.errors import InputError, one_line
 from bristle.model.parameters import Lugre, unit
 from bristle.page.output_folder import zipped
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, large_losses, left_out, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, c_compiler, large_losses, left_out, slug
 from bristle.questions.export.c_code import escaped
 from bristle.questions.export.c_header import RANGES, header, identifier
 from bristle.questions.export.exported import ExportedJoint
@@ -171,7 +170,6 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
         "notes": [*notes(joint, lost)],
         "variables": variables,
         "first_parameter": first,
-        "parameters": identifier(joint),
         "outputs": [k + 1 for k, v in enumerate(variables) if v.causality == "output"],
         "units": {v.unit: base_units(v.unit) for v in variables},
     }
@@ -217,7 +215,7 @@ def fmu_binary(sources: Mapping[str, bytes], name: str) -> bytes | str:
     """The shared library of the sources for linux64, or why there is none."""
     if (platform.system(), platform.machine()) != ("Linux", "x86_64"):
         return "this machine is not linux64"
-    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    compiler = c_compiler()
     if compiler is None:
         return "there is no C compiler here"
     with tempfile.TemporaryDirectory(prefix="bristle-") as folder:
@@ -266,7 +264,7 @@ def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     )
     lost_of = {joint.name: lost} if lost else {}
     return Artefact(
-        name=f"{slug(joints)[:60]}.fmu",
+        name=f"{slug(joints)}.fmu",
         content=zipped(files),
         holds=f"{_HOLDS}; FMI 2.0 for co-simulation, {form}",
         losses=lost_of,

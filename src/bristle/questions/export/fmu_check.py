@@ -25,6 +25,7 @@ from bristle.page.output_folder import zipped
 from bristle.questions.export.artefact import Artefact, NotInstalled, Request
 from bristle.questions.export.c_step import printed_joint
 from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.loss import rms_percent
 
 STEP, SECONDS = 1e-3, 10.0
 """Communication step and length of what is simulated, s."""
@@ -114,11 +115,6 @@ def radau_continuous(joint: ExportedJoint, torque: Callable[[float], float], tim
         rates, (0, times[-1]), np.zeros(2), "Radau", times, jac=slopes, rtol=_RTOL, atol=_ATOL, max_step=10 * STEP
     )
     return np.asarray(solved.y[0])
-
-
-def rms_percent(found: Array, true: Array) -> float:
-    """100 times the root mean square of the difference over that of the true one."""
-    return 100 * float(np.sqrt(np.mean((found - true) ** 2) / np.mean(true**2)))
 
 
 def of_largest(found: Played, true: Played) -> float:

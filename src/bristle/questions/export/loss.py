@@ -136,8 +136,13 @@ def losses(joint: ExportedJoint, model: Friction, motions: Sequence[StatedMotion
     found = []
     for motion in motions:
         (_, true), (_, kept) = along(friction_of(joint), motion), along(model, motion)
-        found.append(Loss(motion, 100 * float(np.sqrt(np.mean((kept - true) ** 2) / np.mean(true**2)))))
+        found.append(Loss(motion, rms_percent(kept, true)))
     return tuple(found)
+
+
+def rms_percent(found: Array, true: Array) -> float:
+    """The root mean square of the difference over that of the true one, percent."""
+    return 100 * float(np.sqrt(np.mean((found - true) ** 2) / np.mean(true**2)))
 
 
 def best_coulomb_viscous(joint: ExportedJoint, motion: StatedMotion, *, viscous: bool = True) -> tuple[float, float]:

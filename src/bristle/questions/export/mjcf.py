@@ -33,12 +33,13 @@ from bristle.questions.export.loss import (
     declared_motion,
     friction_of,
     losses,
+    rms_percent,
     stated_motions,
     told,
 )
 from bristle.questions.export.notes import notes
 from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
-from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment
+from bristle.questions.export.xml_edit import XmlDocument, XmlElement, as_read, attribute, comment
 from bristle.simulation.references import Sine
 
 NAME = "mujoco"
@@ -333,7 +334,7 @@ def mjcf_compared(joint: ExportedJoint, request: Request, held: Friction, played
     q, name = unit("position", joint.kind), shortened(joint.name)
     for motion in _imposed(joint, request):
         torque = played(motion)
-        own, lost = (percent_off(torque, at_steps(friction, motion)) for friction in (held, friction_of(joint)))
+        own, lost = (rms_percent(torque, at_steps(friction, motion)) for friction in (held, friction_of(joint)))
         yield (
             f"{name}, {motion.amplitude:.3g} {q} at {motion.frequency:g} Hz imposed at {1000 * STEP:g} ms: torque RMS error "
             f"{own:.2g} % of the model held, {lost:.2g} % of the joint"
@@ -364,11 +365,6 @@ def last_period(torque: Array) -> Array:
     return torque[-(torque.size // _PERIODS) :]
 
 
-def percent_off(torque: Array, true: Array) -> float:
-    """100 times the root mean square of the difference over that of the true one."""
-    return 100 * float(np.sqrt(np.mean((torque - true) ** 2) / np.mean(true**2)))
-
-
 def _played(mujoco: Any, model: Any, held: _Held, motion: StatedMotion) -> Array:
     """Position and velocity are set before each step; the actuators then have the friction of that instant."""
     data, name = mujoco.MjData(model), held.joint.name
@@ -388,11 +384,6 @@ def _played(mujoco: Any, model: Any, held: _Held, motion: StatedMotion) -> Array
         torque[k] = -data.actuator_force[own].sum()
     torque += (model.actuator_damping[own[0]] + model.dof_damping[v]) * at.velocity
     return last_period(torque + model.dof_frictionloss[v] * np.sign(at.velocity))
-
-
-def as_read(name: str) -> str:
-    """A name as a reader of XML has it once it is written: what XML cannot hold is replaced."""
-    return XmlDocument.read(f"<_ n={attribute(name)}/>".encode(), "a name").root.attributes["n"]
 
 
 TARGET = ExportTarget(fitted=True, write=write_mjcf, check=check_mjcf, merges=True)

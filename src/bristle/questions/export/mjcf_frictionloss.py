@@ -19,7 +19,6 @@ from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import StatedMotion, coulomb_viscous
 from bristle.questions.export.mjcf import (
     STEP,
-    as_read,
     last_period,
     mjcf_armature,
     mjcf_compared,
@@ -33,7 +32,7 @@ from bristle.questions.export.mjcf import (
     own_actuator,
     step_times,
 )
-from bristle.questions.export.xml_edit import comment
+from bristle.questions.export.xml_edit import as_read, comment
 from bristle.simulation.references import Sine
 
 NAME = "mujoco-frictionloss"

@@ -14,10 +14,13 @@ from bristle.errors import InputError, one_line, short
 from bristle.model.parameters import slides
 from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
 from bristle.questions.export.coulomb_viscous import (
+    AXIS_HOLDS,
     CoulombViscous,
+    axis_note,
+    axis_values,
     best_values,
-    comment_lines,
     compared,
+    expected_values,
     losses_of,
     place_of,
     said_of,
@@ -28,9 +31,6 @@ from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute
 if TYPE_CHECKING:
     from xml.etree import ElementTree as Xml
 
-_HOLDS = (
-    "Coulomb friction and damping, the same in both directions; no Stribeck peak, no presliding, and no rotor inertia."
-)
 _PLACEHOLDERS = (
     "Links and axes are placeholders, so that this file loads; copy <dynamics> into your own SDF, or export into that."
 )
@@ -44,23 +44,18 @@ def write_sdf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     found = best_values(joints, request, "sdf")
     content = _model(found).encode() if request.into is None else _merged(request.into, request.into_name, found)
     return Artefact(
-        name=f"{slug(joints)}.sdf", content=content, holds=_HOLDS, losses=losses_of(found), said=said_of(found, "sdf")
+        name=f"{slug(joints)}.sdf",
+        content=content,
+        holds=AXIS_HOLDS,
+        losses=losses_of(found),
+        said=said_of(found, "sdf"),
     )
-
-
-def _note(one: CoulombViscous) -> str:
-    """What stands beside the values; its first word marks it as ours."""
-    return "\n     ".join(comment_lines(one, _HOLDS))
-
-
-def _values(one: CoulombViscous) -> dict[str, str]:
-    return {"damping": repr(one.viscous), "friction": repr(one.coulomb)}
 
 
 def _dynamics(one: CoulombViscous, indent: str = "") -> str:
     """The element with its comment, the second and later lines indented."""
-    elements = [f"<{tag}>{value}</{tag}>" for tag, value in _values(one).items()]
-    inside = "\n".join((comment(_note(one)), *elements)).replace("\n", "\n  ")
+    elements = [f"<{tag}>{value}</{tag}>" for tag, value in axis_values(one).items()]
+    inside = "\n".join((comment(axis_note(one)), *elements)).replace("\n", "\n  ")
     return f"<dynamics>\n  {inside}\n</dynamics>".replace("\n", f"\n{indent}")
 
 
@@ -107,8 +102,8 @@ def _merged(into: bytes, name: str, found: Sequence[CoulombViscous]) -> bytes:
         if not dynamics:
             document.insert_last(axis, _dynamics(one))
             continue
-        document.annotate(dynamics[0], _note(one))
-        for tag, value in _values(one).items():
+        document.annotate(dynamics[0], axis_note(one))
+        for tag, value in axis_values(one).items():
             text, old = f"<{tag}>{value}</{tag}>", [x for x in dynamics[0].children if x.tag == tag]
             if old:
                 document.replace(old[0], text)
@@ -148,15 +143,12 @@ def check_sdf(artefact: Artefact, joints: Sequence[ExportedJoint], request: Requ
     from xml.etree import ElementTree as Xml
 
     root = Xml.fromstring(artefact.content)  # noqa: S314  # our own text, or one that `XmlDocument` found without entities
-    found = best_values(joints, request, "sdf")
-    names = [Xml.fromstring(f"<joint name={attribute(x.joint.name)}/>").get("name", "") for x in found]  # noqa: S314
     held = {
         joint.get("name", ""): (_number(dynamics, "damping"), _number(dynamics, "friction"))
         for joint in root.iter("joint")
         for dynamics in joint.iterfind("axis/dynamics")
     }
-    expected = {name: (x.viscous, x.coulomb) for name, x in zip(names, found, strict=True)}
-    line = compared("parsed again", held, expected)
+    line = compared("parsed again", held, expected_values(best_values(joints, request, "sdf")))
     gz = shutil.which("gz")
     if gz is None:
         raise NotInstalled(f"{line}; gz, whose `gz sdf --check` reads an SDF, is not here: install Gazebo")

@@ -11,11 +11,14 @@ from bristle.errors import InputError, one_line, short
 from bristle.model.parameters import slides
 from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
 from bristle.questions.export.coulomb_viscous import (
+    AXIS_HOLDS,
     CoulombViscous,
     Values,
+    axis_note,
+    axis_values,
     best_values,
-    comment_lines,
     compared,
+    expected_values,
     losses_of,
     place_of,
     said_of,
@@ -26,9 +29,6 @@ from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute
 if TYPE_CHECKING:
     from xml.etree import ElementTree as Xml
 
-_HOLDS = (
-    "Coulomb friction and damping, the same in both directions; no Stribeck peak, no presliding, and no rotor inertia."
-)
 _PLACEHOLDERS = "Links, axes and limits are placeholders, so that this file loads; copy <dynamics> into your own URDF, or export into that."
 _FAR = "1000"
 """A limit that is none."""
@@ -42,17 +42,8 @@ def write_urdf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     found = best_values(joints, request, "urdf")
     content = _robot(found).encode() if request.into is None else _merged(request.into, request.into_name, found)
     return Artefact(
-        name=f"{slug(joints)}.urdf", content=content, holds=_HOLDS, losses=losses_of(found), said=said_of(found, "urdf"),
+        name=f"{slug(joints)}.urdf", content=content, holds=AXIS_HOLDS, losses=losses_of(found), said=said_of(found, "urdf"),
     )  # fmt: skip  # a list of values
-
-
-def _note(one: CoulombViscous) -> str:
-    """What stands beside the values; its first word marks it as ours."""
-    return "\n     ".join(comment_lines(one, _HOLDS))
-
-
-def _dynamics(one: CoulombViscous) -> dict[str, str]:
-    return {"damping": repr(one.viscous), "friction": repr(one.coulomb)}
 
 
 def _robot(found: Sequence[CoulombViscous]) -> str:
@@ -71,14 +62,14 @@ def _joint(k: int, one: CoulombViscous) -> str:
     J = one.joint.inertia or 1.0
     mass, moment = (repr(J), "1") if sliding else ("1", repr(J))
     limit = f' lower="-{_FAR}" upper="{_FAR}"' if sliding else ""
-    dynamics = " ".join(f"{name}={attribute(value)}" for name, value in _dynamics(one).items())
+    dynamics = " ".join(f"{name}={attribute(value)}" for name, value in axis_values(one).items())
     return f"""\
   <joint name={attribute(one.joint.name)} type="{"prismatic" if sliding else "continuous"}">
     <parent link="base"/>
     <child link="link_{k}"/>
     <axis xyz="{"1 0 0" if sliding else "0 0 1"}"/>
     <limit effort="{_FAR}" velocity="{_FAR}"{limit}/>
-    {comment(_note(one))}
+    {comment(axis_note(one))}
     <dynamics {dynamics}/>
   </joint>
   <link name="link_{k}">
@@ -94,12 +85,12 @@ def _merged(into: bytes, name: str, found: Sequence[CoulombViscous]) -> bytes:
     document = XmlDocument.read(into, name)
     for one in found:
         joint = _place(document, one.joint)
-        document.annotate(joint, _note(one))
+        document.annotate(joint, axis_note(one))
         dynamics = [x for x in joint.children if x.tag == "dynamics"]
         if dynamics:
-            document.set_attributes(dynamics[0], _dynamics(one))
+            document.set_attributes(dynamics[0], axis_values(one))
         else:
-            values = " ".join(f"{name}={attribute(value)}" for name, value in _dynamics(one).items())
+            values = " ".join(f"{name}={attribute(value)}" for name, value in axis_values(one).items())
             document.insert_last(joint, f"<dynamics {values}/>")
     return document.written()
 
@@ -125,7 +116,7 @@ def check_urdf(artefact: Artefact, joints: Sequence[ExportedJoint], request: Req
     """Parses the file again, and loads its joints and their tree in MuJoCo and Pinocchio. Raises NotInstalled where neither is installed."""
     found = best_values(joints, request, "urdf")
     root = _parsed(artefact.content.decode("utf-8-sig"))
-    expected = {_name(one.joint): (one.viscous, one.coulomb) for one in found}
+    expected = expected_values(found)
     lines = [compared("parsed again", _written(root), expected)]
     for load in (_mujoco, _pinocchio):
         with suppress(ModuleNotFoundError):
@@ -139,11 +130,6 @@ def _parsed(text: str) -> "Xml.Element":
     from xml.etree import ElementTree as Xml
 
     return Xml.fromstring(text)  # noqa: S314  # our own text, or one that `XmlDocument` found without entities
-
-
-def _name(joint: ExportedJoint) -> str:
-    """What the joint is called in XML, which cannot hold every character."""
-    return _parsed(f"<joint name={attribute(joint.name)}/>").get("name", "")
 
 
 def _written(root: "Xml.Element") -> Values:

@@ -199,6 +199,11 @@ def attribute(value: str) -> str:
     return '"' + "".join(c if c.isprintable() else f"&#x{ord(c):X};" for c in text) + '"'
 
 
+def as_read(name: str) -> str:
+    """A name as a reader of XML has it once it is written: what XML cannot hold is replaced."""
+    return XmlDocument.read(f"<_ n={attribute(name)}/>".encode(), "a name").root.attributes["n"]
+
+
 def comment(text: str) -> str:
     """A text as a comment, whatever it holds: no two hyphens in a row, and what does not print, but a line feed, as Python escapes it."""
     shown = "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)

@@ -161,7 +161,7 @@ static void br_begin(br_model *m)
 static void br_fresh(br_model *m)
 {
     memset(m, 0, sizeof *m);
-    m->p = {{ parameters }};
+    m->p = {{ name }};
 {% for v in variables if v.start_text and not v.member.startswith("p.") %}
     m->{{ v.member }} = {{ v.start_text }};
 {% endfor %}
