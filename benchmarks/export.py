@@ -38,7 +38,7 @@ COMPENSATORS = (
 CORTEX = ("-mcpu=cortex-m4", "-mthumb", "-mfloat-abi=hard", "-mfpu=fpv4-sp-d16", "-ffreestanding", "-DBRISTLE_SINGLE")
 FUNCTIONS = """#include "joint.h"
 int start(const br_params *p, br_state *s);
-int start(const br_params *p, br_state *s) { return br_init(p, s, BR_C(0.0)); }
+int start(const br_params *p, br_state *s) { return br_init(p, s); }
 int tick(const br_params *p, br_state *s, const br_input *in, br_real *torque);
 int tick(const br_params *p, br_state *s, const br_input *in, br_real *torque) { return br_step(p, s, in, torque); }
 """

@@ -35,7 +35,7 @@ int flags(int sets, int steps, int *refused)
         br_input in;
         br_real torque;
 PARAMS
-        if (br_init(&p, &s, 0) != BR_OK) ++*refused;
+        if (br_init(&p, &s) != BR_OK) ++*refused;
         for (int k = 0; k < steps; k++) {
 INPUTS
             feclearexcept(FE_ALL_EXCEPT);

@@ -22,7 +22,8 @@ from bristle.model.parameters import Lugre
 from bristle.questions.export import c_code
 from bristle.questions.export.artefact import Artefact, Request
 from bristle.questions.export.c_check import FLAGS, compiled, motion, python_torque
-from bristle.questions.export.c_header import TARGET, header, identifier, kind_of, ranges
+from bristle.questions.export.c_header import TARGET, header, kind_of
+from bristle.questions.export.c_numbers import identifier, ranges
 from bristle.questions.export.c_step import printed_step
 from bristle.questions.export.exported import ExportedJoint
 from bristle.simulation import edro
@@ -156,7 +157,7 @@ int bad(double *out)
     br_input good = GOOD, in;
     br_real torque, last;
     int failures = 0, k, j;
-    failures += br_init(&p, &s, 0) != BR_OK;
+    failures += br_init(&p, &s) != BR_OK;
     for (k = 0; k < 20; k++) failures += br_step(&p, &s, &good, &last) != BR_OK;
     before = s;
     for (k = 0; k < 5; k++) {
@@ -169,7 +170,7 @@ int bad(double *out)
             br_params q = p;
             ((br_real *)&q)[j] = wrong[k];
             failures += br_step(&q, &s, &good, &torque) != BR_BAD_PARAMS || torque < last || torque > last;
-            failures += br_init(&q, &before, 0) != BR_BAD_PARAMS;
+            failures += br_init(&q, &before) != BR_BAD_PARAMS;
         }
     }
     before = s;
@@ -202,7 +203,7 @@ def test_bad_numbers_give_the_last_valid_torque(
 
 TWO_FUNCTIONS = """#include "joint.h"
 int start(const br_params *p, br_state *s);
-int start(const br_params *p, br_state *s) { return br_init(p, s, BR_C(0.0)); }
+int start(const br_params *p, br_state *s) { return br_init(p, s); }
 int tick(const br_params *p, br_state *s, const br_input *in, br_real *torque);
 int tick(const br_params *p, br_state *s, const br_input *in, br_real *torque) { return br_step(p, s, in, torque); }
 """
@@ -267,7 +268,7 @@ def test_headers_of_several_joints_stand_together(handed: Handed, tmp_path: Path
     (tmp_path / "one.h").write_text(header(one, Compensator()), encoding="ascii")
     (tmp_path / "other.h").write_text(header(other, Compensator()), encoding="ascii")
     (tmp_path / "adapts.h").write_text(header(other, ADAPTING[0]), encoding="ascii")
-    use = f"int f(br_state *s);\nint f(br_state *s) {{ return br_init(&{identifier(one)}, s, 0) + br_init(&{identifier(other)}, s, 0); }}\n"
+    use = f"int f(br_state *s);\nint f(br_state *s) {{ return br_init(&{identifier(one)}, s) + br_init(&{identifier(other)}, s); }}\n"
     (tmp_path / "f.c").write_text(f'#include "one.h"\n#include "other.h"\n#include "one.h"\n{use}', encoding="ascii")
     assert run(tmp_path, "gcc", *FREESTANDING, "-c", "f.c").stderr == ""
     (tmp_path / "g.c").write_text('#include "one.h"\n#include "adapts.h"\n', encoding="ascii")
@@ -283,7 +284,7 @@ void after(int n, const br_real *in, br_real *state, br_real *out)
     br_state s;
     br_real torque;
     int k;
-    br_init(&p, &s, 0);
+    br_init(&p, &s);
     for (k = 0; k < n; k++) {
         const br_input now = {in[4 * k], in[4 * k + 1], in[4 * k + 2], in[4 * k + 3]};
         br_step(&p, &s, &now, &torque);

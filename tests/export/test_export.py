@@ -317,7 +317,7 @@ def test_the_microcontroller_of_the_docs_compiles(handed: Handed, tmp_path: Path
     assert len(code.splitlines()) <= 20
     header = target("c").write([replace(handed(), name="wrist")], Request())
     (tmp_path / "wrist.h").write_bytes(header.content)
-    declared = "int friction_begin(float position);\nfloat friction_torque(float v);\n"
+    declared = "int friction_begin(void);\nfloat friction_torque(float v);\n"
     (tmp_path / "f.c").write_text(declared + code, encoding="utf-8")
     flags = ("-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Werror", "-std=c99", "-O2")
     done = subprocess.run(["gcc", *flags, "-c", "f.c"], cwd=tmp_path, capture_output=True, text=True, check=False)  # noqa: S603, S607

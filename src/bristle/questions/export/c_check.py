@@ -16,6 +16,7 @@ from bristle.control.running import RunningCompensator
 from bristle.errors import InputError
 from bristle.model.parameters import Lugre, Pair
 from bristle.questions.export.artefact import Artefact, NotInstalled, Request, c_compiler, told_by
+from bristle.questions.export.c_numbers import identifier
 from bristle.questions.export.c_step import printed_step
 from bristle.questions.export.exported import ExportedJoint
 
@@ -34,7 +35,7 @@ int run(int n, const br_real *inputs, br_real *torque)
 {
     const br_params p = NAME;
     br_state s;
-    int k, worst = br_init(&p, &s, inputs[POSITION]);
+    int k, worst = br_init(&p, &s);
     for (k = 0; k < n; k++) {
         br_input in;
 ASSIGN
@@ -96,8 +97,8 @@ def motion(joint: ExportedJoint) -> dict[str, Array]:
 
 
 def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[str, Array]) -> Array:
-    """What the compensator in Python makes of it, N*m, (n,)."""
-    running = RunningCompensator(compensator, numbers_of(joint), float(inputs["position"][0]))
+    """What the compensator in Python makes of it from rest, N*m, (n,)."""
+    running = RunningCompensator(compensator, numbers_of(joint))
     columns = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
     rows = np.array([inputs[name] for name in columns]).T.tolist()
     return np.array([running.step(h, (y_ref, v_ref, a_ref), y, v) for h, y_ref, v_ref, a_ref, y, v in rows])
@@ -144,12 +145,9 @@ def compiled(text: str, joint: ExportedJoint, compensator: Compensator, real: ty
     compiler = c_compiler()
     if compiler is None:
         raise NotInstalled("there is no C compiler here; install gcc or clang")
-    from bristle.questions.export.c_header import identifier  # which names this module's check
-
     names = printed_step(compensator).inputs
     assign = "\n".join(f"        in.{name} = inputs[{len(names)} * k + {j}];" for j, name in enumerate(names))
-    position = str(names.index("position")) if "position" in names else "0"
-    source = _DRIVER.replace("NAME", identifier(joint)).replace("ASSIGN", assign).replace("POSITION", position)
+    source = _DRIVER.replace("NAME", identifier(joint)).replace("ASSIGN", assign)
     with tempfile.TemporaryDirectory(prefix="bristle-") as folder:
         place = Path(folder)
         (place / "joint.h").write_text(text, encoding="ascii")

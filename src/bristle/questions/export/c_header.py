@@ -7,7 +7,7 @@ import hashlib
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache, partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -18,109 +18,21 @@ from bristle.control.compensator import Compensator
 from bristle.control.running import RunningCompensator
 from bristle.control.symbolic import settings_of
 from bristle.errors import InputError
-from bristle.model.parameters import Lugre, in_current, slides, unit
+from bristle.model.parameters import in_current, slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export import c_code
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, large_losses, left_out, slug
-from bristle.questions.export.c_check import check_header, numbers_of
+from bristle.questions.export.c_check import check_header, numbers_of, python_torque
+from bristle.questions.export.c_numbers import RANGES, c_field, digits, identifier, stem_of
 from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_joint, printed_step
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import Friction, losses, stated_motions
+from bristle.questions.export.loss import Friction, losses, lugre, stated_motions
 from bristle.questions.export.notes import notes
 
-RANGES = {
-    "alpha_0": (1e-5, 1e4),
-    "alpha_1": (0.0, 1e4),
-    "alpha_2": (0.0, 1e4),
-    "v_s": (1e-5, 1e3),
-    "sigma_0": (1e-1, 1e9),
-    "sigma_1": (0.0, 1e4),
-    "share": (0.0, 10.0),
-    "inertia": (0.0, 1e4),
-    "softness": (1e-6, 1e3),
-    "filter_time": (0.0, 1e3),
-    "observer_gain": (0.0, 1e4),
-    "dead_zone": (0.0, 1e3),
-    "leakage": (0.0, 1e3),
-    "forgetting": (0.0, 10.0),
-    "lower": (1e-3, 1.0),
-    "upper": (1.0, 1e3),
-    "gamma": (0.0, 1e6),
-    "reference_position": (-1e6, 1e6),
-    "reference_velocity": (-1e3, 1e3),
-    "reference_acceleration": (-1e6, 1e6),
-    "position": (-1e6, 1e6),
-    "velocity": (-1e3, 1e3),
-    "dt": (1e-6, 1.0),
-}
-"""Within which nothing overflows."""
-SINGLE_ADAPTING = {
-    "alpha_0": (1e-3, 1e3),
-    "alpha_1": (0.0, 1e3),
-    "sigma_1": (0.0, 1e3),
-    "gamma": (0.0, 1e4),
-    "observer_gain": (0.0, 1e3),
-    "reference_position": (-1e4, 1e4),
-    "position": (-1e4, 1e4),
-}
-"""The same of a compensator that adapts in single precision, where these are narrower: its gradients are squared."""
-_WHAT = {
-    "alpha_0": "Coulomb friction",
-    "alpha_1": "Stribeck amplitude",
-    "alpha_2": "viscous friction",
-    "v_s": "Stribeck velocity",
-    "sigma_0": "bristle stiffness",
-    "sigma_1": "bristle damping",
-    "share": "of the friction that is compensated",
-    "inertia": "fed forward: times the reference acceleration",
-    "softness": "v_0 of the Coulomb compensator",
-    "filter_time": "of the differentiated velocity",
-    "observer_gain": "k of the observer",
-    "dead_zone": "a position error below it teaches nothing",
-    "leakage": "rate at which gains return to 1",
-    "forgetting": "of least squares",
-    "lower": "least gain",
-    "upper": "largest gain",
-    "deflection": "of the model's bristle",
-    "reference_position": "where the joint is to be",
-    "reference_velocity": "how fast it is to move",
-    "reference_acceleration": "for the inertia",
-    "position": "measured",
-    "velocity": "that drives the model",
-    "dt": "since the last step",
-}
-_SECONDS = {"filter_time": "s", "dt": "s", "observer_gain": "1/s", "leakage": "1/s", "forgetting": "1/s"}
-_LIKE = {
-    "softness": "velocity",
-    "dead_zone": "position",
-    "deflection": "position",
-    "reference_position": "position",
-    "reference_velocity": "velocity",
-    "reference_acceleration": "acceleration",
-}
-_LARGEST = 1e30
-"""Of what has no range of its own."""
 _STEPS, _DT, _HERTZ = 48, 5e-3, 2.5
 """The test vector: steps, their length, s, and the frequency of its sine, Hz."""
 _DOUBLE, _SINGLE = 1e-12, 5e-6
 """How far a torque of the test vector may be off, over the largest."""
-
-
-class _Field(NamedTuple):
-    """A number of a struct."""
-
-    name: str
-    unit: str
-    what: str
-    low: str
-    high: str
-    shown: str
-    """Its range, for a reader."""
-
-
-def identifier(joint: ExportedJoint) -> str:
-    """What a joint's parameters are called in C."""
-    return f"bristle_{slug([joint])}"
 
 
 def header(joint: ExportedJoint, compensator: Compensator) -> str:
@@ -143,10 +55,10 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
         joint=shortened(joint.name), name=identifier(joint), compensator=compensator.name,
         notes=[line for text in (*notes(joint), *_about(compensator, joint)) for line in _wrapped(text)],
         double_only=compensator.name == "lugre-observer" and compensator.adaptation is not None,
-        guard=f"BRISTLE_{guard}", sets=[[_text(getattr(p, name)) for name in printed.fields] for p in numbers_of(joint)],
-        settings=[(name, _text(given[name])) for name in printed.settings],
-        rows=[[*map(_text, row)] for row in rows], columns=printed.inputs,
-        tolerances=(_text(_DOUBLE), _text(_SINGLE)), allowed=(_text(_DOUBLE * peak), _text(_SINGLE * peak)), **code,
+        guard=f"BRISTLE_{guard}", sets=[[digits(getattr(p, name)) for name in printed.fields] for p in numbers_of(joint)],
+        settings=[(name, digits(given[name])) for name in printed.settings],
+        rows=[[*map(digits, row)] for row in rows], columns=printed.inputs,
+        tolerances=(digits(_DOUBLE), digits(_SINGLE)), allowed=(digits(_DOUBLE * peak), digits(_SINGLE * peak)), **code,
     )  # fmt: skip  # a list of values
     return text
 
@@ -169,13 +81,8 @@ def test_vector(joint: ExportedJoint, compensator: Compensator, printed: Printed
         "dt": np.full(k.size, _DT),
     }
     given = {name: x.astype(np.float32).astype(np.float64) for name, x in columns.items()}
-    running = RunningCompensator(compensator, numbers_of(joint))
-    rows = np.array([given[name] for name in ("dt", *_REFERENCE, "position", "velocity")]).T.tolist()
-    torque = [running.step(h, (y_ref, v_ref, a_ref), y, v) for h, y_ref, v_ref, a_ref, y, v in rows]
+    torque = python_torque(joint, compensator, given)
     return np.column_stack([*(given[name] for name in printed.inputs), torque])
-
-
-_REFERENCE = ("reference_position", "reference_velocity", "reference_acceleration")
 
 
 def kind_of(compensator: Compensator) -> Compensator:
@@ -187,7 +94,7 @@ def kind_of(compensator: Compensator) -> Compensator:
 
 def _refuse_out_of_range(joint: ExportedJoint, fields: Sequence[str], settings: Mapping[str, float]) -> None:
     for name, value in (*((name, getattr(p, name)) for p in numbers_of(joint) for name in fields), *settings.items()):
-        low, high = RANGES[_stem(name)]
+        low, high = RANGES[stem_of(name)]
         if not low <= value <= high:
             raise InputError(
                 f"{joint.name}: {name}: got {value:g}; the C code takes {low:g} to {high:g}: check its unit"
@@ -208,15 +115,14 @@ def _code(compensator: Compensator) -> dict[str, Any]:
     """What the template names that is the same for all compensators of a kind."""
     printed = printed_step(compensator)
     gradient = printed.gradient
-    field = partial(_field, adapts=compensator.adaptation is not None)
+    field = partial(c_field, adapts=compensator.adaptation is not None)
     parts: dict[str, Any] = {
         "fields": [*map(field, printed.fields)],
         "parameters": [*map(field, printed.settings)],
         "memory": [*map(field, printed.memory)],
         "inputs": [*map(field, printed.inputs)],
-        "start": [*_lines(printed.start, ("p->", ""), "s->")],
-        "start_reads_position": "position" in printed.memory,
-        "gains": [name for name in printed.memory if _stem(name) == "theta"],
+        "start": [*_lines(printed.start, ("p->",), "s->")],
+        "gains": [name for name in printed.memory if stem_of(name) == "theta"],
         "advance": [*_lines(printed.advance, ("p->", "p->", "s->", "in->"), "next->")],
         "gradient": [*_lines(gradient, ("p->", "p->", "s->"), None)] if gradient else [],
         "simulate": [*_lines(printed_joint(), ("p->", "j->", ""), "j->")] if gradient else [],
@@ -236,66 +142,16 @@ def _lines(printed: NamedFunction, owners: Sequence[str], target: str | None) ->
 
     lines, outputs = c_code.printed(printed.function, operand)
     yield from lines
-    gains = [name for name in printed.outputs if _stem(name) == "theta"]
+    gains = [name for name in printed.outputs if stem_of(name) == "theta"]
     for k, (name, value) in enumerate(zip(printed.outputs, outputs, strict=True)):
         change = name in gains and printed.function.name() == "advance"
         place = f"out[{k}]" if target is None else f"change[{gains.index(name)}]" if change else target + name
         yield f"{place} = {value.text};"
 
 
-def ranges(name: str, *, adapts: bool) -> tuple[tuple[float, float], tuple[float, float]]:
-    """Lowest and highest value of a number in double precision, and in single."""
-    stem = _stem(name)
-    double = RANGES.get(stem, (-_LARGEST, _LARGEST))
-    return double, SINGLE_ADAPTING.get(stem, double) if adapts else double
-
-
-def _field(name: str, *, adapts: bool) -> _Field:
-    double, single = ranges(name, adapts=adapts)
-    low, high = (
-        f"BR_C({_text(x)})" if x == y else f"BR_K({_text(x)}, {_text(y)})" for x, y in zip(double, single, strict=True)
-    )
-    shown = "[{:g}, {:g}]".format(*double) + ("" if single == double else " (single [{:g}, {:g}])".format(*single))
-    stem = _stem(name)
-    return _Field(name, _unit(name, stem), _meaning(name, stem), low, high, shown)
-
-
-def _stem(name: str) -> str:
-    """What a number is of a kind: gamma_1 -> gamma, theta_alpha_0 -> theta."""
-    return name.split("_", 1)[0] if name.startswith(("gamma_", "theta_", "sensitivity_", "covariance_")) else name
-
-
-def _unit(name: str, stem: str) -> str:
-    if stem in ("gamma", "covariance"):
-        return "as docs/compensation.md has it"
-    if stem == "inertia":
-        return unit("inertia")
-    if stem in Lugre._fields or stem in ("position", "velocity"):
-        return unit(stem)
-    if stem == "sensitivity":
-        return unit("position")
-    return _SECONDS.get(name) or (unit(_LIKE[name]) if name in _LIKE else "1")
-
-
-def _meaning(name: str, stem: str) -> str:
-    rest = name.removeprefix(f"{stem}_")
-    by_stem = {
-        "gamma": f"learning rate of adapted parameter {rest}",
-        "theta": f"gain of {rest}: what it is multiplied by",
-        "sensitivity": f"dz / d theta of {rest}",
-        "covariance": "P of least squares",
-    }
-    return by_stem.get(stem) or _WHAT[name]
-
-
 def _wrapped(text: str) -> list[str]:
     """Lines of a comment, escaped."""
     return textwrap.wrap(c_code.escaped(text), 140, break_on_hyphens=False)
-
-
-def _text(value: float) -> str:
-    """A number with every digit."""
-    return repr(float(value))
 
 
 @cache
@@ -312,14 +168,9 @@ def _template() -> Any:
 
 def _write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     (joint,) = joints
-    if request.compensator.name.startswith("lugre"):
-        joint.with_bristle("c with this compensator")
     whole = request.compensator.name.startswith("lugre")
-    found = (
-        ()
-        if whole and not joint.quadratic
-        else losses(joint, _alone(joint, request.compensator), stated_motions(joint))
-    )
+    model = lugre(joint.with_bristle("c with this compensator").pair) if whole else _alone(joint, request.compensator)
+    found = () if whole and not joint.quadratic else losses(joint, model, stated_motions(joint))
     lost = {joint.name: found} if found else {}
     return Artefact(
         name=f"{slug(joints)}.h",
@@ -341,14 +192,11 @@ _HOLDS = {
 
 
 def _alone(joint: ExportedJoint, compensator: Compensator) -> Friction:
-    """What a compensator gives along a velocity that it is told, N*m, (n,)."""
-    plain = Compensator(
-        name="lugre" if compensator.name.startswith("lugre") else compensator.name, softness=compensator.softness
-    )
+    """What a compensator without a bristle gives along a reference velocity, N*m, (n,)."""
 
     def torque(v: Array, step: float) -> Array:
-        """Step by step from rest."""
-        running = RunningCompensator(plain, numbers_of(joint))
+        """At each velocity by itself."""
+        running = RunningCompensator(compensator, numbers_of(joint))
         return np.array([running.step(step, (0.0, x), 0.0, x) for x in v.tolist()])
 
     return torque

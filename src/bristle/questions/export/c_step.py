@@ -68,7 +68,7 @@ class PrintedStep(NamedTuple):
     memory: tuple[str, ...]
     inputs: tuple[str, ...]
     start: NamedFunction
-    """(settings, position) -> memory at rest."""
+    """(settings) -> memory at rest."""
     advance: NamedFunction
     """(pair, settings, memory, inputs) -> memory one control period later, of gains their changes, and the torque, N*m."""
     gradient: NamedFunction | None
@@ -82,7 +82,7 @@ def printed_step(compensator: Compensator) -> PrintedStep:
     names = setting_names(n)
     q, s, w = ca.SX.sym("q", 12), ca.SX.sym("s", len(names)), ca.SX.sym("w", len(_INPUTS))
     symbolic = with_settings(compensator, dict(zip(names, ca.vertsplit(s), strict=True)), ChangingAdaptation)
-    at_rest = packed(initial_state(symbolic, pair_of(ca.vertsplit(q)), w[3]))
+    at_rest = packed(initial_state(symbolic, pair_of(ca.vertsplit(q))))
     m = ca.SX.sym("m", len(at_rest))
     state = unpacked(ca.vertsplit(m), pair_of(ca.vertsplit(q)), n)
     y_ref, v_ref, a_ref, y, v, h = ca.vertsplit(w)
@@ -101,7 +101,7 @@ def printed_step(compensator: Compensator) -> PrintedStep:
         settings=tuple(settings),
         memory=tuple(memory),
         inputs=tuple(inputs),
-        start=_named("start", [(settings, s[used]), (("position",), w[3])], memory, _at(at_rest, kept)),
+        start=_named("start", [(settings, s[used])], memory, _at(at_rest, kept)),
         advance=_named(
             "advance",
             [(SETS, q), (settings, s[used]), (memory, m[kept]), (inputs, w[given])],

@@ -23,7 +23,8 @@ from bristle.page.output_folder import zipped
 from bristle.page.wording import shortened
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, c_compiler, large_losses, left_out, slug
 from bristle.questions.export.c_code import escaped
-from bristle.questions.export.c_header import RANGES, header, identifier
+from bristle.questions.export.c_header import header
+from bristle.questions.export.c_numbers import RANGES, identifier
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.fmu_check import check_fmu
 from bristle.questions.export.loss import Loss, declared_motion, losses, lugre, stated_motions

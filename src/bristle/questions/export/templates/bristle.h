@@ -5,7 +5,7 @@
  *
  * Use: call br_init once, then br_step every control period; add its torque to the controller's.
  *     br_params p = {{ name }};   br_state s;   br_real torque;
- *     br_init(&p, &s, position);
+ *     br_init(&p, &s);
  *     status = br_step(&p, &s, &in, &torque);
  * No allocation, no static state, no I/O. -DBRISTLE_SINGLE computes in float. -DBRISTLE_SELF_TEST adds {{ name }}_self_test().
 {% if simulate %}
@@ -101,12 +101,9 @@ static int br_check(const br_params *p)
     return {% for field in parameters %}br_within(p->{{ field.name }}, {{ field.low }}, {{ field.high }}){{ "\n        && " if not loop.last }}{% endfor %} ? BR_OK : BR_BAD_PARAMS;
 }
 
-/* At rest at a position, the bristle not bent, nothing learnt. Returns what br_check does. */
-static inline int br_init(const br_params *p, br_state *s, br_real position)
+/* At rest, the bristle not bent, nothing learnt. Returns what br_check does. */
+static inline int br_init(const br_params *p, br_state *s)
 {
-{% if not start_reads_position %}
-    (void)position;
-{% endif %}
 {% for line in start %}
     {{ line }}
 {% endfor %}
@@ -243,7 +240,7 @@ static inline int {{ name }}_self_test(void)
     br_state s;
     br_real torque;
     int k;
-    if (br_init(&p, &s, BR_C(0.0)) != BR_OK) {
+    if (br_init(&p, &s) != BR_OK) {
         return 1;
     }
     for (k = 0; k < {{ rows | length }}; k++) {
