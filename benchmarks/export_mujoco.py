@@ -31,19 +31,20 @@ import bristle
 from bristle.arrays import Array
 from bristle.model.parameters import Pair
 from bristle.mujoco import Friction
-from bristle.questions.export import mjcf, mjcf_frictionloss
+from bristle.questions.export import mjcf_frictionloss
 from bristle.questions.export.artefact import Request
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
 from bristle.questions.export.fmu_check import radau_continuous, radau_held
 from bristle.questions.export.loss import (
     StatedMotion,
+    all_motions,
     best_coulomb_viscous,
     coulomb_viscous,
     friction_of,
     lugre,
     rms_percent,
 )
-from bristle.questions.export.mjcf import at_steps, last_period, step_times
+from bristle.questions.export.mjcf_played import STEP, at_steps, last_period, step_times
 from bristle.questions.export.symmetric import best_symmetric
 from bristle.simulation.references import Sine
 
@@ -64,7 +65,7 @@ def implementation(joint: ExportedJoint) -> Iterator[str]:
     """(a)."""
     p = joint.pair.positive
     model = mujoco.MjModel.from_xml_string(
-        ONE.format(h=mjcf.STEP, name=joint.name, J=joint.inertia).replace(
+        ONE.format(h=STEP, name=joint.name, J=joint.inertia).replace(
             f'<motor joint="{joint.name}"/>',
             f'<dcmotor joint="{joint.name}" lugre="{p.sigma_0!r} {p.sigma_1!r} {p.alpha_0!r} {p.alpha_0 + p.alpha_1!r} {p.v_s!r}" '
             f'damping="{p.alpha_2!r}" resistance="1" motorconst="1e-9"/>',
@@ -73,7 +74,7 @@ def implementation(joint: ExportedJoint) -> Iterator[str]:
     for amplitude in (1.0, 0.1, 0.02):
         motion = StatedMotion("imposed", amplitude, FREQUENCY)
         true = at_steps(lugre(Pair(p, p)), motion)
-        plain, middle = (rms_percent(imposed(model, motion, ahead), true) for ahead in (0.0, mjcf.STEP / 2))
+        plain, middle = (rms_percent(imposed(model, motion, ahead), true) for ahead in (0.0, STEP / 2))
         yield f"  {amplitude:5g} rad: {plain:.2f} %  (velocity of the middle of the step: {middle:.4f} %)"
 
 
@@ -122,13 +123,13 @@ def driven(joint: ExportedJoint) -> Iterator[str]:
 
 def applied(joint: ExportedJoint, motion: StatedMotion) -> Array:
     """Torque of `Friction` over each step of the last period, N*m, driven so that the joint keeps to the motion."""
-    model, time = model_of(joint, mjcf.STEP), step_times(motion)
+    model, time = model_of(joint, STEP), step_times(motion)
     data, friction, torque = mujoco.MjData(model), Friction(model, joint.name, joint), np.empty(time.size)
     sine = Sine(motion.amplitude, motion.frequency)
-    for k, (v, after) in enumerate(zip(sine.at(time).velocity, sine.at(time + mjcf.STEP).velocity, strict=True)):
+    for k, (v, after) in enumerate(zip(sine.at(time).velocity, sine.at(time + STEP).velocity, strict=True)):
         data.qvel[0] = v
         for _ in range(SOLVED):
-            data.ctrl[0] = joint.inertia * (after - v) / mjcf.STEP + friction.torque
+            data.ctrl[0] = joint.inertia * (after - v) / STEP + friction.torque
             friction.apply(data)
         torque[k] = friction.torque
         mujoco.mj_step(model, data)
@@ -137,15 +138,15 @@ def applied(joint: ExportedJoint, motion: StatedMotion) -> Array:
 
 def over_steps(joint: ExportedJoint, motion: StatedMotion) -> Array:
     """The joint's mean torque over each time step of the last period, N*m."""
-    time = mjcf.STEP / 20 * np.arange(20 * step_times(motion).size + 1, dtype=np.float64)
+    time = STEP / 20 * np.arange(20 * step_times(motion).size + 1, dtype=np.float64)
     velocity = np.asarray(Sine(motion.amplitude, motion.frequency).at(np.asarray(time, dtype=np.float64)).velocity)
-    torque = friction_of(joint)(velocity, mjcf.STEP / 20)
+    torque = friction_of(joint)(velocity, STEP / 20)
     return last_period(((torque[1:] + torque[:-1]) / 2).reshape(-1, 20).mean(axis=1))
 
 
 def fall_backs(joint: ExportedJoint) -> Iterator[str]:
     """(c)."""
-    motions = mjcf.mjcf_motions(joint, Request())
+    motions = all_motions(joint)
     alone, viscous = (best_coulomb_viscous(joint, motions[0], viscous=both) for both in (False, True))
     models = {
         "frictionloss": coulomb_viscous(*alone),

@@ -10,7 +10,7 @@ from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.questions.export import mjcf, mjcf_frictionloss
 from bristle.questions.export.artefact import ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
-from bristle.questions.export.loss import losses, lugre
+from bristle.questions.export.loss import all_motions, losses, lugre
 from bristle.questions.export.symmetric import best_symmetric
 from bristle.questions.export.xml_edit import as_read
 
@@ -85,7 +85,7 @@ def test_a_pair_loses_what_is_said(handed: Handed, name: str) -> None:
 def test_the_symmetric_set_is_the_best(handed: Handed) -> None:
     """No parameter of the set, and no bias, can be moved by 3 % and lower the cost; a bias lowers it."""
     joint = handed("wrist pitch")
-    motions = mjcf.mjcf_motions(joint, Request())
+    motions = all_motions(joint)
 
     def cost(p: Lugre[float], bias: float) -> float:
         """Sum of the squared losses, which is what is minimised."""
@@ -105,7 +105,7 @@ def test_a_term_that_is_zero_stays_zero(handed: Handed) -> None:
     flat = replace(
         joint, parameters=tuple(replace(x, value=0.0) if x.parameter.name == "alpha_1" else x for x in joint.parameters)
     )
-    assert best_symmetric(flat, mjcf.mjcf_motions(flat, Request())).parameters.alpha_1 == 0
+    assert best_symmetric(flat, all_motions(flat)).parameters.alpha_1 == 0
 
 
 def test_the_largest_time_step_is_one(handed: Handed) -> None:

@@ -16,7 +16,6 @@ RANGES = {
     "share": (0.0, 10.0),
     "inertia": (0.0, 1e4),
     "softness": (1e-6, 1e3),
-    "filter_time": (0.0, 1e3),
     "observer_gain": (0.0, 1e4),
     "dead_zone": (0.0, 1e3),
     "leakage": (0.0, 1e3),
@@ -52,7 +51,6 @@ _WHAT = {
     "share": "of the friction that is compensated",
     "inertia": "fed forward: times the reference acceleration",
     "softness": "v_0 of the Coulomb compensator",
-    "filter_time": "of the differentiated velocity",
     "observer_gain": "k of the observer",
     "dead_zone": "a position error below it teaches nothing",
     "leakage": "rate at which gains return to 1",
@@ -67,7 +65,7 @@ _WHAT = {
     "velocity": "that drives the model",
     "dt": "since the last step",
 }
-_SECONDS = {"filter_time": "s", "dt": "s", "observer_gain": "1/s", "leakage": "1/s", "forgetting": "1/s"}
+_SECONDS = {"dt": "s", "observer_gain": "1/s", "leakage": "1/s", "forgetting": "1/s"}
 _LIKE = {
     "softness": "velocity",
     "dead_zone": "position",

@@ -12,11 +12,10 @@ from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import (
     Loss,
     StatedMotion,
+    all_motions,
     best_coulomb_viscous,
     coulomb_viscous,
-    declared_motion,
     losses,
-    stated_motions,
 )
 from bristle.questions.export.notes import notes
 from bristle.questions.export.xml_edit import XmlElement, as_read
@@ -55,10 +54,10 @@ def best_values(joints: Sequence[ExportedJoint], request: Request, target: str) 
 
 
 def _best(joint: ExportedJoint, request: Request) -> CoulombViscous:
-    motion = declared_motion(joint, request.amplitude, request.frequency)
-    coulomb, viscous = best_coulomb_viscous(joint, motion)
-    found = losses(joint, coulomb_viscous(coulomb, viscous), [motion, *stated_motions(joint)])
-    return CoulombViscous(joint=joint, motion=motion, coulomb=coulomb, viscous=viscous, losses=found)
+    motions = all_motions(joint, request.amplitude, request.frequency)
+    coulomb, viscous = best_coulomb_viscous(joint, motions[0])
+    found = losses(joint, coulomb_viscous(coulomb, viscous), motions)
+    return CoulombViscous(joint=joint, motion=motions[0], coulomb=coulomb, viscous=viscous, losses=found)
 
 
 def losses_of(found: Sequence[CoulombViscous]) -> Mapping[str, tuple[Loss, ...]]:

@@ -27,7 +27,7 @@ from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import RANGES, identifier
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.fmu_check import check_fmu
-from bristle.questions.export.loss import Loss, declared_motion, losses, lugre, stated_motions
+from bristle.questions.export.loss import Loss, all_motions, losses, lugre
 from bristle.questions.export.notes import notes
 from bristle.questions.export.xml_edit import attribute
 
@@ -242,7 +242,7 @@ def fmu_binary(sources: Mapping[str, bytes], name: str) -> bytes | str:
 _HOLDS = "the joint, its inertia and LuGre friction with both directions, as bristle steps it"
 
 
-def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
+def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # as targets are
     """The FMU of one joint.
 
     Raises InputError where its torque is a current alone, its bristle or its inertia is not known, or a parameter is out of the range of the code.
@@ -252,8 +252,7 @@ def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     name = identifier(joint)
     lost: tuple[Loss, ...] = ()
     if joint.quadratic:
-        motions = [declared_motion(joint, request.amplitude, request.frequency), *stated_motions(joint)]
-        lost = losses(joint, lugre(joint.pair), motions)
+        lost = losses(joint, lugre(joint.pair), all_motions(joint))
     files = _sources(joint, lost)
     binary = fmu_binary(files, name)
     if isinstance(binary, bytes):

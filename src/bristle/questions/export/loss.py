@@ -125,6 +125,13 @@ def stated_motions(joint: ExportedJoint) -> tuple[StatedMotion, ...]:
     return tuple(motions)
 
 
+def all_motions(
+    joint: ExportedJoint, amplitude: float | None = None, frequency: float | None = None
+) -> tuple[StatedMotion, ...]:
+    """The declared motion, then the stated ones."""
+    return declared_motion(joint, amplitude, frequency), *stated_motions(joint)
+
+
 def along(friction: Friction, motion: StatedMotion) -> tuple[Array, Array]:
     """Velocity and torque over the last period, (n,) each: rad/s and N*m."""
     v = motion.velocity

@@ -18,20 +18,15 @@ from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import StatedMotion, coulomb_viscous
 from bristle.questions.export.mjcf import (
-    STEP,
-    last_period,
     mjcf_armature,
-    mjcf_compared,
     mjcf_example_body,
     mjcf_example_model,
     mjcf_joint,
     mjcf_joint_lines,
-    mjcf_model,
-    mjcf_mujoco,
     mjcf_read,
     own_actuator,
-    step_times,
 )
+from bristle.questions.export.mjcf_played import STEP, last_period, mjcf_compared, mjcf_model, mjcf_mujoco, step_times
 from bristle.questions.export.xml_edit import as_read, comment
 from bristle.simulation.references import Sine
 
