@@ -14,6 +14,7 @@ from bristle.options import (
     Strict,
     Uncertainty,
     Workers,
+    asked,
     check_output,
     check_output_absent,
     lands,
@@ -175,8 +176,8 @@ def validate(
     experiment: Annotated[Path | None, optional("a sweep over Table 1 (simulated, some minutes)")] = None,
     joint: OfRobot = None,
     output: Annotated[Path | None, lands("-validate")] = None,
-    repetitions: Annotated[int, typer.Option(metavar="N", help="Simulated data sets of each case.")] = 1000,
-    starts: Annotated[int, typer.Option(metavar="N", help="Random starts of each solver on one of them.")] = 100,
+    repetitions: Annotated[int, asked("N", "Simulated data sets of each case.")] = 1000,
+    starts: Annotated[int, asked("N", "Random starts of each solver on one of them.")] = 100,
     noise: Annotated[
         float | None,
         typer.Option(metavar="X", help="Noise of a point over alpha_0 [default: the fit's own].", show_default=False),
@@ -281,21 +282,15 @@ def export(
     ] = None,
     compensator: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME", help="In C: lugre (default), lugre-feedback, lugre-observer, stribeck or coulomb."
-        ),
+        asked("NAME", "In C: lugre (default), lugre-feedback, lugre-observer, stribeck or coulomb."),
     ] = None,
-    adapt: Annotated[
-        str | None, typer.Option(metavar="LAW", help="In C, adapts: partial, partial-theta, total or printed.")
-    ] = None,
-    step: Annotated[
-        str | None, typer.Option(metavar="STEP", help="Of that law: gradient, normalised or least-squares.")
-    ] = None,
+    adapt: Annotated[str | None, asked("LAW", "In C, adapts: partial, partial-theta, total or printed.")] = None,
+    step: Annotated[str | None, asked("STEP", "Of that law: gradient, normalised or least-squares.")] = None,
     amplitude: Annotated[
         str | None,
-        typer.Option(metavar="QUANTITY", help="Of the motion that a target without LuGre is fitted on."),
+        asked("QUANTITY", "Of the motion that a target without LuGre is fitted on."),
     ] = None,
-    frequency: Annotated[str | None, typer.Option(metavar="QUANTITY", help="Of that motion [default: 0.5 Hz].")] = None,
+    frequency: Annotated[str | None, asked("QUANTITY", "Of that motion [default: 0.5 Hz].")] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Run the file in its target, where that is installed.")
     ] = False,
@@ -318,14 +313,11 @@ def export(
         check_output_absent(landing)
     _tell([handed.text()])
     handed.write(landing)
-    wrong: tuple[str, ...] = ()
-    if check:
-        with shown():
-            found = handed.check()
-        _tell(found)
-        wrong = handed.failed(found)
+    with shown():
+        found = handed.check() if check else ()
+    _tell(found)
     print_lines([f"File: {landing}"], done=True)
-    if wrong:
+    if wrong := handed.failed(found):
         complain(f"{len(wrong)} of the checks failed, a defect of bristle: please report it with the results file")
         raise typer.Exit(1)
 
@@ -367,12 +359,10 @@ def sensitivity(
     output: Annotated[Path | None, lands("-sensitivity")] = None,
     amplitude: Annotated[
         str | None,
-        typer.Option(
-            help="Of the sinusoidal motion, with its unit [default: from the experiment].", metavar="QUANTITY"
-        ),
+        asked("QUANTITY", "Of the sinusoidal motion, with its unit [default: from the experiment]."),
     ] = None,
     frequency: Annotated[
-        str | None, typer.Option(help="Of the motion [default: from the experiment, or 0.5 Hz].", metavar="QUANTITY")
+        str | None, asked("QUANTITY", "Of the motion [default: from the experiment, or 0.5 Hz].")
     ] = None,
     samples: Annotated[
         int, typer.Option(help="Of the Sobol indices, a power of two from 32 up; 0: leave them out.")
@@ -459,15 +449,9 @@ def new(
     column: Annotated[list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0")] = None,
     unit: Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")] = None,
     scale: Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")] = None,
-    rate: Annotated[
-        str | None, typer.Option(metavar="QUANTITY", help="Of sampling, where no column is the time, as 1 kHz.")
-    ] = None,
-    torque_constant: Annotated[
-        str | None, typer.Option(metavar="QUANTITY", help="Of the motor, at the joint, as 0.35 N*m/A.")
-    ] = None,
-    resistance: Annotated[
-        str | None, typer.Option(metavar="QUANTITY", help="Of the motor, as 2.1 ohm, where voltage is logged.")
-    ] = None,
+    rate: Annotated[str | None, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")] = None,
+    torque_constant: Annotated[str | None, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")] = None,
+    resistance: Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")] = None,
 ) -> None:
     """Draft an experiment file from logs.
 

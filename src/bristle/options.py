@@ -28,11 +28,14 @@ def lands(what: str, thing: str = "page") -> Any:
     return to("DIR", f"Where the {thing} lands [default: reports/NAME{what}].")
 
 
+def asked(metavar: str, meaning: str) -> Any:
+    """An option that takes one thing: a QUANTITY with its unit, a number N, a NAME."""
+    return typer.Option(metavar=metavar, help=meaning)
+
+
 def per_signal(metavar: str, what: str) -> Any:
     """An option that tells something of one signal, and may be given for several."""
-    return typer.Option(
-        metavar=f"SIGNAL={metavar}", help=f"{what}; SIGNAL: time, position, velocity, torque, current or voltage."
-    )
+    return asked(f"SIGNAL={metavar}", f"{what}; SIGNAL: time, position, velocity, torque, current or voltage.")
 
 
 ExperimentFile = Annotated[
