@@ -911,6 +911,8 @@ class Kind(Enum):
     RANGE_ASKED = _NOTE, " fit.v_s_range limits v_s to {low:.3g velocity} to {high:.3g velocity}."
     ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 grows with v_s."
     V_S_OPEN_BELOW = _CAUTION, "No finite interval: the data allow v_s down to zero."
+    SHAPE_OPEN = _CAUTION, "No finite interval: the data allow it to the end of what is searched."
+    FASTEST_MEASURED = _NOTE, "Not estimated: the fastest speed that was measured."
     V_S_OPEN_ABOVE = _CAUTION, "No finite interval: the data set no upper limit on v_s."
     TOO_FEW_POINTS = (
         _CRITICAL,
@@ -1841,6 +1843,43 @@ class Kind(Enum):
     )
     TOO_FEW_FOR_MODELS = _NOTE, "Too few points, or too much alike, for {models!m}."
 
+    # friction laws side by side
+    LAW_WANTED = (
+        _NOTE,
+        (
+            "The data want {law}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "
+            "out in turn, its error is {error:.3g} % of the torque instead of {before:.3g} %."
+        ),
+    )
+    LAW_BEST = _NOTE, "Keep the paper's law: it has the lowest BIC ({law} has {gap:.1f} more)."
+    LAW_KEPT = _NOTE, "Keep the paper's law: the BIC of {law} is {gain:.1f} lower, which is less than the 10 asked for."
+    LAW_NOT_PREDICTING = (
+        _NOTE,
+        "Keep the paper's law: the BIC of {law} is {gain:.1f} lower, but it predicts speeds that were left out no better.",
+    )
+    LAWS_TOO_FEW = _NOTE, "Keep the paper's law: there are too few points to leave speeds out and predict them."
+    OTHER_LAW = (
+        _CAUTION,
+        (
+            "Under fit, write `law: {law}` (or `law: auto`): its BIC is {gain:.1f} lower than that of {own}, and at speeds "
+            "that were left out its error is {error:.3g} % of the torque instead of {before:.3g} %."
+        ),
+    )
+    OVER_LAWS = (
+        _CAUTION,
+        (
+            "Its interval takes the law as known, which the data chose. Over the laws that they allow it is "
+            "{low:.3g} to {high:.3g} {unit}."
+        ),
+    )
+    CURVE_HELD = (
+        _CAUTION,
+        (
+            "Viscous friction bends down with speed (alpha_3 < 0). Faster than {fastest:.3g velocity}, the fastest speed "
+            "measured, it is taken to stay as large as there."
+        ),
+    )
+
     # two sessions compared: what became of a parameter
     ROSE = _NOTE, "Rose beyond the joint uncertainty."
     FELL = _NOTE, "Fell beyond the joint uncertainty."
@@ -2397,6 +2436,7 @@ REASONS: Mapping[str, str] = {
         "STICK_SLIP HOLDS_SWING POSITION_DIFFERS TORQUE_DRIFTS POSITIONS_DISAGREE TORQUES_DOUBTED STICK_SLIP_POINTS NOTHING_WITHOUT"
     ),
     "A pattern is left, which biases what takes part of it up.": (
+        "OTHER_LAW "
         "LACKS_A_TERM LACKS_UNKNOWN_TERM BURSTS REVERSALS_LEFT DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER "
         "TAKES_UP_PEAK TORQUE_DELAYED TURNS_LATE DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS TORQUE_DRIFTS_IN_RUNS FRICTION_BY_LOAD"
     ),
@@ -2413,11 +2453,11 @@ REASONS: Mapping[str, str] = {
         "RESPONSIBLE"
     ),
     "Methods give different intervals, and the widest is the safe one.": (
-        "INTERVALS_DIFFER COST_STAYS_LOW PROFILE_SKEWED FEW_TO_RESAMPLE UNEVEN_RESIDUALS PROFILE_LOST"
+        "INTERVALS_DIFFER COST_STAYS_LOW PROFILE_SKEWED FEW_TO_RESAMPLE UNEVEN_RESIDUALS PROFILE_LOST OVER_LAWS"
     ),
     "The interval is open, or one-sided.": (
         "AT_BOUND INTERVALS_AT_BOUND NO_BOOTSTRAP_AT_BOUND PROFILE_OPEN STATIC_AT_BOUND BOUND ONE_SIDED_PROFILE ALPHA_1_OPEN V_S_OPEN_BELOW "
-        "V_S_OPEN_ABOVE CONVERGED_AT_BOUND G0_AT_LEAST"
+        "V_S_OPEN_ABOVE SHAPE_OPEN CONVERGED_AT_BOUND G0_AT_LEAST"
     ),
     "A point far from the others may not belong, and the number is still within its error.": "STRAYS STRAYS_LEFT_OUT",
     "The data do not show the term or the parameter, so no number is given for it.": (
@@ -2439,7 +2479,7 @@ REASONS: Mapping[str, str] = {
         "NOT_PASSIVE ODD_DAMPING ABOVE_G0 SOFTENS OPEN_CYCLES CYCLES_MOVE OF_LARGEST_HELD"
     ),
     "Something is assumed that was not measured.": (
-        "PRIOR DIRECTION_TAKEN INERTIA_GUESSED GUESSED NOISE_OF_HOLDS_GUESSED NOISE_OF_MOTION_GUESSED NOISE_OF_OTHER_POINTS DEFAULT_PID "
+        "PRIOR CURVE_HELD DIRECTION_TAKEN INERTIA_GUESSED GUESSED NOISE_OF_HOLDS_GUESSED NOISE_OF_MOTION_GUESSED NOISE_OF_OTHER_POINTS DEFAULT_PID "
         "PEAK_TAKEN_AS_NONE "
         "BRISTLE_FILLED PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT PAPER_REFERENCE PAPER_CONTROL PAPER_INERTIA PAPER_RATES PAPER_SAMPLING PAPER_TABLE_2 "
         "ONE_DIRECTION_KNOWN BRISTLE_ASSUMED GRIPPER_INTERVALS GRIPPER_NOISE GRIPPER_REFERENCE BOX_HELD BOX_CUT NOISE_ASSUMED HELD_AS_KNOWN "
@@ -2492,7 +2532,8 @@ REASONS: Mapping[str, str] = {
     "It says how the fit ended, or that two routes agree.": (
         "STATIC_CONVERGED STATIC_SUPERSEDED STATIC_AS_ASKED CONVERGED REFITTED_FROM_GRID REFITTED WITHOUT_STICK_SLIP GRID_LOWER ROUTES_AGREE "
         "IPOPT_AGREES IPOPT_HIGHER STAGE_AGREES STARTS_REACHED COST_HIGHER COST_LOWER COST_EQUAL STAGES_COMPARED HELD_OUT_RUNS EACH_LEFT_OUT "
-        "TRUTH_INSIDE FROM_TRANSITIONS FROM_SAMPLES BIAS_OF_PRINTED EDGES_CROSSED MEDIAN_BREAKAWAY USE_MODEL"
+        "TRUTH_INSIDE FROM_TRANSITIONS FROM_SAMPLES BIAS_OF_PRINTED EDGES_CROSSED MEDIAN_BREAKAWAY USE_MODEL LAW_WANTED LAW_BEST "
+        "LAW_KEPT LAW_NOT_PREDICTING LAWS_TOO_FEW FASTEST_MEASURED"
     ),
     "It says how a signal was read, or a number made.": (
         "LINKS_TAKEN_OFF RATE_DECLARED COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION "
@@ -2616,6 +2657,9 @@ ADVICE: Mapping[str, str] = {
 """Reason -> what to do about a kind that has its severity for it; the sentence of the kind may say it in particular."""
 
 OWN_ADVICE: Mapping[str, str] = {
+    "Write the line, and see what it does to the parameters that you use: the curve is the better one, and v_s is another peak's.": "OTHER_LAW",
+    "Use the wider interval where the parameter itself matters; within the speeds measured the curve is known better.": "OVER_LAWS",
+    "Do not run the compensator faster than that before you have measured there.": "CURVE_HELD",
     "Check signs, units and the kind of each run first. Then limit what is fitted: `fit.v_s_range`, `fit.fixed`, fewer `fit.regressors`.": (
         "NOT_CONVERGED OUT_OF_STEPS DID_NOT_MOVE UNSEEN_UNCONVERGED"
     ),

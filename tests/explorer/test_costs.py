@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair, is_passive
+from bristle.model.law import is_passive
+from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.questions.explorer import engine, page

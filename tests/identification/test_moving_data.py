@@ -34,10 +34,10 @@ def moving(seed: int = 0, starts: tuple[int, ...] = (0,), noise: float = 2e-4) -
 
 
 def values(
-    record: Record, directions: tuple[str, ...], regressors: tuple[str, ...], **known: float
+    record: Record, directions: tuple[str, ...], regressors: tuple[str, ...], inertia: float | None = None
 ) -> dict[ParameterName, float]:
     """The grid's answer for one record, by name."""
-    problem, _, _ = from_records([record], directions, regressors, 10, **known)
+    problem, _, _ = from_records([record], directions, regressors, 10, inertia)
     return dict(zip(problem.names, solve(problem, default_range(problem.velocity)).theta, strict=True))
 
 

@@ -10,7 +10,8 @@ from scipy.integrate import solve_ivp
 
 from bristle.arrays import Array
 from bristle.model import functions, law
-from bristle.model.parameters import Lugre, Pair, is_passive
+from bristle.model.law import is_passive
+from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bristle.model import functions, law, motor
-from bristle.model.parameters import BOUNDS, Lugre, Motor, ParameterName, in_direction, is_passive, unit
+from bristle.model.law import is_passive
+from bristle.model.parameters import BOUNDS, Lugre, Motor, ParameterName, in_direction, unit
 from bristle.model.vectorize import evaluate
 
 positive = st.floats(1e-3, 1e3)

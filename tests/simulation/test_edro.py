@@ -8,7 +8,8 @@ import yaml
 from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.diagnostics import Kind
 from bristle.identification.measured import measure
-from bristle.model.parameters import Pair, is_passive
+from bristle.model.law import is_passive
+from bristle.model.parameters import Pair
 from bristle.simulation import bench, edro
 
 FOLDER = edro.datasets_folder()

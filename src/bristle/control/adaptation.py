@@ -28,7 +28,8 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model import law as friction
-from bristle.model.parameters import Lugre
+from bristle.model.laws.parts import Law as FrictionLaw
+from bristle.model.parameters import Lugre, fields_of, lugre_of
 from bristle.model.vectorize import evaluate
 
 Expression = Any
@@ -145,8 +146,8 @@ def gradient(
     """
     if adaptation.law == "printed":
         return tuple(printed(name, z, v, p) for name in adaptation.parameters)
-    T = functions.torque_sensitivity_function()(z, v, *effective(p, adaptation, learnt.theta))
-    by = dict(zip(("T", "z", *Lugre._fields), T, strict=True))
+    T = functions.torque_sensitivity_function(p.law)(z, v, *effective(p, adaptation, learnt.theta))
+    by = dict(zip(("T", "z", *p._fields), T, strict=True))
     slopes = [by[name] for name in adaptation.parameters]
     if adaptation.law == "partial-theta":
         return tuple(slope * getattr(p, name) for slope, name in zip(slopes, adaptation.parameters, strict=True))
@@ -158,7 +159,7 @@ def gradient(
 
 def _by_parameter(sensitivity: Expression, name: str, p: Lugre[Any]) -> Expression:
     """The derivative dz/dp, of dz/d theta = p dz/dp: none of what does not enter z, nor of a parameter of zero, which a gain cannot change."""
-    if name not in functions.step_parameters():
+    if name not in functions.step_parameters(p.law):
         return 0.0
     value = getattr(p, name)
     return sensitivity / ca.if_else(value == 0, 1.0, value)
@@ -171,15 +172,15 @@ def laws_for(parameters: Sequence[str]) -> tuple[Law, ...]:
 
 def steady_gradient(adaptation: Adaptation, v: Array, p: Lugre[float]) -> Array:
     """G of the law in steady sliding at speeds v, rad/s, (n,), before anything is learnt; (parameters, n)."""
-    return np.array(evaluate(_steady_gradient(adaptation), v, *p))
+    return np.array(evaluate(_steady_gradient(adaptation, p.law), v, *p))
 
 
 @lru_cache(maxsize=16)
-def _steady_gradient(adaptation: Adaptation) -> ca.Function:
+def _steady_gradient(adaptation: Adaptation, of: FrictionLaw) -> ca.Function:
     """(v, *Lugre) -> G of each adapted parameter, z and dz / d theta being steady."""
-    v, p = ca.SX.sym("v"), Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
-    z, *by = functions.steady_deflection_function()(v, *p)
-    slopes = dict(zip(Lugre._fields, by, strict=True))
+    v, p = ca.SX.sym("v"), lugre_of(of)(*(ca.SX.sym(name) for name in fields_of(of)))
+    z, *by = functions.steady_deflection_function(of)(v, *p)
+    slopes = dict(zip(p._fields, by, strict=True))
     settled = tuple(slopes[name] * getattr(p, name) for name in adaptation.parameters)
     G = gradient(adaptation, z, v, p, Learnt((1.0,) * len(settled), settled, ()))
     return ca.Function("steady_gradient", [v, *p], [ca.densify(g) for g in G])

@@ -32,6 +32,7 @@ from bristle.control.control_period import (
     numbers_of,
     shaped,
     stiff_control_period,
+    with_law_of,
 )
 from bristle.control.stability import refuse_long_period
 from bristle.errors import InputError
@@ -147,6 +148,7 @@ def simulate(
         raise InputError(
             f"loop: inductance: got L = {cases[lacking[0]].motor.L:g} H for case {lacking[0]}; expected a positive number, or no inductance"
         )
+    options = with_law_of(options, cases)
     refuse_long_period(options, cases, period)
     given = [np.broadcast_to(x, (len(cases), n)) for x in signals]
     run = partial(_run, options, named(cases[0], period) if alike else None, stiff=stiff)

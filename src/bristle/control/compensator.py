@@ -27,7 +27,9 @@ from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, 
 from bristle.control.pid import differentiated
 from bristle.errors import InputError
 from bristle.model import functions, law
-from bristle.model.parameters import Pair, pair_of
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import Pair, fields_of, pair_of
 from bristle.model.vectorize import bound
 
 Expression = Any
@@ -174,8 +176,8 @@ def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Ex
         p = law.active(z, first + last, state.parameters)
         acting = effective(p, a, learnt.theta) if a else p
         if a and a.law == "total":
-            forgotten, rest, *by_p = functions.change_sensitivity_function()(first, last, part, *acting)
-            enter = functions.step_parameters()
+            forgotten, rest, *by_p = functions.change_sensitivity_function(p.law)(first, last, part, *acting)
+            enter = functions.step_parameters(p.law)
             more = {n: by_p[len(enter) + i] - by_p[i] * z for i, n in enumerate(enter)}
             pairs = zip(a.parameters, slopes, strict=True)
             slopes = tuple(s + (getattr(p, n) * more.get(n, 0.0) - forgotten * s) for n, s in pairs)
@@ -193,16 +195,17 @@ def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Ex
 
 @lru_cache(maxsize=64)
 def compiled(
-    compensator: Compensator, *, velocity: bool = True
+    compensator: Compensator, of: Law = GAUSSIAN, *, velocity: bool = True
 ) -> Callable[[CompensatorState, Reference, Measurement, float], tuple[CompensatorState, float]]:
-    """`step` for a loop in real time: compiled once by CasADi, then called with floats.
+    """`step` for a loop in real time, of a joint with this law: compiled once by CasADi, then called with floats.
 
     With `velocity` the measurement must hold one. A returned function keeps buffers of its own: one thread at a time.
     """
-    gains = adapted_count(compensator)
-    memory, q = ca.SX.sym("memory", len(packed(initial_state(compensator, pair_of([0.0] * 12))))), ca.SX.sym("pair", 12)
+    gains, count = adapted_count(compensator), len(fields_of(of))
+    blank = pair_of([0.0] * 2 * count, of)
+    memory, q = ca.SX.sym("memory", len(packed(initial_state(compensator, blank)))), ca.SX.sym("pair", 2 * count)
     inputs = ca.SX.sym("inputs", 6)
-    state = unpacked(ca.vertsplit(memory), pair_of(ca.vertsplit(q)), gains)
+    state = unpacked(ca.vertsplit(memory), pair_of(ca.vertsplit(q), of), gains)
     r, m, h = Reference(*ca.vertsplit(inputs[:3])), ca.vertsplit(inputs[3:5]), inputs[5]
     new, T = step(compensator, state, r, Measurement(m[0], m[1] if velocity else None), h)
     out = [ca.densify(ca.vertcat(*packed(new), T))]
@@ -216,7 +219,7 @@ def compiled(
     ) -> tuple[CompensatorState, float]:
         """Step with floats."""
         buffers[0][:] = packed(state)
-        buffers[1][:6], buffers[1][6:] = state.parameters
+        buffers[1][:count], buffers[1][count:] = state.parameters
         y_ref, v_ref, a_ref, _ = reference
         buffers[2][:] = (y_ref, v_ref, a_ref, measurement.position, measurement.velocity or 0.0, h)
         run()

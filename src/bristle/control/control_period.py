@@ -5,8 +5,8 @@ reads, controller and compensator ask for a torque, the drive gives it (or the v
 it), and the plant goes on. Whatever goes in or out is a tuple with names; `flat` and `shaped` make the vectors.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, TypeVar
 
@@ -19,7 +19,9 @@ from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
 from bristle.control.plant import STILL, Current, State, inductive_step, plant_rates, plant_step, quantise
 from bristle.errors import InputError
 from bristle.model import law, motor
-from bristle.model.parameters import Motor, Pair, pair_of
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import Motor, Pair, fields_of, pair_of
 
 T = TypeVar("T")
 Expression = Any
@@ -54,6 +56,8 @@ class LoopOptions:
     """Whether the current lags the voltage by L / R (1); else it follows at once (6)."""
     informed: bool = False
     """Whether the compensator's model drifts with the plant: the best that adaptation can do."""
+    law: Law = GAUSSIAN
+    """Of plant and model; `with_law_of` has that of some cases."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
@@ -176,8 +180,11 @@ class Period(NamedTuple):
 
 UNDISTURBED = Given(Reference(0.0, 0.0, 0.0), Disturbance())
 """At rest at zero, nothing acting."""
-_NO_FRICTION = pair_of([0.0] * 12)
-_BLANK = Numbers(_NO_FRICTION, _NO_FRICTION, Motor(*[0.0] * 4), Gains(*[0.0] * 4), _SOFT, 0.0, 0.0, 0.0)
+
+
+def no_friction(of: Law) -> Pair[float]:
+    """The shape of a pair of this law."""
+    return pair_of([0.0] * 2 * len(fields_of(of)), of)
 
 
 def numbers_of(case: Case, period: float) -> list[float]:
@@ -194,7 +201,9 @@ def named(case: Case, period: float) -> Numbers:
 def at_rest(options: LoopOptions, position: float) -> LoopMemory:
     """What the loop remembers at rest at its reference, rad."""
     control = AT_REST if options.derivative == "error" else AT_REST._replace(error=-position)
-    compensator = compensating.packed(compensating.initial_state(options.compensator, _NO_FRICTION, position))
+    compensator = compensating.packed(
+        compensating.initial_state(options.compensator, no_friction(options.law), position)
+    )
     current = (0.0,) if options.inductance else ()
     return LoopMemory(
         STILL._replace(position=position), current, control, tuple(compensator), ((0.0, 0.0),) * options.delay
@@ -206,11 +215,21 @@ def blank_log(options: LoopOptions) -> Logged:
     return Logged(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, (0.0,) * compensating.adapted_count(options.compensator))
 
 
+def with_law_of(options: LoopOptions, cases: Sequence[Case]) -> LoopOptions:
+    """The options for cases, all of one law. Raises InputError where they are not."""
+    laws = {pair.law.name: pair.law for case in cases for pair in (case.plant, case.model)}
+    if len(laws) > 1:
+        raise InputError(f"loop: got the friction laws {' and '.join(laws)}; expected one of plants and models")
+    return replace(options, law=next(iter(laws.values())))
+
+
 def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period:
     """The controller's part of a period; its numbers are inputs, but where they are constants."""
     memory, before = symbols("memory", at_rest(options, 0.0))
     u, (r, outside) = symbols("u", UNDISTURBED)
-    q, case = symbols("q", _BLANK)
+    blank = no_friction(options.law)
+    nothing = Numbers(blank, blank, Motor(*[0.0] * 4), Gains(*[0.0] * 4), _SOFT, 0.0, 0.0, 0.0)
+    q, case = symbols("q", nothing)
     case = constants or case
     state, h, limit = before.plant, case.period, case.torque_limit
     drift = {"alpha_0": outside.drift_0, "alpha_2": outside.drift_2}

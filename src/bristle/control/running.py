@@ -2,7 +2,7 @@
 
 from bristle.control.compensator import Compensator, Measurement, Reference, compiled, initial_state
 from bristle.errors import InputError
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Pair
 
 
 class RunningCompensator:
@@ -13,11 +13,11 @@ class RunningCompensator:
 
         Raises InputError where a parameter is not finite.
         """
-        wrong = [n for p in parameters for n, x in zip(Lugre._fields, p, strict=True) if not abs(x) < float("inf")]
+        wrong = [n for p in parameters for n, x in zip(p._fields, p, strict=True) if not abs(x) < float("inf")]
         if wrong:
             raise InputError(f"compensator: {wrong[0]} is not finite; expected the parameters of an identified joint")
         self.compensator, self.parameters = compensator, parameters
-        self._seen = {velocity: compiled(compensator, velocity=velocity) for velocity in (False, True)}
+        self._seen = {velocity: compiled(compensator, parameters.law, velocity=velocity) for velocity in (False, True)}
         self.reset(position)
 
     def reset(self, position: float = 0.0) -> None:

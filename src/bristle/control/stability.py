@@ -28,10 +28,12 @@ from bristle.control.control_period import (
     controlled,
     flat,
     numbers_of,
+    with_law_of,
 )
 from bristle.control.plant import State
 from bristle.errors import InputError
 from bristle.model import law, motor
+from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Pair
 
 _FAST = 1e3
@@ -49,6 +51,7 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
     """
     if options.controller == "sliding":
         return
+    options = with_law_of(options, cases)
     linear = [replace(case, plant=Pair(p, p), torque_limit=inf) for case in cases for p in case.plant]
     rows = np.array([numbers_of(case, period) for case in linear])
     growth = _growth(options, rows, np.full(len(rows), period))
@@ -70,7 +73,7 @@ def growth(options: LoopOptions, cases: Sequence[Case], period: Array) -> Array:
 
     In sliding along positive velocity.
     """
-    return _growth(options, np.array([numbers_of(case, nan) for case in cases]), period)
+    return _growth(with_law_of(options, cases), np.array([numbers_of(case, nan) for case in cases]), period)
 
 
 def _growth(options: LoopOptions, rows: Array, period: Array) -> Array:
@@ -121,6 +124,8 @@ def _derivative(options: LoopOptions) -> ca.Function:
     by = ca.jacobian(new, before) + ca.mtimes(ca.jacobian(new, sent), ca.jacobian(now.sent, before))
     p, m = now.numbers.plant.positive, now.numbers.motor
     v = _FAST * p.v_s
+    if p.law.terms:  # which are known up to there alone
+        v = ca.fmin(v, getattr(p, FASTEST))
     T = law.steady_torque(v, p)
     current = (motor.current_for(T, v, m),) if options.inductance else ()
     sliding = at_rest(options, 0.0)._replace(plant=State(0.0, v, law.steady_deflection(v, p)), current=current)

@@ -73,7 +73,7 @@ def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[fl
     """
     if not isinstance(p, Pair):
         law = p.stribeck if isinstance(p, Lugre) else p
-        return np.column_stack(evaluate(functions.steady_jacobian_function(), velocity, *law))
+        return np.column_stack(evaluate(functions.steady_jacobian_function(law.law), velocity, *law))
     rows = [static_jacobian(velocity, one) for one in p]
     ways = np.asarray(velocity)[:, None] > 0, np.asarray(velocity)[:, None] < 0
     return np.hstack([row * way for row, way in zip(rows, ways, strict=True)])

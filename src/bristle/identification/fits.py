@@ -10,12 +10,27 @@ from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number,
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
-from bristle.model.parameters import WITHOUT_PEAK, Lugre, ParameterName, Stribeck, in_direction
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.laws.registry import law_named
+from bristle.model.parameters import Lugre, ParameterName, Stribeck, in_direction, lugre_of, static_of, without_peak
 
 Shifts = Annotated[
     Mapping[str, Number], JsonForm(dict[str, Number] | None, lambda x: dict(x) or None, lambda x: x or {})
 ]
 """Changes by the constant that causes them, as it prints; null in JSON where there are none."""
+
+
+def _law(name: str) -> Law:
+    """The law of a name; raises ValueError where there is none."""
+    try:
+        return law_named(name)
+    except KeyError as error:
+        raise ValueError(f"expected one of {error.args[0]}") from None
+
+
+LawByName = Annotated[Law, JsonForm(str, lambda law: law.name, _law)]
+"""In JSON, its name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -159,6 +174,8 @@ class StaticFit:
     """The static parameters of one direction (`+`, `-`), of both (`both`), or what the two share (`shared`)."""
 
     direction: str
+    law: LawByName = GAUSSIAN
+    """Of the friction."""
     parameters: Mapping[str, Estimate]
     rms: float | None
     """Root mean square residual, N*m."""
@@ -212,9 +229,11 @@ class StaticFit:
         return self.residuals - self.pulled if self.pulled.size else self.residuals
 
     def values(self) -> Stribeck[float] | None:
-        """The fitted law, or None where nothing was fitted; a law without a peak is `WITHOUT_PEAK`."""
-        fitted = {n: e.value for n, e in self.parameters.items() if n in Stribeck._fields and e.value is not None}
-        return Stribeck(**{"alpha_2": 0.0, **WITHOUT_PEAK, **fitted}) if "alpha_0" in fitted else None
+        """The fitted law, or None where nothing was fitted; a law without a peak is as in `without_peak`."""
+        one = static_of(self.law)
+        fitted = {n: e.value for n in one._fields if (e := self.parameters.get(n)) is not None and e.value is not None}
+        nothing = dict.fromkeys(one._fields, 0.0) | without_peak(self.law)
+        return one(**{**nothing, **fitted}) if "alpha_0" in fitted else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -326,6 +345,8 @@ class Presliding:
 class TrackingFit:
     """All parameters from moving data."""
 
+    law: LawByName = GAUSSIAN
+    """Of the friction."""
     parameters: Mapping[ParameterName, Estimate]
     rms: Number
     """Root mean square residual of the equations, N*m (rad where the position is predicted)."""
@@ -382,5 +403,6 @@ class TrackingFit:
         None where there is none.
         """
         known = self.known
-        values = [x for name in Lugre._fields if (x := in_direction(known, name, direction)) is not None]
-        return Lugre(*values) if len(values) == len(Lugre._fields) else None
+        one = lugre_of(self.law)
+        values = [x for name in one._fields if (x := in_direction(known, name, direction)) is not None]
+        return one(*values) if len(values) == len(one._fields) else None

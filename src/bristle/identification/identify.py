@@ -19,7 +19,8 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
-from bristle.identification.measured import Measured, nothing_to_fit
+from bristle.identification.law_comparison import law_warnings, laws_of, with_averages
+from bristle.identification.measured import Measured, nothing_to_fit, with_law
 from bristle.identification.model_selection import compare_on_motion, compare_on_points
 from bristle.identification.moving_runs import (
     DIRECTIONS,
@@ -33,13 +34,14 @@ from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.point_checks import offset_left_out, point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
-from bristle.identification.results import Input, Joint, ModelComparison
+from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
 from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
 from bristle.identification.static.set_up import better_for_motion, better_for_points, with_one_advice
 from bristle.identification.static.stray_report import advised
+from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
 
@@ -68,8 +70,11 @@ def identify_joint(
 
     Raises InputError where no run can be fitted, saying which threshold ate what.
     """
-    experiment = measured.experiment
     training = _training(measured)
+    step(progress, "comparing friction laws")
+    asked_law = measured.experiment.fit.law
+    measured, laws = _with_law(measured)
+    experiment = measured.experiment
     points = measured.points(hold_out=False)
     step(progress, "fitting friction vs velocity")
     static, checks, left_out = _static(measured, points, timings)
@@ -92,6 +97,8 @@ def identify_joint(
     elif measured.slow:
         step(progress, "fitting slow loading")
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
+    if asked_law == AUTO:
+        static = with_averages(static, laws)
     step(progress, "comparing friction models")
     return Joint(
         name=experiment.joint.name,
@@ -105,7 +112,8 @@ def identify_joint(
         joint_fit=stages.joint,
         consistency=stages.consistency,
         models=_models(measured, points, static, stages.alone, timings),
-        warnings=(*_joint_warnings(measured, points, static, stages.alone), *left_out),
+        laws=laws,
+        warnings=(*law_warnings(laws), *_joint_warnings(measured, points, static, stages.alone), *left_out),
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         torque_constant=measured.torque_constant,
@@ -113,8 +121,20 @@ def identify_joint(
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
-        settings=_settings(experiment, moving=bool(training)),
+        settings=_settings(experiment, asked_law, moving=bool(training)),
     ).with_subjects()
+
+
+def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
+    """What was measured, with the law that the data choose where they are asked; and the laws side by side."""
+    asked = measured.experiment.fit.law
+    laws = laws_of(measured, law_named(asked))
+    if asked != AUTO:
+        return measured, laws
+    if laws is None:
+        return with_law(measured, PAPER), None
+    rows = tuple(replace(row, in_force=row.chosen) for row in laws.rows)
+    return with_law(measured, laws.chosen.law), replace(laws, rows=rows)
 
 
 def _with_set_up(
@@ -227,13 +247,13 @@ def _models(
     experiment, started = measured.experiment, perf_counter()
     comparisons: list[ModelComparison | None] = []
     if points:
-        held = measured.points(hold_out=True)
+        held, law = measured.points(hold_out=True), law_named(experiment.fit.law)
 
         def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
             """The regression of the points, and of those held out."""
             asked = tuple(r for r in asked if r != "inertia")
-            tests = [points_problem(held, directions, asked)] if held else []
-            return points_problem(points, directions, asked), tests
+            tests = [points_problem(held, directions, asked, law)] if held else []
+            return points_problem(points, directions, asked, law), tests
 
         comparisons.append(compare_on_points(experiment, np.array([s.velocity for s in points]), pose, static))
     if alone is not None:
@@ -333,9 +353,11 @@ def _segment_warnings(measured: Measured) -> list[Diagnostic]:
     return warnings
 
 
-def _settings(experiment: Experiment, *, moving: bool) -> dict[str, str]:
+def _settings(experiment: Experiment, asked_law: str, *, moving: bool) -> dict[str, str]:
     fit = experiment.fit
+    law = law_named(fit.law)
     settings = {
+        "law": f"{law.name}{', which the data chose' if asked_law == AUTO else ''}: {law.title}",
         "directions": fit.directions,
         "model": fit.model,
         "loss": fit.loss,

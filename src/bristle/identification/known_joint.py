@@ -20,16 +20,23 @@ from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.laws.registry import friction_names
 from bristle.model.parameters import (
     INERTIA,
     SIGNED,
-    WITHOUT_PEAK,
     Direction,
     Lugre,
     Pair,
     ParameterName,
-    Stribeck,
+    fields_of,
     in_direction,
+    least_of,
+    lugre_of,
+    of_curve,
+    static_fields_of,
+    without_peak,
 )
 from bristle.model.vectorize import evaluate
 
@@ -124,7 +131,7 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
 
 def mixed(joint: Joint) -> Iterator[Diagnostic]:
     """Where the friction curve of a direction would be put together of two fits."""
-    curve = [row for row in chosen(joint) if row.parameter.name in Stribeck._fields and row.estimate.value is not None]
+    curve = [row for row in chosen(joint) if of_curve(row.parameter.name) and row.estimate.value is not None]
     for d in Direction:
         if len({row.source for row in curve if row.parameter.direction == d}) > 1 and joint.moving is not None:
             yield Kind.CURVE_MIXED(direction=d)
@@ -140,7 +147,7 @@ def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:
 
 def _place(row: Known) -> tuple[int, int]:
     name, direction = row.parameter
-    order = Lugre._fields
+    order = (*Lugre._fields, *sorted(friction_names()))
     return list(Direction).index(direction), order.index(name) if name in order else len(order)
 
 
@@ -152,6 +159,8 @@ class KnownJoint:
     """
 
     name: str
+    law: Law = GAUSSIAN
+    """Of its friction."""
     estimates: Mapping[ParameterName, Estimate]
     """The one to use of each parameter."""
     given: Mapping[ParameterName, float]
@@ -165,7 +174,7 @@ class KnownJoint:
 
         There is none where no law is known.
         """
-        law = {d for name, d in (*self.estimates, *self.given) if name in Stribeck._fields}
+        law = {d for name, d in (*self.estimates, *self.given) if of_curve(name)}
         ways = (Direction.BOTH,) if law == {Direction.BOTH} else SIGNED
         return tuple(d for d in ways if self.has_law(d))
 
@@ -175,7 +184,7 @@ class KnownJoint:
         None without Coulomb friction is a law for a bristle.
         """
         values = self.values(direction)
-        return values.keys() >= set(Stribeck._fields) and values["alpha_0"] > 0
+        return values.keys() >= set(static_fields_of(self.law)) and values["alpha_0"] > 0
 
     def estimate(self, name: str, direction: Direction) -> Estimate | None:
         """The estimate to use of a parameter in a direction; None where no stage looked for it."""
@@ -183,19 +192,20 @@ class KnownJoint:
 
     def missing(self, direction: Direction) -> tuple[str, ...]:
         """The LuGre parameters of a direction that no stage shows, and that were not given."""
-        names = (name for name in Lugre._fields if in_direction(self.given, name, direction) is None)
+        names = (name for name in fields_of(self.law) if in_direction(self.given, name, direction) is None)
         return tuple(name for name in names if (e := self.estimate(name, direction)) is None or e.value is None)
 
     def values(self, direction: Direction) -> dict[str, float]:
         """What a direction's LuGre parameters are: estimated, given, or as they were held.
 
-        A law without a peak is `WITHOUT_PEAK`.
+        A law without a peak is as in `without_peak`.
         """
-        values = {name: e.value for name in Lugre._fields if (e := self.estimate(name, direction)) is not None}
+        fields = fields_of(self.law)
+        values = {name: e.value for name in fields if (e := self.estimate(name, direction)) is not None}
         for fixed in (self.given, self.held):
-            values |= {n: in_direction(fixed, n, direction) for n in Lugre._fields if values.get(n) is None}
+            values |= {n: in_direction(fixed, n, direction) for n in fields if values.get(n) is None}
         if values["alpha_0"] is not None and values["alpha_1"] is None:
-            values |= WITHOUT_PEAK
+            values |= without_peak(self.law)
         return {name: x for name, x in values.items() if x is not None}
 
     def filled(self, direction: Direction, travel: float, J: float) -> Lugre[float]:
@@ -211,7 +221,7 @@ class KnownJoint:
             values["sigma_0"] = assumed_stiffness(values["alpha_0"], travel)
         if "sigma_1" in missing:
             values["sigma_1"] = assumed_damping(values["sigma_0"], J)
-        return Lugre(**values)
+        return lugre_of(self.law)(**values)
 
     def pair(self, travel: float, J: float) -> Pair[float]:
         """Both directions, each as in `filled`."""
@@ -223,9 +233,10 @@ def known_joint(joint: Joint) -> KnownJoint:
     fit = joint.moving
     shown = fit.parameters if fit is not None else {}
     fixed = fit.fixed if fit is not None else {}
-    law = {name: e for name, e in shown.items() if name.name in Stribeck._fields}
+    law = {name: e for name, e in shown.items() if of_curve(name.name)}
     return KnownJoint(
         name=joint.name,
+        law=joint.law,
         estimates={row.parameter: row.estimate for row in chosen(joint)} | law,
         given={name: x for name, x in fixed.items() if name not in shown},
         held={name: x for name, x in fixed.items() if name in shown},
@@ -353,9 +364,10 @@ def _drawn(
 ) -> tuple[tuple[Pair[float], float], ...]:
     """The joints whose parameters are moved by so much, (DRAWS, p)."""
     shown = joint.moving.parameters if joint.moving else {}
+    least = np.array([least_of(name.name) if of_curve(name.name) else 0.0 for name in moves.names])
     with np.errstate(over="ignore"):
         by_factor = moves.centre * np.exp(np.clip(moved, -_MOST_MOVED, _MOST_MOVED))
-        drawn = np.where(moves.positive, by_factor, np.maximum(moves.centre + moved, 0.0))
+        drawn = np.where(moves.positive, by_factor, np.maximum(moves.centre + moved, least))
     joints = []
     for draw in drawn.tolist():
         sample = dict(zip(moves.names, draw, strict=True))

@@ -18,6 +18,7 @@ from bristle.errors import InputError, short, short_list
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import load_columns
 from bristle.identification.static.points import PointSearch, search_points, without_strays
+from bristle.model.laws.registry import law_named
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -115,6 +116,16 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
     left_out = {s.place: s for s in without_strays(experiment, searches)}
     segments = tuple(tuple(left_out.get(s.place, s) for s in candidates) for candidates in whole.segments)
     return replace(whole, segments=segments, searches=searches)
+
+
+def with_law(measured: Measured, law: str) -> Measured:
+    """The same under another friction law, by which the points are judged anew."""
+    own = measured.experiment
+    experiment = own.model_copy(update={"fit": own.fit.model_copy(update={"law": law})})
+    if law_named(law) == law_named(own.fit.law):
+        return replace(measured, experiment=experiment)
+    posed = measured_of(experiment, measured.runs)
+    return replace(measured, experiment=experiment, segments=posed.segments, searches=posed.searches)
 
 
 def nothing_to_fit(measured: Measured) -> str:

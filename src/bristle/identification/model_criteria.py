@@ -73,12 +73,12 @@ def rank_models(
     if not candidates:
         return None
     n = candidates[0].residuals.size
-    scores = [_scores(c, n / variance_inflation, power) for c in candidates]
-    lowest_aicc = min((aicc for aicc, _ in scores if aicc is not None), default=0.0)
-    lowest_bic = min(bic for _, bic in scores)
+    marks = [scores(c.residuals, c.parameters, n / variance_inflation, power) for c in candidates]
+    lowest_aicc = min((aicc for aicc, _ in marks if aicc is not None), default=0.0)
+    lowest_bic = min(bic for _, bic in marks)
     kept, seen = _keeps_stribeck(static, alone), alone is not None and _sees_bristle(alone)
     allowed = [k for k, c in enumerate(candidates) if (seen if c.model == LUGRE else (c.model == STRIBECK) == kept)]
-    best = min(allowed, key=lambda k: scores[k][1], default=None)
+    best = min(allowed, key=lambda k: marks[k][1], default=None)
     rows = tuple(
         ModelRow(
             model=c.model,
@@ -92,7 +92,7 @@ def rank_models(
             candidate=k in allowed,
             recommended=k == best,
         )
-        for k, (c, (aicc, bic)) in enumerate(zip(candidates, scores, strict=True))
+        for k, (c, (aicc, bic)) in enumerate(zip(candidates, marks, strict=True))
     )
     return ModelComparison(
         data=data,
@@ -105,13 +105,19 @@ def rank_models(
     )
 
 
-def _scores(c: ModelCandidate, effective: float, power: float) -> tuple[float | None, float]:
+def scores(residuals: Array, parameters: int, effective: float, power: float) -> tuple[float | None, float]:
     """AICc, None where there are too few independent equations, and BIC.
 
-    Both up to a constant that all models share.
+    Both up to a constant that all models of the same equations share.
+
+    Args:
+        residuals: (n,).
+        parameters: fitted, the noise variance apart.
+        effective: how many of the equations are independent.
+        power: sum of squares of what is explained.
     """
-    k = c.parameters + 1
-    fit_term = effective * log(max(power_of(c.residuals), _EXACT * power, 1e-300) / c.residuals.size)
+    k = parameters + 1
+    fit_term = effective * log(max(power_of(residuals), _EXACT * power, 1e-300) / residuals.size)
     spare = effective - k - 1
     return fit_term + 2 * k + 2 * k * (k + 1) / spare if spare > 0 else None, fit_term + k * log(effective)
 

@@ -34,6 +34,7 @@ from bristle.identification.results import ModelComparison
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
+from bristle.model.laws.registry import law_named
 from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction
 
 _STEPS = 100
@@ -87,13 +88,13 @@ def compare_on_motion(
     """
     if alone.quantity != "torque":
         return None
-    fixed, _ = inertia(experiment)
+    (fixed, _), law = inertia(experiment), law_named(experiment.fit.law)
     variants = _variants(np.concatenate([_velocity(r) for r in records]))
 
     def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
         """The regression of the training runs, and of each held-out one."""
         made = [
-            regression.from_records(chosen, directions, asked, experiment.fit.decimation, fixed)[0]
+            regression.from_records(chosen, directions, asked, experiment.fit.decimation, fixed, law)[0]
             for chosen in (records, *([r] for r in held))
         ]
         return made[0], made[1:]
@@ -230,7 +231,9 @@ def _refitted(
 
     def posed(chosen: Sequence[Record]) -> DynamicProblem:
         """The problem of some records, with what the experiment fixes."""
-        whole = dynamic_problem(chosen, directions, asked, experiment.fit.decimation, fixed)
+        whole = dynamic_problem(
+            chosen, directions, asked, experiment.fit.decimation, fixed, law=law_named(experiment.fit.law)
+        )
         return replace(whole, fixed=_held(_carried(whole, alone.known), alone))
 
     problem = posed(records)

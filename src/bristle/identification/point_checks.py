@@ -167,7 +167,7 @@ def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Ite
             continue
         v, swing = (np.array([[getattr(s, name)] for s in own]) for name in ("velocity", "swing"))
         speeds = np.hstack([np.abs(v), np.abs(v) + np.sqrt(2) * swing * phases])
-        (torque,) = evaluate(functions.steady_torque_function(), speeds, *law)
+        (torque,) = evaluate(functions.steady_torque_function(law.law), speeds, *law)
         moved: Array = torque[:, 1:].mean(axis=1) - torque[:, 0]
         off += [(float(x) / fit.rms, s) for s, x in zip(own, np.abs(moved), strict=True) if x > fit.rms]
     if off:

@@ -5,12 +5,14 @@ from dataclasses import dataclass, field
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from bristle.arrays import JsonForm, Number
+from bristle.arrays import Interval, JsonForm, Number
 from bristle.data.constant_velocity.segments import Segment
 from bristle.diagnostics import Diagnostic, Severity, with_subjects
 from bristle.diagnostics import Kind as DiagnosticKind
 from bristle.errors import one_line
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
 from bristle.model.parameters import Kind, Lugre, ParameterName, units_of
 
 if TYPE_CHECKING:
@@ -97,6 +99,61 @@ class ModelComparison:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LawRow:
+    """One friction law beside others on the same equations."""
+
+    law: str
+    """Its name, as `fit.law` takes it."""
+    parameters: int
+    """Fitted, the noise variance apart."""
+    rms: Number
+    """Root mean square residual, N*m."""
+    aicc: Number | None
+    """Above the lowest of all; None where there are too few independent equations."""
+    bic: Number
+    """Above the lowest of all."""
+    left_out: Number | None
+    """100 * norm(error) / norm(measured), percent, over five blocks of speed, each predicted from the others; None where these are too few."""
+    run_left_out: Number | None
+    """The same over runs; None where there is but one, or points."""
+    weight: Number
+    """Share of exp(-BIC / 2) among all."""
+    in_force: bool
+    """Whether the fits have it."""
+    chosen: bool
+    """Whether `fit.law: auto` takes it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Averaged:
+    """A parameter over the laws that the data allow, by their weights."""
+
+    value: Number
+    standard_error: Number
+    interval: Interval
+    """95 %."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LawComparison:
+    """Friction laws side by side."""
+
+    data: Literal["points", "moving runs"]
+    n: int
+    """Equations."""
+    rows: tuple[LawRow, ...]
+    sentence: Diagnostic
+    """Which the data want, and why."""
+    averaged: Mapping[ParameterName, Averaged] = field(default_factory=dict)
+    """What means the same in every law; empty where one law has nearly all the weight."""
+
+    @property
+    def chosen(self) -> LawRow:
+        """The law that `fit.law: auto` takes."""
+        return next(row for row in self.rows if row.chosen)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
     """One file that went in."""
 
@@ -125,6 +182,8 @@ class Joint:
     consistency: tuple[Consistency, ...] = ()
     models: tuple[ModelComparison, ...] = ()
     """Friction models side by side, on points and on moving runs, where there are any."""
+    laws: LawComparison | None = None
+    """Friction laws side by side, on the points, or else on the moving runs; None where there are too few for any but the paper's."""
     warnings: tuple[Diagnostic, ...] = ()
     torque_scale: Diagnostic | None = None
     """Which constants between logs and torques have an error, and which are taken as exact; None: there are none, or the data are simulated."""
@@ -150,6 +209,12 @@ class Joint:
         return (
             f"Joint({self.name!r}: {', '.join((*fits, *(['moving runs'] if self.moving else []))) or 'nothing fitted'})"
         )
+
+    @property
+    def law(self) -> Law:
+        """Of its friction: one for all its fits."""
+        laws = (*(fit.law for fit in self.static.values()), *(fit.law for fit in self._moving_fits()))
+        return next(iter(laws), GAUSSIAN)
 
     @property
     def moving(self) -> TrackingFit | None:
@@ -213,6 +278,7 @@ _SUBJECTS = {
     "tracking": ("moving runs",),
     "joint_fit": ("joint fit",),
     "models": ("models",),
+    "laws": ("laws",),
 }
 """The steps of a diagnostic's subject, by the fields that hold it."""
 

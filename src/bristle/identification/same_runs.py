@@ -10,7 +10,7 @@ from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.repeats import spreader, wider_three
 from bristle.identification.systematic import NORMAL, combined, statistical
-from bristle.model.parameters import Direction, ParameterName, Stribeck, least_of
+from bristle.model.parameters import Direction, ParameterName, least_of, of_curve, peak_parameters
 
 _LEVEL = 1e-3
 """Probability, by chance, that any of the parameters differs."""
@@ -112,7 +112,8 @@ def _without_refused_peak(direction: str, fit: StaticFit, moving: TrackingFit) -
     other = moving.parameters.get(_key("alpha_1", direction))
     if other is None or other.value is not None or not {w.kind for w in other.warnings} & _NO_PEAK:
         return fit
-    refused = {n: e for n, e in fit.parameters.items() if n in ("alpha_1", "v_s") and e.value is not None}
+    peak = peak_parameters(fit.law)
+    refused = {n: e for n, e in fit.parameters.items() if n in peak and e.value is not None}
     without = {n: replace(e, value=None, interval=None, warnings=(Kind.SEE_MOVING(),)) for n, e in refused.items()}
     return _with_values(fit, {**fit.parameters, **without}) if without else fit
 
@@ -128,7 +129,7 @@ def _doubts(warnings: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
 
 def _key(name: str, direction: str) -> ParameterName:
     """What LuGre's fit calls a static parameter."""
-    shared = direction == Direction.SHARED or name not in Stribeck._fields
+    shared = direction == Direction.SHARED or not of_curve(name)
     return ParameterName(name, Direction.SHARED if shared else Direction(direction))
 
 

@@ -1,8 +1,9 @@
 """The one place that builds `ca.Function`.
 
 Every curve, step and derivative the package evaluates, made from `law` and `motor`. Each function is scalar (1x1 inputs
-and outputs, all named), is built once, and carries derivatives that CasADi wrote. `arrays.evaluate` maps it over NumPy
-arrays. Parameters enter in the order of `Lugre`; a `Pair` enters as the positive set, then the negative one.
+and outputs, all named), is built once for a law, and carries derivatives that CasADi wrote. `arrays.evaluate` maps it
+over NumPy arrays. Parameters enter in the order of the law's tuple, which is `Lugre` for the paper's; a `Pair` enters as
+the positive set, then the negative one.
 """
 
 from collections.abc import Mapping
@@ -12,48 +13,50 @@ from typing import Any
 import casadi as ca
 
 from bristle.model import law, motor
-from bristle.model.parameters import Lugre, Motor, Pair, Stribeck
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import Lugre, Motor, Pair, lugre_of, static_fields_of, static_of
 
 
 @cache
-def steady_torque_function() -> ca.Function:
+def steady_torque_function(of: Law = GAUSSIAN) -> ca.Function:
     """(v, *Stribeck) -> T: the steady curve T_ss(v) of (9), N*m."""
-    v, p, T = _steady()
+    v, p, T = _steady(of)
     return _function("steady_torque", {"v": v, **p}, {"T": T})
 
 
 @cache
-def steady_jacobian_function() -> ca.Function:
+def steady_jacobian_function(of: Law = GAUSSIAN) -> ca.Function:
     """(v, *Stribeck) -> the derivative of T_ss(v) (9) with respect to each, named `T_alpha_0` and so on."""
-    v, p, T = _steady()
+    v, p, T = _steady(of)
     return _function("steady_jacobian", {"v": v, **p}, _derivatives("T", T, p))
 
 
 @cache
-def linear_shapes_function() -> ca.Function:
-    """(v) -> (T_alpha_0, T_alpha_2).
+def linear_shapes_function(of: Law = GAUSSIAN) -> ca.Function:
+    """(v) -> (T_alpha_0, T_alpha_2, ...).
 
-    What multiplies alpha_0 and alpha_2 in (9), the first and third column of (11)-(12).
+    What multiplies alpha_0 and alpha_2 in (9), the first and third column of (11)-(12), and the coefficients of a law's
+    terms, at speeds that were measured.
     """
-    v, p, T = _steady()
-    return _function(
-        "linear_shapes", {"v": v}, _derivatives("T", T, {name: p[name] for name in ("alpha_0", "alpha_2")})
-    )
+    v, p, T = _steady(of)
+    viscous = {f"T_{name}": v * rate for name, rate in law.viscous_rates(ca.fabs(v), of).items()}
+    return _function("linear_shapes", {"v": v}, _derivatives("T", T, {"alpha_0": p["alpha_0"]}) | viscous)
 
 
 @cache
-def stribeck_shape_function() -> ca.Function:
-    """(v, v_s) -> s: what multiplies alpha_1 in (9), dimensionless."""
-    v, v_s = ca.SX.sym("v"), ca.SX.sym("v_s")
-    return _function("stribeck_shape", {"v": v, "v_s": v_s}, {"s": law.stribeck_shape(v, v_s)})
+def stribeck_shape_function(of: Law = GAUSSIAN) -> ca.Function:
+    """(v, v_s, ...) -> s: what multiplies alpha_1 in (9), dimensionless."""
+    v, shape = ca.SX.sym("v"), _symbols(*of.shape_parameters)
+    return _function("stribeck_shape", {"v": v, **shape}, {"s": law.stribeck_shape(v, [*shape.values()], of)})
 
 
 @cache
-def stribeck_shape_slope_function() -> ca.Function:
-    """(v, v_s) -> (s, s_v_s): `stribeck_shape` with its derivative with respect to v_s, s/rad."""
-    v, v_s = ca.SX.sym("v"), ca.SX.sym("v_s")
-    s = law.stribeck_shape(v, v_s)
-    return _function("stribeck_shape_slope", {"v": v, "v_s": v_s}, {"s": s, **_derivatives("s", s, {"v_s": v_s})})
+def stribeck_shape_slope_function(of: Law = GAUSSIAN) -> ca.Function:
+    """(v, v_s, ...) -> (s, s_v_s, ...): `stribeck_shape` with its derivatives with respect to v_s, s/rad, and so on."""
+    v, shape = ca.SX.sym("v"), _symbols(*of.shape_parameters)
+    s = law.stribeck_shape(v, [*shape.values()], of)
+    return _function("stribeck_shape_slope", {"v": v, **shape}, {"s": s, **_derivatives("s", s, shape)})
 
 
 @cache
@@ -130,19 +133,19 @@ def faded_sine_function() -> ca.Function:
 
 
 @cache
-def torque_function() -> ca.Function:
+def torque_function(of: Law = GAUSSIAN) -> ca.Function:
     """(z, v, *Lugre) -> T: the friction torque T_f of (3)-(5), N*m."""
-    s, p = _symbols("z", "v"), _lugre()
+    s, p = _symbols("z", "v"), _lugre(of)
     return _function("torque", {**s, **p._asdict()}, {"T": law.torque(s["z"], s["v"], p)})
 
 
 @cache
-def torque_sensitivity_function() -> ca.Function:
+def torque_sensitivity_function(of: Law = GAUSSIAN) -> ca.Function:
     """(z, v, *Lugre) -> (T, T_z, T_alpha_0, ..., T_sigma_1).
 
     T_f with its partial derivatives, each at fixed other arguments.
     """
-    s, p = _symbols("z", "v"), _lugre()
+    s, p = _symbols("z", "v"), _lugre(of)
     T = law.torque(s["z"], s["v"], p)
     return _function(
         "torque_sensitivity", {**s, **p._asdict()}, {"T": T, **_derivatives("T", T, {"z": s["z"], **p._asdict()})}
@@ -150,48 +153,48 @@ def torque_sensitivity_function() -> ca.Function:
 
 
 @cache
-def steady_deflection_function() -> ca.Function:
+def steady_deflection_function(of: Law = GAUSSIAN) -> ca.Function:
     """(v, *Lugre) -> (z, z_alpha_0, ..., z_sigma_1): the deflection where dz/dt = 0, rad, with its derivatives."""
-    v, p = ca.SX.sym("v"), _lugre()
+    v, p = ca.SX.sym("v"), _lugre(of)
     z = law.steady_deflection(v, p)
     return _function("steady_deflection", {"v": v, **p._asdict()}, {"z": z, **_derivatives("z", z, p._asdict())})
 
 
 @cache
-def step_function() -> ca.Function:
+def step_function(of: Law = GAUSSIAN) -> ca.Function:
     """(v0, v1, h, *Lugre) -> (a, b): the bristle step z(t + h) = a z(t) + b of `law.bristle_step`."""
-    inputs, _, outputs = _step()
+    inputs, _, outputs = _step(of)
     return _function("step", inputs, outputs)
 
 
 @cache
-def step_parameters() -> tuple[str, ...]:
+def step_parameters(of: Law = GAUSSIAN) -> tuple[str, ...]:
     """Names of the parameters on which the bristle step depends, in the order of `Lugre`.
 
     sigma_1 and alpha_2 do not enter z.
     """
-    _, p, outputs = _step()
+    _, p, outputs = _step(of)
     depends = ca.which_depends(ca.vertcat(*outputs.values()), ca.vertcat(*p), 1, False)
-    return tuple(name for name, enters in zip(Lugre._fields, depends, strict=True) if enters)
+    return tuple(name for name, enters in zip(p._fields, depends, strict=True) if enters)
 
 
 @cache
-def step_sensitivity_function() -> ca.Function:
+def step_sensitivity_function(of: Law = GAUSSIAN) -> ca.Function:
     """(v0, v1, h, *Lugre) -> (a, b, a_p..., b_p...).
 
     The step with its derivatives, p running over `step_parameters`.
     """
-    inputs, p, outputs = _step()
+    inputs, p, outputs = _step(of)
     return _function("step_sensitivity", inputs, outputs | _by_parameters(p, outputs))
 
 
 @cache
-def change_sensitivity_function() -> ca.Function:
+def change_sensitivity_function(of: Law = GAUSSIAN) -> ca.Function:
     """(v0, v1, h, *Lugre) -> (c, b, c_p..., b_p...).
 
     `law.bristle_change` with its derivatives, p running over `step_parameters`.
     """
-    s, p = _symbols("v0", "v1", "h"), _lugre()
+    s, p = _symbols("v0", "v1", "h"), _lugre(of)
     c, b = ca.cse([*law.bristle_change(s["v0"], s["v1"], s["h"], p)])
     outputs = {"c": c, "b": b}
     return _function("change_sensitivity", s | p._asdict(), outputs | _by_parameters(p, outputs))
@@ -199,14 +202,14 @@ def change_sensitivity_function() -> ca.Function:
 
 def _by_parameters(p: Lugre[Any], outputs: Mapping[str, Any]) -> dict[str, Any]:
     """The derivatives of some outputs by the parameters of the step, output after output."""
-    free = {name: getattr(p, name) for name in step_parameters()}
+    free = {name: getattr(p, name) for name in step_parameters(p.law)}
     return {key: slope for name, value in outputs.items() for key, slope in _derivatives(name, value, free).items()}
 
 
 @cache
-def active_function() -> ca.Function:
+def active_function(of: Law = GAUSSIAN) -> ca.Function:
     """(z, v, *positive, *negative) -> *Lugre: the set of a pair that acts at (z, v), by `law.active`."""
-    s, pair = _symbols("z", "v"), Pair(_lugre("_positive"), _lugre("_negative"))
+    s, pair = _symbols("z", "v"), Pair(_lugre(of, "_positive"), _lugre(of, "_negative"))
     inputs = {x.name(): x for x in (*s.values(), *pair.positive, *pair.negative)}
     return _function("active", inputs, law.active(s["z"], s["v"], pair)._asdict())
 
@@ -215,19 +218,20 @@ def _symbols(*names: str) -> dict[str, Any]:
     return {name: ca.SX.sym(name) for name in names}
 
 
-def _lugre(suffix: str = "") -> Lugre[Any]:
-    return Lugre(*(ca.SX.sym(name + suffix) for name in Lugre._fields))
+def _lugre(of: Law, suffix: str = "") -> Lugre[Any]:
+    kind = lugre_of(of)
+    return kind(*(ca.SX.sym(name + suffix) for name in kind._fields))
 
 
-def _step() -> tuple[dict[str, Any], Lugre[Any], dict[str, Any]]:
-    s, p = _symbols("v0", "v1", "h"), _lugre()
+def _step(of: Law) -> tuple[dict[str, Any], Lugre[Any], dict[str, Any]]:
+    s, p = _symbols("v0", "v1", "h"), _lugre(of)
     a, b = ca.cse([*law.bristle_step(s["v0"], s["v1"], s["h"], p)])  # what is written once is differentiated once
     return s | p._asdict(), p, {"a": a, "b": b}
 
 
-def _steady() -> tuple[Any, dict[str, Any], Any]:
-    v, p = ca.SX.sym("v"), _symbols(*Stribeck._fields)
-    return v, p, law.steady_torque(v, Stribeck(**p))
+def _steady(of: Law) -> tuple[Any, dict[str, Any], Any]:
+    v, p = ca.SX.sym("v"), _symbols(*static_fields_of(of))
+    return v, p, law.steady_torque(v, static_of(of)(**p))
 
 
 def _derivatives(name: str, expression: Any, by: Mapping[str, Any]) -> dict[str, Any]:

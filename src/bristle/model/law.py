@@ -1,27 +1,64 @@
 """The LuGre friction law: every equation of the package that is not the motor's stands here, once.
 
 Pure CasADi expressions of the bristle deflection z (rad), the velocity v (rad/s) and the parameters p (`Lugre`, or
-`Stribeck` where no bristle enters). Everything else - curves, simulators, residuals, Jacobians, adaptation - is derived
-from them; derivatives come from CasADi.
+`Stribeck` where no bristle enters). Which peak and which terms the law has, p knows; they stand in `laws`, a file each.
+Everything else - curves, simulators, residuals, Jacobians, adaptation - is derived from them; derivatives come from
+CasADi.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
 
-from bristle.model.parameters import Lugre, Pair, Stribeck
-
-Expression = Any
-"""A float or a CasADi symbol: CasADi carries no types."""
+from bristle.model.laws.parts import FASTEST, Expression, Law
+from bristle.model.parameters import Lugre, Pair, Stribeck, lugre_of
 
 _TINY = 1e-100
 """Keeps (1 - exp(-x)) / x and its derivatives finite at x = 0, where both are exact to rounding."""
 
 
 def stribeck(v: Expression, p: Lugre[Any] | Stribeck[Any]) -> Expression:
-    """g(v) = alpha_0 + alpha_1 exp(-(v / v_s)**2), N*m (5): the friction level in slow sliding."""
-    return p.alpha_0 + p.alpha_1 * ca.exp(v**2 * (-1 / p.v_s**2))
+    """g(v) = alpha_0 + alpha_1 s(v), N*m: the friction level in slow sliding; the paper's s is exp(-(v / v_s)**2) (5)."""
+    shape = [getattr(p, name) for name in p.law.shape_parameters]
+    return p.alpha_0 + p.alpha_1 * p.law.peak.shape(v, *shape)
+
+
+def viscous_rates(speed: Expression, law: Law) -> dict[str, Expression]:
+    """What multiplies alpha_2 v, which is one, and the coefficients of a law's terms, by name, at a speed that was measured."""
+    return {"alpha_2": 1.0} | {term.coefficient.name: term.rate(speed) for term in law.terms}
+
+
+def viscous_rate(v: Expression, p: Lugre[Any] | Stribeck[Any]) -> Expression:
+    """What multiplies v beside the level, N*m*s/rad: alpha_2 in the paper, and what the terms of a law add.
+
+    Where a term is negative, the viscous friction stays beyond the fastest speed that was measured, v_end, as large as
+    it is there: nobody has seen it fall further.
+    """
+    if not p.law.terms:
+        return p.alpha_2
+    speed, fastest, lowest = ca.fabs(v), getattr(p, FASTEST), 0.0
+    for name in p.law.coefficients:
+        lowest = ca.fmin(lowest, getattr(p, name))
+    beyond = ca.if_else(lowest < 0, ca.fmax(speed, fastest) / fastest, 1.0)
+    return _rate_at(ca.if_else(lowest < 0, ca.fmin(speed, fastest), speed), p) / beyond
+
+
+def _rate_at(speed: Expression, p: Lugre[Any] | Stribeck[Any]) -> Expression:
+    return sum(getattr(p, name) * rate for name, rate in viscous_rates(speed, p.law).items())
+
+
+def is_passive(p: Lugre[Any]) -> Expression:
+    """Whether LuGre dissipates in every motion: alpha_2 > sigma_1 alpha_1 / alpha_0 (Barabanov and Ortega, 2000).
+
+    With a deflection of at most g(0) / sigma_0, T_f v - d(sigma_0 z**2 / 2)/dt >= v**2 (f(v) / v - sigma_1 (g(0) - g(v))
+    / g(v)), f the viscous friction. The last falls to sigma_1 alpha_1 / alpha_0 as the peak falls; f / v is alpha_2, and
+    with a negative term as low as that is at v_end: up to there it is told.
+    """
+    lowest = p.alpha_2
+    if p.law.terms:
+        lowest = ca.fmin(lowest, _rate_at(getattr(p, FASTEST), p))
+    return lowest > p.sigma_1 * p.alpha_1 / p.alpha_0
 
 
 def relaxation(v: Expression, p: Lugre[Any]) -> Expression:
@@ -39,8 +76,8 @@ def bristle_rate(z: Expression, v: Expression, p: Lugre[Any], at: Expression | N
 
 
 def torque(z: Expression, v: Expression, p: Lugre[Any], at: Expression | None = None) -> Expression:
-    """T_f = sigma_0 z + sigma_1 dz/dt + alpha_2 v, N*m (3); `at` as in `bristle_rate`."""
-    return p.sigma_0 * z + p.sigma_1 * bristle_rate(z, v, p, at) + p.alpha_2 * v
+    """T_f = sigma_0 z + sigma_1 dz/dt + alpha_2 v, N*m (3), alpha_2 or what a law has in its place; `at` as in `bristle_rate`."""
+    return p.sigma_0 * z + p.sigma_1 * bristle_rate(z, v, p, at) + viscous_rate(v if at is None else at, p) * v
 
 
 def steady_deflection(v: Expression, p: Lugre[Any]) -> Expression:
@@ -49,8 +86,8 @@ def steady_deflection(v: Expression, p: Lugre[Any]) -> Expression:
 
 
 def steady_torque(v: Expression, p: Lugre[Any] | Stribeck[Any]) -> Expression:
-    """T_ss(v) = g(v) sgn(v) + alpha_2 v, N*m (9)."""
-    return stribeck(v, p) * ca.sign(v) + p.alpha_2 * v
+    """T_ss(v) = g(v) sgn(v) + alpha_2 v, N*m (9), alpha_2 or what a law has in its place."""
+    return stribeck(v, p) * ca.sign(v) + viscous_rate(v, p) * v
 
 
 def loading_displacement(T: Expression, g0: Expression, sigma_0: Expression) -> Expression:
@@ -75,9 +112,9 @@ def presliding_damping(sigma_0: Expression, J: Expression, damping_ratio: Expres
     return 2 * damping_ratio * ca.sqrt(J * sigma_0)
 
 
-def stribeck_shape(v: Expression, v_s: Expression) -> Expression:
-    """exp(-(v / v_s)**2) sgn(v): what multiplies alpha_1 in (9), the second column of (11)-(12)."""
-    return steady_torque(v, Stribeck(0.0, 1.0, 0.0, v_s))
+def stribeck_shape(v: Expression, shape: Sequence[Expression], law: Law) -> Expression:
+    """s(v) sgn(v), of v_s and what else the shape of the peak has: what multiplies alpha_1 in (9), the second column of (11)-(12)."""
+    return law.peak.shape(v, *shape) * ca.sign(v)
 
 
 def load_terms(q: Expression, v: Expression, a: Expression, tau: Expression) -> dict[str, Expression]:
@@ -113,7 +150,7 @@ def active(z: Expression, v: Expression, pair: Pair[Any]) -> Lugre[Any]:
     """
     positive, negative = pair
     by_v = (ca.if_else(v < 0, n, q) for q, n in zip(positive, negative, strict=True))
-    return Lugre(*by_v)._replace(sigma_0=ca.if_else(z < 0, negative.sigma_0, positive.sigma_0))
+    return lugre_of(pair.law)(*by_v)._replace(sigma_0=ca.if_else(z < 0, negative.sigma_0, positive.sigma_0))
 
 
 def rescaled_deflection(z: Expression, z_ss: Expression, harder: Expression) -> tuple[Expression, Expression]:

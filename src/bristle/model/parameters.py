@@ -1,14 +1,19 @@
 """The parameters as typed tuples: Stribeck's four, LuGre's six, one set per direction, the motor's four.
 
-And how one of them is named. Each tuple is generic over what stands in it: floats, NumPy arrays, or CasADi symbols.
-Units are SI strings that pint reads.
+And how one of them is named. Each tuple is generic over what stands in it: floats, NumPy arrays, or CasADi symbols; a
+tuple knows the law whose parameters it holds. Units are SI strings that pint reads.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
+from functools import cache
+from operator import itemgetter
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from bristle.arrays import JsonForm
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST, Law
+from bristle.model.laws.registry import friction_names, own_parameter
 
 T = TypeVar("T")
 Kind = Literal["revolute", "prismatic", "revolute in A", "prismatic in A"]
@@ -27,23 +32,27 @@ class Direction(StrEnum):
 
 
 class Stribeck(NamedTuple, Generic[T]):
-    """The static law (9): the parameters of `Lugre` that constant velocities show."""
+    """The static law (9): the parameters of `Lugre` that constant velocities show.
+
+    These four are the paper's; `static_of` has the type of another law, with more fields.
+    """
 
     alpha_0: T
     alpha_1: T
     alpha_2: T
     v_s: T
 
-
-WITHOUT_PEAK = {"alpha_1": 0.0, "v_s": 1.0}
-"""Of a law whose Stribeck term is not there, or not identifiable: it is zero, at any v_s."""
-STRIBECK_REACH = 1.5
-"""Speeds beyond this many v_s, where 9/10 of the Stribeck term is gone, must be there to call it one: else alpha_0 is
-not seen alone."""
+    @property
+    def law(self) -> Law:
+        """Whose parameters these are."""
+        return GAUSSIAN
 
 
 class Lugre(NamedTuple, Generic[T]):
-    """One set of LuGre parameters, equations (3)-(5). Units for a revolute joint; see `unit` for a prismatic one."""
+    """One set of LuGre parameters, equations (3)-(5). Units for a revolute joint; see `unit` for a prismatic one.
+
+    These six are the paper's; `lugre_of` has the type of another law, with more fields.
+    """
 
     alpha_0: T
     """Coulomb friction, N*m, > 0."""
@@ -59,9 +68,101 @@ class Lugre(NamedTuple, Generic[T]):
     """Bristle damping, N*m*s/rad, >= 0."""
 
     @property
+    def law(self) -> Law:
+        """Whose parameters these are."""
+        return GAUSSIAN
+
+    @property
     def stribeck(self) -> Stribeck[T]:
         """Its static law."""
-        return Stribeck(*self[:4])
+        static: Stribeck[T] = static_of(self.law)(*self[:4], *self[6:])
+        return static
+
+
+@cache
+def static_of(law: Law) -> type[Stribeck[Any]]:
+    """The type of a law's static parameters: `Stribeck`'s four, then what the law has beside them (`Law.more`)."""
+    return Stribeck if law == GAUSSIAN else _of_law(Stribeck, law)
+
+
+@cache
+def lugre_of(law: Law) -> type[Lugre[Any]]:
+    """The type of a law's parameters: `Lugre`'s six, then what the law has beside them (`Law.more`)."""
+    return Lugre if law == GAUSSIAN else _of_law(Lugre, law)
+
+
+def _of_law(base: type[Any], law: Law) -> type[Any]:
+    """A named tuple like `base`, with the fields of a law after its own."""
+    fields = (*base._fields, *law.more)
+
+    def new(cls: type[Any], *values: Any, **by_name: Any) -> Any:
+        """The tuple; raises TypeError where a field is missing, or there is one too many."""
+        rest = fields[len(values) :]
+        if len(values) > len(fields) or set(rest) != by_name.keys():
+            raise TypeError(f"{base.__name__} of {law.name}: expected {', '.join(fields)}")
+        return tuple.__new__(cls, (*values, *(by_name[name] for name in rest)))
+
+    def make(cls: type[Any], values: Iterable[Any]) -> Any:
+        """The tuple of these values, in the order of the fields."""
+        return cls(*values)
+
+    def of_law(_: Any) -> Law:
+        """Whose parameters these are."""
+        return law
+
+    def replaced(self: Any, **by_name: Any) -> Any:
+        """The same with other values of some fields."""
+        return type(self)(**{**self._asdict(), **by_name})
+
+    own = {name: property(itemgetter(k)) for k, name in enumerate(fields) if k >= len(base._fields)}
+    body = {
+        "__slots__": (), "_fields": fields, "law": property(of_law), "__new__": new, **own,
+        "_make": classmethod(make), "_replace": replaced,
+        "_asdict": lambda self: dict(zip(fields, self, strict=True)),
+        "__reduce__": lambda self: (_restored, (base, law, tuple(self))),
+        "__repr__": lambda self: f"{base.__name__}({', '.join(f'{k}={x!r}' for k, x in self._asdict().items())})",
+    }  # fmt: skip  # a list of values
+    return type(base.__name__, (base,), body)
+
+
+def _restored(base: type[Any], law: Law, values: tuple[Any, ...]) -> Any:
+    """A tuple of `_of_law`, from what it was written as."""
+    return (static_of if base is Stribeck else lugre_of)(law)._make(values)
+
+
+def fields_of(law: Law) -> tuple[str, ...]:
+    """The names of all parameters of a law, in the order of its tuple."""
+    return lugre_of(law)._fields
+
+
+def static_fields_of(law: Law) -> tuple[str, ...]:
+    """The same of its static ones."""
+    return static_of(law)._fields
+
+
+def of_friction(name: str) -> bool:
+    """Whether a parameter is of friction: of `Lugre`, or of a law that is known."""
+    return name in Lugre._fields or name in friction_names()
+
+
+def of_curve(name: str) -> bool:
+    """Whether a parameter is of friction in sliding: of `Stribeck`, or of a law that is known."""
+    return name in Stribeck._fields or name in friction_names()
+
+
+def without_peak(law: Law) -> dict[str, float]:
+    """Of a law whose Stribeck term is not there, or not identifiable: it is zero, at any v_s and of any shape."""
+    return {"alpha_1": 0.0, "v_s": 1.0} | {own.name: own.searched[0] for own in law.peak.own}
+
+
+def peak_parameters(law: Law) -> tuple[str, ...]:
+    """The parameters that are not there without a Stribeck term."""
+    return ("alpha_1", *law.shape_parameters)
+
+
+def reserved_names() -> frozenset[str]:
+    """Names that a part of a law cannot give its own parameters."""
+    return frozenset((*_UNITS, FASTEST))
 
 
 class Pair(NamedTuple, Generic[T]):
@@ -70,13 +171,19 @@ class Pair(NamedTuple, Generic[T]):
     positive: Lugre[T]
     negative: Lugre[T]
 
+    @property
+    def law(self) -> Law:
+        """Of both sets."""
+        return self.positive.law
 
-def pair_of(numbers: Sequence[T]) -> Pair[T]:
-    """The pair whose twelve numbers these are, the positive set first.
+
+def pair_of(numbers: Sequence[T], law: Law = GAUSSIAN) -> Pair[T]:
+    """The pair whose numbers these are, twelve of the paper's law, the positive set first.
 
     The inverse of `(*pair.positive, *pair.negative)`.
     """
-    return Pair(Lugre(*numbers[:6]), Lugre(*numbers[6:12]))
+    one, count = lugre_of(law), len(fields_of(law))
+    return Pair(one(*numbers[:count]), one(*numbers[count : 2 * count]))
 
 
 SIGNED = (Direction.POSITIVE, Direction.NEGATIVE)
@@ -96,11 +203,11 @@ class ParameterName(NamedTuple):
     def parse(cls, text: str) -> "ParameterName":
         """The parameter that prints so.
 
-        A LuGre parameter without a sign is of both directions, all others are shared.
+        A friction parameter without a sign is of both directions, all others are shared.
         """
         if text.endswith(("+", "-")):
             return cls(text[:-1], Direction(text[-1]))
-        return cls(text, Direction.BOTH if text in Lugre._fields else Direction.SHARED)
+        return cls(text, Direction.BOTH if of_friction(text) else Direction.SHARED)
 
     @classmethod
     def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
@@ -145,6 +252,7 @@ _UNITS: dict[str, tuple[str, str]] = {
     "alpha_1": ("N*m", "N"),
     "alpha_2": ("N*m*s/rad", "N*s/m"),
     "v_s": ("rad/s", "m/s"),
+    FASTEST: ("rad/s", "m/s"),
     "sigma_0": ("N*m/rad", "N/m"),
     "sigma_1": ("N*m*s/rad", "N*s/m"),
     "k_t": ("N*m/A", "N/A"),
@@ -186,7 +294,8 @@ def unit(name: str, kind: Kind = "revolute") -> str:
 
     Raises KeyError for a name that is neither.
     """
-    own = _UNITS[name][slides(kind)]
+    of_law = None if name in _UNITS else own_parameter(name)
+    own = (_UNITS[name] if of_law is None else of_law.units)[slides(kind)]
     if not in_current(kind):
         return own
     torque = _UNITS["torque"][slides(kind)]
@@ -227,9 +336,7 @@ def effort(kind: Kind) -> str:
 
 def least_of(name: str) -> float:
     """What a parameter may be at least, in SI: 0, but -inf for an offset, gravity and a quadratic term, which have a sign."""
-    return 0.0 if name in BOUNDS or name == INERTIA.name else -float("inf")
-
-
-def is_passive(p: Lugre[float]) -> bool:
-    """Whether LuGre dissipates for every motion: alpha_2 > sigma_1 alpha_1 / alpha_0 (Barabanov and Ortega, 2000)."""
-    return p.alpha_2 > p.sigma_1 * p.alpha_1 / p.alpha_0
+    if name in BOUNDS or name in (INERTIA.name, FASTEST):
+        return 0.0
+    own = own_parameter(name)
+    return -float("inf") if own is None else own.least

@@ -10,7 +10,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Pair, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan
 
@@ -40,7 +40,7 @@ def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples:
     nodes = _period(amplitude, frequency, min(float(p.v_s.min()) for p in joints), samples)
     count = joints.positive.v_s.size
     parts = np.array_split(np.arange(count), ceil(count * nodes.v.size / _BLOCK))
-    rows = (Pair(*(Lugre(*(x[joint, None] for x in p)) for p in joints)) for joint in parts)
+    rows = (pair_of([x[joint, None] for p in joints for x in p], joints.law) for joint in parts)
     return np.concatenate([_rms(pair, nodes) for pair in rows])
 
 
@@ -52,7 +52,7 @@ def _period(amplitude: float, frequency: float, v_s: float, samples: int) -> Nod
 
 def _rms(pair: Pair[Array], nodes: Nodes) -> Array:
     z = _deflection(pair, nodes)
-    (T,) = evaluate(functions.torque_function(), z, nodes.v, *_acting(pair, z, nodes.v))
+    (T,) = evaluate(functions.torque_function(pair.law), z, nodes.v, *_acting(pair, z, nodes.v))
     h = np.broadcast_to(nodes.h, nodes.v.size - 1)
     mean: Array = (T[:, :-1] ** 2 + T[:, 1:] ** 2) @ h / (2 * h.sum())
     return np.sqrt(mean)
@@ -64,11 +64,11 @@ def _deflection(pair: Pair[Array], nodes: Nodes) -> Array:
     Repeated with the signs that it had, for sigma_0 is that of the sign of z.
     """
     heading = np.sign(nodes.heading)
-    a, b = evaluate(functions.step_function(), *nodes.steps, *_acting(pair, heading, nodes.heading))
+    a, b = evaluate(functions.step_function(pair.law), *nodes.steps, *_acting(pair, heading, nodes.heading))
     z = _closed(a, b)
     for _ in range(_PASSES):
         signs, before = np.where(z[:, :-1] == 0, heading, np.sign(z[:, :-1])), z
-        a, b = evaluate(functions.step_function(), *nodes.steps, *_acting(pair, signs, nodes.heading))
+        a, b = evaluate(functions.step_function(pair.law), *nodes.steps, *_acting(pair, signs, nodes.heading))
         z = _closed(a, b)
         if (np.abs(z - before).max(axis=1) <= _STILL * np.abs(z).max(axis=1)).all():
             break
@@ -89,4 +89,4 @@ def _scanned(a: Array, b: Array, z0: Array) -> Array:
 
 
 def _acting(pair: Pair[Array], z: Array, v: Array) -> tuple[Array, ...]:
-    return evaluate(functions.active_function(), z, v, *pair.positive, *pair.negative)
+    return evaluate(functions.active_function(pair.law), z, v, *pair.positive, *pair.negative)

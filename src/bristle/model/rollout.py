@@ -11,7 +11,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Lugre, Pair, fields_of, lugre_of
 from bristle.model.time_refinement import Index, Nodes, inserted, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan, vectorised
 
@@ -44,7 +44,8 @@ class RolloutJacobian(Rollout):
     """A rollout with its exact total derivatives."""
 
     by_parameters: Array
-    """dT_f/dp, (n, 6) in the order of `Lugre`, or (n, 12) for a pair: the positive set, then the negative one."""
+    """dT_f/dp, (n, 6) in the order of `Lugre` (or of its law's tuple), or (n, 12) for a pair: the positive set, then the
+    negative one."""
     by_z0: Array
     """dT_f/dz0 at given parameters, N*m/rad, (n,)."""
 
@@ -67,7 +68,10 @@ def rollout(
     """
     velocity, step = _checked(velocity, step)
     z_all, torque = np.empty((2, velocity.size))
-    advance, friction = vectorised(functions.step_function()), vectorised(functions.torque_function())
+    advance, friction = (
+        vectorised(functions.step_function(parameters.law)),
+        vectorised(functions.torque_function(parameters.law)),
+    )
     z = _start(velocity, parameters)[0] if z0 is None else z0
     for at, drawn in _chunks(velocity, step, parameters, coarsening):
         nodes, signs = _settled(drawn, z, parameters)
@@ -88,7 +92,7 @@ def rollout_jacobian(
     errors are those of `rollout`; where z0 is not given, the derivative of the steady start is part of `by_parameters`.
     """
     velocity = np.asarray(velocity, dtype=np.float64)
-    rows = np.empty((6 * _sets(parameters) + 1, velocity.size))
+    rows = np.empty((len(_fields(parameters)) * _sets(parameters) + 1, velocity.size))
     rolled = rollout_into(list(rows), velocity, step, parameters, z0)
     return RolloutJacobian(
         z=rolled.z, torque=rolled.torque, by_parameters=_frozen(rows[:-1].T), by_z0=_frozen(rows[-1])
@@ -103,16 +107,17 @@ def rollout_into(
     z0: float | None = None,
     coarsening: float = 1.0,
 ) -> Rollout:
-    """The rollout, and its derivatives written to `rows`: (n,) for each of the 6 or 12 parameters, then for z0.
+    """The rollout, and its derivatives written to `rows`: (n,) for each parameter, 6 or 12 of the paper's law, then for z0.
 
     A fit gives the rows of its own Jacobian: fresh memory for another costs as much as a fifth of the work. All else as
     in `rollout_jacobian`.
     """
     velocity, step = _checked(velocity, step)
-    names = functions.step_parameters()
+    law, fields = parameters.law, _fields(parameters)
+    names, count = functions.step_parameters(law), len(fields)
     advance, friction = (
-        vectorised(functions.step_sensitivity_function()),
-        vectorised(functions.torque_sensitivity_function()),
+        vectorised(functions.step_sensitivity_function(law)),
+        vectorised(functions.torque_sensitivity_function(law)),
     )
     enters = _positions(names, parameters)
     z_all, torque = np.empty((2, velocity.size))
@@ -132,9 +137,9 @@ def rollout_into(
         z_all[at] = inside[nodes.samples]
         T_z = np.empty(at.stop - at.start)
         acting, derivatives = _acting(parameters, z_all[at], velocity[at]), [row[at] for row in by_parameters]
-        friction(z_all[at], velocity[at], *acting, out=[torque[at], T_z, *derivatives[:6]])
+        friction(z_all[at], velocity[at], *acting, out=[torque[at], T_z, *derivatives[:count]])
         if isinstance(parameters, Pair):
-            shared_out = _by_set(np.array(derivatives[:6]), parameters, z_all[at], velocity[at], Lugre._fields)
+            shared_out = _by_set(np.array(derivatives[:count]), parameters, z_all[at], velocity[at], fields)
             for row, part in zip(derivatives, shared_out, strict=True):
                 row[:] = part
         for column, row in zip(enters, z_by, strict=True):
@@ -167,10 +172,10 @@ def _frozen(array: Array) -> Array:
 
 
 def _acting(parameters: _Parameters, z: Array, v: Array) -> Sequence[float | Array]:
-    """The set that acts at (z, v): six numbers, or six arrays where the directions differ."""
+    """The set that acts at (z, v): numbers, or arrays where the directions differ."""
     if isinstance(parameters, Lugre):
         return parameters
-    return evaluate(functions.active_function(), z, v, *parameters.positive, *parameters.negative)
+    return evaluate(functions.active_function(parameters.law), z, v, *parameters.positive, *parameters.negative)
 
 
 def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequence[float | Array]:
@@ -185,9 +190,16 @@ def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Seq
     """
     if isinstance(parameters, Lugre):
         return rows
-    shares = dict(zip(Lugre._fields, _acting(Pair(Lugre(*[1.0] * 6), Lugre(*[0.0] * 6)), z, v), strict=True))
+    fields, one = _fields(parameters), lugre_of(parameters.law)
+    of_one = Pair(one(*[1.0] * len(fields)), one(*[0.0] * len(fields)))
+    shares = dict(zip(fields, _acting(of_one, z, v), strict=True))
     positive = np.array([shares[name] for name in names])
     return np.vstack([rows * positive, rows * (1 - positive)])
+
+
+def _fields(parameters: _Parameters) -> tuple[str, ...]:
+    """Names of the parameters of a set."""
+    return fields_of(parameters.law)
 
 
 def _sets(parameters: _Parameters) -> int:
@@ -196,15 +208,16 @@ def _sets(parameters: _Parameters) -> int:
 
 def _positions(names: Sequence[str], parameters: _Parameters) -> Index:
     """Columns of the Jacobian in which these parameters stand."""
-    return np.array([6 * k + Lugre._fields.index(name) for k in range(_sets(parameters)) for name in names])
+    fields = _fields(parameters)
+    return np.array([len(fields) * k + fields.index(name) for k in range(_sets(parameters)) for name in names])
 
 
 def _start(velocity: Array, parameters: _Parameters) -> tuple[float, Array]:
     """The steady deflection at the first velocity, and its derivatives with respect to the parameters that enter z."""
     v = velocity[:1] if velocity.size else np.zeros(1)
-    z, *by = evaluate(functions.steady_deflection_function(), v, *_acting(parameters, v, v))
-    names = functions.step_parameters()
-    rows = np.array([by[Lugre._fields.index(name)] for name in names])
+    z, *by = evaluate(functions.steady_deflection_function(parameters.law), v, *_acting(parameters, v, v))
+    names, fields = functions.step_parameters(parameters.law), _fields(parameters)
+    rows = np.array([by[fields.index(name)] for name in names])
     return float(z[0]), _by_set(rows, parameters, v, v, names)[:, 0]
 
 
@@ -228,7 +241,7 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
     """
     if isinstance(parameters, Lugre):
         return nodes, np.zeros(0)
-    advance = vectorised(functions.step_function())
+    advance = vectorised(functions.step_function(parameters.law))
     ahead = np.sign(nodes.heading)
     above, below = (advance(*nodes.steps, *_acting(parameters, np.array(s), nodes.heading)) for s in (1.0, -1.0))
     cut, old, signs, crossing, side = nodes, np.arange(nodes.v.size), ahead, np.zeros(0, dtype=np.intp), ahead
@@ -261,7 +274,7 @@ def _crossing_fraction(nodes: Nodes, steps: Index, z: Array, side: Array, pair: 
     is linear in time.
     """
     v0, v1, h = nodes.v[steps], nodes.v[steps + 1], nodes.h if isinstance(nodes.h, float) else nodes.h[steps]
-    a, b = evaluate(functions.step_function(), v0, v1, h, *_acting(pair, side[steps], v0 + v1))
+    a, b = evaluate(functions.step_function(pair.law), v0, v1, h, *_acting(pair, side[steps], v0 + v1))
     forgotten = np.clip(1 - a, 1e-9, 1 - 1e-15)
     with np.errstate(divide="ignore"):  # a bristle that hardly moves in the step crosses at its end
         way = np.minimum(np.log1p(np.abs(z[steps] / b) * forgotten) / -np.log1p(-forgotten), 1.0)

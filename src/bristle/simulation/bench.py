@@ -148,5 +148,6 @@ def steady_points(
     p: Lugre[float] | Stribeck[float], velocities: Array, noise: float, rng: np.random.Generator, repetitions: int
 ) -> Array:
     """Steady torques (9) at planned velocities (rad/s), plus white noise (N*m): shape (repetitions, velocities), N*m, without simulating a loop."""
-    (torque,) = evaluate(functions.steady_torque_function(), velocities, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)
+    curve = p.stribeck if isinstance(p, Lugre) else p
+    (torque,) = evaluate(functions.steady_torque_function(p.law), velocities, *curve)
     return torque + white_noise(rng, noise, (repetitions, velocities.size))

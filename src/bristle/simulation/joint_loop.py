@@ -246,9 +246,9 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
     """
     names = plain.parameters
     v = fastest * np.sin(np.pi * (np.arange(_PHASES) + 0.5) / (2 * _PHASES))
-    z, *by = evaluate(functions.steady_deflection_function(), v, *p)
-    T, T_z, *by_p = evaluate(functions.torque_sensitivity_function(), z, v, *p)
-    places = [Lugre._fields.index(name) for name in names]
+    z, *by = evaluate(functions.steady_deflection_function(p.law), v, *p)
+    T, T_z, *by_p = evaluate(functions.torque_sensitivity_function(p.law), z, v, *p)
+    places = [p._fields.index(name) for name in names]
     G = np.abs(steady_gradient(plain, v, p))
     rates = []
     for k, (at, name) in enumerate(zip(places, names, strict=True)):

@@ -10,7 +10,8 @@ from bristle.data.experiment.gear import Gear, refuse_efficiency
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
-from bristle.model.parameters import Kind, Lugre
+from bristle.model.laws.registry import AUTO, PAPER, law_named
+from bristle.model.parameters import Kind, Lugre, of_friction
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
 Regressor = Literal["inertia", "offset", "gravity", "quadratic", "links"]
@@ -201,12 +202,23 @@ class ExcludedRows(StrictModel):
     """As `bristle inspect` prints them, lines of a text file, else rows of data, from 1: 12 or 12-40; all that they touch are left out."""
 
 
+def read_law(name: str) -> str:
+    """The name of a law, or `auto`; raises InputError where there is none of that name."""
+    try:
+        law_named(name)
+    except KeyError as error:
+        raise InputError(f"got {short(name)}; expected {PAPER}, {AUTO}, or one of {error.args[0]}") from None
+    return name
+
+
 class FitOptions(StrictModel):
     """How the static parameters are fitted."""
 
     directions: Literal["separate", "symmetric"] = "separate"
     model: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
     """Whether the Stribeck term is fitted: where the data support it, never, or always."""
+    law: Annotated[StrictStr, AfterValidator(read_law)] = PAPER
+    """Of the friction: the paper's, the one that the data choose (`auto`), or one by its name, as `lorentzian+quadratic`."""
     loss: Literal["least-squares", "huber"] = "least-squares"
     """Of the static fit, and all that rests on it: Huber's counts what is far off less."""
     stray: Literal["report", "drop"] = "report"
@@ -309,7 +321,7 @@ class AdaptOptions(StrictModel):
 
     @model_validator(mode="after")
     def _known_start(self) -> "AdaptOptions":
-        wrong = [name for name in self.start if name not in Lugre._fields]
+        wrong = [name for name in self.start if not of_friction(name)]
         if wrong:
             raise InputError(f"adapt.start: got {short(wrong[0])}; expected some of {', '.join(Lugre._fields)}")
         return self

@@ -17,7 +17,7 @@ from bristle.estimation.linear import NO_SIGN, inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
-from bristle.model.parameters import Direction, ParameterName
+from bristle.model.parameters import Direction, ParameterName, peak_parameters
 
 WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
@@ -109,7 +109,7 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
 
     A peak that is asked for by hand stays, if the fit converged on equations enough.
     """
-    asked = {"alpha_1", "v_s"} if problem.stribeck == "stribeck" else set[str]()
+    asked = {*peak_parameters(problem.law)} if problem.stribeck == "stribeck" else set[str]()
     weak = {name for name, e in estimates.items() if _is_weak(e)}
     out = dict(estimates)
     for name, e in estimates.items():

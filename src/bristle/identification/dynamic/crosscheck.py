@@ -14,10 +14,10 @@ from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.dynamic.fit import DynamicSolution
-from bristle.identification.dynamic.problem import InitialState, Values
+from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Values
 from bristle.identification.fits import Crosscheck
 from bristle.model import law
-from bristle.model.parameters import Lugre, pair_of
+from bristle.model.parameters import Lugre, fields_of, lugre_of, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 
 STARTS = 1
@@ -65,13 +65,13 @@ def _cost(solved: DynamicSolution, x: ca.MX) -> ca.MX:
     """The sum of squared residuals, priors included, as an expression of the scaled unknowns."""
     problem, unknowns = solved.problem, solved.solution.posed.unknowns
     known: dict[Any, Any] = {**problem.fixed, **dict(zip(unknowns.names, natural(unknowns, x), strict=True))}
-    p = ca.vertcat(*(known[problem.key(name, d)] for d in problem.directions for name in Lugre._fields))
+    p = ca.vertcat(*(known[problem.key(name, d)] for d in problem.directions for name in fields_of(problem.law)))
     numbers: Values = {**problem.fixed, **solved.values}
     slowest = min(v for n, v in numbers.items() if n.name == "v_s")
     extra = ca.vertcat(*(known[name] for name in problem.extra_names)) if problem.extra_names else ca.MX(0, 1)
     cost = ca.MX(0)
     for k, m in enumerate(problem.motions):
-        torque = _torque(m.velocity, m.step, p, len(problem.directions), known[InitialState("z0", k)], slowest)
+        torque = _torque(m.velocity, m.step, p, problem, known[InitialState("z0", k)], slowest)
         rest = ca.DM(m.torque) - torque - ca.mtimes(ca.DM(m.extra), extra)
         smooth = rest if m.smooth is None else ca.mtimes(ca.DM(m.smooth.tocsc()), rest)
         cost += m.weight**2 * ca.dot(smooth, smooth)
@@ -82,14 +82,14 @@ def _cost(solved: DynamicSolution, x: ca.MX) -> ca.MX:
     return cost
 
 
-def _torque(velocity: Array, step: Array, p: ca.MX, sets: int, z0: ca.MX, v_s: float) -> ca.MX:
+def _torque(velocity: Array, step: Array, p: ca.MX, problem: DynamicProblem, z0: ca.MX, v_s: float) -> ca.MX:
     """The friction torque at the samples, (n, 1), by the law's own step and torque."""
     nodes = with_extra_nodes(Nodes(velocity, step, slice(0, velocity.size)), v_s)
-    z, u, q = ca.SX.sym("z"), ca.SX.sym("u", 3), ca.SX.sym("p", 6 * sets)
-    a, b = law.bristle_step(u[0], u[1], u[2], _acting(q, sets, z, u[0] + u[1]))
+    z, u, q = ca.SX.sym("z"), ca.SX.sym("u", 3), ca.SX.sym("p", p.numel())
+    a, b = law.bristle_step(u[0], u[1], u[2], _acting(q, problem, z, u[0] + u[1]))
     advance = ca.Function("advance", [z, u, q], [a * z + b], {"cse": True})
     v = ca.SX.sym("v")
-    friction = ca.Function("friction", [z, v, q], [law.torque(z, v, _acting(q, sets, z, v))], {"cse": True})
+    friction = ca.Function("friction", [z, v, q], [law.torque(z, v, _acting(q, problem, z, v))], {"cse": True})
     inputs = np.vstack([np.broadcast_to(row, nodes.v.size - 1) for row in nodes.steps])
     chain = advance.mapaccum(nodes.v.size - 1)(z0, ca.DM(inputs), ca.repmat(p, 1, nodes.v.size - 1))
     at = np.arange(nodes.v.size)[nodes.samples]
@@ -97,8 +97,8 @@ def _torque(velocity: Array, step: Array, p: ca.MX, sets: int, z0: ca.MX, v_s: f
     return friction.map(velocity.size)(bent, ca.DM(velocity).T, ca.repmat(p, 1, velocity.size)).T
 
 
-def _acting(q: Any, sets: int, z: Any, v: Any) -> Lugre[Any]:
+def _acting(q: Any, problem: DynamicProblem, z: Any, v: Any) -> Lugre[Any]:
     parts = ca.vertsplit(q)
-    if sets == 1:
-        return Lugre(*parts)
-    return law.active(z, v, pair_of(parts))
+    if len(problem.directions) == 1:
+        return lugre_of(problem.law)(*parts)
+    return law.active(z, v, pair_of(parts, problem.law))

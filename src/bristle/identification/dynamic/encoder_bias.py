@@ -27,7 +27,7 @@ from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import TrackingFit
-from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.parameters import ParameterName, of_friction
 
 REPETITIONS = 6
 """Rest positions inside a count at which the motion is measured again."""
@@ -145,7 +145,7 @@ def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]
     doubts = {}
     for name, (bias, _) in moved.items():
         e = fit.parameters[name]
-        if name.name not in Lugre._fields or not e.value or not e.standard_error:
+        if not of_friction(name.name) or not e.value or not e.standard_error:
             continue
         errors, share = abs(bias) / e.standard_error, abs(bias / e.value)
         if errors > 1 and errors * share > _UNSURE:

@@ -30,7 +30,9 @@ from bristle.identification.dynamic.unknowns import (
     without_deflections,
 )
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
-from bristle.model.parameters import INERTIA, Lugre, ParameterName, is_passive, unit
+from bristle.model.law import is_passive
+from bristle.model.laws.parts import FASTEST
+from bristle.model.parameters import INERTIA, Lugre, ParameterName, least_of, of_friction, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress
 
@@ -101,6 +103,7 @@ def fit_tracking(
         *_named(unseen),
     )
     result = TrackingFit(
+        law=problem.law,
         parameters={n: estimates[n] for n in order if n in estimates},
         rms=float(np.sqrt(np.mean(rows**2))),
         relative_error=_percent(rows, problem),
@@ -307,11 +310,12 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
             se = size * error
             low, high = value - reach * se, value + reach * se
             relative = se / abs(value) if value else np.inf
-            if bare.startswith(("alpha", "sigma", "inertia")) and value >= 0:
-                low = max(low, 0.0)
-            if value == 0.0 and bare.startswith(("alpha", "sigma")):
+            least = least_of(bare) if of_friction(bare) or bare == INERTIA.name else -np.inf
+            if value >= least:
+                low = max(low, least)
+            if value == least and of_friction(bare):
                 warnings.append(Kind.AT_BOUND())
-        if relative > WIDE and bare.startswith(("alpha", "v_s", "sigma")):
+        if relative > WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
             warnings.append(Kind.UNSEEN_WIDE(share=relative) if relative < 10 else Kind.UNSEEN_FAR())
         out[name] = Estimate(
             value=value,
@@ -357,7 +361,7 @@ def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName
             members = [
                 (solution.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
             ]
-            if any(name in unseen or name.name not in Lugre._fields for name, _ in members):
+            if any(name in unseen or not of_friction(name.name) for name, _ in members):
                 warnings.append(hardly_seen(members))
     warnings += [
         Kind.NOTHING_SEEN(name=n)
@@ -394,6 +398,8 @@ def _physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterN
         if not is_passive(lugre) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             least = lugre.sigma_1 * lugre.alpha_1 / lugre.alpha_0
             warnings.append(Kind.NOT_PASSIVE(direction=d, alpha_2=lugre.alpha_2, least=least))
+        if any(getattr(lugre, name) < 0 for name in problem.law.coefficients):
+            warnings.append(Kind.CURVE_HELD(fastest=getattr(lugre, FASTEST)))
         if J and J > 0 and not {problem.key(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
             ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
             if not 0.02 < ratio < 5:

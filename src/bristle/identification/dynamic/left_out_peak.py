@@ -14,7 +14,7 @@ from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.claims import WIDE, peak_doubts
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, residuals
-from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName
+from bristle.model.parameters import Direction, ParameterName
 
 _SPEEDS = 8
 """Values of v_s at which the term is looked for, from this share of the fastest speed on."""
@@ -96,7 +96,7 @@ def _peaks(problem: DynamicProblem, solution: MultistartSolution[Unknown], direc
     fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
     values = {name: value for name, value in solution.values.items() if name != v_s}
     weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
-    speeds = np.geomspace(_SLOWEST, 1 / STRIBECK_REACH, _SPEEDS) * fastest
+    speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * fastest
     columns = np.zeros((solution.minimum.residuals.size, _SPEEDS))
     for k, speed in enumerate(speeds.tolist()):
         posed = replace(problem, fixed={**fixed, v_s: speed}, priors=())

@@ -26,11 +26,11 @@ from bristle.errors import InputError
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Motion, Unknown, Values, by_name
 from bristle.identification.moving_runs import LOADS
 from bristle.model import law, motor
-from bristle.model.parameters import INERTIA, Direction, Lugre, Motor, ParameterName, pair_of
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import INERTIA, Direction, Motor, ParameterName, fields_of, pair_of
 from bristle.workers import threads
 
-_FREE = 12 + len(LOADS)
-"""Parameters by which the state is differentiated: a pair of sets, and the loads."""
 _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = tuple(ParameterName(name, Direction.SHARED) for name in LOADS)
 _EQUATIONS = 4
@@ -59,6 +59,7 @@ class Simulated:
     """k_t and R where the drive is a voltage."""
     current: Current
     """`motor.current` under a voltage, `motor.current_for` under a torque."""
+    law: Law = GAUSSIAN
 
     def __call__(
         self, problem: DynamicProblem, known: Values, _: Sequence[dict[Unknown, Array]]
@@ -76,23 +77,25 @@ class Simulated:
         simulated: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
         for size, chosen in alike.items():  # windows of one length go in one call
             x0 = np.array([[known[InitialState(name, k)] for name in problem.initial_states] for k in chosen]).T
-            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _FREE).T.reshape(-1, 1), len(chosen), axis=1)])
+            start = np.vstack([x0, np.repeat(np.eye(3, 3 + _free(self.law)).T.reshape(-1, 1), len(chosen), axis=1)])
             inputs = np.concatenate([_inputs(windows[k], every) for k in chosen], axis=1)
-            ends = _chain((size - 1) * every, every, self.current, len(chosen))(start, inputs, p)
+            ends = _chain((size - 1) * every, every, self.current, self.law, len(chosen))(start, inputs, p)
             for k, first, rows in zip(chosen, start.T, np.split(np.asarray(ends), len(chosen), axis=1), strict=True):
                 whole = np.concatenate([first[::3, None], rows], axis=1)
                 simulated[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
         return [simulated[k] for k in range(len(windows))]
 
     def _by_name(self, problem: DynamicProblem, k: int, by: Array) -> dict[Unknown, Array]:
-        sets = by[3:15] if len(problem.directions) == 2 else by[3:9] + by[9:15]
-        slopes = by_name(problem, sets) | dict(zip(_LOADS, by[15:], strict=True))
+        count = len(fields_of(self.law))
+        sets, loads = by[3 : 3 + 2 * count], by[3 + 2 * count :]
+        sets = sets if len(problem.directions) == 2 else sets[:count] + sets[count:]
+        slopes = by_name(problem, sets) | dict(zip(_LOADS, loads, strict=True))
         return slopes | {InitialState(name, k): row for name, row in zip(problem.initial_states, by[:3], strict=True)}
 
     def _parameters(self, problem: DynamicProblem, known: Values) -> list[float]:
         """What `_step` takes: a pair of sets, the loads, k_t and R."""
         directions = problem.directions if len(problem.directions) == 2 else problem.directions * 2
-        friction = [known[problem.key(name, d)] for d in directions for name in Lugre._fields]
+        friction = [known[problem.key(name, d)] for d in directions for name in fields_of(self.law)]
         return [*friction, *(known.get(name, 0.0) for name in _LOADS), self.motor.k_t, self.motor.R]
 
 
@@ -115,7 +118,8 @@ def simulation(
             "fit.predict: position simulates the motor, which needs an inertia; give it as inertia, or among fit.regressors"
         )
     by_voltage = constants is not None and all(r.voltage is not None for r in records)
-    plant = Simulated(constants, motor.current) if constants and by_voltage else Simulated(_NO_MOTOR, motor.current_for)
+    drive = motor.current if by_voltage else motor.current_for
+    plant = Simulated(constants if constants and by_voltage else _NO_MOTOR, drive, posed.law)
     parts = [(r, part) for r in records for part in between_gaps(r)]
     pairs = zip(parts, posed.motions, strict=True)
     windows = (w for (r, part), m in pairs for w in _windows(r, part, m, horizon, decimation, by_voltage=by_voltage))
@@ -197,37 +201,44 @@ def _inputs(window: Window, every: int) -> Array:
     return np.vstack([drive.ravel(), np.repeat(window.step / every, every)])
 
 
+def _free(of: Law) -> int:
+    """How many parameters the state is differentiated by: a pair of sets, and the loads."""
+    return 2 * len(fields_of(of)) + len(LOADS)
+
+
 @lru_cache(maxsize=4)
-def _step(current: Current) -> ca.Function:
+def _step(current: Current, of: Law) -> ca.Function:
     """((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h."""
-    x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _FREE + 2)
-    sets, (J, *loads, k_t, R) = ca.vertsplit(p[:12]), ca.vertsplit(p[12:])
+    x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _free(of) + 2)
+    count = 2 * len(fields_of(of))
+    sets, (J, *loads, k_t, R) = ca.vertsplit(p[:count]), ca.vertsplit(p[count:])
     drive, h = ca.vertsplit(u)
     state = State(*ca.vertsplit(x))
     middle = state.position + h / 2 * state.velocity
     _, *terms = law.load_terms(middle, state.velocity, 0.0, 0.0).values()
     load = -sum(parameter * term for parameter, term in zip(loads, terms, strict=True))
-    new = plant_step(state, drive, load, h, pair_of(sets), Motor(k_t, R, 0.0, J), current)
+    new = plant_step(state, drive, load, h, pair_of(sets, of), Motor(k_t, R, 0.0, J), current)
     return ca.Function("plant", [x, u, p], [ca.vertcat(*new)], {"cse": True})
 
 
 @lru_cache(maxsize=16)
-def _chain(steps: int, every: int, current: Current, windows: int) -> ca.Function:
+def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> ca.Function:
     """Many steps of the state and, beside it, of its derivatives by its start and by the parameters.
 
     Of all these, y at every sample but the first. (the start: y, v, z and their derivatives, column by column; the
     steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on for each window.
     """
-    x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _FREE + 2)
-    by = ca.SX.sym("by", 3, 3 + _FREE)
-    new = _step(current)(x, u, p)
-    source = ca.horzcat(ca.SX(3, 3), ca.jacobian(new, p)[:, :_FREE])
+    free = _free(of)
+    x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", free + 2)
+    by = ca.SX.sym("by", 3, 3 + free)
+    new = _step(current, of)(x, u, p)
+    source = ca.horzcat(ca.SX(3, 3), ca.jacobian(new, p)[:, :free])
     moved = ca.densify(ca.jacobian(new, x) @ by + source)
     both = ca.Function("both", [ca.vertcat(x, ca.vec(by)), u, p], [ca.vertcat(new, ca.vec(moved))], {"cse": True})
     start, inputs, constants = (
         ca.MX.sym("start", both.size1_in(0)),
         ca.MX.sym("inputs", 2, steps),
-        ca.MX.sym("p", _FREE + 2),
+        ca.MX.sym("p", free + 2),
     )
     ends = both.mapaccum(steps)(start, inputs, ca.repmat(constants, 1, steps))
     one = ca.Function("chain", [start, inputs, constants], [ends[::3, every - 1 :: every]])

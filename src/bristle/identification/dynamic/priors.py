@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import product
 from math import hypot
 from typing import NamedTuple
 
@@ -31,7 +32,15 @@ from bristle.identification.results import Consistency
 from bristle.identification.systematic import with_systematic
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
+from bristle.model.laws.registry import law_named
+from bristle.model.parameters import (
+    INERTIA,
+    Direction,
+    ParameterName,
+    of_friction,
+    peak_parameters,
+    without_peak,
+)
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
@@ -156,7 +165,7 @@ def _posed_and_start(
 ) -> tuple[DynamicProblem, Mapping[ParameterName, float]]:
     """The problem of the training runs, and where its fit begins."""
     whole = _equation_error_problem(experiment, moving, records, {})
-    fixed = _fixed(experiment, whole)
+    fixed = {**whole.fixed, **_shape(whole, static), **_fixed(experiment, whole)}
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
     whole = replace(whole, fixed=fixed)
     if experiment.fit.predict == "torque":
@@ -167,7 +176,7 @@ def _posed_and_start(
     near = replace(_equation_error_problem(experiment, moving, smooth, fixed), fixed=fixed)
     found = without_deflections(solve_dynamic(near, start, _SURE, SEED).values)
     none = [d for d in whole.directions if found.get(whole.key("alpha_1", d)) == 0]
-    peak = {whole.key(name, d) for d in none for name in ("alpha_1", "v_s")} & found.keys()
+    peak = {whole.key(name, d) for d in none for name in peak_parameters(whole.law)} & found.keys()
     return _output_error_problem(experiment, moving, records, fixed), found | {name: start[name] for name in peak}
 
 
@@ -186,7 +195,7 @@ def _output_error_problem(
     options, asked = experiment.fit, regressors(experiment)
     if known is not None:
         asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
-    posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared)
+    posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared, law_named(options.law))
     posed = replace(posed, count=_count(experiment, records), stribeck=options.model)
     return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
 
@@ -197,7 +206,16 @@ def _equation_error_problem(
     """The problem that some records pose, with the experiment's options, in the directions `moving`."""
     known, _ = inertia(experiment)
     options = experiment.fit
-    posed = dynamic_problem(records, moving, regressors(experiment), options.decimation, known, fixed, options.shared)
+    posed = dynamic_problem(
+        records,
+        moving,
+        regressors(experiment),
+        options.decimation,
+        known,
+        fixed,
+        options.shared,
+        law_named(options.law),
+    )
     count = _count(experiment, records)
     return replace(posed, count=count, cutoff=options.position_cutoff, stribeck=options.model)
 
@@ -228,15 +246,15 @@ def _start(
         sigma_0 = _value(_stiffness(slow, d), alpha_0 / (_BENDS * travel))
         inertia_guess = max(extra.get(INERTIA, 0.0), 1e-3 * torque / speed)
         (sigma_1, *_) = evaluate(functions.presliding_damping_function(), sigma_0, inertia_guess, DAMPING_RATIO)
-        first = Lugre(
-            alpha_0=alpha_0,
-            alpha_1=_value(known.get("alpha_1"), 0.3 * alpha_0),
-            alpha_2=max(_value(known.get("alpha_2"), 0.1 * torque / speed), 1e-3 * torque / speed),
-            v_s=_value(known.get("v_s"), 0.1 * speed),
-            sigma_0=sigma_0,
-            sigma_1=float(sigma_1),
-        )
-        for name, value in first._asdict().items():  # what both directions share starts at their mean
+        first = {name: _value(known.get(name), 0.0) for name in problem.law.coefficients} | {
+            "alpha_0": alpha_0,
+            "alpha_1": _value(known.get("alpha_1"), 0.3 * alpha_0),
+            "alpha_2": max(_value(known.get("alpha_2"), 0.1 * torque / speed), 1e-3 * torque / speed),
+            "v_s": _value(known.get("v_s"), 0.1 * speed),
+            "sigma_0": sigma_0,
+            "sigma_1": float(sigma_1),
+        }
+        for name, value in first.items():  # what both directions share starts at their mean
             key = problem.key(name, d)
             out[key] = (out[key] + value) / 2 if key in out else value
     if extra.get(INERTIA, 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
@@ -269,6 +287,16 @@ def _value(e: Estimate | None, otherwise: float) -> float:
     return otherwise if e is None or not e.value else e.value
 
 
+def _shape(problem: DynamicProblem, static: Mapping[str, StaticFit]) -> dict[ParameterName, float]:
+    """What the peak has beside v_s: as the static fit found it, which motion hardly shows; else the middle of what is searched."""
+    shape = dict[ParameterName, float]()
+    for d, own in product(problem.directions, problem.law.peak.own):
+        fit = _static_of(static, d)
+        known = fit.parameters.get(own.name) if fit is not None else None
+        shape[problem.key(own.name, d)] = _value(known, float(np.sqrt(own.searched[0] * own.searched[1])))
+    return shape
+
+
 def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterName, float]:
     """What the experiment file fixes, by the problem's names: a bare name stands for both directions."""
     known = (*problem.friction_names, *problem.extra_names)
@@ -281,8 +309,8 @@ def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterNam
             )
         fixed |= dict.fromkeys(meant, value)
     if experiment.fit.model == "coulomb-viscous":  # v_s then multiplies nothing
-        peak = [name for name in problem.friction_names if name.name in {"alpha_1", "v_s"} and name not in fixed]
-        fixed |= {name: 0.0 if name.name == "alpha_1" else 1.0 for name in peak}
+        nothing = without_peak(problem.law)
+        fixed |= {n: nothing[n.name] for n in problem.friction_names if n.name in nothing and n not in fixed}
     return fixed
 
 
@@ -294,7 +322,7 @@ def _priors(
     for d in problem.directions:
         fit = _static_of(static, d)
         if fit is not None:
-            rows = [k for k, name in enumerate(fit.names) if name in Lugre._fields]
+            rows = [k for k, name in enumerate(fit.names) if of_friction(name)]
             covariance = fit.covariance[np.ix_(rows, rows)] * _scatter(fit.degrees_of_freedom)
             if rows and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
                 value = np.array([fit.parameters[fit.names[k]].value for k in rows], dtype=float)

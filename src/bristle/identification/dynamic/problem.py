@@ -19,7 +19,9 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.nonlinear import Block
 from bristle.identification.moving_runs import decimator, extra_columns, known_torque
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST, Law
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, fields_of, lugre_of
 from bristle.model.rollout import rollout, rollout_into
 
 Quantity = Literal["torque", "position"]
@@ -114,6 +116,7 @@ class DynamicProblem:
     """Parameters that are not estimated."""
     shared: tuple[str, ...] = ()
     """LuGre parameters that both directions have in common."""
+    law: Law = GAUSSIAN
     priors: tuple[Prior, ...] = ()
     sigma: float = 1.0
     """What residuals of the equations scatter by, N*m: the weight of the priors beside them."""
@@ -133,7 +136,7 @@ class DynamicProblem:
     @property
     def friction_names(self) -> tuple[ParameterName, ...]:
         """The LuGre parameters, direction by direction; those that both share stand once."""
-        every = [self.key(name, d) for d in self.directions for name in Lugre._fields]
+        every = [self.key(name, d) for d in self.directions for name in fields_of(self.law)]
         return tuple(dict.fromkeys(every))
 
     def key(self, name: str, direction: Direction) -> ParameterName:
@@ -220,6 +223,7 @@ def dynamic_problem(
     inertia: float | None,
     fixed: Mapping[ParameterName, float] | None = None,
     shared: tuple[str, ...] = (),
+    law: Law = GAUSSIAN,
 ) -> DynamicProblem:
     """The problem that moving records pose.
 
@@ -260,15 +264,25 @@ def dynamic_problem(
         motions=tuple(motions),
         directions=tuple(map(Direction, directions)),
         extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names),
-        fixed=dict(fixed or {}),
+        fixed={**_fastest(motions, directions, law), **(fixed or {})},
         shared=shared,
+        law=law,
     )
+
+
+def _fastest(motions: Sequence[Motion], directions: tuple[str, ...], law: Law) -> dict[ParameterName, float]:
+    """Up to which speed a law with terms has been measured, direction by direction, rad/s."""
+    every = np.concatenate([m.velocity for m in motions])
+    signs = {Direction.POSITIVE: 1.0, Direction.NEGATIVE: -1.0}
+    along = {d: every * signs[d] if d in signs else np.abs(every) for d in map(Direction, directions)}
+    return {ParameterName(FASTEST, d): float(v.max()) for d, v in along.items()} if law.terms else {}
 
 
 def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[float]:
     """The LuGre set, or pair of sets, among some values by name."""
     known: Values = {**problem.fixed, **values}
-    sets = [Lugre(*(known[problem.key(name, d)] for name in Lugre._fields)) for d in problem.directions]
+    one = lugre_of(problem.law)
+    sets = [one(*(known[problem.key(name, d)] for name in one._fields)) for d in problem.directions]
     return sets[0] if len(sets) == 1 else Pair(*sets)
 
 
@@ -306,7 +320,7 @@ def equation_error(
 ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
     """Of each motion measured less modelled torque, N*m, (N,), and the derivative of the latter by each unknown."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
-    keys = [problem.key(name, d) for d, name in product(problem.directions, Lugre._fields)]
+    keys = [problem.key(name, d) for d, name in product(problem.directions, fields_of(problem.law))]
     for k, m in enumerate(problem.motions):
         z0 = InitialState("z0", k)
         every: tuple[Unknown, ...] = (*keys, z0)
@@ -319,9 +333,9 @@ def equation_error(
 
 
 def by_name(problem: DynamicProblem, rows: Iterable[Array]) -> dict[Unknown, Array]:
-    """The derivatives by each LuGre parameter, 6 or 12 of (N,), by name; those of a shared one are added up."""
+    """The derivatives by each LuGre parameter, (N,) each, by name; those of a shared one are added up."""
     slope_of: dict[Unknown, Array] = {}
-    for (d, name), row in zip(product(problem.directions, Lugre._fields), rows, strict=True):
+    for (d, name), row in zip(product(problem.directions, fields_of(problem.law)), rows, strict=True):
         key = problem.key(name, d)
         slope_of[key] = slope_of[key] + row if key in slope_of else row
     return slope_of

@@ -9,7 +9,7 @@ from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_s
 from bristle.identification.dynamic.left_out_peak import asked_peak
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.dynamic.unknowns import polished, solved, with_deflections, without_deflections
-from bristle.model.parameters import SIGNED, Lugre, ParameterName
+from bristle.model.parameters import SIGNED, ParameterName, of_friction
 from bristle.progress import Progress
 
 _APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
@@ -72,4 +72,4 @@ def _peaked(problem: DynamicProblem, best: MultistartSolution[Unknown]) -> list[
 
 def _factor(name: str, rng: np.random.Generator) -> float:
     reach = np.log(_APART.get(name, 3.0))
-    return float(np.exp(rng.uniform(-reach, reach))) if name in Lugre._fields else 1.0
+    return float(np.exp(rng.uniform(-reach, reach))) if of_friction(name) else 1.0

@@ -27,7 +27,7 @@ from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, without_deflections
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
 from bristle.identification.repeats import RunFit
-from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.parameters import ParameterName, of_friction
 from bristle.progress import Progress, teller
 
 _RESTARTS = 3
@@ -172,7 +172,7 @@ def _run_fit(file: str, solution: MultistartSolution[Unknown], of_all: TrackingF
         and inside[k]
         and name in of_all.parameters
         and of_all.parameters[name].value is not None
-        and (name.name not in Lugre._fields or _relative_error(solution, k, name) <= WIDE)
+        and (not of_friction(name.name) or _relative_error(solution, k, name) <= WIDE)
     ]
     return RunFit(
         file=file,

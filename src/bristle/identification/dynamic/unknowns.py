@@ -22,7 +22,7 @@ from bristle.identification.dynamic.problem import (
     parameters,
     residuals,
 )
-from bristle.model.parameters import STRIBECK_REACH, Lugre, ParameterName
+from bristle.model.parameters import Lugre, ParameterName, least_of, of_friction
 from bristle.model.rollout import rollout
 
 FEWEST = 2
@@ -130,9 +130,10 @@ def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
         "alpha_0": (1.0, *np.log([1e-6 * torque, 1e3 * torque])),
         "alpha_1": (torque, 0.0, _MOST),
         "alpha_2": (damping, 0.0, np.inf),
-        "v_s": (1.0, *np.log([1e-4 * speed, speed / STRIBECK_REACH])),
+        "v_s": (1.0, *np.log([1e-4 * speed, speed / problem.law.peak.reach])),
         "sigma_0": (1.0, *np.log([1e-1 * torque / travel, 1e9 * torque / travel])),
         "sigma_1": (damping, 0.0, np.inf),
+        **dict.fromkeys(problem.law.coefficients, (torque / speed**2, -np.inf, np.inf)),
         "z0": (max(alpha_0) / min(sigma_0), -2.0, 2.0),
         "v0": (speed, -np.inf, np.inf),
         "y0": (position, -np.inf, np.inf),
@@ -148,7 +149,7 @@ def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
         scale=scale,
         lower=lower,
         upper=upper,
-        least=np.where([name.startswith(("alpha", "v_s", "sigma")) for name in bare], 0.0, -np.inf),
+        least=np.array([least_of(name) if of_friction(name) else -np.inf for name in bare]),
     )
 
 

@@ -17,7 +17,8 @@ from bristle.identification.fits import Crosscheck
 from bristle.identification.static.problem import Regression, unknowns_of
 from bristle.identification.static.profiles import reduced
 from bristle.model import law
-from bristle.model.parameters import WITHOUT_PEAK, Direction, ParameterName, Stribeck
+from bristle.model.laws.parts import FASTEST
+from bristle.model.parameters import Direction, ParameterName, of_curve, static_of, without_peak
 
 STARTS = 8
 """Random starts of the full fit."""
@@ -92,12 +93,14 @@ def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[flo
     """
     few = reduced(problem, v_s_range)
     value = dict(zip(few.names, theta, strict=True))
-    known = 2 * len(few.directions)
-    extra = ca.vertcat(*(value[name] for name in few.linear_names[known:]))
-    residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, known:]), extra)
+    others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]
+    extra = ca.vertcat(*(value[few.linear_names[k]] for k in others))
+    residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, others]), extra)
+    one, shape = static_of(few.law), dict(zip(few.law.shape_parameters[1:], few.shape, strict=True))
+    given = {**without_peak(few.law), **shape, FASTEST: float(np.abs(few.velocity).max())}
     for direction in few.directions:
-        given = {name: value[key] for name in Stribeck._fields if (key := ParameterName(name, direction)) in value}
-        p = Stribeck(**{**WITHOUT_PEAK, **given})
+        fitted = {name: value[key] for name in one._fields if (key := ParameterName(name, direction)) in value}
+        p = one(**{name: {**given, **fitted}[name] for name in one._fields})
         moving = few.velocity != 0
         if len(few.directions) == 2:
             moving = few.velocity > 0 if direction is Direction.POSITIVE else few.velocity < 0

@@ -7,13 +7,13 @@ from bristle.arrays import Array
 from bristle.identification.fits import StaticFit
 from bristle.identification.systematic import NORMAL
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
-from bristle.model.parameters import Stribeck
+from bristle.model.parameters import Stribeck, of_curve
 from bristle.model.vectorize import evaluate
 
 
 def curve(v: Array, p: Stribeck[float]) -> Array:
     """T_ss(v) of (9), N*m, shape of v."""
-    return evaluate(steady_torque_function(), v, *p)[0]
+    return evaluate(steady_torque_function(p.law), v, *p)[0]
 
 
 def band(v: Array, fit: StaticFit) -> Array | None:
@@ -23,11 +23,11 @@ def band(v: Array, fit: StaticFit) -> Array | None:
     in quadrature with what the errors of constants do to the curve.
     """
     p = fit.values()
-    keep = [k for k, name in enumerate(fit.names) if name in Stribeck._fields]
+    keep = [k for k, name in enumerate(fit.names) if of_curve(name)]
     covariance = fit.covariance[np.ix_(keep, keep)]
     if p is None or not keep or fit.degrees_of_freedom < 1 or not np.isfinite(covariance).all():
         return None
-    columns = dict(zip(Stribeck._fields, evaluate(steady_jacobian_function(), v, *p), strict=True))
+    columns = dict(zip(p._fields, evaluate(steady_jacobian_function(p.law), v, *p), strict=True))
     j = np.array([columns[fit.names[k]] for k in keep])
     variance = np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0)
     half = float(stdtrit(fit.degrees_of_freedom, 0.975)) * np.sqrt(variance)

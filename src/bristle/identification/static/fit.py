@@ -25,7 +25,14 @@ from bristle.identification.static.solution import StaticSolution, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
 from bristle.identification.static.uncertainty import run_fits, three_ways
 from bristle.identification.systematic import with_systematic
-from bristle.model.parameters import Direction, ParameterName, Stribeck, unit
+from bristle.model.parameters import (
+    Direction,
+    ParameterName,
+    of_curve,
+    peak_parameters,
+    static_fields_of,
+    unit,
+)
 from bristle.model.parameters import Kind as JointKind
 
 _LOGARITHMIC = ("v_s",)
@@ -140,11 +147,12 @@ def _too_few(problem: Regression) -> Diagnostic | None:
 
 
 def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointInfo, why: Diagnostic) -> StaticFit:
-    extra = problem.linear_names[2 * len(problem.directions) :]
-    names = (*Stribeck._fields, *(name.name for name in extra))
+    extra = (name.name for name in problem.linear_names if not of_curve(name.name))
+    names = (*static_fields_of(problem.law), *extra)
     parameters = {name: Estimate(value=None, unit=unit(name, kind), warnings=(why,)) for name in names}
     return StaticFit(
         direction=direction,
+        law=problem.law,
         parameters=parameters,
         rms=None,
         relative_error=None,
@@ -259,14 +267,16 @@ def _static_fit(
     names = [name for name in problem.names if not two or name.direction is part]
     parameters = {name.name: _with_warnings(core.parameters[name], comparisons.three[name]) for name in names}
     if part != "shared" and part in core.dropped:
-        missing = {n: _not_identifiable(core, n, part, kind) for n in ("alpha_1", "v_s")}
+        missing = {n: _not_identifiable(core, n, part, kind) for n in peak_parameters(problem.law)}
         parameters |= missing
-    order = sorted(parameters, key=lambda name: (*Stribeck._fields, name).index(name))
-    keep = [k for k, name in enumerate(core.names) if name in names]
+    parameters |= {name.name: e for name, e in core.beside.items() if name.direction is part}
+    order = sorted(parameters, key=lambda name: (*static_fields_of(problem.law), name).index(name))
+    keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
     torque = problem.friction(theta) if part != "shared" else problem.torque
     norm = float(np.linalg.norm(problem.measured[rows]))
     return StaticFit(
         direction=part,
+        law=problem.law,
         parameters={name: parameters[name] for name in order},
         rms=float(np.sqrt(np.mean(residuals[rows] ** 2))) if rows.any() else None,
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,

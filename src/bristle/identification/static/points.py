@@ -10,12 +10,18 @@ from scipy.special import ndtri
 from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
+from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.linear import inverse_gram
 from bristle.identification.moving_runs import DIRECTIONS, load_columns
+from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import Regression, from_points
+from bristle.identification.static.shape_search import with_best_shape
 from bristle.identification.static.strays import LEVEL, all_but, find_strays, refit
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.laws.registry import law_named
 
 _VANISHING = 1 / 3
 """Of the slowest point that belongs to the law: a stray that is slower may be at rest."""
@@ -56,13 +62,15 @@ def search_points(experiment: Experiment, points: Sequence[Segment]) -> tuple[Po
     """The points of an experiment that do not belong to the law of the others, solve by solve."""
     asked = point_regressors(experiment)
     options = experiment.fit
-    return tuple(_search(sides, group, asked, options.v_s_range) for sides, group in groups(experiment, points))
+    return tuple(_search(sides, group, asked, options) for sides, group in groups(experiment, points))
 
 
 def _search(
-    sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence[str], v_s_range: tuple[float, float] | None
+    sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence[str], options: FitOptions
 ) -> PointSearch:
-    problem = points_problem(points, sides, asked)
+    v_s_range = options.v_s_range
+    problem = points_problem(points, sides, asked, law_named(options.law))
+    problem = with_best_shape(problem, v_s_range or default_range(problem.velocity))
     search, n = find_strays(problem, v_s_range), len(points)
     nothing = PointSearch(
         sides=sides, points=points, problem=problem, strays=search.rows, misfit=search.misfit,
@@ -143,8 +151,10 @@ def groups(
     return tuple(present)
 
 
-def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str]) -> Regression:
-    """The regression of some points in these directions, with the regressors asked for.
+def points_problem(
+    points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str], law: Law = GAUSSIAN
+) -> Regression:
+    """The regression of some points in these directions, with the regressors asked for and the friction of a law.
 
     Raises InputError where gravity is asked for and a point has no position.
     """
@@ -164,4 +174,4 @@ def points_problem(points: Sequence[Segment], sides: tuple[str, ...], asked: Seq
     }
     names = dict.fromkeys(name for s in points for name in s.torque_shifts)
     shifts = {name: np.array([s.torque_shifts.get(name, 0.0) for s in points]) for name in names}
-    return from_points(velocity, torque, sides, extra, shifts)
+    return from_points(velocity, torque, sides, extra, shifts, law)

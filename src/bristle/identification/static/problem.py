@@ -3,9 +3,10 @@
     T_ss = sum over directions of (alpha_0 sgn(v) + alpha_2 v + alpha_1 exp(-(v / v_s)**2) sgn(v)) + extra regressors
     (9)-(12)
 
-Everything is linear but v_s. The unknowns stand in one vector, theta = (linear..., alpha_1 per peak, v_s per peak),
-where a peak is a direction that has a Stribeck term. Moving data pass both sides through the same linear smoothing;
-points at constant velocity pass as they are. What has no use for the grid takes all parameters at once
+with another peak and more terms where the law has them. Everything is linear but v_s, and what else the shape of a
+law's peak takes, which is held while v_s is searched (`shape`). The unknowns stand in one vector, theta = (linear...,
+alpha_1 per peak, v_s per peak), where a peak is a direction that has a Stribeck term. Moving data pass both sides
+through the same linear smoothing; points at constant velocity pass as they are. What has no use for the grid takes all parameters at once
 (`nonlinear_problem`).
 """
 
@@ -22,7 +23,9 @@ from bristle.data.record import Record
 from bristle.estimation.nonlinear import LeastSquares, Unknowns
 from bristle.identification.moving_runs import decimator, extra_columns, known_torque, needed, torque_shifts
 from bristle.model.functions import linear_shapes_function, stribeck_shape_function, stribeck_shape_slope_function
-from bristle.model.parameters import Direction, ParameterName, Stribeck
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import Direction, ParameterName, least_of, of_curve
 from bristle.model.vectorize import evaluate
 
 Tables = tuple[Array, ...]
@@ -44,10 +47,13 @@ class Regression:
     linear: Array
     """Columns that multiply the linear parameters but alpha_1, shape (n, m)."""
     linear_names: tuple[ParameterName, ...]
-    """alpha_0 and alpha_2 per direction, then the extra regressors."""
+    """alpha_0, alpha_2 and the coefficients of the law's terms per direction, then the extra regressors."""
+    law: Law = GAUSSIAN
+    shape: tuple[float, ...] = ()
+    """What the shape of the law's peak takes beside v_s, of every peak."""
     smooth: sparse.csr_array | None = None
     """The decimation filter as a matrix, shape (n, N)."""
-    memory: dict[tuple[object, str, bytes], Tables] = field(default_factory=dict, repr=False)
+    memory: dict[tuple[object, str, bytes, tuple[float, ...]], Tables] = field(default_factory=dict, repr=False)
     """Columns that were smoothed already: smoothing is the dear part of moving data, and every fit asks for the same
     grid."""
     priors: int = 0
@@ -72,7 +78,7 @@ class Regression:
 
         In the order of `names`.
         """
-        return np.array([0.0 if name.name in Stribeck._fields else -np.inf for name in self.names])
+        return np.array([least_of(name.name) if of_curve(name.name) else -np.inf for name in self.names])
 
     @property
     def lower(self) -> Array:
@@ -96,12 +102,16 @@ class Regression:
 
     def shapes(self, v_s: Array, direction: int = 0) -> Array:
         """The Stribeck column of peak number `direction` for each v_s (k,), shape (n, k)."""
-        return self._columns(stribeck_shape_function(), v_s, direction)[0]
+        return self._columns(stribeck_shape_function(self.law), v_s, direction)[0]
 
     def slopes(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
         """`shapes`, and its derivative with respect to v_s, by CasADi; each of shape (n, k)."""
-        shapes, slopes = self._columns(stribeck_shape_slope_function(), v_s, direction)
+        shapes, slopes, *_ = self._columns(stribeck_shape_slope_function(self.law), v_s, direction)
         return shapes, slopes
+
+    def own_slopes(self, v_s: float, direction: int = 0) -> Tables:
+        """The derivatives of `shapes` at one v_s with respect to what else the shape takes, each (n, 1)."""
+        return self._columns(stribeck_shape_slope_function(self.law), np.array([v_s]), direction)[2:]
 
     def design(self, v_s: Sequence[float] | Array) -> Array:
         """All linear columns at given v_s, one per peak: shape (n, m + peaks)."""
@@ -139,9 +149,9 @@ class Regression:
 
     def friction(self, theta: Array) -> Array:
         """Measured torque less what the extra regressors explain, shape (n,)."""
-        known = 2 * len(self.directions)
-        m = self.linear.shape[1]
-        return self.torque - self.linear[:, known:] @ theta[known:m]
+        extra = [k for k, name in enumerate(self.linear_names) if not of_curve(name.name)]
+        known: Array = self.linear[:, extra] @ theta[extra]
+        return self.torque - known
 
     def with_torque(self, torque: Array) -> "Regression":
         """The same velocities with another torque, N*m, (n,)."""
@@ -157,7 +167,7 @@ class Regression:
             smooth=None if self.smooth is None else self.smooth[np.flatnonzero(keep)],
             known=None if self.known is None else self.known[keep],
             shifts={name: shift[keep] for name, shift in self.shifts.items()},
-            memory={},
+            memory={key: tuple(table[keep] for table in tables) for key, tables in self.memory.items()},
         )
 
     def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Tables:
@@ -167,14 +177,14 @@ class Regression:
         )
 
     def _smoothed(self, function: ca.Function, v_s: Array, direction: str, smooth: sparse.csr_array) -> Tables:
-        key = (function, direction, v_s.tobytes())
+        key = (function, direction, v_s.tobytes(), self.shape)
         if key not in self.memory:  # column by column: N samples times k values need not stand in memory at once
             by_v_s = [[smooth @ t for t in self._raw(function, s[None], direction)] for s in v_s]
             self.memory[key] = tuple(np.concatenate(columns, axis=1) for columns in zip(*by_v_s, strict=True))
         return self.memory[key]
 
     def _raw(self, function: ca.Function, v_s: Array, direction: str) -> Tables:
-        rows = evaluate(function, self.velocity, v_s[:, None])  # a row per v_s: long inner loops
+        rows = evaluate(function, self.velocity, v_s[:, None], *self.shape)  # a row per v_s: long inner loops
         if len(self.directions) == 2:
             moves = _moves(self.velocity, direction)
             rows = tuple(row * moves for row in rows)
@@ -194,12 +204,13 @@ def from_points(
     directions: tuple[str, ...],
     extra: dict[str, Array] | None = None,
     shifts: Mapping[str, Array] | None = None,
+    law: Law = GAUSSIAN,
 ) -> Regression:
     """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m.
 
     `extra` holds known columns by name, `shifts` are as in `Regression`.
     """
-    return replace(_build(velocity, torque, directions, extra or {}, None), shifts=shifts or {})
+    return replace(_build(velocity, torque, directions, extra or {}, None, law), shifts=shifts or {})
 
 
 def from_records(
@@ -208,6 +219,7 @@ def from_records(
     regressors: Sequence[str],
     decimation: int,
     inertia: float | None = None,
+    law: Law = GAUSSIAN,
 ) -> tuple[Regression, tuple[Array, Array], int]:
     """The problem for moving data, as robot identification poses it.
 
@@ -221,6 +233,7 @@ def from_records(
         regressors: of inertia, offset, gravity.
         decimation: keep one sample in this many, >= 1 (1: nothing is filtered).
         inertia: where it is known, kg*m**2: its torque is taken off.
+        law: of the friction.
 
     Returns:
         The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation;
@@ -235,7 +248,7 @@ def from_records(
     columns = [extra_columns(regressors, record) for record in records]
     extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     shifts = {name: smooth @ shift for name, shift in torque_shifts(records).items()}
-    problem = replace(_build(velocity, torque, directions, extra, smooth), shifts=shifts)
+    problem = replace(_build(velocity, torque, directions, extra, smooth, law), shifts=shifts)
     off = [x for r in records if (x := known_torque(r, inertia, regressors)) is not None]
     if off:
         known = smooth @ np.concatenate(off)
@@ -275,15 +288,16 @@ def _build(
     directions: tuple[str, ...],
     extra: dict[str, Array],
     smooth: sparse.csr_array | None,
+    law: Law,
 ) -> Regression:
     one = len(directions) == 1
-    alpha_0, alpha_2 = evaluate(linear_shapes_function(), velocity)
+    names, shapes = ("alpha_0", "alpha_2", *law.coefficients), evaluate(linear_shapes_function(law), velocity)
     friction: dict[ParameterName, Array] = {}
     sides = tuple(map(Direction, directions))
     for direction in sides:
         mask = None if one else _moves(velocity, direction)
-        friction[ParameterName("alpha_0", direction)] = alpha_0 if mask is None else mask * alpha_0
-        friction[ParameterName("alpha_2", direction)] = alpha_2 if mask is None else mask * alpha_2
+        for name, shape in zip(names, shapes, strict=True):
+            friction[ParameterName(name, direction)] = shape if mask is None else mask * shape
     columns = np.array([*friction.values(), *extra.values()]).T
     if smooth is not None:
         columns, torque = smooth @ columns, smooth @ torque
@@ -294,6 +308,8 @@ def _build(
         torque=torque,
         linear=columns,
         linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)),
+        law=law,
+        shape=tuple(float(np.sqrt(own.searched[0] * own.searched[1])) for own in law.peak.own),
         smooth=smooth,
     )
 

@@ -73,13 +73,18 @@ class StaticProfiles(NamedTuple):
         return np.stack([values, self.linear.heights(j, values, _BEYOND)])
 
 
-def profiled(problem: Regression, solution: Solution, variance_inflation: float = 1.0) -> StaticProfiles:
+def profiled(
+    problem: Regression, solution: Solution, variance_inflation: float = 1.0, threshold: float | None = None
+) -> StaticProfiles:
     """The profiles of a problem's solution.
 
-    `variance_inflation` is by how much correlated residuals inflate the variance. v_s is open, 0 or inf, where its
-    profile stays below the threshold to the end of the range; alpha_1 goes with it, and has no upper end then.
+    `variance_inflation` is by how much correlated residuals inflate the variance; `threshold` that of the least cost,
+    where this is not the solution's, which may lie below it. v_s is open, 0 or inf, where its profile stays below the
+    threshold to the end of the range; alpha_1 goes with it, and has no upper end then.
     """
-    threshold = profile_threshold(solution.cost, problem.torque.size, len(problem.names), variance_inflation)
+    if threshold is None:
+        parameters = len(problem.names) + len(problem.shape)
+        threshold = profile_threshold(solution.cost, problem.torque.size, parameters, variance_inflation)
     few = reduced(problem, (float(solution.grid[0]), float(solution.grid[-1]))) if problem.peaks else problem
     peaks = len(problem.peaks)
     names, best = few.names[: len(few.names) - peaks], solution.theta[solution.theta.size - peaks :]

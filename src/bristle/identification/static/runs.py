@@ -21,7 +21,9 @@ from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, 
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records, with_prior
-from bristle.model.parameters import INERTIA, Stribeck
+from bristle.model.laws.parts import Law
+from bristle.model.laws.registry import law_named
+from bristle.model.parameters import INERTIA, of_curve
 
 
 def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], asked: Sequence[str]) -> None:
@@ -51,7 +53,7 @@ def fit_points(
             f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
             "leave it out, or give the runs as experiment: tracking"
         )
-    held = measured.points(hold_out=True)
+    held, law = measured.points(hold_out=True), law_named(experiment.fit.law)
     static: dict[str, StaticFit] = {}
     checks: dict[str, Crosscheck] = {}
     refuse_opposing_points(experiment, points, asked)
@@ -59,15 +61,15 @@ def fit_points(
     for sides, group in groups(experiment, points):
         signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())
         by_file = {s.file: [h for h in held if h.file == s.file and np.sign(h.velocity) in signs] for s in held}
-        tests = [(file, points_problem(s, sides, asked)) for file, s in by_file.items() if s]
+        tests = [(file, points_problem(s, sides, asked, law)) for file, s in by_file.items() if s]
         fits, checked = fit_static(
-            points_problem(group, sides, asked),
+            points_problem(group, sides, asked, law),
             experiment.fit,
             experiment.joint.kind,
             _point_info(group, searches.get(sides)),
             tests,
             timings,
-            _whole_curves(group, sides, asked),
+            _whole_curves(group, sides, asked, law),
         )
         static |= fits
         checks |= checked
@@ -81,11 +83,11 @@ def pulled_points(points: Sequence[Segment], fits: Mapping[str, StaticFit]) -> t
 
 
 def _whole_curves(
-    points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str]
+    points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str], law: Law
 ) -> list[tuple[str, Regression]]:
     """Runs that each give more points than the law has parameters, by file."""
     by_file = {s.file: [x for x in points if x.file == s.file] for s in points}
-    posed = [(file, points_problem(own, sides, asked)) for file, own in by_file.items()]
+    posed = [(file, points_problem(own, sides, asked, law)) for file, own in by_file.items()]
     return [(file, one) for file, one in posed if one.torque.size > len(one.names)]
 
 
@@ -116,7 +118,7 @@ def fit_moving(
 
     def problem(chosen: Sequence[Record]) -> tuple[Regression, tuple[Array, Array], int]:
         """The regression of some records, time and position of each equation, samples dropped at ends."""
-        return from_records(chosen, moving, asked, experiment.fit.decimation, fixed)
+        return from_records(chosen, moving, asked, experiment.fit.decimation, fixed, law_named(experiment.fit.law))
 
     every, (time, position), _ = problem(records)
     training, fast = _above(every, experiment.fit.moving_above)
@@ -157,7 +159,7 @@ def _left_out(
         return ()
     slow = every.rows(~fast)
     values = {(name, d): e.value or 0.0 for d, fit in fits.items() for name, e in fit.parameters.items()}
-    extra = {name: value for (name, d), value in values.items() if name not in Stribeck._fields}
+    extra = {name: value for (name, d), value in values.items() if not of_curve(name)}
     theta = np.array([values.get(n, extra.get(n.name, 0.0)) or (1.0 if n.name == "v_s" else 0.0) for n in every.names])
     return (
         Kind.SLOW_LEFT_OUT(

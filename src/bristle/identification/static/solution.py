@@ -20,9 +20,17 @@ from bristle.identification.static.grid import Projected, Solution, default_rang
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, drawn_profiles, profiled
+from bristle.identification.static.shape_search import (
+    own_columns,
+    shape_intervals,
+    shapes_within,
+    united,
+    with_best_shape,
+)
 from bristle.identification.static.strays import all_but, find_strays
 from bristle.identification.systematic import all_shifted
-from bristle.model.parameters import STRIBECK_REACH, Direction, ParameterName, unit
+from bristle.model.laws.parts import FASTEST
+from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
 
 SUPPORTED = 0.01
@@ -66,6 +74,8 @@ class StaticSolution:
     profiled: StaticProfiles
     student: Mapping[ParameterName, tuple[float, float]]
     """Intervals by the covariance, by name."""
+    beside: Mapping[ParameterName, Estimate]
+    """What the law has beside the problem's parameters: of the peak's shape, and the fastest speed."""
 
     @property
     def estimates(self) -> dict[ParameterName, Estimate]:
@@ -81,21 +91,26 @@ def solve_static(
     With each interval go its warnings. `v_s_range`, rad/s, is as asked for, or from the problem's speeds, if not given.
     """
     v_s_range = v_s_range or options.v_s_range or default_range(problem.velocity)
+    problem = with_best_shape(problem, v_s_range, options.grid)
     dropped, solution = _without_peak(problem, options, v_s_range)
     measured = problem
     problem, solution, likelihood, again = _settled(problem, solution, dropped, options, v_s_range)
     variance_inflation = _inflation(problem, solution)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
-    covariance, freedom = uncertainty.covariance(jacobian[:, free], solution.cost, variance_inflation)
-    full, _ = uncertainty.covariance(jacobian, solution.cost, variance_inflation)
+    intervals, of_shape = _with_shape(problem, likelihood, options, v_s_range)
+    more = own_columns(problem, solution)
+    with_more, freedom = uncertainty.covariance(
+        np.concatenate([jacobian[:, free], more], axis=1), solution.cost, variance_inflation
+    )
+    alone = free.sum() + more.shape[1] * (len(problem.directions) == 1)  # of two directions the shape is of neither
+    covariance = with_more[:alone, :alone]
+    full, _ = uncertainty.covariance(np.concatenate([jacobian, more], axis=1), solution.cost, variance_inflation)
     profiles = drawn_profiles(problem, solution, options.plain_grid, v_s_range, likelihood.threshold)
-    parameters = _estimates(problem, solution, covariance, free, likelihood.intervals, kind)
+    beside = _beside(problem, of_shape, np.sqrt(np.diag(with_more)[free.sum() :]), solution, kind)
+    parameters = _estimates(problem, solution, covariance[: free.sum(), : free.sum()], free, intervals, kind)
     parameters |= _as_far_as_measured(parameters, dropped)
-    v_s = {
-        d: likelihood.intervals[name]
-        for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)
-    }
+    v_s = {d: intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)}
     warnings = _fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return StaticSolution(
@@ -104,7 +119,7 @@ def solve_static(
         solution=solution,
         parameters=parameters,
         shifts=_shifts(problem, jacobian, free),
-        names=tuple(compress(problem.names, free)),
+        names=(*compress(problem.names, free), *list(beside)[: alone - free.sum()]),
         covariance=covariance,
         freedom=freedom,
         outcome=outcome,
@@ -112,8 +127,47 @@ def solve_static(
         profiles=profiles,
         dropped=dropped,
         profiled=likelihood,
-        student=_student(problem, solution, full, freedom),
+        student=_student(problem, solution, full[: free.size, : free.size], freedom),
+        beside=beside,
     )
+
+
+def _with_shape(
+    problem: Regression, likelihood: StaticProfiles, options: FitOptions, v_s_range: tuple[float, float]
+) -> tuple[Mapping[ParameterName, tuple[float, float]], Mapping[str, tuple[float, float]]]:
+    """The intervals of the problem's parameters, over every shape of the peak that the data allow; and those of the shape's."""
+    if not problem.shape or not problem.peaks:
+        return likelihood.intervals, {}
+    of_shape = shape_intervals(problem, v_s_range, options.grid, likelihood.threshold)
+    posed = [replace(problem, shape=shape) for shape in shapes_within(problem, of_shape)]
+    solved = [(one, solve(one, v_s_range, options.grid)) for one in posed]
+    others = [
+        profiled(one, solution, threshold=likelihood.threshold).intervals
+        for one, solution in solved
+        if solution.cost <= likelihood.threshold
+    ]
+    return united(likelihood.intervals, others), of_shape
+
+
+def _beside(
+    problem: Regression, of_shape: Mapping[str, tuple[float, float]], errors: Array, solution: Solution, kind: JointKind
+) -> dict[ParameterName, Estimate]:
+    """What the law has beside the problem's parameters, of each direction."""
+    beside = dict[ParameterName, Estimate]()
+    for d in problem.directions:
+        for (name, interval), value, error in zip(of_shape.items(), problem.shape, errors.tolist(), strict=False):
+            warnings = () if is_closed(interval) else (Kind.SHAPE_OPEN(),)
+            shown = Estimate(
+                value=value, unit=unit(name, kind), standard_error=error, interval=interval, warnings=warnings
+            )
+            if d in problem.peaks:
+                beside[ParameterName(name, d)] = shown
+        if problem.law.terms:
+            fastest, values = float(_speeds(problem, d).max()), dict(zip(problem.names, solution.theta, strict=True))
+            held = min(values[ParameterName(name, d)] for name in problem.law.coefficients) < 0
+            told = (Kind.FASTEST_MEASURED(), *((Kind.CURVE_HELD(fastest=fastest),) if held else ()))
+            beside[ParameterName(FASTEST, d)] = Estimate(value=fastest, unit=unit(FASTEST, kind), warnings=told)
+    return beside
 
 
 def _settled(
@@ -246,8 +300,8 @@ def _unsupported(
         fastest, slowest = float(speeds.max()), float(speeds.min())
         if p > SUPPORTED:
             why = Kind.LIKE_NOISE(percent=100 * p) if p < NO_SIGN else Kind.NO_PEAK()
-        elif v_s[k] * STRIBECK_REACH > fastest:
-            why = Kind.BEND(v_s=v_s[k], fastest=fastest, seen=STRIBECK_REACH)
+        elif v_s[k] * problem.law.peak.reach > fastest:
+            why = Kind.BEND(v_s=v_s[k], fastest=fastest, seen=problem.law.peak.reach)
         elif v_s[k] < UNTOUCHED * slowest:
             why = Kind.ONE_SPEED(v_s=v_s[k], slowest=slowest)
         if why is not None:

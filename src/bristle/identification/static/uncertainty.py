@@ -34,8 +34,9 @@ from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution, descended
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import others
+from bristle.identification.static.shape_search import own_columns
 from bristle.identification.static.solution import StaticSolution
-from bristle.model.parameters import INERTIA, ParameterName, Stribeck
+from bristle.model.parameters import INERTIA, ParameterName, of_curve
 
 SEED = 0
 """Of the bootstrap."""
@@ -139,7 +140,7 @@ def resample(
         covariance: of the parameters at no bound; of moving data alone.
     """
     keep = np.ones(len(problem.names), dtype=bool)
-    if problem.smooth is None and len(problem.peaks) < 2:
+    if problem.smooth is None and len(problem.peaks) < 2 and not problem.shape:
         drawn, errors = _refitted(problem, solution, v_s_range, draws, seed)
     else:
         keep = np.array([name not in solution.at_bound for name in problem.names])
@@ -147,6 +148,7 @@ def resample(
             nothing = np.full(keep.size, np.nan)
             return StaticDraws(nothing, nothing, np.full((keep.size, draws), np.nan), wild=False)
         drawn, errors = _stepped(problem, solution, keep, seed, covariance)
+        errors = errors[: keep.sum()]
     if problem.smooth is not None and drawn.blocks < FEW:
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
@@ -192,6 +194,8 @@ def _stepped(
 ) -> tuple[Resampled, Array]:
     size = np.where(problem.logarithmic, solution.theta, 1.0)[keep]
     J, left, measured = solution.jacobian[:, keep] * size, solution.residuals, problem.torque.size - problem.priors
+    if problem.shape and problem.peaks:
+        J = np.concatenate([J, own_columns(problem, solution)], axis=1)
     if problem.smooth is None or covariance is None:
         return residual_bootstrap(J, left, problem.velocity, seed=seed)
     sigma = float(np.sqrt(solution.cost / max(left.size - size.size, 1)))
@@ -238,4 +242,4 @@ def run_fits(
 def _shown(name: ParameterName, value: float, variance: float, v_s_range: tuple[float, float]) -> bool:
     """Whether a run shows a parameter: friction by its size, v_s inside the range searched."""
     inside = name.name != "v_s" or v_s_range[0] * 1.001 < value < v_s_range[1] / 1.001
-    return inside and (name.name not in Stribeck._fields or variance**0.5 <= _WIDE * abs(value))
+    return inside and (not of_curve(name.name) or variance**0.5 <= _WIDE * abs(value))

@@ -23,7 +23,7 @@ from bristle.identification.measured import Measured, measured_of
 from bristle.identification.moving_runs import REGRESSORS, load_columns
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import curve
-from bristle.model.parameters import SIGNED, Direction, Kind, Lugre, Pair, ParameterName, Stribeck
+from bristle.model.parameters import SIGNED, Direction, Kind, Lugre, Pair, ParameterName, fields_of, lugre_of
 from bristle.model.rollout import rollout
 
 if TYPE_CHECKING:
@@ -112,7 +112,9 @@ class Fit:
         for d, sign in zip(SIGNED, (1.0, -1.0), strict=True):
             if known.has_law(d):
                 values = known.values(d)
-                torque[v * sign > 0] = curve(v[v * sign > 0], Stribeck(*(values[name] for name in Stribeck._fields)))
+                torque[v * sign > 0] = curve(
+                    v[v * sign > 0], lugre_of(known.law)(**{"sigma_0": 0.0, "sigma_1": 0.0, **values}).stribeck
+                )
         return torque
 
     def predict(self, velocity: ArrayLike, position: ArrayLike | None = None) -> Array:
@@ -317,7 +319,7 @@ def simulated_torque(velocity: ArrayLike, dt: float, fit: Fit) -> Array:
             raise InputError(
                 f"simulate: {what} of direction {d} is not known; fit a motion that shows it, or give a Lugre"
             )
-    sets = [Lugre(*(known.values(d)[name] for name in Lugre._fields)) for d in SIGNED]
+    sets = [lugre_of(known.law)(*(known.values(d)[name] for name in fields_of(known.law))) for d in SIGNED]
     return along(velocity, dt, Pair(*sets))
 
 

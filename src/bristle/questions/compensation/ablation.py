@@ -12,7 +12,8 @@ from bristle.arrays import Array
 from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import LoopOptions
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.laws.parts import FASTEST
+from bristle.model.parameters import Pair
 from bristle.simulation.joint_loop import JointLoop
 
 SHARES = (0.5, 0.75, 1.0, 1.25, 1.5)
@@ -102,8 +103,9 @@ def _count(loop: JointLoop, bits: int) -> float:
 
 
 def _scaled(model: Pair[float], share: float) -> Pair[float]:
-    """The model whose torque is that share of the model's at any motion: T_f is of degree one in all parameters but v_s."""
-    return Pair(*(Lugre(*(x if name == "v_s" else share * x for name, x in p._asdict().items())) for p in model))
+    """The model whose torque is that share of the model's at any motion: T_f is of degree one in all parameters but those of speed."""
+    kept = {*model.law.shape_parameters, FASTEST}
+    return Pair(*(p._replace(**{n: share * x for n, x in p._asdict().items() if n not in kept}) for p in model))
 
 
 def _back_and_forth(loop: JointLoop) -> tuple[Reference, NDArray[np.bool_]]:

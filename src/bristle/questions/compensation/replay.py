@@ -15,14 +15,15 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
-from bristle.control.control_period import flat, symbols
+from bristle.control.control_period import flat, no_friction, symbols
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.dynamic.problem import Motion, dynamic_problem
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import inertia, regressors
 from bristle.identification.results import Joint
 from bristle.model import law
-from bristle.model.parameters import INERTIA, Pair, pair_of
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import INERTIA, Pair
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import chained
 from bristle.simulation.joint_loop import JointLoop
@@ -124,7 +125,7 @@ def _replay(
         friction = m.torque - m.extra @ extra
         state = state._replace(deflection=0.0, velocity=m.velocity[0])
         inputs = np.vstack([m.velocity, friction, np.append(0.0, m.step)])
-        ends, log = _run(a, m.velocity.size)(packed(state), inputs, numbers)
+        ends, log = _run(a, model.law, m.velocity.size)(packed(state), inputs, numbers)
         state = unpacked(np.asarray(ends).ravel().tolist(), model, len(a.parameters))
         fixed = rollout(m.velocity, m.step, model, 0.0).torque
         parts.append((m.time, m.velocity, friction, fixed, np.asarray(log)))
@@ -137,9 +138,9 @@ def _replay(
 
 
 @lru_cache(maxsize=8)
-def _run(a: Adaptation, samples: int) -> ca.Function:
+def _run(a: Adaptation, of: Law, samples: int) -> ca.Function:
     """(memory, (velocity, friction, step), (pair, K_p)) -> (memory, (torque, gains))."""
-    blank = pair_of([0.0] * 12)
+    blank = no_friction(of)
     memory, own = symbols("memory", tuple(packed(initial_state(Compensator(adaptation=a), blank))))
     u, (v, friction, h) = symbols("u", (0.0, 0.0, 0.0))
     q, (model, K_p) = symbols("q", (blank, 0.0))

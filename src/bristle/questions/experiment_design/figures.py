@@ -69,7 +69,7 @@ def velocities_figure(plan: Plan) -> Figure:
         p, problem, look = velocities.problem.p, velocities.problem, DIRECTION[velocities.direction]
         sign = -1 if velocities.direction is Direction.NEGATIVE else 1
         v = np.geomspace(problem.low, problem.high, 200)
-        torque = sign * evaluate(functions.steady_torque_function(), v, *p.stribeck)[0]
+        torque = sign * evaluate(functions.steady_torque_function(p.law), v, *p.stribeck)[0]
         ax.axvspan(problem.nodes.min(), problem.nodes.max(), color="#dddddd", label="what vₛ may be")
         ax.plot(v, torque, color=look.colour, linestyle=look.line, label="at the estimate")
         fit = plan.joint.static.get(velocities.direction)
@@ -78,7 +78,7 @@ def velocities_figure(plan: Plan) -> Figure:
                 np.abs(fit.velocity), sign * np.abs(fit.torque), "x", color="#555555", markersize=5, label="measured"
             )
         speeds, counts = (np.array(x) for x in zip(*velocities.chosen.runs, strict=True))
-        there = sign * evaluate(functions.steady_torque_function(), speeds, *p.stribeck)[0]
+        there = sign * evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]
         ax.plot(speeds, there, look.marker, color=look.colour, markersize=8, label="to run, how often")
         decimal_log(ax)
         _write_counts(ax, speeds, counts.tolist())

@@ -23,7 +23,7 @@ from bristle.identification.limits import Limits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck, unit
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, of_curve, unit
 
 _PEAK = 0.1
 """Stribeck amplitude to look for where none was found, as a share of alpha_0."""
@@ -285,7 +285,7 @@ def _known(
     for d, seen in estimates.items():
         static = joint.static.get(d)
         if static is not None and static.names:
-            at = [k for k, n in enumerate(static.names) if n in Stribeck._fields]
+            at = [k for k, n in enumerate(static.names) if of_curve(n)]
             members = [ParameterName(static.names[k], d) for k in at]
             whole += embedded(names, members, inverse(static.covariance[np.ix_(at, at)]))
         stiffness = seen.get("sigma_0")

@@ -24,7 +24,7 @@ from bristle.identification.limits import Limits
 from bristle.identification.static.batch import solve_batch
 from bristle.identification.static.grid import default_range
 from bristle.model import functions
-from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck
+from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, of_curve
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.loading import seen_covariance
 from bristle.questions.experiment_design.references import fastest
@@ -145,7 +145,7 @@ def plan_velocities(
         low=limits.slowest,
         high=high,
     )
-    aim = aim if aim in Stribeck._fields else "all"
+    aim = aim if of_curve(aim) else "all"
     designs = {name: design(problem, count, name) for name in ("all", *Stribeck._fields)}
     spaced = {kind: evaluate_design(problem, spaced_speeds(problem, count, kind)) for kind in ("log", "even")}
     fresh = replace(problem, prior_information=np.zeros_like(prior_information))
@@ -170,7 +170,7 @@ def largest_deflection(start: Start) -> float:
 def _fastest(p: Lugre[float], high: float, limits: Limits) -> float:
     """The fastest speed up to `high` at which steady sliding takes no more torque than the drive may give, rad/s."""
     speeds = np.geomspace(limits.slowest, high, CANDIDATES)
-    within = speeds[np.abs(evaluate(functions.steady_torque_function(), speeds, *p.stribeck)[0]) <= limits.torque]
+    within = speeds[np.abs(evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]) <= limits.torque]
     if within.size < 2:
         raise InputError(
             f"the largest torque, {limits.torque:.3g}, does not carry the joint beyond {limits.slowest:.3g}; raise plan.torque"
@@ -219,7 +219,7 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
         raise InputError(
             f"got {count} velocities; expected at least {len(Stribeck._fields)}, as many as there are parameters"
         )
-    if aim != "all" and aim not in Stribeck._fields:
+    if aim != "all" and not of_curve(aim):
         raise InputError(
             f"got {aim!r}; constant velocities show {', '.join(Stribeck._fields)}: name one of them, or all"
         )

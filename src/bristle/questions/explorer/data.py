@@ -238,7 +238,7 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
     p, v = fit.values(), fit.velocity
     extra = np.zeros(0)
     if p is not None and fit.residuals.size:
-        extra = fit.torque - fit.residuals - evaluate(functions.steady_torque_function(), v, *p)[0]
+        extra = fit.torque - fit.residuals - evaluate(functions.steady_torque_function(p.law), v, *p)[0]
     off = bool(extra.size) and float(np.abs(extra).max()) > 1e-9 * float(np.abs(fit.torque).max())
     torque = fit.torque - extra if off else fit.torque
     errors = [s.standard_error for s in fit.segments]

@@ -17,7 +17,8 @@ from markupsafe import Markup
 
 from bristle import __version__
 from bristle.identification.results import Joint
-from bristle.model.parameters import Lugre, is_passive
+from bristle.model.law import is_passive
+from bristle.model.parameters import Lugre
 from bristle.page.output_folder import write_bytes
 from bristle.page.page import digest, encoded, html
 from bristle.page.wording import symbol
@@ -132,7 +133,7 @@ def _bokeh() -> str:
 
 
 def _passive() -> str:
-    """`passive(alpha_0, ...)` -> 1 where LuGre dissipates whatever the motion, as `parameters.is_passive` has it."""
+    """`passive(alpha_0, ...)` -> 1 where LuGre dissipates whatever the motion, as `law.is_passive` has it."""
     p: Any = Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
     return javascript.printed(ca.Function("passive", list(p), [is_passive(p)], list(Lugre._fields), ["out"]), "passive")
 

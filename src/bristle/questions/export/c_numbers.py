@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from bristle.model.parameters import Lugre, unit
+from bristle.model.parameters import of_friction, unit
 from bristle.questions.export.artefact import slug
 from bristle.questions.export.exported import ExportedJoint
 
@@ -124,7 +124,7 @@ def _unit(name: str, stem: str) -> str:
         return "as docs/compensation.md has it"
     if stem == "inertia":
         return unit("inertia")
-    if stem in Lugre._fields or stem in ("position", "velocity"):
+    if of_friction(stem) or stem in ("position", "velocity"):
         return unit(stem)
     if stem == "sensitivity":
         return unit("position")

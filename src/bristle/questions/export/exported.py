@@ -11,7 +11,7 @@ from bristle.arrays import Interval, Number
 from bristle.data.experiment.load import Experiment
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
-from bristle.identification.fits import Estimate
+from bristle.identification.fits import Estimate, LawByName
 from bristle.identification.known_joint import (
     KnownJoint,
     assumed_damping,
@@ -21,19 +21,24 @@ from bristle.identification.known_joint import (
 )
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
-from bristle.model.law import DAMPING_RATIO
+from bristle.model.law import DAMPING_RATIO, is_passive
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
 from bristle.model.parameters import (
     INERTIA,
     SIGNED,
-    WITHOUT_PEAK,
     Direction,
-    Lugre,
     Pair,
     ParameterName,
     Stribeck,
+    fields_of,
     in_current,
     in_direction,
-    is_passive,
+    lugre_of,
+    of_friction,
+    peak_parameters,
+    static_fields_of,
+    static_of,
     unit,
     units_of,
 )
@@ -97,6 +102,8 @@ class ExportedJoint:
     """What the joint accelerates, kg*m**2: identified, or declared, with the links of a robot; None: nothing tells it."""
     rotor_inertia: float | None
     """The same without the links of a robot, kg*m**2: what a simulator that has the links takes as armature; None: nothing tells it."""
+    law: LawByName = GAUSSIAN
+    """Of the friction."""
     fastest: float
     """The fastest measured speed, rad/s: up to there the model was identified."""
     said: tuple[Diagnostic, ...]
@@ -106,13 +113,15 @@ class ExportedJoint:
     @property
     def curves(self) -> tuple[Stribeck[float], Stribeck[float]]:
         """Friction vs velocity of both directions, + first. Raises KeyError where a parameter is missing."""
-        positive, negative = (self._set(Stribeck._fields, d) for d in SIGNED)
-        return Stribeck(**positive), Stribeck(**negative)
+        one = static_of(self.law)
+        positive, negative = (self._set(one._fields, d) for d in SIGNED)
+        return one(**positive), one(**negative)
 
     @property
     def pair(self) -> Pair[float]:
         """Both directions, whole. Raises KeyError where the bristle is not known."""
-        return Pair(*(Lugre(**self._set(Lugre._fields, d)) for d in SIGNED))
+        one = lugre_of(self.law)
+        return Pair(*(one(**self._set(one._fields, d)) for d in SIGNED))
 
     @property
     def quadratic(self) -> float:
@@ -162,7 +171,7 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
                 "an export needs ramp, points or tracking runs in both directions"
             )
     J = inertia_of(experiment, joint)
-    signed = any(row.parameter.direction in SIGNED for row in chosen(joint) if row.parameter.name in Lugre._fields)
+    signed = any(row.parameter.direction in SIGNED for row in chosen(joint) if of_friction(row.parameter.name))
     ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
     said: list[Diagnostic] = []
@@ -170,12 +179,12 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     rows += _shared(joint, sources)
     said = _of_both(said)
     found = verdict(joint)
-    said += _doubts(rows, ways)
+    said += _doubts(rows, ways, known.law)
     rotor = inertia_of(experiment, replace(joint, link_inertia=None))
     told = [replace(x, units=units_of(joint.kind)) for x in dict.fromkeys(said) if _about(x) != _about(found.reason)]
     return ExportedJoint(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=found.reason,
-        parameters=tuple(rows), inertia=J, rotor_inertia=rotor,
+        law=known.law, parameters=tuple(rows), inertia=J, rotor_inertia=rotor,
         fastest=fastest_measured(joint), said=tuple(told), origin=origin,
     )  # fmt: skip  # a list of values
 
@@ -195,9 +204,9 @@ def _direction(
 ) -> Iterator[ExportedParameter]:
     """The parameters of a direction: without those of the bristle where its stiffness is not known. What is assumed is added to `said`."""
     values, missing = known.values(d), known.missing(d)
-    if missing_peak := [name for name in WITHOUT_PEAK if name in missing]:
+    if missing_peak := [name for name in peak_parameters(known.law) if name in missing]:
         said.append(Kind.PEAK_TAKEN_AS_NONE(names=tuple(missing_peak), direction=d))
-    names = Stribeck._fields if "sigma_0" in missing else Lugre._fields
+    names = static_fields_of(known.law) if "sigma_0" in missing else fields_of(known.law)
     if "sigma_0" in missing:
         said.append(Kind.EXPORT_WITHOUT_BRISTLE(direction=d))
     elif "sigma_1" in missing:
@@ -230,7 +239,7 @@ def _of_both(said: Sequence[Diagnostic]) -> list[Diagnostic]:
 def _shared(joint: Joint, sources: Mapping[ParameterName, str]) -> Iterator[ExportedParameter]:
     """What is of no direction, as far as it has a value."""
     for row in chosen(joint):
-        if row.parameter.name not in Lugre._fields and row.estimate.value is not None:
+        if not of_friction(row.parameter.name) and row.estimate.value is not None:
             name = ParameterName.parse(str(row.parameter))  # which is shared, whatever stage it is from
             yield _estimated(name, row.estimate.value, row.estimate, sources[row.parameter])
 
@@ -241,17 +250,17 @@ def _estimated(name: ParameterName, value: float, e: Estimate, source: str) -> E
     )
 
 
-def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...]) -> Iterator[Diagnostic]:
+def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law) -> Iterator[Diagnostic]:
     """Intervals that hold zero, and sets that are not passive."""
     for row in rows:
         if row.interval is not None and row.interval[0] <= 0 <= row.interval[1]:
             name, _ = row.parameter
-            if name in Lugre._fields or name == INERTIA.name:
+            if of_friction(name) or name == INERTIA.name:
                 kind = Kind.INTERVAL_WITH_ZERO_IMPOSSIBLE if name in _POSITIVE else Kind.INTERVAL_WITH_ZERO
                 yield kind(name=str(row.parameter))
     for d in ways:
         values = {x.parameter.name: x.value for x in rows if x.parameter.direction == d}
-        p = Lugre(**{name: values.get(name, 0.0) for name in Lugre._fields})
+        p = lugre_of(law)(**{name: values.get(name, 0.0) for name in fields_of(law)})
         if not is_passive(p):
             least = p.sigma_1 * p.alpha_1 / p.alpha_0
             yield Kind.NOT_PASSIVE(direction=d, alpha_2=p.alpha_2, least=least)

@@ -72,7 +72,7 @@ def _curve(joint: ExportedJoint) -> Friction:
 
     def torque(v: Array, step: float) -> Array:  # noqa: ARG001  # it has no memory
         """At each velocity by itself."""
-        by_set = [evaluate(functions.steady_torque_function(), v, *p)[0] for p in (positive, negative)]
+        by_set = [evaluate(functions.steady_torque_function(p.law), v, *p)[0] for p in (positive, negative)]
         return np.where(v < 0, by_set[1], by_set[0])
 
     return torque

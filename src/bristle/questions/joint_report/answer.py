@@ -7,7 +7,7 @@ from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import Known, chosen, mixed, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
-from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, in_direction
+from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, in_direction, of_friction
 from bristle.page.page import Drawn
 from bristle.page.wording import FITS, direction, in_symbols, measured, number, pretty, span, symbol
 from bristle.questions.joint_report.text import total_error
@@ -72,7 +72,7 @@ def _directions(
     rows: Mapping[ParameterName, Known], shared: Mapping[str, str]
 ) -> list[tuple[str, list[dict[str, str]]]]:
     """A line a direction: the cells of the six parameters."""
-    found = [d for d in (*SIGNED, Direction.BOTH) if any(p.direction == d for p in rows if p.name in Lugre._fields)]
+    found = [d for d in (*SIGNED, Direction.BOTH) if any(p.direction == d for p in rows if of_friction(p.name))]
     signed = [d for d in found if d in SIGNED] or found
     return [
         (
@@ -85,9 +85,7 @@ def _directions(
 
 def _source(rows: Mapping[ParameterName, Known]) -> str:
     """Where all values come from; empty where they come from several stages, and each cell says it."""
-    found = {
-        row.source for row in rows.values() if row.estimate.value is not None and row.parameter.name in Lugre._fields
-    }
+    found = {row.source for row in rows.values() if row.estimate.value is not None and of_friction(row.parameter.name)}
     return FITS.get(only, only) if len(found) == 1 and (only := found.pop()) else ""
 
 
@@ -116,7 +114,7 @@ def _held_out(joint: Joint) -> str:
 
 def _also(rows: Mapping[ParameterName, Known]) -> str:
     """What was identified beside friction, such as the inertia."""
-    told = [row for p, row in rows.items() if p.name not in Lugre._fields and row.estimate.value is not None]
+    told = [row for p, row in rows.items() if not of_friction(p.name) and row.estimate.value is not None]
     return ", ".join(
         f"{in_symbols(str(row.parameter.name)).replace('_', ' ')} {_value(row.estimate)} {pretty(row.estimate.unit)}"
         for row in told

@@ -9,7 +9,7 @@ from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.known_joint import Known, Source, chosen, known_joint, mixed, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
-from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, Stribeck, effort, unit
+from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, effort, of_curve, of_friction, unit
 from bristle.page.plain import columns, interval, pair, shortened_lines, wrapped
 from bristle.page.wording import FITS, counted, printable, shortened
 from bristle.questions.joint_report.text import total_error
@@ -114,7 +114,7 @@ def _place(name: ParameterName) -> tuple[int, int, str]:
 def _unmeasured(*known: Mapping[ParameterName, object]) -> Iterator[ParameterName]:
     """The LuGre parameters that no run is about, of each direction that there is."""
     names = {name for some in known for name in some}
-    directions = {d for name, d in names if name in Lugre._fields}
+    directions = {d for name, d in names if of_friction(name)}
     for name in Lugre._fields:
         there = {d for own, d in names if own == name}
         if Direction.BOTH not in there:
@@ -124,7 +124,7 @@ def _unmeasured(*known: Mapping[ParameterName, object]) -> Iterator[ParameterNam
 
 def _why_none(name: ParameterName, row: Known | None) -> str:
     if row is None:
-        runs = "constant velocities" if name.name in Stribeck._fields else "slow loading"
+        runs = "constant velocities" if of_curve(name.name) else "slow loading"
         return f"not measured; {runs} or tracking runs would show them"
     seen = {warning.kind for warning in row.estimate.warnings} & NOT_IDENTIFIABLE
     return "not identifiable" if seen or _cautioned(row.estimate) else "not estimated"

@@ -10,7 +10,7 @@ import pandas as pd
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
-from bristle.model.parameters import Direction, Lugre, ParameterName, unit
+from bristle.model.parameters import Direction, ParameterName, of_friction, unit
 from bristle.page.wording import WORK
 from bristle.questions.joint_report.interval_tables import repeats, uncertainty
 from bristle.questions.joint_report.results_file import declared, estimates, identified
@@ -324,7 +324,7 @@ def true_value(joints: Sequence[Joint], joint: Any, direction: Any, parameter: A
     """The true value; nan where it is not known. A truth of both directions is that of each."""
     given = next((j.truth for j in joints if j.name == joint), {})
     truth = given.get(direction, given.get(Direction.BOTH))
-    return float(getattr(truth, parameter)) if truth is not None and parameter in Lugre._fields else math.nan
+    return float(getattr(truth, parameter)) if truth is not None and of_friction(parameter) else math.nan
 
 
 def units(joints: Sequence[Joint]) -> pd.DataFrame:

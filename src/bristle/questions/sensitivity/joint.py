@@ -13,7 +13,7 @@ from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, unit
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, of_friction, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.questions.sensitivity.local import SineMotion, motion
 from bristle.simulation import edro
@@ -181,7 +181,7 @@ def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) 
             for name, how in _how(missing, None if identified else J, joint.kind).items()
         ]
         for parameter, e in known.estimates.items():
-            if parameter.name in Lugre._fields and parameter.direction in (d, Direction.BOTH):
+            if of_friction(parameter.name) and parameter.direction in (d, Direction.BOTH):
                 estimates[parameter if len(directions) > 1 else parameter._replace(direction=own)] = e
     return KnownFriction(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(assumptions))
 

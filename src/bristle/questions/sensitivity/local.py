@@ -145,9 +145,9 @@ def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
 def _partial(z: Array, v: Array, p: Lugre[float] | Pair[float]) -> Array:
     """The same at given z and v, (n, 6), by the set that acts there."""
     acting: Sequence[float | Array] = (
-        p if isinstance(p, Lugre) else evaluate(functions.active_function(), z, v, *p.positive, *p.negative)
+        p if isinstance(p, Lugre) else evaluate(functions.active_function(p.law), z, v, *p.positive, *p.negative)
     )
-    _, _, *slopes = evaluate(functions.torque_sensitivity_function(), z, v, *acting)
+    _, _, *slopes = evaluate(functions.torque_sensitivity_function(p.law), z, v, *acting)
     return np.column_stack([np.multiply(size, slope) for size, slope in zip(acting, slopes, strict=True)])
 
 
@@ -263,10 +263,10 @@ def replaced(p: Lugre[float] | Pair[float], parameter: ParameterName, value: flo
 def _outputs(p: Lugre[float] | Pair[float], reference: SineMotion) -> dict[str, float]:
     sets: Sequence[Lugre[float]] = [p] if isinstance(p, Lugre) else p
     torques = [
-        evaluate(functions.steady_torque_function(), np.array([_SLOWEST, reference.top_speed]), *one.stribeck)[0]
+        evaluate(functions.steady_torque_function(one.law), np.array([_SLOWEST, reference.top_speed]), *one.stribeck)[0]
         for one in sets
     ]
-    deflections = [evaluate(functions.steady_deflection_function(), _SLOWEST, *one)[0] for one in sets]
+    deflections = [evaluate(functions.steady_deflection_function(one.law), _SLOWEST, *one)[0] for one in sets]
     breakaway, fast = np.mean(torques, axis=0).tolist()
     settled = float(rms(rollout(reference.course.velocity, reference.period, p, 0.0).torque[-reference.samples :]))
     return dict(zip(OUTPUTS, (settled, breakaway, fast, float(np.mean(deflections))), strict=True))

@@ -9,7 +9,7 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, in_direction
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, in_direction, of_friction
 
 DECADE = 10.0
 """An interval whose ends have a larger ratio is drawn log-uniformly."""
@@ -96,7 +96,7 @@ def box_of(
     notes = []
     for name, e in estimates.items():
         bare = name.name
-        if bare not in Lugre._fields or e.value is None:
+        if not of_friction(bare) or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], 0.0) < e.interval[1]:
             notes.append(Kind.BOX_HELD(name=name, value=e.value, unit=e.unit))

@@ -16,7 +16,7 @@ from bristle.control.control_period import LoopOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair, ParameterName
+from bristle.model.parameters import Lugre, Pair, ParameterName, lugre_of
 from bristle.model.periodic import rms_torque
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress, teller
@@ -237,13 +237,14 @@ def global_sensitivity(
 
 def _breakaway(joints: Pair[Array]) -> Array:
     """g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions."""
-    levels = [evaluate(functions.steady_torque_function(), _BARELY, *p.stribeck)[0] for p in joints]
+    levels = [evaluate(functions.steady_torque_function(p.law), _BARELY, *p.stribeck)[0] for p in joints]
     return np.asarray(np.mean(levels, axis=0))
 
 
 def _rms_error(subject: JointLoop, model: Pair[float], joints: Pair[Array]) -> Array:
     """RMS position error of loops with these plants and one model, rad, over the last of the periods."""
-    sets = [[Lugre(*row) for row in np.column_stack(p).tolist()] for p in joints]
+    one = lugre_of(joints.law)
+    sets = [[one(*row) for row in np.column_stack(p).tolist()] for p in joints]
     cases = [subject.case(plant=Pair(*both), model=model) for both in zip(*sets, strict=True)]
     course = subject.sine(subject.frequency, PERIODS / subject.frequency)
     run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)

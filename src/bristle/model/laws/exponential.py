@@ -1,0 +1,17 @@
+"""Tustin's peak: an exponential of the speed.
+
+A. Tustin, "The effects of backlash and of speed-dependent friction on the stability of closed-cycle control systems",
+J. IEE 94 (1947).
+"""
+
+import casadi as ca
+
+from bristle.model.laws.parts import Expression, Peak
+
+
+def exponential(v: Expression, v_s: Expression) -> Expression:
+    """exp(-abs(v) / v_s)."""
+    return ca.exp(-ca.fabs(v) / v_s)
+
+
+PEAK = Peak(name="exponential", title="exponential", shape=exponential, reach=2.3)

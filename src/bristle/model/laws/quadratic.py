@@ -1,0 +1,16 @@
+"""Viscous friction that bends: alpha_3 v abs(v) beside alpha_2 v.
+
+Above zero it is drag, below zero a lubricant that thins with speed.
+"""
+
+from bristle.model.laws.parts import Expression, OwnParameter, ViscousTerm
+
+ALPHA_3 = OwnParameter(name="alpha_3", symbol="α₃", units=("N*m*s**2/rad**2", "N*s**2/m**2"), least=-float("inf"))
+
+
+def drag(speed: Expression) -> Expression:
+    """abs(v)."""
+    return speed
+
+
+TERM = ViscousTerm(name="quadratic", title="linear + v·|v|", coefficient=ALPHA_3, rate=drag)

@@ -1,0 +1,102 @@
+"""Which laws there are, by name: bristle's own, those of packages that name theirs under `bristle.laws`, and what a program registers."""
+
+from importlib.metadata import entry_points
+from itertools import product
+
+from bristle.model.laws import exponential, free_exponent, gaussian, lorentzian, quadratic
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
+
+PAPER = "paper"
+"""Another name of the paper's law."""
+AUTO = "auto"
+"""Not a law: the data choose one."""
+_GROUP = "bristle.laws"
+_PARTS: dict[str, Peak | ViscousTerm] = {
+    part.name: part for part in (gaussian.PEAK, exponential.PEAK, lorentzian.PEAK, free_exponent.PEAK, quadratic.TERM)
+}
+_COMPETE = {gaussian.PEAK.name, exponential.PEAK.name, lorentzian.PEAK.name, quadratic.TERM.name}
+"""Those that `auto` chooses from; the free exponent is fitted by name alone."""
+_looked: list[bool] = []
+"""Not empty once installed packages have been asked for theirs."""
+
+
+def register(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
+    """Make a peak or a term known by its name, for `fit.law`, and for `auto` where it is to compete.
+
+    Raises ValueError where another part has the name already, or a parameter of it is called as one that there is.
+    """
+    known = _PARTS.get(part.name)
+    if known not in (None, part):
+        raise ValueError(f"{part.name!r} is a part of a law already; choose another name")
+    if not part.name.replace("-", "").isalnum() or part.name in (PAPER, AUTO):
+        raise ValueError(f"got the name {part.name!r}; expected letters, digits and hyphens, and not {PAPER} or {AUTO}")
+    from bristle.model.parameters import reserved_names
+
+    brought = part.own if isinstance(part, Peak) else (part.coefficient,)
+    others = reserved_names() | {own.name for other in _PARTS.values() if other != part for own in _own(other)}
+    taken = [own.name for own in brought if own.name in others or not own.name.isidentifier()]
+    if taken:
+        raise ValueError(f"{part.name}: got a parameter called {taken[0]!r}; expected a Python name that no other has")
+    _PARTS[part.name] = part
+    if compete:
+        _COMPETE.add(part.name)
+
+
+def law_named(name: str) -> Law:
+    """The law of a name such as `lorentzian+quadratic`; `paper` is the Gaussian one, and so is `auto` before the data chose.
+
+    Raises KeyError, with the names that there are, where there is none.
+    """
+    if name in (PAPER, AUTO):
+        return GAUSSIAN
+    first, *rest = name.split("+")
+    if not {first, *rest} <= _PARTS.keys():
+        _look()
+    peak, terms = _PARTS.get(first), [_PARTS.get(x) for x in rest]
+    found = tuple(term for term in terms if isinstance(term, ViscousTerm))
+    if not isinstance(peak, Peak) or len(found) < len(rest) or len(set(rest)) < len(rest):
+        raise KeyError(f"{' | '.join(_named(Peak))}, each perhaps with +{' or +'.join(_named(ViscousTerm))}")
+    return Law(peak, found)
+
+
+def competing() -> tuple[Law, ...]:
+    """The laws that `auto` chooses from, the paper's first: every peak, with and without each term."""
+    _look()
+    peaks = [part for part in _PARTS.values() if isinstance(part, Peak) and part.name in _COMPETE]
+    terms = [part for part in _PARTS.values() if isinstance(part, ViscousTerm) and part.name in _COMPETE]
+    choices = product(peaks, [(), *((term,) for term in terms)])
+    return tuple(Law(peak, chosen) for peak, chosen in choices)
+
+
+def own_parameters() -> dict[str, OwnParameter]:
+    """What the known peaks and terms have beside the parameters of every law, by name."""
+    return {own.name: own for part in _PARTS.values() for own in _own(part)}
+
+
+def own_parameter(name: str) -> OwnParameter | None:
+    """The one of a name, those of installed packages included; None where no law has it."""
+    if name not in own_parameters():
+        _look()
+    return own_parameters().get(name)
+
+
+def friction_names() -> frozenset[str]:
+    """The parameters of friction that not every law has."""
+    return frozenset((*own_parameters(), FASTEST))
+
+
+def _own(part: Peak | ViscousTerm) -> tuple[OwnParameter, ...]:
+    return part.own if isinstance(part, Peak) else (part.coefficient,)
+
+
+def _named(kind: type[Peak] | type[ViscousTerm]) -> list[str]:
+    return [name for name, part in _PARTS.items() if isinstance(part, kind)]
+
+
+def _look() -> None:
+    """Ask the installed packages, once."""
+    if not _looked:
+        _looked.append(True)
+        for entry in entry_points(group=_GROUP):
+            register(entry.load())
