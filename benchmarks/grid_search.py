@@ -11,10 +11,11 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.identification.static.grid import PLAIN_GRID
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.questions.method_validation.cases import NOISES, sweep
 from bristle.questions.method_validation.results import SAME_COST, CaseResult
 from bristle.questions.method_validation.run import POLISHED, REFINED, SEED, validate
-from bristle.questions.method_validation.solvers import NAMES
+from bristle.questions.method_validation.solvers import case_names
 from bristle.questions.method_validation.verdict import overall
 
 
@@ -98,7 +99,7 @@ def of_methods(cases: tuple[CaseResult, ...]) -> None:
 def of_coverage(cases: tuple[CaseResult, ...]) -> None:
     """A row per design and kind of interval: how often it covers the truth, by parameter, lowest and highest of its cases."""
     print("\n95 % intervals that cover the truth, lowest to highest of a design's cases, %")
-    print(f"{'':<60}{'cases':>6} " + "".join(f"{name:>16}" for name in NAMES))
+    print(f"{'':<60}{'cases':>6} " + "".join(f"{name:>16}" for name in case_names(GAUSSIAN)))
     for design in dict.fromkeys(t.case.design for t in cases):
         own = [t for t in cases if t.case.design == design]
         for kind in ("covariance", "profile", "bootstrap-t"):

@@ -111,6 +111,7 @@ def identify(
     full: Annotated[
         bool, typer.Option("--full", help="Print each fit: statistics, correlations, cross-checks, every warning.")
     ] = False,
+    laws: Annotated[bool, typer.Option("--laws", help="Print the friction laws side by side.")] = False,
     uncertainty: Uncertainty = False,
     workers: Workers = None,
     strict: Strict = False,
@@ -132,6 +133,8 @@ def identify(
         from bristle.questions.joint_report.interval_tables import interval_lines
 
         _tell(interval_lines(results.joints))
+    if laws:
+        _tell_laws(results)
     if output is not None:
         write(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
@@ -207,6 +210,13 @@ def validate(
         _finish(results, strict)
 
 
+def _tell_laws(results: "Results") -> None:
+    """The friction laws side by side."""
+    from bristle.questions.joint_report.console import law_lines
+
+    _tell(law_lines(results.joints))
+
+
 def _cross_checked(experiment: Path, joint: str | None) -> "Results":
     """Identify, and print each fit beside a full nonlinear one on the same data."""
     with shown() as progress:
@@ -215,6 +225,7 @@ def _cross_checked(experiment: Path, joint: str | None) -> "Results":
         results = run(experiment, joint=joint, crosscheck=True, progress=progress)
         results.joint()
     _tell(results.checks())
+    _tell_laws(results)
     return results
 
 

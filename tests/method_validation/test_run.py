@@ -32,7 +32,7 @@ from bristle.questions.method_validation.results import (
     Validation,
 )
 from bristle.questions.method_validation.run import POLISHED, REFINED, RESOLUTIONS, spread, validate
-from bristle.questions.method_validation.solvers import NAMES, ValidationCase
+from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.questions.method_validation.verdict import overall, verdict
 from bristle.simulation import edro
 from bristle.simulation.bench import steady_points
@@ -42,6 +42,7 @@ from ..pages import page_text
 from ..sameness import without_sentences
 
 P = edro.TABLE_1["gripper rotation"].positive
+NAMES = case_names(P.law)
 WIDE, EVEN, NONE_BELOW = range(3)
 
 

@@ -7,7 +7,9 @@ from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import Known, chosen, mixed, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
-from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, in_direction, of_friction
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST, Law
+from bristle.model.parameters import SIGNED, Direction, ParameterName, fields_of, in_direction, of_friction
 from bristle.page.page import Drawn
 from bristle.page.wording import FITS, direction, in_symbols, measured, number, pretty, span, symbol
 from bristle.questions.joint_report.text import total_error
@@ -33,10 +35,11 @@ def answer(
         about: what compensation is worth, by joint; none where it was not simulated.
         curves: a small picture of each joint's curve, by joint.
     """
+    names = tuple(dict.fromkeys(n for joint in joints for n in fields_of(joint.law) if n != FASTEST))
     known = {joint.name: {row.parameter: row for row in chosen(joint)} for joint in joints}
     units = {
         name: {pretty(row.estimate.unit) for rows in known.values() for p, row in rows.items() if p.name == name}
-        for name in Lugre._fields
+        for name in names
     }
     shared = {name: next(iter(own)) for name, own in units.items() if len(own) == 1}
     rows = [
@@ -45,20 +48,27 @@ def answer(
             "name": joint.name,
             "slug": slug,
             "simulated": joint.simulated,
-            "directions": _directions(known[joint.name], shared),
+            "directions": _directions(known[joint.name], joint.law, names, shared),
             "held_out": _held_out(joint),
             "about": about.get(joint.name),
             "also": _also(known[joint.name]),
+            "law": "" if joint.law == GAUSSIAN else joint.law.title,
             "mixed": list(mixed(joint)),
             "curve": curves.get(joint.name),
             **trusted(joint),
         }
         for joint, slug in zip(joints, slugs, strict=True)
     ]
-    columns = [(name, shared.get(name, "")) for name in Lugre._fields]
+    columns = [(name, shared.get(name, "")) for name in names]
     labels = [f"{symbol(name)} ({unit})" if unit else symbol(name) for name, unit in columns]
     cells = [cell for row in rows for _, own in row["directions"] for cell in own]
-    return {"columns": columns, "labels": labels, "joints": rows, "open": any(c["value"] == _NONE for c in cells)}
+    return {
+        "columns": columns,
+        "labels": labels,
+        "joints": rows,
+        "open": any(c["value"] == _NONE for c in cells),
+        "other_law": any(joint.law != GAUSSIAN for joint in joints),
+    }
 
 
 def trusted(joint: Joint) -> dict[str, Any]:
@@ -69,15 +79,15 @@ def trusted(joint: Joint) -> dict[str, Any]:
 
 
 def _directions(
-    rows: Mapping[ParameterName, Known], shared: Mapping[str, str]
+    rows: Mapping[ParameterName, Known], law: Law, names: Sequence[str], shared: Mapping[str, str]
 ) -> list[tuple[str, list[dict[str, str]]]]:
-    """A line a direction: the cells of the six parameters."""
+    """A line a direction: the cells of some parameters, empty where the joint's law has none of that name."""
     found = [d for d in (*SIGNED, Direction.BOTH) if any(p.direction == d for p in rows if of_friction(p.name))]
     signed = [d for d in found if d in SIGNED] or found
     return [
         (
             "+/−" if d == Direction.BOTH else direction(d).strip("()"),
-            [_cell(in_direction(rows, name, d), shared) for name in Lugre._fields],
+            [_cell(in_direction(rows, n, d), shared) if n in fields_of(law) else _BLANK for n in names],
         )
         for d in signed
     ]
@@ -87,6 +97,9 @@ def _source(rows: Mapping[ParameterName, Known]) -> str:
     """Where all values come from; empty where they come from several stages, and each cell says it."""
     found = {row.source for row in rows.values() if row.estimate.value is not None and of_friction(row.parameter.name)}
     return FITS.get(only, only) if len(found) == 1 and (only := found.pop()) else ""
+
+
+_BLANK = {"value": "", "unit": "", "ends": "", "source": ""}
 
 
 def _cell(row: Known | None, shared: Mapping[str, str]) -> dict[str, str]:

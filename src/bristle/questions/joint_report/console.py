@@ -7,10 +7,10 @@ from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.fits import Crosscheck
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
-from bristle.identification.results import Joint
+from bristle.identification.results import Joint, LawRow
 from bristle.model.parameters import unit
-from bristle.page.plain import pair
-from bristle.page.wording import FITS, counted
+from bristle.page.plain import columns, pair, wrapped
+from bristle.page.wording import FITS, counted, printable
 from bristle.questions.joint_report.brief import verdicts
 from bristle.questions.joint_report.sentences import choice, cost_change, critical_titles, distinct
 
@@ -51,6 +51,38 @@ def checks(joint: Joint) -> Iterator[str]:
         yield from _check(f"{joint.name}, moving runs", "Gauss-Newton", joint.tracking.crosscheck)
     elif joint.tracking is not None:
         yield f"{joint.name}, moving runs: a simulated position has no second route; it was not checked"
+
+
+def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
+    """The friction laws side by side, joint by joint, the lowest BIC first; then which the data want, and why."""
+    for joint in joints:
+        found = joint.laws
+        if found is None:
+            yield f"{printable(joint.name)}: friction laws were not compared; too few points or samples for any but the paper's"
+            continue
+        yield f"{printable(joint.name)}: friction laws on {counted(found.n, 'point' if found.data == 'points' else 'sample')}"
+        by_run = any(row.run_left_out is not None for row in found.rows)
+        heads = (
+            "law",
+            "parameters",
+            "BIC",
+            "AICc",
+            "speeds left out",
+            *(("runs left out",) if by_run else ()),
+            "weight",
+            "",
+        )
+        rows = [_law_row(row, by_run=by_run) for row in sorted(found.rows, key=lambda row: row.bic)]
+        yield from columns([heads, *rows])
+        yield from wrapped([f"  {printable(str(found.sentence))}"])
+
+
+def _law_row(row: LawRow, *, by_run: bool) -> tuple[str, ...]:
+    """One law: BIC and AICc above the lowest, and errors at what was left out, in percent of the torque."""
+    left = ["-" if x is None else f"{x:.3g} %" for x in (row.left_out, *((row.run_left_out,) if by_run else ()))]
+    told = "fitted" if row.in_force else "wanted" if row.chosen else ""
+    aicc = "-" if row.aicc is None else f"+{row.aicc:.1f}"
+    return row.law, str(row.parameters), f"+{row.bic:.1f}", aicc, *left, f"{row.weight:.0%}".replace("%", " %"), told
 
 
 def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> Iterator[str]:

@@ -7,13 +7,14 @@ import numpy as np
 import pandas as pd
 
 from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.identification.fits import Estimate
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import band, curve
-from bristle.model.parameters import unit
+from bristle.model.parameters import ParameterName, of_curve, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import Drawn, Section, versions
 from bristle.page.style import MOST_POINTS
-from bristle.page.wording import direction, in_print, number, pretty, slugs
+from bristle.page.wording import MISSING, direction, in_print, measured, number, pretty, slugs, span, symbol
 from bristle.questions.joint_report import (
     dynamic_section,
     interval_tables,
@@ -26,6 +27,15 @@ from bristle.questions.joint_report.captions_section import captions
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import agreement, critical
 
+_LAW_NAMES = {
+    "aicc": "ΔAICc",
+    "bic": "ΔBIC",
+    "left_out": "speeds left out (%)",
+    "run_left_out": "runs left out (%)",
+    "weight": "weight (%)",
+    "in_force": "fitted?",
+    "chosen": "chosen?",
+}
 _NAMES = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
 
 
@@ -84,6 +94,7 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Drawn]) -> dict[str, Any
         "crosscheck": _crosscheck(joint),
         "hold_out": shown(tables.hold_out([joint])),
         "models": _models(joint),
+        "laws": _laws(joint),
         "presliding": presliding_section.presliding_section(joint),
         "tracking": dynamic_section.dynamic_section(joint),
         "uncertainty": interval_tables.interval_section(joint),
@@ -191,9 +202,7 @@ def _crosscheck(joint: Joint) -> list[dict[str, Any]]:
 
 def _shared(joint: Joint) -> dict[str, Any]:
     """Regressors beside friction, and what two directions share."""
-    extra = sorted(
-        {name for fit in joint.static.values() for name in fit.parameters if not name.startswith(("alpha_", "v_s"))}
-    )
+    extra = sorted({name for fit in joint.static.values() for name in fit.parameters if not of_curve(name)})
     return {"extra": extra, "shared": "shared" in joint.static}
 
 
@@ -210,6 +219,34 @@ def _models(joint: Joint) -> list[dict[str, Any]]:
         own = own.round({"aicc": 1, "bic": 1}).rename(columns={**_NAMES, "rms": f"rms ({torque})"})
         found.append({"of": x, "table": shown(own), "effective": number(x.effective, 4)})
     return found
+
+
+def _laws(joint: Joint) -> dict[str, Any] | None:
+    """What the template names of the laws side by side; None where they were not compared."""
+    if joint.laws is None:
+        return None
+    frame, torque = tables.laws([joint]).drop(columns=["joint", "data"]), pretty(unit("torque", joint.kind))
+    if frame["run_left_out"].isna().all():
+        frame = frame.drop(columns="run_left_out")
+    for name in {"rms", "left_out", "run_left_out"} & set(frame):
+        frame[name] = [float(f"{value:.4g}") for value in frame[name]]
+    frame["weight"] = (100 * frame["weight"]).round(1)
+    frame = frame.round({"aicc": 1, "bic": 1}).rename(columns={**_LAW_NAMES, "rms": f"rms ({torque})"})
+    averaged = [
+        {
+            "name": symbol(name),
+            "value": f"{measured(x.value, x.standard_error)} {pretty(unit(name.name, joint.kind))}",
+            "ends": span(x.interval),
+            "own": span(e.interval) if (e := _estimate(joint, name)) is not None else MISSING,
+        }
+        for name, x in joint.laws.averaged.items()
+    ]
+    return {"of": joint.laws, "table": shown(frame), "averaged": averaged, "law": joint.law}
+
+
+def _estimate(joint: Joint, name: ParameterName) -> Estimate | None:
+    fit = joint.static.get(name.direction)
+    return None if fit is None else fit.parameters.get(name.name)
 
 
 def _warnings(joint: Joint) -> list[tuple[str, list[tuple[str, Diagnostic]]]]:

@@ -13,7 +13,8 @@ from bristle.data.record import Record
 from bristle.identification.fits import Profile, StaticFit
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import band, curve
-from bristle.model.parameters import Kind, Lugre, unit
+from bristle.model.laws.parts import FASTEST
+from bristle.model.parameters import Kind, Lugre, Stribeck, unit
 from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, thinned, title
 from bristle.page.wording import axis, direction, pretty, shortened
 
@@ -21,6 +22,8 @@ FIG_1 = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
 """The parameters of the paper's Fig. 1."""
 FIG_1_V_S = (0.036, 0.072, 0.144)
 """Assumed: the paper shows three distinct v_s and names none. The middle one is the gripper's in Table 1."""
+_BEYOND = 1.15
+"""Times the fastest measured speed, up to which a curve that is held beyond it is drawn."""
 _SEEN = 0.01
 """Of the range of torques: a narrower band lies within its line."""
 
@@ -114,10 +117,31 @@ def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool
         x, y = np.abs(v), np.abs(y)
     of = direction("+" if sign > 0 else "-")
     ax.plot(x, y, look.line, color=look.colour, label=f"_(9) {of}")
+    if _is_held(fit):
+        _held(ax, p, look, sign, magnitude=magnitude)
     if half is not None:
         label = "95 % band" if half.max() > _SEEN * np.ptp(fit.torque) else "95 % band (within the line)"
         named = f"_{label} {of}" if label in ax.get_legend_handles_labels()[1] else label
         ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
+
+
+def _is_held(fit: StaticFit) -> bool:
+    """Whether the curve is held beyond the fastest measured speed."""
+    p = fit.values()
+    return p is not None and any(getattr(p, name) < 0 for name in p.law.coefficients)
+
+
+def _held(ax: Axes, p: Stribeck[float], look: Look, sign: float, *, magnitude: bool) -> None:
+    """The curve beyond the fastest measured speed where it bends down: held as it is there, hatched, since nobody measured it."""
+    fastest = getattr(p, FASTEST)
+    v = sign * fastest * np.array([1.0, _BEYOND])
+    x, y = (np.abs(v), np.abs(curve(v, p))) if magnitude else (v, curve(v, p))
+    ax.plot(x, y, ":", color=look.colour, linewidth=1.2, label=f"_held {direction('+' if sign > 0 else '-')}")
+    label = "not measured: held"
+    named = f"_{label} {sign}" if label in ax.get_legend_handles_labels()[1] else label
+    ax.axvspan(
+        *sorted(x.tolist()), facecolor="none", edgecolor="#666666", hatch="//", linewidth=0, alpha=0.5, label=named
+    )
 
 
 def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitude: bool = False) -> None:
@@ -174,6 +198,15 @@ def _frame(ax: Axes, joint: Joint) -> None:
     """Limits from what was fitted, so that a wild rejected segment does not flatten the curve."""
     v = np.concatenate([np.zeros(1), *(fit.velocity for _, fit in _directions(joint))])
     torque = np.concatenate([np.zeros(1), *(fit.torque for _, fit in _directions(joint))])
+    v = np.append(
+        v,
+        [
+            sign * _BEYOND * np.abs(fit.velocity).max()
+            for _, fit in _directions(joint)
+            for sign in _signs(fit)
+            if _is_held(fit)
+        ],
+    )
     for limits, x in ((ax.set_xlim, v), (ax.set_ylim, torque)):
         low, high = float(x.min()), float(x.max())
         margin = 0.08 * (high - low)

@@ -10,7 +10,7 @@ import pandas as pd
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
-from bristle.model.parameters import Direction, ParameterName, of_friction, unit
+from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.page.wording import WORK
 from bristle.questions.joint_report.interval_tables import repeats, uncertainty
 from bristle.questions.joint_report.results_file import declared, estimates, identified
@@ -251,6 +251,20 @@ def models(joints: Sequence[Joint]) -> pd.DataFrame:
     return frame.astype({**dict.fromkeys(numbers, float), "candidate": bool, "recommended": bool})
 
 
+def laws(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per joint and law: parameters, rms, AICc and BIC above the lowest, errors at speeds and runs left out, weight, which one."""
+    numbers = ["rms", "aicc", "bic", "left_out", "run_left_out", "weight"]
+    columns = ["law", "parameters", *numbers, "in_force", "chosen"]
+    rows = [
+        (joint.name, joint.laws.data, *(getattr(row, name) for name in columns))
+        for joint in joints
+        if joint.laws is not None
+        for row in joint.laws.rows
+    ]
+    frame = pd.DataFrame(rows, columns=["joint", "data", *columns])
+    return frame.astype({**dict.fromkeys(numbers, float), "in_force": bool, "chosen": bool})
+
+
 def table_1(joints: Sequence[Joint]) -> pd.DataFrame:
     """All parameters per direction, as in the paper's Table 1, each by the stage to use, with the truth where the data are simulated."""
     frame = with_truth(identified(joints), joints)
@@ -324,7 +338,7 @@ def true_value(joints: Sequence[Joint], joint: Any, direction: Any, parameter: A
     """The true value; nan where it is not known. A truth of both directions is that of each."""
     given = next((j.truth for j in joints if j.name == joint), {})
     truth = given.get(direction, given.get(Direction.BOTH))
-    return float(getattr(truth, parameter)) if truth is not None and of_friction(parameter) else math.nan
+    return float(getattr(truth, parameter)) if truth is not None and parameter in truth._fields else math.nan
 
 
 def units(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -344,5 +358,5 @@ def all_tables(joints: Sequence[Joint]) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
     fits = (parameters, inputs, segments, comparison, crosscheck, hold_out, points, profiles)
     moving = (tracking, tracking_hold_out, consistency, table_1, uncertainty, repeats)
-    makers = (*fits, models, presliding, breakaway, stiffness, hysteresis, *moving, units)
+    makers = (*fits, models, laws, presliding, breakaway, stiffness, hysteresis, *moving, units)
     return {maker.__name__: maker(joints) for maker in makers}

@@ -75,6 +75,8 @@ def _joint(joint: Joint) -> Iterator[str]:
         yield from _tracking(joint, FITS[kind], moving, said)
     if joint.consistency:
         yield from _consistency(joint)
+    if joint.laws is not None:
+        yield f"  [[laws on {joint.laws.data}]] fitted: {printable(joint.law.name)}. {printable(str(joint.laws.sentence))}"
     yield from (f"  [[models on {x.data}]] {printable(str(x.sentence))}" for x in joint.models)
 
 

@@ -17,7 +17,7 @@ from bristle.identification.results import Joint
 from bristle.identification.static.grid import default_range
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Stribeck
-from bristle.questions.method_validation.solvers import NAMES, ValidationCase
+from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.simulation import edro
 
 NOISES = (0.005, 0.05)
@@ -67,8 +67,8 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
 
     Args:
         joint: identified.
-        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for the
-            four parameters.
+        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for its
+            parameters.
 
     Raises InputError where nothing at all was fitted.
     """
@@ -81,7 +81,7 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
         if p is None or not p.alpha_1 or fit.profile is None:
             skipped[direction] = Kind.NO_STRIBECK_TERM(outcome=fit.outcome)
             continue
-        if fit.velocity.size <= len(NAMES):
+        if fit.velocity.size <= len(case_names(fit.law)):
             skipped[direction] = Kind.TOO_FEW_TO_VALIDATE(points=fit.velocity.size)
             continue
         velocity, fitted_noise = _points(fit)
@@ -114,7 +114,7 @@ def _points(fit: StaticFit) -> tuple[Array, float]:
     Equations of moving data are thinned, their noise widened for its correlation.
     """
     v = fit.velocity
-    level = float(np.sqrt(np.sum(fit.noise**2) / (v.size - len(NAMES))))
+    level = float(np.sqrt(np.sum(fit.noise**2) / (v.size - len(case_names(fit.law)))))
     if v.size <= MOST_POINTS:
         return v, level
     evenly = np.sort(v)[np.linspace(0, v.size - 1, MOST_POINTS).astype(np.intp)]

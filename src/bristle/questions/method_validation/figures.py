@@ -54,7 +54,7 @@ def cost_figure(result: CaseResult, kind: Kind) -> Figure:
         part.axhline(limit, color="#666666", linestyle="--", linewidth=1, label="95 % region, below" if label else None)
     for name in starts.solvers:
         look = SOLVERS[name]
-        x, y = starts.final[name][3], np.maximum(starts.cost[name] / lowest, 1.0)
+        x, y = starts.final[name][-1], np.maximum(starts.cost[name] / lowest, 1.0)
         ax.plot(x, y, look.marker, color=look.colour, mfc="none", alpha=0.75, label=f"{name}, from random starts")
     for count, marker in zip(_PLAIN, ("v", "x", "+"), strict=True):
         at = curve.plain[count]
@@ -62,9 +62,9 @@ def cost_figure(result: CaseResult, kind: Kind) -> Figure:
         for part, label in ((ax, f"plain grid of {count}"), (near, None)):
             part.plot(at, height, marker, color="#CC79A7", markersize=9, mew=2, mfc="none", label=label)
     for part, label in ((ax, "refined grid"), (near, None)):
-        part.plot(starts.best[3], 1.0, "*", color="#E69F00", mec="#000000", markersize=12, label=label, zorder=1.5)
+        part.plot(starts.best[-1], 1.0, "*", color="#E69F00", mec="#000000", markersize=12, label=label, zorder=1.5)
     allowed = curve.v_s[curve.cost <= curve.threshold]
-    near.set_xlim(*_widened(allowed.min(initial=starts.best[3]), allowed.max(initial=starts.best[3])))
+    near.set_xlim(*_widened(allowed.min(initial=starts.best[-1]), allowed.max(initial=starts.best[-1])))
     near.set_ylim(1 - 0.12 * (limit - 1), 1 + 1.15 * (limit - 1))
     decimal_log(ax)
     _ratio_axis(ax)
@@ -92,7 +92,7 @@ def starts_figure(result: CaseResult, kind: Kind) -> Figure:
     edges = np.geomspace(*result.case.v_s_range, _BINS + 1)
     for name in starts.solvers:
         look = SOLVERS[name]
-        other, final = starts.in_other_minimum(name), starts.final[name][3]
+        other, final = starts.in_other_minimum(name), starts.final[name][-1]
         for chosen, fill in ((~other, look.colour), (other, "none")):
             style: dict[str, Any] = {"color": look.colour, "markerfacecolor": fill, "markersize": 5, "alpha": 0.8}
             ax.plot(starts.initial_v_s[chosen], final[chosen], look.marker, **style)
@@ -100,7 +100,7 @@ def starts_figure(result: CaseResult, kind: Kind) -> Figure:
         share = _shares(starts.initial_v_s, ~other, edges)
         below.plot(np.sqrt(edges[1:] * edges[:-1]), 100 * share, look.marker + look.line, color=look.colour, label=name)
     ax.plot([], [], "o", color="#444444", markerfacecolor="none", label="hollow: another minimum")
-    ax.axhline(starts.best[3], color="#000000", linewidth=1, label="refined grid")
+    ax.axhline(starts.best[-1], color="#000000", linewidth=1, label="refined grid")
     decimal_log(below)
     _final(ax, starts)
     below.set_ylim(-5, 105)
@@ -151,11 +151,11 @@ def methods_figure(result: CaseResult) -> Figure:
     ax = figure.subplots()
     title(ax, result.case.label, simulated=True)
     rows, v_s = list(result.methods.values()), result.case.truth.v_s
-    reach = 100 * max(abs(m.bias[3]) + m.spread[3] for m in rows if m.failed <= _MOST_FAILED) / v_s
+    reach = 100 * max(abs(m.bias[-1]) + m.spread[-1] for m in rows if m.failed <= _MOST_FAILED) / v_s
     edge: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 9}
     for k, m in enumerate(rows):
         colour = "#D55E00" if m.name == REFINED else "#666666" if m.name in PLAIN_GRIDS.values() else "#0072B2"
-        centre, half = 100 * m.bias[3] / v_s, 100 * m.spread[3] / v_s
+        centre, half = 100 * m.bias[-1] / v_s, 100 * m.spread[-1] / v_s
         if abs(centre) + half <= 1.1 * reach:
             ax.errorbar(
                 centre, k, xerr=half, fmt="s" if m.name == REFINED else "o", color=colour, capsize=3, markersize=5
@@ -192,12 +192,12 @@ def _final(ax: Axes, starts: RandomStarts) -> None:
 
     Logarithmic where they differ by a factor, else plain, and never so narrow that it shows rounding.
     """
-    ends = np.concatenate([[starts.best[3]], *(starts.final[name][3] for name in starts.solvers)])
+    ends = np.concatenate([[starts.best[-1]], *(starts.final[name][-1] for name in starts.solvers)])
     low, high = float(ends.min()), float(ends.max())
     if high > _LARGE * low:
         _decimal(ax)
         return
-    ax.set_ylim(min(low * 0.98, (1 - _NARROW) * starts.best[3]), max(high * 1.02, (1 + _NARROW) * starts.best[3]))
+    ax.set_ylim(min(low * 0.98, (1 - _NARROW) * starts.best[-1]), max(high * 1.02, (1 + _NARROW) * starts.best[-1]))
     ax.yaxis.set_major_locator(MaxNLocator(5))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:.3g}"))
 

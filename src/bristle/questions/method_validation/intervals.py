@@ -9,20 +9,19 @@ from bristle.estimation import covariance
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import solve
-from bristle.identification.static.problem import from_points
 from bristle.identification.static.solution import is_closed
 from bristle.identification.static.uncertainty import resample
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.results import Coverage
-from bristle.questions.method_validation.solvers import NAMES, ValidationCase
+from bristle.questions.method_validation.solvers import ValidationCase
 
 INTERVAL_SETS, BOOTSTRAP_SETS, DRAWS = 200, 100, 399
 """Data sets at most of which the intervals are counted, and the bootstrap's, from so many draws each."""
 
 
 def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.bool_]:
-    """Which intervals by the exact Jacobian's covariance cover the truth, (4, sets); theta (4, sets), cost (sets,)."""
-    n, p = case.velocity.size, len(NAMES)
+    """Which intervals by the exact Jacobian's covariance cover the truth, (p, sets); theta (p, sets), cost (sets,)."""
+    n, p = case.velocity.size, len(case.names)
     jacobian = methods.jacobians(case, theta)
     length = np.linalg.norm(jacobian, axis=1)
     alive = (length > 0).all(axis=1)
@@ -62,5 +61,5 @@ def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: boo
 def declined_share(case: ValidationCase, torques: Array) -> float:
     """Share of data sets of which bristle says that v_s is not identifiable, or has no finite interval."""
     options = FitOptions(v_s_range=case.v_s_range)
-    v_s = [estimate_static(from_points(case.velocity, t, ("both",)), options, "revolute").get("v_s") for t in torques.T]
+    v_s = [estimate_static(case.problem(t), options, "revolute").get("v_s") for t in torques.T]
     return float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in v_s]))

@@ -101,8 +101,8 @@ def _cost(result: CaseResult, kind: Kind) -> str:
     """Where the refined grid ends, and from how many starts the worst solver misses it, or which solver ends below it."""
     starts, v = result.starts, pretty(unit("v_s", kind))
     lowest = min(starts.solvers, key=lambda name: float(starts.cost[name].min()))
-    cost, v_s = starts.cost[lowest], starts.final[lowest][3]
-    at = f"at vₛ = {number(starts.best[3], 3)} {v}"
+    cost, v_s = starts.cost[lowest], starts.final[lowest][-1]
+    at = f"at vₛ = {number(starts.best[-1], 3)} {v}"
     if starts.best_cost > cost.min() * (1 + SAME_COST):
         excess, below = in_percent(starts.best_cost / float(cost.min()) - 1), number(v_s[cost.argmin()], 3)
         return (
@@ -134,10 +134,10 @@ def _methods(result: CaseResult) -> str:
     """Median error of v_s and failures, of the refined grid and of the solvers at their worst."""
     local = [(name, result.methods[f"{name}, random start"]) for name in result.starts.solvers]
     grid, v_s = result.methods[REFINED], result.case.truth.v_s
-    error, solver = max((abs(float(m.bias[3])) / v_s, name) for name, m in local)
+    error, solver = max((abs(float(m.bias[-1])) / v_s, name) for name, m in local)
     failed = in_percent(max(m.failed for _, m in local))
     return (
-        f"The median error of vₛ is {in_percent(abs(float(grid.bias[3])) / v_s)} by the refined grid and up to "
+        f"The median error of vₛ is {in_percent(abs(float(grid.bias[-1])) / v_s)} by the refined grid and up to "
         f"{in_percent(error)} by a solver ({solver}); the grid fails in {in_percent(grid.failed)} of the data sets, "
         f"a solver in up to {failed}"
     )

@@ -27,7 +27,7 @@ FREE = "IPOPT, v_s free"
 
 @result
 class MethodResult:
-    """How one method did over the repetitions; arrays (4,) in the order of `NAMES`."""
+    """How one method did over the repetitions; arrays (p,) in the order of the case's `names`."""
 
     name: str
     repetitions: int
@@ -106,7 +106,7 @@ class RandomStarts:
     def without_peak(self, name: str) -> NDArray[np.bool_]:
         """Which of them ended without a Stribeck term: alpha_1 is nothing beside alpha_0, (s,)."""
         theta = self.final[name]
-        absent: NDArray[np.bool_] = self.in_other_minimum(name) & (theta[2] < 1e-4 * theta[0])
+        absent: NDArray[np.bool_] = self.in_other_minimum(name) & (theta[-2] < 1e-4 * theta[0])
         return absent
 
 
@@ -129,7 +129,7 @@ class Coverage:
     kind: str
     repetitions: int
     share: Array
-    """(4,), in the order of `NAMES`."""
+    """(p,), in the order of the case's `names`."""
 
 
 @result

@@ -35,7 +35,7 @@ from bristle.questions.method_validation.results import (
     RandomStarts,
     Validation,
 )
-from bristle.questions.method_validation.solvers import NAMES, Local, ValidationCase
+from bristle.questions.method_validation.solvers import Local, ValidationCase
 from bristle.simulation.bench import steady_points
 
 SEED, REPETITIONS, STARTS = 0, 1000, 100
@@ -120,9 +120,9 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
 def _answers(
     case: ValidationCase, torques: Array, few: Array, initial: Array, solvers: Mapping[str, Local]
 ) -> dict[str, tuple[Array, float]]:
-    """Theta (4, s) by each method and its seconds per data set.
+    """Theta (p, s) by each method and its seconds per data set.
 
-    Grids of all data sets, local solvers of a few, one start (s, 4) each.
+    Grids of all data sets, local solvers of a few, one start (s, p) each.
     """
     repetitions = torques.shape[1]
     grid, seconds = _timed(lambda: methods.refined(case, torques), repetitions)
@@ -141,7 +141,7 @@ def spread(values: Array) -> Array:
 
 
 def _largest_step(steps: Array, spreads: Array) -> float:
-    """The largest step, (4, s), in spreads (4,) of its parameter."""
+    """The largest step, (p, s), in spreads (p,) of its parameter."""
     farthest = np.abs(steps).max(axis=1)
     return float(max(f / s if s > 0 else np.inf for f, s in zip(farthest, spreads, strict=True)))
 
@@ -154,7 +154,7 @@ def _timed(call: Callable[[], Array], sets: int) -> tuple[Array, float]:
 
 
 def _each(fit: Local, torques: Array, initial: Array) -> tuple[Array, float]:
-    """A local solver over data sets (n, s), each from its own start, (s, 4)."""
+    """A local solver over data sets (n, s), each from its own start, (s, p)."""
     return _timed(
         lambda: np.stack([fit(t, x) for t, x in zip(torques.T, initial, strict=True)], axis=1), torques.shape[1]
     )
@@ -183,7 +183,7 @@ def _method_result(
 ) -> MethodResult:
     seen = theta.shape[1]
     cost = methods.costs(case, torques[:, :seen], theta)
-    n, p = case.velocity.size, len(NAMES)
+    n, p = case.velocity.size, len(case.names)
     outside = ~(cost <= lowest[:seen] * profile_threshold(1.0, n, p))
     return MethodResult(
         name=name,
@@ -200,11 +200,11 @@ def _method_result(
 
 
 def _resolution(case: ValidationCase, grid: Array, plain: Mapping[int, Array]) -> GridResolution:
-    floor = float(spread(grid[3]))
+    floor = float(spread(grid[-1]))
     low, high = case.v_s_range
     return GridResolution(
         counts=tuple(plain),
-        error=np.array([np.sqrt(np.mean((theta[3] - grid[3]) ** 2)) for theta in plain.values()]),
+        error=np.array([np.sqrt(np.mean((theta[-1] - grid[-1]) ** 2)) for theta in plain.values()]),
         floor=floor,
         predicted=1 + int(np.ceil((high - low) / (np.sqrt(12) * FINE_ENOUGH * floor))) if floor > 0 else 0,
     )
@@ -213,14 +213,14 @@ def _resolution(case: ValidationCase, grid: Array, plain: Mapping[int, Array]) -
 def _from_starts(
     case: ValidationCase, torque: Array, best: Array, initial: Array, solvers: Mapping[str, Local]
 ) -> RandomStarts:
-    """One data set from every start (s, 4), by every local solver, and by IPOPT with v_s free."""
+    """One data set from every start (s, p), by every local solver, and by IPOPT with v_s free."""
     torques = np.repeat(torque[:, None], len(initial), axis=1)
     final = {
         name: _each(fit, torques, initial)[0] for name, fit in {**solvers, FREE: methods.ipopt(case, free=True)}.items()
     }
     return RandomStarts(
         torque=torque,
-        initial_v_s=initial[:, 3],
+        initial_v_s=initial[:, -1],
         final=final,
         cost={name: methods.costs(case, torques, theta) for name, theta in final.items()},
         best=best,
@@ -229,15 +229,15 @@ def _from_starts(
 
 
 def _outside_range(case: ValidationCase, starts: RandomStarts) -> NDArray[np.bool_]:
-    v_s, (low, high) = starts.final[FREE][3], case.v_s_range
+    v_s, (low, high) = starts.final[FREE][-1], case.v_s_range
     lower: NDArray[np.bool_] = (starts.cost[FREE] < starts.best_cost * (1 - SAME_COST)) & ((v_s < low) | (v_s > high))
     return lower
 
 
 def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> CostCurve:
     projected, coarse = Projected(case.problem(torque)), log_grid(case.v_s_range, _DRAWN)
-    threshold = profile_threshold(starts.best_cost, torque.size, len(NAMES))
-    allowed = np.append(coarse[projected.costs(coarse) <= threshold], starts.best[3])
+    threshold = profile_threshold(starts.best_cost, torque.size, len(case.names))
+    allowed = np.append(coarse[projected.costs(coarse) <= threshold], starts.best[-1])
     step = coarse[1] / coarse[0]
     near = np.geomspace(allowed.min() / step, min(allowed.max() * step, case.v_s_range[1]), _DRAWN)
     values = np.unique(np.concatenate([coarse, near[near > coarse[0]]]))
@@ -245,5 +245,5 @@ def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> Co
         v_s=values,
         cost=projected.costs(values),
         threshold=threshold,
-        plain={n: float(methods.plain(case, torque[:, None], n)[3, 0]) for n in PLAIN_GRIDS},
+        plain={n: float(methods.plain(case, torque[:, None], n)[-1, 0]) for n in PLAIN_GRIDS},
     )

@@ -1,12 +1,15 @@
 """The methods compared: grids, and local solvers from a start, for velocity-torque points of one direction.
 
-Each takes torques (n, sets) that share their velocities and returns theta (4, sets), in the order of `NAMES`, which is `Regression.names`'.
-Local solvers see the same scaled variables, v_s by its logarithm, and stay within the grid's bounds: alpha >= 0, v_s in its range.
+Each takes torques (n, sets) that share their velocities and returns theta (p, sets), in the order of the case's `names`,
+which is `Regression.names`': four of the paper's law. What the shape of a peak takes beside v_s is held at its true
+value. Local solvers see the same scaled variables, v_s by its logarithm, and stay within the grid's bounds: alpha >= 0,
+v_s in its range.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from importlib.util import find_spec
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -20,11 +23,10 @@ from bristle.identification.static.crosscheck import OPTIONS
 from bristle.identification.static.problem import Regression, from_points, unknowns_of
 from bristle.model import law
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
+from bristle.model.laws.parts import Law
 from bristle.model.parameters import ParameterName, Stribeck
 from bristle.model.vectorize import evaluate
 
-NAMES = ("alpha_0", "alpha_2", "alpha_1", "v_s")
-"""Order of theta."""
 LMFIT = find_spec("lmfit") is not None
 """Whether lmfit is installed."""
 _BEYOND = 1e3
@@ -33,7 +35,7 @@ _TOLERANCE = 1e-12
 """Of SciPy's solver, so that it ends in a minimum and not before."""
 
 Local = Callable[[Array, Array], Array]
-"""From torques (n,) and a start theta (4,) to theta (4,)."""
+"""From torques (n,) and a start theta (p,) to theta (p,)."""
 
 
 @result
@@ -46,16 +48,25 @@ class ValidationCase:
     truth: Stribeck[float]
     """Parameters that the points are simulated from."""
     velocity: Array
-    """rad/s, (n,), none zero, n > 4."""
+    """rad/s, (n,), none zero, n > p."""
     noise: float
     """Standard deviation of a point's torque, N*m, > 0."""
     v_s_range: tuple[float, float]
     """Where v_s is searched, rad/s."""
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Order of theta; v_s is the last."""
+        return case_names(self.truth.law)
+
+    @property
     def theta(self) -> Array:
-        """The truth in the order of `NAMES`, (4,)."""
-        return np.array([getattr(self.truth, name) for name in NAMES])
+        """The truth in the order of `names`, (p,)."""
+        return np.array([getattr(self.truth, name) for name in self.names])
+
+    def parameters(self, theta: Sequence[Any] | Array) -> Stribeck[Any]:
+        """The law's parameters with theta in place of the truth."""
+        return self.truth._replace(**dict(zip(self.names, theta, strict=True)))
 
     @property
     def unknowns(self) -> Unknowns[ParameterName]:
@@ -64,13 +75,20 @@ class ValidationCase:
 
     def problem(self, torque: Array) -> Regression:
         """The static problem of one data set, torque (n,)."""
-        return from_points(self.velocity, torque, ("both",))
+        law = self.truth.law
+        shape = tuple(getattr(self.truth, name) for name in law.shape_parameters[1:])
+        return replace(from_points(self.velocity, torque, ("both",), law=law), shape=shape)
+
+
+def case_names(of: Law) -> tuple[str, ...]:
+    """What is fitted of a law, in the order of theta."""
+    return ("alpha_0", "alpha_2", *of.coefficients, "alpha_1", "v_s")
 
 
 def modelled(case: ValidationCase, theta: Array) -> Array:
-    """T_ss (9) at the case's velocities for theta (4, sets): (n, sets), N*m."""
-    alpha_0, alpha_2, alpha_1, v_s = theta
-    (torque,) = evaluate(steady_torque_function(), case.velocity[:, None], alpha_0, alpha_1, alpha_2, v_s)
+    """T_ss (9) at the case's velocities for theta (p, sets): (n, sets), N*m."""
+    p = case.parameters(theta)
+    (torque,) = evaluate(steady_torque_function(p.law), case.velocity[:, None], *p)
     return torque
 
 
@@ -82,15 +100,15 @@ def costs(case: ValidationCase, torques: Array, theta: Array) -> Array:
 
 
 def jacobians(case: ValidationCase, theta: Array) -> Array:
-    """Exact derivative of the modelled torque with respect to theta (4, sets): (sets, n, 4)."""
-    alpha_0, alpha_2, alpha_1, v_s = theta[..., None]
-    by = evaluate(steady_jacobian_function(), case.velocity, alpha_0, alpha_1, alpha_2, v_s)
-    return np.stack([by[0], by[2], by[1], by[3]], axis=-1)
+    """Exact derivative of the modelled torque with respect to theta (p, sets): (sets, n, p)."""
+    p = case.parameters(theta[..., None])
+    by = dict(zip(p._fields, evaluate(steady_jacobian_function(p.law), case.velocity, *p), strict=True))
+    return np.stack([np.broadcast_to(by[name], by["v_s"].shape) for name in case.names], axis=-1)
 
 
 def random_starts(case: ValidationCase, count: int, rng: np.random.Generator) -> Array:
-    """Starts anywhere within the grid's bounds, (count, 4): alphas uniform up to their typical sizes, v_s even in its logarithm."""
-    linear = rng.uniform(0.0, 1.0, (count, 3)) * case.unknowns.scale[:3]
+    """Starts anywhere within the grid's bounds, (count, p): alphas uniform up to their typical sizes, v_s even in its logarithm."""
+    linear = rng.uniform(0.0, 1.0, (count, len(case.names) - 1)) * case.unknowns.scale[:-1]
     low, high = np.log(case.v_s_range)
     v_s = np.exp(rng.uniform(low, high, (count, 1)))
     return np.concatenate([linear, v_s], axis=1)
@@ -111,9 +129,8 @@ def ipopt(case: ValidationCase, *, free: bool = False) -> Local:
     unknowns = case.unknowns
     beyond = np.where(unknowns.logarithmic, np.log(_BEYOND), 0.0) * free
     unknowns = replace(unknowns, lower=unknowns.lower - beyond, upper=unknowns.upper + beyond)
-    x, torque, top = ca.SX.sym("x", 4), ca.SX.sym("torque", case.velocity.size), float(unknowns.scale[0])
-    alpha_0, alpha_2, alpha_1, v_s = natural(unknowns, x)
-    curve = law.steady_torque(ca.DM(case.velocity), Stribeck(alpha_0, alpha_1, alpha_2, v_s))
+    x, torque, top = ca.SX.sym("x", len(case.names)), ca.SX.sym("torque", case.velocity.size), float(unknowns.scale[0])
+    curve = law.steady_torque(ca.DM(case.velocity), case.parameters(natural(unknowns, x)))
     residual = (torque - curve) / top
     full = solver("full", x, ca.dot(residual, residual), torque, **OPTIONS)
 
@@ -138,7 +155,7 @@ def trf(case: ValidationCase) -> Local:
             return problem.residuals(unknowns.natural(x)) / top
 
         def jacobian(x: Array) -> Array:
-            """Its exact derivative with respect to x, (n, 4)."""
+            """Its exact derivative with respect to x, (n, p)."""
             slopes: Array = -problem.jacobian(unknowns.natural(x)) * unknowns.slopes(x) / top
             return slopes
 
@@ -159,14 +176,14 @@ def lmfit(case: ValidationCase) -> Local:
     """The default of lmfit (Levenberg-Marquardt on transformed variables, differences for derivatives), with the same bounds and start."""
     from lmfit import Parameters, minimize
 
-    names, (low, high) = NAMES, case.v_s_range
+    names, (low, high), least = case.names, case.v_s_range, case.problem(np.zeros(case.velocity.size)).least
 
     def fit(measured: Array, start: Array) -> Array:
         """Where lmfit ends."""
         problem, parameters = case.problem(measured), Parameters()
-        for name, value in zip(names[:3], start[:3].tolist(), strict=True):
-            parameters.add(name, value=value, min=0.0)
-        parameters.add(names[3], value=float(np.clip(start[3], low, high)), min=low, max=high)
+        for name, value, lowest in zip(names[:-1], start[:-1].tolist(), least[:-1].tolist(), strict=True):
+            parameters.add(name, value=value, min=lowest)
+        parameters.add(names[-1], value=float(np.clip(start[-1], low, high)), min=low, max=high)
 
         def residuals(at: Parameters) -> Array:
             """Measured minus modelled torque, (n,)."""

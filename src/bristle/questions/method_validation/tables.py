@@ -7,7 +7,6 @@ import pandas as pd
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.questions.method_validation.results import CaseResult, Validation
 from bristle.questions.method_validation.run import REFINED
-from bristle.questions.method_validation.solvers import NAMES
 
 
 def all_tables(validation: Validation) -> Mapping[str, pd.DataFrame]:
@@ -52,7 +51,7 @@ def methods(validation: Validation) -> pd.DataFrame:
         }
         for result in validation.cases
         for method in result.methods.values()
-        for k, name in enumerate(NAMES)
+        for k, name in enumerate(result.case.names)
     ]
     return pd.DataFrame(rows)
 
@@ -61,7 +60,7 @@ def coverage(validation: Validation) -> pd.DataFrame:
     """One row per case and kind of interval: how often it covers, percent, by parameter."""
     rows = [
         {**_which(result), "interval": coverage.kind, "repetitions": coverage.repetitions}
-        | {f"{name}_percent": 100 * float(x) for name, x in zip(NAMES, coverage.share, strict=True)}
+        | {f"{name}_percent": 100 * float(x) for name, x in zip(result.case.names, coverage.share, strict=True)}
         for result in validation.cases
         for coverage in result.coverage
     ]
@@ -85,9 +84,11 @@ def v_s_by_method(result: CaseResult) -> pd.DataFrame:
         {
             "method": method.name,
             "sets": method.repetitions,
-            "bias of v_s (%)": 100 * float(method.bias[3]) / v_s,
-            "spread of v_s (%)": 100 * float(method.spread[3]) / v_s,
-            **{f"covers {name} (%)": 100 * float(x) for name, x in zip(NAMES, method.coverage, strict=True)},
+            "bias of v_s (%)": 100 * float(method.bias[-1]) / v_s,
+            "spread of v_s (%)": 100 * float(method.spread[-1]) / v_s,
+            **{
+                f"covers {name} (%)": 100 * float(x) for name, x in zip(result.case.names, method.coverage, strict=True)
+            },
             "fails (%)": 100 * method.failed,
             "other minimum (%)": None if method.other_minimum is None else 100 * method.other_minimum,
             "ms": 1e3 * method.seconds,

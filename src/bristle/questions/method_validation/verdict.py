@@ -66,10 +66,10 @@ def _knowable(result: CaseResult) -> Iterator[Diagnostic]:
         "below": int(np.count_nonzero(speeds < v_s)),
         "speeds": speeds.size,
         "declined": 100 * result.declined,
-        "spread": 100 * best.spread[3] / v_s,
+        "spread": 100 * best.spread[-1] / v_s,
     }
     if result.not_identifiable:
-        yield Kind.V_S_UNKNOWABLE(**facts, bias=100 * best.bias[3] / v_s)
+        yield Kind.V_S_UNKNOWABLE(**facts, bias=100 * best.bias[-1] / v_s)
     else:
         yield Kind.V_S_KNOWABLE(**facts)
 
@@ -109,7 +109,7 @@ def _resolution(result: CaseResult) -> Iterator[Diagnostic]:
 def _outside_range(result: CaseResult) -> Iterator[Diagnostic]:
     outside = result.outside_range
     if outside.any():
-        v_s = result.starts.final[FREE][3][outside]
+        v_s = result.starts.final[FREE][-1][outside]
         yield Kind.LOWER_OUTSIDE_RANGE(count=outside.sum(), starts=outside.size, low=v_s.min(), high=v_s.max())
 
 
