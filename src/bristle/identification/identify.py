@@ -19,7 +19,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
-from bristle.identification.law_comparison import law_warnings, laws_of, with_averages
+from bristle.identification.law_comparison import law_warnings, laws_of_motion, laws_of_points, with_averages
 from bristle.identification.measured import Measured, nothing_to_fit, with_law
 from bristle.identification.model_selection import compare_on_motion, compare_on_points
 from bristle.identification.moving_runs import (
@@ -70,11 +70,36 @@ def identify_joint(
 
     Raises InputError where no run can be fitted, saying which threshold ate what.
     """
-    training = _training(measured)
-    step(progress, "comparing friction laws")
-    asked_law = measured.experiment.fit.law
+    asked = measured.experiment.fit.law
+    identified = partial(
+        _identified, timings=timings, asked_law=asked, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
+    )
     measured, laws = _with_law(measured)
-    experiment = measured.experiment
+    joint = identified(measured, laws)
+    if laws is None and joint.tracking is not None:
+        step(progress, "comparing friction laws")
+        laws = laws_of_motion(measured, joint.tracking)
+        wanted = laws.chosen.law if asked == AUTO and laws is not None else joint.law.name
+        if laws is not None and wanted != joint.law.name:
+            rows = tuple(replace(row, in_force=row.chosen) for row in laws.rows)
+            laws = replace(laws, rows=rows)
+            joint = identified(with_law(measured, wanted), laws)
+        joint = replace(joint, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
+    return joint.with_subjects()
+
+
+def _identified(
+    measured: Measured,
+    laws: LawComparison | None,
+    *,
+    timings: dict[str, float] | None,
+    asked_law: str,
+    crosscheck: bool,
+    uncertainty: bool,
+    progress: Progress | None,
+) -> Joint:
+    """The same under one law, which `laws` may have chosen on the points."""
+    experiment, training = measured.experiment, _training(measured)
     points = measured.points(hold_out=False)
     step(progress, "fitting friction vs velocity")
     static, checks, left_out = _static(measured, points, timings)
@@ -122,13 +147,16 @@ def identify_joint(
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
         settings=_settings(experiment, asked_law, moving=bool(training)),
-    ).with_subjects()
+    )
 
 
 def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
-    """What was measured, with the law that the data choose where they are asked; and the laws side by side."""
+    """What was measured, under a law: the one asked for, or the one that its points choose; and the laws side by side on them.
+
+    Moving runs choose after they were fitted: until then theirs is the paper's.
+    """
     asked = measured.experiment.fit.law
-    laws = laws_of(measured, law_named(asked))
+    laws = laws_of_points(measured, law_named(asked)) if measured.points(hold_out=False) else None
     if asked != AUTO:
         return measured, laws
     if laws is None:

@@ -3,7 +3,8 @@
 The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
 speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
 left out alone what happens to lie at one end. Each law has a Stribeck term in every direction: whether the data show
-one is the fit's to say.
+one is the fit's to say. Points are solved on the grid; moving runs, in which a slow speed is seldom seen but in
+presliding, by LuGre itself (`dynamic.laws`).
 
 With the equations of each solve, n of them of which n' are independent, and k parameters, the noise variance among
 them, a law's BIC is the sum of n' log(RSS / n) + k log(n'). Its weight is exp(-BIC / 2) over the sum of all (Burnham
@@ -15,24 +16,22 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial, reduce
 from operator import or_
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.covariance import covariance, student
-from bristle.identification.fits import StaticFit
+from bristle.estimation.covariance import covariance, seen, student
+from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
+from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.measured import Measured
 from bristle.identification.model_criteria import power_of, scores
-from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.results import Averaged, LawComparison, LawRow
 from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
-from bristle.identification.static.problem import Regression, from_records
+from bristle.identification.static.problem import Regression
 from bristle.identification.static.shape_search import with_best_shape
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
@@ -52,58 +51,102 @@ _WORTH = 1e-3
 _STICKS_OUT = 0.1
 """Of an interval's width."""
 
-Pose = Callable[[Law], Sequence[Regression]]
-"""The solves of a law, the same equations for every law."""
+
+class Solve(NamedTuple):
+    """One of a law's solves: what its BIC is made of."""
+
+    residuals: Array
+    """(n,)."""
+    parameters: int
+    effective: float
+    """How many of the equations are independent."""
+    power: float
+    """Sum of squares of what is explained."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Fitted:
+LeftOut = tuple[float | None, float | None]
+"""100 * norm(error) / norm(measured), percent, over blocks of speed and over runs, each predicted from the others; None where these are too few."""
+Known = dict[ParameterName, tuple[float, float, float]]
+"""Value, standard error and its degrees of freedom of each parameter that is at no bound."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedLaw:
     """A law fitted to every solve."""
 
     law: Law
-    problems: tuple[Regression, ...]
-    solutions: tuple[Solution, ...]
+    solves: tuple[Solve, ...]
+    left_out: Callable[[], LeftOut]
+    """Works out how it predicts what was left out."""
+    known: Callable[[], Known]
 
     @property
     def residuals(self) -> Array:
         """Of every equation, (n,)."""
-        return np.concatenate([solution.residuals for solution in self.solutions])
-
-    @property
-    def count(self) -> int:
-        """Parameters."""
-        return sum(len(problem.names) + len(problem.shape) for problem in self.problems)
+        return np.concatenate([solve.residuals for solve in self.solves])
 
 
-def laws_of(measured: Measured, in_force: Law) -> LawComparison | None:
-    """The laws on what an experiment measured: its points without those that do not belong, or else its moving runs.
+def laws_beside(in_force: Law) -> tuple[Law, ...]:
+    """The laws that are compared: those that compete, and the one in force."""
+    return tuple({law.name: law for law in (*competing(), in_force)}.values())
 
-    None where there are too few equations, or the moving runs are not about a torque. Raises InputError as the fits do.
+
+def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
+    """The laws on the points of an experiment, those that do not belong left out; None where there are too few.
+
+    Raises InputError as the fit of points does.
     """
-    experiment, options = measured.experiment, measured.experiment.fit
-    points = measured.points(hold_out=False)
-    if points:
-        asked, stray = point_regressors(experiment), {s.points[k].place for s in measured.searches for k in s.strays}
-        chosen = groups(experiment, [s for s in points if s.place not in stray])
+    points, asked = measured.points(hold_out=False), point_regressors(measured.experiment)
+    stray = {s.points[k].place for s in measured.searches for k in s.strays}
+    chosen = groups(measured.experiment, [s for s in points if s.place not in stray])
 
-        def pose(law: Law) -> Sequence[Regression]:
-            """The points of each solve."""
-            return [points_problem(group, sides, asked, law) for sides, group in chosen]
+    def pose(law: Law) -> Sequence[Regression]:
+        """The points of each solve."""
+        return [points_problem(group, sides, asked, law) for sides, group in chosen]
 
-        return compare_laws("points", pose, in_force, options.v_s_range)
+    return compare_laws(pose, in_force, measured.experiment.fit.v_s_range)
+
+
+def laws_of_motion(measured: Measured, alone: TrackingFit) -> LawComparison | None:
+    """The laws on the moving runs; None where there are too few equations, or the fit of them is not about a torque.
+
+    Args:
+        measured: with moving runs.
+        alone: their fit under the law in force.
+    """
     records = measured.moving(hold_out=False)
-    if not records or options.predict != "torque":
+    if alone.quantity != "torque":
         return None
-    sides, asked, (fixed, _) = directions(experiment, records), regressors(experiment), inertia(experiment)
+    laws = laws_beside(alone.law)
+    found = [fitted_to_motion(measured.experiment, records, alone, law) for law in laws]
+    effective = min((x.effective for x in found if x is not None), default=0.0)
+    return ranked(
+        "moving runs", [None if x is None else _of_motion(x, effective) for x in found], alone.law, sparing=True
+    )
 
-    def pose_motion(some: Sequence[Record], law: Law) -> Sequence[Regression]:
-        """The moving runs as one solve."""
-        whole = from_records(some, sides, asked, options.decimation, fixed, law)[0]
-        speed = options.moving_above
-        return [whole if speed is None else whole.rows(np.abs(whole.equation_velocity) > speed)]
 
-    runs = [partial(pose_motion, [record]) for record in records] if len(records) > 1 else []
-    return compare_laws("moving runs", partial(pose_motion, records), in_force, options.v_s_range, runs)
+def _of_motion(one: MovingLaw, effective: float) -> FittedLaw:
+    """A law fitted to moving runs, of whose equations so many are independent."""
+    power, freedom = power_of(one.problem.measured), one.residuals.size / max(effective, 1.0)
+
+    def left_out() -> LeftOut:
+        """Over blocks of speed, and over runs."""
+        part, runs = parts_by_speed(one.problem.velocity), masks_of_runs(one.problem)
+        by_speed = percent_of(left_out_costs(one, [part == k for k in range(BLOCKS)]), power)
+        return by_speed, percent_of(left_out_costs(one, runs), power) if runs else None
+
+    def known() -> Known:
+        """Of what has an influence."""
+        free = seen(one.jacobian)
+        matrix, own_freedom = covariance(one.jacobian[:, free], power_of(one.residuals), freedom)
+        names = [name for name, keep in zip(one.problem.names, free.tolist(), strict=True) if keep]
+        slopes = one.unknowns.slopes(one.x)[free]
+        errors = (np.sqrt(np.diag(matrix)) * np.abs(slopes)).tolist()
+        pairs = zip(names, errors, strict=True)
+        return {n: (one.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)}
+
+    solve = Solve(one.residuals, len(one.problem.names), effective, power)
+    return FittedLaw(law=one.law, solves=(solve,), left_out=left_out, known=known)
 
 
 def law_warnings(laws: LawComparison | None) -> tuple[Diagnostic, ...]:
@@ -141,41 +184,44 @@ def _beyond(over: tuple[float, float], own: tuple[float, float]) -> bool:
 
 
 def compare_laws(
-    data: Literal["points", "moving runs"],
-    pose: Pose,
-    in_force: Law,
-    v_s_range: tuple[float, float] | None,
-    runs: Sequence[Pose] = (),
+    pose: Callable[[Law], Sequence[Regression]], in_force: Law, v_s_range: tuple[float, float] | None
 ) -> LawComparison | None:
-    """The laws that compete, and the one in force, on the same equations; None where there are too few for any other than the paper's.
+    """The laws that compete, and the one in force, on the same points; None where there are too few for any other than the paper's.
+
+    Args:
+        pose: the solves of a law.
+        in_force: the law of the fits.
+        v_s_range: where v_s is searched, rad/s; None: from the speeds.
+    """
+    return ranked("points", [_fitted(law, pose(law), v_s_range) for law in laws_beside(in_force)], in_force)
+
+
+def ranked(
+    data: Literal["points", "moving runs"], fitted: Sequence[FittedLaw | None], in_force: Law, *, sparing: bool = False
+) -> LawComparison | None:
+    """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
 
     Args:
         data: what the equations are about.
-        pose: poses them for a law.
+        fitted: each law; None where there were too few equations.
         in_force: the law of the fits.
-        v_s_range: where v_s is searched, rad/s; None: from the speeds.
-        runs: of moving data each run alone; where there are several, each is left out in turn as well.
+        sparing: whether errors at what is left out are worked out only for laws that BIC prefers, and those they are
+            compared with.
     """
-    every = {law.name: law for law in (*competing(), in_force)}
-    fitted = [x for law in every.values() if (x := _fitted(law, pose(law), v_s_range)) is not None]
-    if not any(x.law == GAUSSIAN for x in fitted) or len(fitted) < 2:
+    found = [x for x in fitted if x is not None]
+    paper = next((k for k, x in enumerate(found) if x.law == GAUSSIAN), None)
+    if paper is None or len(found) < 2:
         return None
-    power = sum(power_of(p.measured) for p in fitted[0].problems)
-    best = min(fitted, key=lambda x: power_of(x.residuals))
-    wider = [
-        inflation(s.residuals) if p.smooth is not None else 1.0
-        for p, s in zip(best.problems, best.solutions, strict=True)
-    ]
-    marks = np.array([_scores(x, wider) for x in fitted])
+    marks = np.array([_scores(x) for x in found])
     bic = marks[:, 1] - marks[:, 1].min()
     weights = np.exp(-bic / 2) / np.exp(-bic / 2).sum()
-    left_out = [_left_out(x, v_s_range, power, runs) for x in fitted]
-    paper = next(k for k, x in enumerate(fitted) if x.law == GAUSSIAN)
-    chosen = _chosen(fitted, bic, left_out, paper)
+    wanted = [not sparing or k == paper or x.law == in_force or bic[paper] - bic[k] > GAIN for k, x in enumerate(found)]
+    left_out = [x.left_out() if asked else (None, None) for x, asked in zip(found, wanted, strict=True)]
+    chosen = _chosen(found, bic, left_out, paper)
     rows = tuple(
         LawRow(
             law=x.law.name,
-            parameters=x.count,
+            parameters=sum(solve.parameters for solve in x.solves),
             rms=float(np.sqrt(power_of(x.residuals) / x.residuals.size)),
             aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])),
             bic=float(above),
@@ -185,68 +231,62 @@ def compare_laws(
             in_force=x.law == in_force,
             chosen=k == chosen,
         )
-        for k, (x, aicc, above, left, weight) in enumerate(
-            zip(fitted, marks[:, 0], bic, left_out, weights, strict=True)
-        )
+        for k, (x, aicc, above, left, weight) in enumerate(zip(found, marks[:, 0], bic, left_out, weights, strict=True))
     )
     return LawComparison(
         data=data,
-        n=fitted[0].residuals.size,
+        n=found[0].residuals.size,
         rows=rows,
         sentence=_sentence(rows, chosen, paper),
-        averaged=_averaged(fitted, weights, wider) if float(weights.max()) < _SPREAD else {},
+        averaged=_averaged(found, weights) if float(weights.max()) < _SPREAD else {},
     )
 
 
-def _fitted(law: Law, problems: Sequence[Regression], v_s_range: tuple[float, float] | None) -> _Fitted | None:
-    """A law fitted; None where there are too few equations."""
+def _fitted(law: Law, problems: Sequence[Regression], v_s_range: tuple[float, float] | None) -> FittedLaw | None:
+    """A law fitted to points; None where there are too few."""
     if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
         return None
     shaped = [with_best_shape(p, v_s_range or default_range(p.velocity)) for p in problems]
-    return _Fitted(law, tuple(shaped), tuple(solve(p, v_s_range or default_range(p.velocity)) for p in shaped))
+    solutions = [solve(p, v_s_range or default_range(p.velocity)) for p in shaped]
+    return FittedLaw(
+        law=law,
+        solves=tuple(
+            Solve(s.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured))
+            for p, s in zip(shaped, solutions, strict=True)
+        ),
+        left_out=partial(_left_out, shaped, v_s_range),
+        known=partial(_known, shaped, solutions),
+    )
 
 
-def _scores(x: _Fitted, wider: Sequence[float]) -> tuple[float, float]:
+def _scores(x: FittedLaw) -> tuple[float, float]:
     """AICc, nan where there are too few independent equations, and BIC."""
-    marks = [
-        scores(s.residuals, len(p.names) + len(p.shape), p.torque.size / by, power_of(p.measured))
-        for p, s, by in zip(x.problems, x.solutions, wider, strict=True)
-    ]
+    marks = [scores(*solve) for solve in x.solves]
     return sum(np.nan if aicc is None else aicc for aicc, _ in marks), sum(bic for _, bic in marks)
 
 
-def _left_out(
-    x: _Fitted, v_s_range: tuple[float, float] | None, power: float, runs: Sequence[Pose]
-) -> tuple[float | None, float | None]:
-    """100 * norm(error) / norm(measured), percent, over blocks of speed, and over runs, each left out in turn.
-
-    None where what is left is too little.
-    """
-    by_speed = [_predicted(p, parts_by_speed(p), v_s_range) for p in x.problems]
-    by_run: list[float | None] = [None]
-    if len(runs) > 1:
-        apart = [pose(x.law) for pose in runs]
-        by_run = [_runs_predicted([of_run[k] for of_run in apart], p, v_s_range) for k, p in enumerate(x.problems)]
-    return _percent(by_speed, power), _percent(by_run, power)
+def _left_out(problems: Sequence[Regression], v_s_range: tuple[float, float] | None) -> LeftOut:
+    """Over blocks of speed."""
+    costs = [_predicted(p, v_s_range) for p in problems]
+    return percent_of(costs, sum(power_of(p.measured) for p in problems)), None
 
 
-def _percent(costs: Sequence[float | None], power: float) -> float | None:
+def percent_of(costs: Sequence[float | None], power: float) -> float | None:
+    """100 times the root of some costs over a power; None where one of them is not known."""
     known = [cost for cost in costs if cost is not None]
     return 100 * float(np.sqrt(sum(known) / power)) if power and len(known) == len(costs) else None
 
 
-def parts_by_speed(problem: Regression) -> NDArray[np.int_]:
-    """Which of the blocks of speed each equation is in, the slowest first, (n,)."""
-    part = np.empty(problem.torque.size, dtype=int)
-    part[np.argsort(np.abs(problem.equation_velocity), kind="stable")] = (
-        np.arange(problem.torque.size) * BLOCKS // problem.torque.size
-    )
+def parts_by_speed(velocity: Array) -> NDArray[np.int_]:
+    """Which of the blocks of speed each equation is in, the slowest first, (n,); velocity, rad/s, (n,)."""
+    part = np.empty(velocity.size, dtype=int)
+    part[np.argsort(np.abs(velocity), kind="stable")] = np.arange(velocity.size) * BLOCKS // velocity.size
     return part
 
 
-def _predicted(problem: Regression, part: NDArray[np.int_], v_s_range: tuple[float, float] | None) -> float | None:
-    """The squared error of every part, predicted from the others; None where these are too few."""
-    v_s_range = v_s_range or default_range(problem.velocity)
+def _predicted(problem: Regression, v_s_range: tuple[float, float] | None) -> float | None:
+    """The squared error of every block of speed, predicted from the others; None where these are too few."""
+    v_s_range, part = v_s_range or default_range(problem.velocity), parts_by_speed(problem.equation_velocity)
     cost = 0.0
     for k in range(BLOCKS):
         rest = problem.rows(part != k)
@@ -256,26 +296,7 @@ def _predicted(problem: Regression, part: NDArray[np.int_], v_s_range: tuple[flo
     return cost
 
 
-def _runs_predicted(
-    runs: Sequence[Regression], whole: Regression, v_s_range: tuple[float, float] | None
-) -> float | None:
-    """The squared error of every run, predicted from the others."""
-    first = np.cumsum([0, *(run.torque.size for run in runs)])
-    if first[-1] != whole.torque.size:
-        return None
-    cost, places = 0.0, np.arange(whole.torque.size)
-    for start, stop in zip(first[:-1].tolist(), first[1:].tolist(), strict=True):
-        own = (places >= start) & (places < stop)
-        rest = whole.rows(~own)
-        if rest.torque.size <= len(rest.names):
-            return None
-        cost += power_of(whole.rows(own).residuals(solve(rest, v_s_range or default_range(whole.velocity)).theta))
-    return cost
-
-
-def _chosen(
-    fitted: Sequence[_Fitted], bic: Array, left_out: Sequence[tuple[float | None, float | None]], paper: int
-) -> int:
+def _chosen(fitted: Sequence[FittedLaw], bic: Array, left_out: Sequence[LeftOut], paper: int) -> int:
     """The law of lowest BIC among those that are clearly better than the paper's, which else stays."""
     compete = {law.name for law in competing()}
     own, _ = left_out[paper]
@@ -301,15 +322,14 @@ def _sentence(rows: Sequence[LawRow], chosen: int, paper: int) -> Diagnostic:
     return Kind.LAW_KEPT(law=other.law, gain=gain) if gain > 0 else Kind.LAW_BEST(law=other.law, gap=-gain)
 
 
-def _averaged(fitted: Sequence[_Fitted], weights: Array, wider: Sequence[float]) -> Mapping[ParameterName, Averaged]:
+def _averaged(fitted: Sequence[FittedLaw], weights: Array) -> Mapping[ParameterName, Averaged]:
     """What all laws have, over those that the data allow."""
     likely = [(x, weight) for x, weight in zip(fitted, weights.tolist(), strict=True) if weight > _WORTH]
-    tables = [_estimates(x, wider) for x, _ in likely]
+    tables = [x.known() for x, _ in likely]
     shares = np.array([weight for _, weight in likely])
     shares = shares / shares.sum()
     averaged = {}
-    names = reduce(or_, (dict.fromkeys(table) for table in tables))
-    for name in names:
+    for name in reduce(or_, (dict.fromkeys(table) for table in tables)):
         if name.name in _AVERAGED and all(name in table for table in tables):
             value, error, freedom = np.array([table[name] for table in tables]).T
             mean = float(shares @ value)
@@ -319,12 +339,12 @@ def _averaged(fitted: Sequence[_Fitted], weights: Array, wider: Sequence[float])
     return averaged
 
 
-def _estimates(x: _Fitted, wider: Sequence[float]) -> dict[ParameterName, tuple[float, float, float]]:
-    """Value, standard error and its degrees of freedom of each parameter that is at no bound."""
-    out = dict[ParameterName, tuple[float, float, float]]()
-    for problem, solution, by in zip(x.problems, x.solutions, wider, strict=True):
+def _known(problems: Sequence[Regression], solutions: Sequence[Solution]) -> Known:
+    """Of points."""
+    out: Known = {}
+    for problem, solution in zip(problems, solutions, strict=True):
         free = np.array([name not in solution.at_bound for name in problem.names])
-        matrix, freedom = covariance(solution.jacobian[:, free], solution.cost, by)
+        matrix, freedom = covariance(solution.jacobian[:, free], solution.cost)
         errors = np.sqrt(np.diag(matrix)).tolist()
         names = [name for name, keep in zip(problem.names, free.tolist(), strict=True) if keep]
         values = solution.theta[free].tolist()

@@ -80,7 +80,7 @@ class StaticSolution:
     @property
     def estimates(self) -> dict[ParameterName, Estimate]:
         """The parameters with their systematic error, and intervals of both."""
-        return all_shifted(self.parameters, self.shifts)
+        return {**all_shifted(self.parameters, self.shifts), **self.beside}
 
 
 def solve_static(

@@ -1,0 +1,131 @@
+"""Friction laws on moving runs, each by LuGre's fit from where that of the law in force ended.
+
+A slow speed is seldom seen there but in presliding, which a static law would take for its peak. What is left out are
+equations: the bristle still passes through all samples.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.nonlinear import Unknowns
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem, residuals
+from bristle.identification.dynamic.unknowns import fit, solved, with_deflections
+from bristle.identification.fits import TrackingFit
+from bristle.identification.moving_runs import directions, inertia, regressors
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import INERTIA, ParameterName, in_direction
+
+_STEPS = 60
+"""Of each fit, at the most."""
+_AGAIN = 15
+"""Of each that begins at the end of one of all equations."""
+_BRISTLE = ("sigma_0", "sigma_1")
+_START = {"alpha_1": 0.1, "v_s": 0.1}
+"""Where a term begins that the law in force does not show: shares of alpha_0, and of the fastest speed."""
+
+
+class MovingLaw(NamedTuple):
+    """A law fitted to moving runs."""
+
+    law: Law
+    problem: DynamicProblem
+    values: Mapping[Unknown, float]
+    residuals: Array
+    """Of every equation, N*m, (n,)."""
+    jacobian: Array
+    """Of the residuals with respect to the scaled unknowns, (n, p)."""
+    unknowns: Unknowns[Unknown]
+    x: Array
+    """The scaled unknowns, (p,)."""
+
+    @property
+    def effective(self) -> float:
+        """How many equations are independent."""
+        return self.residuals.size / inflation(self.residuals)
+
+
+def fitted_to_motion(
+    experiment: Experiment, records: Sequence[Record], alone: TrackingFit, law: Law
+) -> MovingLaw | None:
+    """LuGre of a law on moving runs, from where the fit of another ended; None where that shows nothing, or is too few equations.
+
+    What that fit held, its bristle and what the experiment fixes, is held here too; a Stribeck term is free in every direction.
+    """
+    sides, asked, (fixed, _) = directions(experiment, records), regressors(experiment), inertia(experiment)
+    options = experiment.fit
+    whole = dynamic_problem(records, sides, asked, options.decimation, fixed, shared=options.shared, law=law)
+    held = {
+        name: x
+        for name, x in alone.fixed.items()
+        if name.name in _BRISTLE or not {name.name, str(name)}.isdisjoint(options.fixed)
+    }
+    shape = product(whole.directions, law.peak.own)
+    middle = {whole.key(own.name, d): float(np.sqrt(own.searched[0] * own.searched[1])) for d, own in shape}
+    known = {**whole.fixed, **middle, **{name: x for name, x in held.items() if name in whole.friction_names}}
+    problem = replace(whole, fixed=known)
+    if sum(m.size for m in problem.motions) <= len(problem.names) + 1:
+        return None
+    start = {n: x for n, x in _start(problem, alone).items() if n not in problem.fixed}
+    try:
+        posed, minimum = solved(problem, with_deflections(problem, start), _STEPS)
+    except InputError:  # a start that shows nothing is no reason to fail
+        return None
+    values = posed.unknowns.values(minimum.x)
+    return MovingLaw(law, problem, values, minimum.residuals, minimum.jacobian, posed.unknowns, minimum.x)
+
+
+def _start(problem: DynamicProblem, alone: TrackingFit) -> dict[ParameterName, float]:
+    """The values of the other law; a small peak where it has none, no other term, an inertia above zero."""
+    known = alone.known
+    fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    start = {name: in_direction(known, *name) or 0.0 for name in (*problem.friction_names, *problem.extra_names)}
+    for name in problem.friction_names:
+        if name.name == "alpha_1" and not start[name]:
+            start[name] = _START["alpha_1"] * known[name._replace(name="alpha_0")]
+            start[name._replace(name="v_s")] = _START["v_s"] * fastest
+    if INERTIA in start:
+        start[INERTIA] = max(start[INERTIA], 0.0)
+    return start
+
+
+def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[float | None]:
+    """The squared error of each part of the equations, a mask (n,), predicted from all others; None where these tell too little."""
+    return [_predicted(one, part) for part in parts]
+
+
+def _predicted(one: MovingLaw, part: NDArray[np.bool_]) -> float | None:
+    rest = _rows(one.problem, ~part)
+    try:
+        values, _ = fit(rest, dict(one.values), _AGAIN)
+    except InputError:
+        return None
+    left, _ = residuals(one.problem, {**one.values, **values})
+    return float(np.sum(left[part] ** 2))
+
+
+def _rows(problem: DynamicProblem, keep: NDArray[np.bool_]) -> DynamicProblem:
+    """The problem with some of its equations, and the first of each motion, without which its deflection would be anything."""
+    motions = []
+    for m, block in zip(problem.motions, problem.blocks, strict=True):
+        every = sparse.csr_array(sparse.eye_array(m.time.size)) if m.smooth is None else m.smooth
+        kept = np.union1d(np.flatnonzero(keep[block.rows]), [0])
+        motions.append(replace(m, smooth=sparse.csr_array(every[kept])))
+    return replace(problem, motions=tuple(motions))
+
+
+def masks_of_runs(problem: DynamicProblem) -> list[NDArray[np.bool_]]:
+    """The equations of each run, (n,) each; none where there is but one."""
+    files = np.repeat([m.file for m in problem.motions], [m.size for m in problem.motions])
+    names = dict.fromkeys(files.tolist())
+    return [files == name for name in names] if len(names) > 1 else []

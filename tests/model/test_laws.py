@@ -1,0 +1,263 @@
+"""Every friction law: its peak, its derivatives, its steady state, its bristle, its energy, and how laws are named and added."""
+
+import pickle
+from collections.abc import Iterator
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from bristle.arrays import Array
+from bristle.model import functions, law
+from bristle.model.laws import registry
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
+from bristle.model.laws.registry import competing, law_named, register
+from bristle.model.parameters import (
+    Direction,
+    Lugre,
+    Pair,
+    ParameterName,
+    fields_of,
+    least_of,
+    lugre_of,
+    pair_of,
+    static_fields_of,
+    unit,
+)
+from bristle.model.rollout import rollout, rollout_jacobian
+from bristle.model.vectorize import evaluate
+
+LAWS = (*competing(), law_named("free-exponent"), law_named("free-exponent+quadratic"))
+OWN = {"alpha_3": -0.011, "delta": 1.3, FASTEST: 0.8}
+FORMULAS = {
+    "gaussian": lambda x: np.exp(-(x**2)),
+    "exponential": lambda x: np.exp(-x),
+    "lorentzian": lambda x: 1 / (1 + x**2),
+    "free-exponent": lambda x: np.exp(-(x ** OWN["delta"])),
+}
+"""Each peak over abs(v) / v_s, written as a textbook does."""
+
+
+@pytest.fixture(params=LAWS, ids=lambda one: one.name)
+def chosen(request: pytest.FixtureRequest) -> Law:
+    """Each law of bristle's own."""
+    own: Law = request.param
+    return own
+
+
+def set_of(one: Law, **changed: float) -> Lugre[float]:
+    """The gripper's parameters under a law."""
+    values = {**Lugre(0.0194, 0.0055, 0.0394, 0.072, 6.1843, 0.0184)._asdict(), **OWN, **changed}
+    return lugre_of(one)(**{name: values[name] for name in fields_of(one)})
+
+
+@pytest.fixture
+def outside() -> Iterator[Law]:
+    """A law whose peak and term come from outside the package."""
+    power = OwnParameter(name="steepness", symbol="n", units=("1", "1"), searched=(0.5, 3.0))
+    cubic = OwnParameter(name="cubic", symbol="c", units=("N*m*s**3/rad**3", "N*s**3/m**3"), least=-float("inf"))
+    register(
+        Peak(
+            name="power", title="power-law", shape=lambda v, v_s, n: (1 + v**2 / v_s**2) ** -n, own=(power,), reach=3.0
+        )
+    )
+    register(ViscousTerm(name="cubic", title="linear + v³", coefficient=cubic, rate=lambda speed: speed**2))
+    yield law_named("power+cubic")
+    for name in ("power", "cubic"):
+        registry._PARTS.pop(name)
+        registry._COMPETE.discard(name)
+
+
+def test_the_steady_curve_is_the_textbooks(chosen: Law) -> None:
+    """T_ss is (alpha_0 + alpha_1 s) sgn v + alpha_2 v + alpha_3 v abs(v), odd in v, to rounding, at measured speeds."""
+    p, v = set_of(chosen), np.geomspace(1e-4, 0.8, 60)
+    peak = FORMULAS[chosen.peak.name](v / p.v_s)
+    expected = p.alpha_0 + p.alpha_1 * peak + p.alpha_2 * v
+    if chosen.terms:
+        expected += OWN["alpha_3"] * v**2
+    for sign in (1.0, -1.0):
+        (torque,) = evaluate(functions.steady_torque_function(chosen), sign * v, *p.stribeck)
+        np.testing.assert_allclose(torque, sign * expected, rtol=1e-13)
+
+
+def test_a_peak_falls_from_one_and_is_told_its_reach(chosen: Law) -> None:
+    """Every peak is one at rest, even, falling, and nine tenths of it are gone at `reach` v_s (of delta = 1 for the free exponent)."""
+    v, own = ca.SX.sym("v"), [OWN[x.name] for x in chosen.peak.own]
+    shape = ca.Function("shape", [v], [chosen.peak.shape(v, 0.072, *own)])
+    at = shape(np.linspace(-1, 1, 401)[None]).full()[0]
+    assert float(shape(0.0)) == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(at, at[::-1], rtol=1e-12)
+    assert (np.diff(at[200:]) <= 0).all()
+    gone = ca.Function("gone", [v], [chosen.peak.shape(v, 0.072, *([1.0] * len(own)))])
+    assert float(gone(chosen.peak.reach * 0.072)) == pytest.approx(0.1, abs=0.006)
+
+
+def test_derivatives_are_those_of_finite_differences(chosen: Law) -> None:
+    """dT_ss/dp and dT_f/dp by CasADi agree with central differences to 1e-7 of the torque, beyond v_end too."""
+    p = set_of(chosen)
+    v = np.array([-2.0, -0.7, -0.05, -1e-3, 2e-3, 0.04, 0.3, 0.79, 1.5])
+    by = evaluate(functions.steady_jacobian_function(chosen), v, *p.stribeck)
+    for k, name in enumerate(static_fields_of(chosen)):
+        differences = _central(lambda x, name=name: _steady(p._replace(**{name: x}), v), getattr(p, name))
+        np.testing.assert_allclose(by[k], differences, atol=1e-7 * np.abs(_steady(p, v)).max() / abs(getattr(p, name)))
+    z = 0.4 * p.alpha_0 / p.sigma_0
+    T, _, *by_p = evaluate(functions.torque_sensitivity_function(chosen), z, v, *p)
+    for slope, name in zip(by_p, fields_of(chosen), strict=True):
+        differences = _central(lambda x, name=name: _torque(z, v, p._replace(**{name: x})), getattr(p, name))
+        np.testing.assert_allclose(slope, differences, atol=1e-7 * np.abs(T).max() / abs(getattr(p, name)))
+
+
+def _central(f: Any, x: float) -> Array:
+    """A fourth-order central difference."""
+    h = 1e-3 * abs(x)
+    slope: Array = (8 * (f(x + h) - f(x - h)) - (f(x + 2 * h) - f(x - 2 * h))) / (12 * h)
+    return slope
+
+
+def _steady(p: Lugre[float], v: Array) -> Array:
+    return evaluate(functions.steady_torque_function(p.law), v, *p.stribeck)[0]
+
+
+def _torque(z: float, v: Array, p: Lugre[float]) -> Array:
+    return evaluate(functions.torque_function(p.law), z, v, *p)[0]
+
+
+def test_the_rollout_solves_the_bristle(chosen: Law) -> None:
+    """Along a motion through reversals T_f agrees with Radau at 1e-10 to 1e-4 of its largest value, under every law."""
+    p, h = set_of(chosen), 1e-3
+    t = np.arange(400) * h
+    v = 0.3 * np.sin(2 * np.pi * 2.5 * t) + 0.1 * np.sin(2 * np.pi * 7.0 * t)
+    level = ca.Function("level", [x := ca.SX.sym("x")], [law.relaxation(x, p)])
+
+    def rate(at: float, z: Array) -> Array:
+        """dz/dt along the velocity that is linear between samples."""
+        u = float(np.interp(at, t, v))
+        slope: Array = u - float(level(u)) * z
+        return slope
+
+    found = solve_ivp(rate, (0, t[-1]), [0.0], "LSODA", t, rtol=1e-9, atol=1e-12, max_step=h / 2)
+    expected = evaluate(functions.torque_function(chosen), found.y[0], v, *p)[0]
+    torque = rollout(v, h, p, z0=0.0).torque
+    assert np.abs(torque - expected).max() <= 1e-4 * np.abs(expected).max()
+
+
+def test_the_jacobian_of_a_rollout_is_exact(chosen: Law) -> None:
+    """The derivative of T_f along a motion agrees with differences of rollouts, for one set and for a pair, in every parameter."""
+    p, h = set_of(chosen), 1e-3
+    v = 0.3 * np.sin(2 * np.pi * 2.5 * np.arange(300) * h)
+    pair = Pair(p, p._replace(alpha_0=0.8 * p.alpha_0, v_s=1.2 * p.v_s))
+    by, by_pair = rollout_jacobian(v, h, p, 0.0).by_parameters, rollout_jacobian(v, h, pair, 0.0).by_parameters
+    count = len(fields_of(chosen))
+    assert (by.shape, by_pair.shape) == ((300, count), (300, 2 * count))
+    for k, name in enumerate(fields_of(chosen)):
+        x = getattr(p, name)
+        one = _central(lambda u, name=name: rollout(v, h, p._replace(**{name: u}), 0.0).torque, x)
+        np.testing.assert_allclose(by[:, k], one, atol=2e-5 * max(np.abs(one).max(), 1e-9))
+        of_pair = _central(
+            lambda u, name=name: rollout(v, h, pair._replace(positive=p._replace(**{name: u})), 0.0).torque, x
+        )
+        np.testing.assert_allclose(by_pair[:, k], of_pair, atol=2e-5 * max(np.abs(of_pair).max(), 1e-9))
+
+
+def test_a_passive_set_only_takes_energy(chosen: Law) -> None:
+    """Where `is_passive` says so, the running work from rest is never negative within the measured speeds; where not, a full bristle drives."""
+    p, rng, h = set_of(chosen), np.random.default_rng(0), 1e-3
+    assert law.is_passive(p)
+    t = np.arange(3000) * h
+    for _ in range(10):
+        v = np.sum([0.2 * np.sin(2 * np.pi * f * t + a) for f, a in rng.uniform(0, 5, (3, 2))], axis=0)
+        torque = rollout(v, h, p, z0=0.0).torque
+        work = np.concatenate([[0.0], np.cumsum((torque * v)[1:] + (torque * v)[:-1]) * h / 2])
+        assert (work >= -1e-4 * np.abs(work).max()).all()
+    driving = p._replace(sigma_1=10 * p.alpha_2 * p.alpha_0 / p.alpha_1)
+    assert not law.is_passive(driving)
+    full = (p.alpha_0 + p.alpha_1) / p.sigma_0
+    assert (_torque(full, np.geomspace(0.1, 0.8, 50), driving) < 0).any()
+
+
+def test_a_negative_term_is_held_beyond_the_measured_speeds() -> None:
+    """With alpha_3 < 0 viscous friction beyond v_end is what it is there; with alpha_3 > 0 it goes on; both continuous."""
+    v = np.array([0.8, 0.8 * (1 + 1e-9), 2.0, 50.0])
+    for alpha_3 in (-0.01, 0.01):
+        p = set_of(law_named("gaussian+quadratic"), alpha_3=alpha_3)
+        viscous = _steady(p, v) - p.alpha_0
+        at_end = 0.8 * p.alpha_2 + alpha_3 * 0.8**2
+        expected = [at_end] * 4 if alpha_3 < 0 else p.alpha_2 * v + alpha_3 * v**2
+        np.testing.assert_allclose(viscous, expected, rtol=1e-8)
+
+
+def test_dahl_is_the_limit() -> None:
+    """Without a peak and without damping LuGre is Dahl: dT/dx = sigma_0 (1 - T sgn(v) / alpha_0), so T = alpha_0 (1 - exp(-sigma_0 x / alpha_0))."""
+    p, h = Lugre(0.02, 0.0, 0.0, 1.0, 6.0, 0.0), 1e-3
+    x = 0.01 * (1 - np.cos(2 * np.pi * np.arange(501) * h))
+    v = np.gradient(x, h)
+    torque = rollout(v, h, p, z0=0.0).torque
+    travelled = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2) * h])
+    rising = travelled[:500] <= travelled.max()
+    expected = p.alpha_0 * -np.expm1(-p.sigma_0 * travelled[:500] / p.alpha_0)
+    np.testing.assert_allclose(torque[:500][rising], expected[rising], atol=2e-4 * p.alpha_0)
+
+
+def test_tuples_of_a_law_are_named_tuples(chosen: Law) -> None:
+    """A law's tuple keeps its type through replacing, pickling and pairs; the paper's is `Lugre` itself; a wrong field is refused."""
+    p = set_of(chosen)
+    assert isinstance(p, Lugre)
+    assert type(p._replace(alpha_0=1.0)) is type(p)
+    assert p._replace(alpha_0=1.0)._asdict() == {**p._asdict(), "alpha_0": 1.0}
+    again = pickle.loads(pickle.dumps(p))  # noqa: S301  # our own bytes
+    assert (again, type(again), again.law) == (p, type(p), chosen)
+    assert pair_of([*p, *p], chosen) == Pair(p, p)
+    assert (type(p) is Lugre) == (chosen == GAUSSIAN)
+    with pytest.raises(TypeError):
+        lugre_of(chosen)(*p, 1.0)  # type: ignore[call-arg]  # one too many
+
+
+def test_names_of_laws() -> None:
+    """A law's name finds it again; `paper` is the Gaussian one; what is no law is a KeyError that names all."""
+    for one in LAWS:
+        assert law_named(one.name) == one
+    assert law_named("paper") == law_named("auto") == GAUSSIAN
+    for wrong in ("gauss", "quadratic", "gaussian+", "gaussian+lorentzian", "gaussian+quadratic+quadratic", ""):
+        with pytest.raises(KeyError, match="lorentzian"):
+            law_named(wrong)
+    assert next(iter(competing())) == GAUSSIAN
+    assert "free-exponent" not in {one.peak.name for one in competing()}
+
+
+def test_a_laws_parameters_are_known_everywhere(outside: Law) -> None:
+    """Parameters of a registered law have a unit, a least value and a direction; the law competes with each term."""
+    assert fields_of(outside)[6:] == ("steepness", "cubic", FASTEST)
+    assert unit("cubic", "prismatic") == "N*s**3/m**3"
+    assert unit("cubic", "revolute in A") == "A*s**3/rad**3"
+    assert (least_of("cubic"), least_of("steepness")) == (-np.inf, 0.0)
+    assert ParameterName.parse("cubic") == ParameterName("cubic", Direction.BOTH)
+    assert {"power", "power+cubic", "power+quadratic", "gaussian+cubic"} <= {one.name for one in competing()}
+    p = lugre_of(outside)(**{**set_of(GAUSSIAN)._asdict(), "steepness": 1.5, "cubic": 0.02, FASTEST: 0.8})
+    expected = p.alpha_0 + p.alpha_1 * (1 + (0.1 / p.v_s) ** 2) ** -1.5 + p.alpha_2 * 0.1 + 0.02 * 0.1**3
+    assert _steady(p, np.array([0.1]))[0] == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "own", "wrong"),
+    [
+        ("gaussian", "n", "choose another name"),
+        ("auto", "n", "expected letters"),
+        ("two words", "n", "expected letters"),
+        ("mine", "alpha_0", "'alpha_0'"),
+        ("mine", "delta", "'delta'"),
+        ("mine", "a b", "'a b'"),
+    ],
+)
+def test_names_that_are_taken_are_refused(name: str, own: str, wrong: str) -> None:
+    """A part whose name or whose parameter is another's is refused, and not registered."""
+    part = Peak(
+        name=name, title="x", shape=lambda v, v_s, n: 1 / (1 + (v / v_s) ** 2) ** n, reach=3.0,
+        own=(OwnParameter(name=own, symbol="n", units=("1", "1"), searched=(1.0, 2.0)),),
+    )  # fmt: skip  # a list of values
+    before = dict(registry._PARTS)
+    with pytest.raises(ValueError, match=wrong):
+        register(part)
+    assert before == registry._PARTS
