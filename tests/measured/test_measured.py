@@ -1,4 +1,6 @@
 import re
+from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -73,14 +75,23 @@ def identified(folder: Path, text: str) -> Joint:
     return bristle.identify(file).joints[0]
 
 
-def test_kinova_is_identified_as_it_is(measured_data: Path, tmp_path: Path) -> None:
+Known = Callable[[str], Joint]
+
+
+@pytest.fixture(scope="module")
+def known(measured_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Known:
+    """As `identified`, once for each text: several tests look at the same joints."""
+    assert measured_data.is_dir()
+    return cache(lambda text: identified(tmp_path_factory.mktemp("known"), text))
+
+
+def test_kinova_is_identified_as_it_is(known: Known) -> None:
     """Ten constant-velocity runs with wrapped positions and inf rows: slow runs kept with a warning, wide intervals.
 
     The curve is that of a plain least-squares fit of (9) to the mean velocity and torque of the last two thirds of each
     run: alpha_0 1.326 N m, alpha_2 0.754 N m s/rad, 0.0115 N m rms (0.0436 without the Stribeck term).
     """
-    assert measured_data.is_dir()
-    joint = identified(tmp_path, KINOVA)
+    joint = known(KINOVA)
     fit = joint.static["+"]
     assert fit.n == 10
     assert fit.rms is not None
@@ -116,14 +127,13 @@ def moving_is_no_worse(joint: Joint, static: StaticFit) -> None:
     assert all(any(warning.kind in NOT_IDENTIFIABLE for warning in moving.parameters[name].warnings) for name in unseen)
 
 
-def test_emps_symmetric_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
+def test_emps_symmetric_gives_the_published_figures(known: Known) -> None:
     """Mass, viscous, Coulomb and offset within 1 % of Janot, Gautier and Brunot (2019), who made the data.
 
     There is no Stribeck peak. Relative errors are at most a little above theirs, 4.083 % and 5.982 % on the record with
     pulses.
     """
-    assert measured_data.is_dir()
-    joint = identified(tmp_path, EMPS.replace("DIRECTIONS", "symmetric"))
+    joint = known(EMPS.replace("DIRECTIONS", "symmetric"))
     fit = joint.static["both"]
     moving_is_no_worse(joint, fit)
     published = {"inertia": 95.109, "alpha_2": 203.50, "alpha_0": 20.394, "offset": -3.165}
@@ -142,8 +152,9 @@ def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp
     position 0.01375 %, velocity 0.229 %, force 5.85 %.
     """
     assert measured_data.is_dir()
-    joint = identified(tmp_path, EMPS.replace("DIRECTIONS", "separate"))
-    replayed(tmp_path, joint, most=20.0)
+    text = EMPS.replace("DIRECTIONS", "separate")
+    joint = identified(tmp_path, text)
+    replayed(tmp_path, text, joint, most=20.0)
     static = joint.static
     moving_is_no_worse(joint, static["shared"])
     assert joint.tracking is not None
@@ -167,12 +178,13 @@ def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp
     assert models.sentence.numbers["model"] == "Coulomb + viscous, per direction"
 
 
-def replayed(folder: Path, joint: Joint, most: float) -> None:
+def replayed(folder: Path, text: str, joint: Joint, most: float) -> None:
     """The adaptation replayed on every moving run as it is: harmless from the identified model, and of use from a wrong one.
 
     From the identified model no gain goes far, and at most that many percent of the torque stay unexplained; from 0.3 alpha_0 and 0.5 alpha_2
     less than half is left of what the wrong model leaves.
     """
+    (folder / "experiment.yaml").write_text(text)
     measured = measure(folder / "experiment.yaml")
     subject = of_experiment(measured.experiment, joint)
     assert of_kind(subject.assumptions, Kind.RATES_TAKEN)
@@ -214,7 +226,7 @@ def closed_loop(file: Path, fit: TrackingFit) -> dict[str, float]:
     }
 
 
-def test_servo_protocol(measured_data: Path, tmp_path: Path) -> None:
+def test_servo_protocol(measured_data: Path, tmp_path: Path, known: Known) -> None:
     """One file for all: inertia and Coulomb above 10 rad/s, breakaway with its outlier, stiffness, a hold-out.
 
     Inertia and Coulomb are those of plain least squares on such runs, |v| > 10 rad/s, both sides below 10 Hz: 1.97e-4
@@ -222,9 +234,8 @@ def test_servo_protocol(measured_data: Path, tmp_path: Path) -> None:
     slow cycles closes one loop; regression of torque on displacement gives a stiffness of 5.0 to 5.3 N m/rad on them,
     and the inverse regression and the secant are stiffer.
     """
-    assert measured_data.is_dir()
-    joint = identified(tmp_path, SERVO)
-    replayed(tmp_path, joint, most=20.0)
+    joint = known(SERVO)
+    replayed(tmp_path, SERVO, joint, most=20.0)
     static = joint.static["both"]
     assert static.parameters["inertia"].value == pytest.approx(1.97e-4, abs=0.03e-4)
     assert static.parameters["alpha_0"].value == pytest.approx(0.031, abs=0.002)
@@ -292,11 +303,10 @@ def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
     "text", [KINOVA, EMPS.replace("DIRECTIONS", "symmetric"), SERVO], ids=["kinova", "emps", "servo"]
 )
 def test_no_sentence_decides_on_measured_joints(
-    measured_data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
+    known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
 ) -> None:
     """With every template replaced by its kind's name, each measured joint comes out the same in every number, kind and severity."""
-    assert measured_data.is_dir()
-    first = held(identified(tmp_path, text))
+    first = held(known(text))
     without_sentences(monkeypatch)
     assert held(identified(tmp_path, text)) == first
 
