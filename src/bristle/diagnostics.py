@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
 from enum import Enum, StrEnum
 from string import Formatter
+from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -134,6 +135,10 @@ def _from_json(value: Any) -> Value:
             return value
 
 
+PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))
+"""Types of values that hold no others."""
+
+
 def with_subjects(
     value: Any, subjects: Mapping[str, tuple[str, ...]], units: Mapping[str, str], subject: tuple[str, ...] = ()
 ) -> Any:
@@ -141,6 +146,8 @@ def with_subjects(
 
     A field is a step of that way as `subjects` names it, an entry of a mapping by its key; a value with a `subject` of its own begins it anew.
     """
+    if type(value) in PLAIN:  # most of what a result holds, which is soon done with
+        return value
     if isinstance(value, Diagnostic):
         return replace(value, subject=subject, units=units)
     subject = getattr(value, "subject", subject)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic
+from bristle.diagnostics import PLAIN, Diagnostic
 from bristle.errors import InputError, short
 from bristle.identification.results import Joint, first_reason
 
@@ -44,6 +44,8 @@ def with_samples(joint: Joint, samples: Mapping[str, Any]) -> Joint:
 
 def _parts(value: Any) -> Iterator[tuple[str, Any, "Field[Any] | None"]]:
     """What a value holds, by name; the last field first, for earlier ones refer to segments, which come last."""
+    if type(value) in PLAIN:
+        return
     match value:
         case Diagnostic():
             return
@@ -170,6 +172,8 @@ def _exact(value: Any) -> Hashable:
     match value:
         case np.ndarray():
             return value.shape, value.dtype.str, value.tobytes()
+        case float() | str() | int() | None:  # before types that are slower to tell
+            pass
         case Diagnostic():
             return value.kind, str(value), value.subject
         case Mapping():
@@ -178,8 +182,7 @@ def _exact(value: Any) -> Hashable:
             return type(value), *(_exact(getattr(value, item.name)) for item in fields(value))
         case tuple() if not hasattr(value, "_fields"):
             return tuple(map(_exact, value))
-        case _:
-            return repr(value)
+    return repr(value)
 
 
 def _default(item: "Field[Any]") -> Any:
