@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import bristle
-from bristle.data.experiment.load import Experiment, load_experiment
+from bristle.api import Results
+from bristle.data.experiment.load import load_experiment
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.identification.measured import measure
 from bristle.identification.results import Joint
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.next_measurements import next_measurements
@@ -44,12 +44,13 @@ def advised(joints: tuple[Joint, ...]) -> Iterator[Diagnostic | None]:
             yield from (choice(fit), bias(fit, joint.kind))
 
 
-def found(experiment: Experiment, joint: Joint) -> Iterator[Diagnostic]:
-    """What is said of a joint's sensitivity, Sobol indices included, and of the adaptation on its runs."""
-    study = bristle.sensitivity(experiment, samples=32)
+def found(results: Results) -> Iterator[Diagnostic]:
+    """What is said of the first joint's sensitivity, Sobol indices included, and of the adaptation on its runs."""
+    joint, measured = results.joints[0], results.measured[0]
+    study = bristle.sensitivity(results, joint=joint.name, samples=32)
     assert study.sobol is not None
     yield from (*findings(study), *sobol_sentences(study.sobol, study.kind))
-    yield from (x.verdict for x in replays(of_experiment(experiment, joint), joint, measure(experiment)))
+    yield from (x.verdict for x in replays(of_experiment(measured.experiment, joint), joint, measured))
 
 
 def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -63,14 +64,14 @@ def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPa
     first = bristle.identify(*experiments)
     worded = [str(warning) for warning in first.warnings]
     loops = held((*of_paper(first.joints), of_experiment(gripper, first.joints[0])))
-    said = (*advised(first.joints), *found(gripper, first.joints[0]))
+    said = (*advised(first.joints), *found(first))
     kinds = {x.kind for x in said if x is not None}
     before = held(said)
     without_sentences(monkeypatch)
     second = bristle.identify(*experiments)
     assert held(second.joints) == held(first.joints)
     assert held((*of_paper(second.joints), of_experiment(gripper, second.joints[0]))) == loops
-    assert held((*advised(second.joints), *found(gripper, second.joints[0]))) == before
+    assert held((*advised(second.joints), *found(second))) == before
     assert {
         Kind.UNLIMITED_BELOW,
         Kind.ALPHA_2_WIDE,
