@@ -62,6 +62,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.usefixtures("few_motions")
 def test_python_does_what_it_says(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """README's Python runs as it stands: it prints the table, whose parameters are those behind the logs, and writes the report where it says."""
     monkeypatch.chdir(desk)
