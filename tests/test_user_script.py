@@ -3,6 +3,8 @@
 import ast
 from pathlib import Path
 
+import pytest
+
 import bristle
 
 from . import user_script
@@ -13,6 +15,7 @@ CALLS = {
 }  # fmt: skip  # a list of words
 
 
+@pytest.mark.usefixtures("few_motions")
 def test_the_script_makes_every_call_and_runs() -> None:
     """Every call that `bristle` offers stands in it, and it ends well; its types are checked where mypy runs."""
     tree = ast.parse(Path(user_script.__file__).read_text(encoding="utf-8"))

@@ -89,7 +89,7 @@ def posed(
 
 @pytest.mark.parametrize("torque", [False, True])
 def test_simulated_position_is_that_of_a_stiff_solver(*, torque: bool) -> None:
-    """With two sets, offset and gravity the simulated motor follows that of LSODA to a thousandth of its way; half the step, well under half the error."""
+    """With two sets, offset and gravity the motor follows LSODA's to a thousandth of its way; half the step, well under half the error."""
     pair, end = Pair(GRIPPER, OTHER), 1.5
     off = []
     t = np.arange(0, end, STEP)
