@@ -286,13 +286,16 @@ def parts_by_speed(velocity: Array) -> NDArray[np.int_]:
 
 def _predicted(problem: Regression, v_s_range: tuple[float, float] | None) -> float | None:
     """The squared error of every block of speed, predicted from the others; None where these are too few."""
-    v_s_range, part = v_s_range or default_range(problem.velocity), parts_by_speed(problem.equation_velocity)
-    cost = 0.0
+    part, cost = parts_by_speed(problem.equation_velocity), 0.0
     for k in range(BLOCKS):
         rest = problem.rows(part != k)
         if rest.torque.size <= len(rest.names) or np.linalg.matrix_rank(rest.linear) < rest.linear.shape[1]:
             return None
-        cost += power_of(problem.rows(part == k).residuals(solve(rest, v_s_range).theta))
+        low, high = v_s_range or default_range(rest.velocity)
+        slowest = float(np.abs(rest.velocity[rest.velocity != 0]).min())
+        if slowest < high:  # as the fit has it: without a speed below v_s a peak is invented
+            low = max(low, slowest)
+        cost += power_of(problem.rows(part == k).residuals(solve(rest, (low, high)).theta))
     return cost
 
 

@@ -263,6 +263,10 @@ class FitOptions(StrictModel):
             raise InputError(
                 "fit.regressors: offset cannot be told from the two Coulomb terms of separate directions; leave it out, or set directions: symmetric"
             )
+        if "quadratic" in (self.regressors or ()) and law_named(self.law).terms:
+            raise InputError(
+                f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
+            )
         if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
             raise InputError(
                 f"fit.v_s_range: got {self.v_s_range[0]:g} to {self.v_s_range[1]:g}; expected the smaller value first"

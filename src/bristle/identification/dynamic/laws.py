@@ -26,10 +26,12 @@ from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, ParameterName, in_direction
 
-_STEPS = 60
+_STEPS = 40
 """Of each fit, at the most."""
-_AGAIN = 15
-"""Of each that begins at the end of one of all equations."""
+_WORTH = 0.05
+"""Steps end when the next one would lower n' log(RSS) by less, n' the independent equations: laws differ by more than that."""
+_ROUGH = 4.0
+"""Nodes between samples stand so many times farther apart than usual."""
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1}
 """Where a term begins that the law in force does not show: shares of alpha_0, and of the fastest speed."""
@@ -73,12 +75,14 @@ def fitted_to_motion(
     shape = product(whole.directions, law.peak.own)
     middle = {whole.key(own.name, d): float(np.sqrt(own.searched[0] * own.searched[1])) for d, own in shape}
     known = {**whole.fixed, **middle, **{name: x for name, x in held.items() if name in whole.friction_names}}
-    problem = replace(whole, fixed=known)
+    motions = tuple(replace(m, coarsening=_ROUGH) for m in whole.motions)
+    problem = replace(whole, fixed=known, motions=motions)
     if sum(m.size for m in problem.motions) <= len(problem.names) + 1:
         return None
     start = {n: x for n, x in _start(problem, alone).items() if n not in problem.fixed}
     try:
-        posed, minimum = solved(problem, with_deflections(problem, start), _STEPS)
+        enough = _WORTH * alone.rms**2 * inflation(alone.residuals)
+        posed, minimum = solved(problem, with_deflections(problem, start), _STEPS, enough=enough)
     except InputError:  # a start that shows nothing is no reason to fail
         return None
     values = posed.unknowns.values(minimum.x)
@@ -107,7 +111,8 @@ def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[f
 def _predicted(one: MovingLaw, part: NDArray[np.bool_]) -> float | None:
     rest = _rows(one.problem, ~part)
     try:
-        values, _ = fit(rest, dict(one.values), _AGAIN)
+        enough = _WORTH * float(one.residuals @ one.residuals) / one.effective
+        values, _ = fit(rest, dict(one.values), _STEPS, enough=enough)
     except InputError:
         return None
     left, _ = residuals(one.problem, {**one.values, **values})

@@ -5,7 +5,6 @@ it, as that of v_s does. Those of the others are the union over what the profile
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -38,10 +37,10 @@ def with_best_shape(problem: Regression, v_s_range: tuple[float, float], grid: i
 
     def cost(shape: tuple[float, ...]) -> float:
         """The least there is with this shape."""
-        return solve(replace(problem, shape=shape), v_s_range, grid).cost
+        return solve(problem.with_shape(shape), v_s_range, grid).cost
 
     best, _ = _searched(cost, tuple(own.searched for own in problem.law.peak.own))
-    return replace(problem, shape=best)
+    return problem.with_shape(best)
 
 
 def _searched(
@@ -98,7 +97,7 @@ def shape_intervals(
         def above(u: float, k: int = k) -> float:
             """By how much the cost passes the threshold at a logarithm, the other parameters at their best."""
             value = float(np.exp(u))
-            held = replace(problem, shape=(*problem.shape[:k], value, *problem.shape[k + 1 :]))
+            held = problem.with_shape((*problem.shape[:k], value, *problem.shape[k + 1 :]))
             return solve(held, v_s_range, grid).cost - threshold
 
         ends = []

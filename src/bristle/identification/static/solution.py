@@ -139,7 +139,7 @@ def _with_shape(
     if not problem.shape or not problem.peaks:
         return likelihood.intervals, {}
     of_shape = shape_intervals(problem, v_s_range, options.grid, likelihood.threshold)
-    posed = [replace(problem, shape=shape) for shape in shapes_within(problem, of_shape)]
+    posed = [problem.with_shape(shape) for shape in shapes_within(problem, of_shape)]
     solved = [(one, solve(one, v_s_range, options.grid)) for one in posed]
     others = [
         profiled(one, solution, threshold=likelihood.threshold).intervals

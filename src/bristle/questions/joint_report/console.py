@@ -54,7 +54,10 @@ def checks(joint: Joint) -> Iterator[str]:
 
 
 def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
-    """The friction laws side by side, joint by joint, the lowest BIC first; then which the data want, and why."""
+    """The friction laws side by side, joint by joint, the lowest BIC first; then which the data want, and why.
+
+    Parameters fitted, BIC and AICc above the lowest, errors at speeds (and runs) that were left out, and the weight.
+    """
     for joint in joints:
         found = joint.laws
         if found is None:
@@ -62,16 +65,7 @@ def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
             continue
         yield f"{printable(joint.name)}: friction laws on {counted(found.n, 'point' if found.data == 'points' else 'sample')}"
         by_run = any(row.run_left_out is not None for row in found.rows)
-        heads = (
-            "law",
-            "parameters",
-            "BIC",
-            "AICc",
-            "speeds left out",
-            *(("runs left out",) if by_run else ()),
-            "weight",
-            "",
-        )
+        heads = ("law", "terms", "BIC", "AICc", "left out", *(("runs",) if by_run else ()), "weight", "")
         rows = [_law_row(row, by_run=by_run) for row in sorted(found.rows, key=lambda row: row.bic)]
         yield from columns([heads, *rows])
         yield from wrapped([f"  {printable(str(found.sentence))}"])
@@ -80,7 +74,7 @@ def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
 def _law_row(row: LawRow, *, by_run: bool) -> tuple[str, ...]:
     """One law: BIC and AICc above the lowest, and errors at what was left out, in percent of the torque."""
     left = ["-" if x is None else f"{x:.3g} %" for x in (row.left_out, *((row.run_left_out,) if by_run else ()))]
-    told = "fitted" if row.in_force else "wanted" if row.chosen else ""
+    told = "in use" if row.in_force else "wanted" if row.chosen else ""
     aicc = "-" if row.aicc is None else f"+{row.aicc:.1f}"
     return row.law, str(row.parameters), f"+{row.bic:.1f}", aicc, *left, f"{row.weight:.0%}".replace("%", " %"), told
 
