@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     )
     from bristle.data.experiment.draft import Told
     from bristle.errors import InputError
+    from bristle.model.laws.parts import OwnParameter, Peak, ViscousTerm
+    from bristle.model.laws.registry import register_law
     from bristle.model.parameters import Lugre, Pair
     from bristle.questions.array_fit.fit import Fit
     from bristle.questions.export.export import Export
@@ -46,9 +48,12 @@ __all__ = [
     "Fit",
     "InputError",
     "Lugre",
+    "OwnParameter",
     "Pair",
+    "Peak",
     "Results",
     "Told",
+    "ViscousTerm",
     "__version__",
     "adapt",
     "compare",
@@ -66,6 +71,7 @@ __all__ = [
     "plan",
     "read_export",
     "read_results",
+    "register_law",
     "report",
     "sensitivity",
     "simulate",

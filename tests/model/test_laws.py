@@ -14,7 +14,7 @@ from bristle.model import functions, law
 from bristle.model.laws import registry
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
-from bristle.model.laws.registry import competing, law_named, register
+from bristle.model.laws.registry import competing, law_named, register_law
 from bristle.model.parameters import (
     Direction,
     Lugre,
@@ -59,12 +59,12 @@ def outside() -> Iterator[Law]:
     """A law whose peak and term come from outside the package."""
     power = OwnParameter(name="steepness", symbol="n", units=("1", "1"), searched=(0.5, 3.0))
     cubic = OwnParameter(name="cubic", symbol="c", units=("N*m*s**3/rad**3", "N*s**3/m**3"), least=-float("inf"))
-    register(
+    register_law(
         Peak(
             name="power", title="power-law", shape=lambda v, v_s, n: (1 + v**2 / v_s**2) ** -n, own=(power,), reach=3.0
         )
     )
-    register(ViscousTerm(name="cubic", title="linear + v³", coefficient=cubic, rate=lambda speed: speed**2))
+    register_law(ViscousTerm(name="cubic", title="linear + v³", coefficient=cubic, rate=lambda speed: speed**2))
     yield law_named("power+cubic")
     for name in ("power", "cubic"):
         registry._PARTS.pop(name)
@@ -259,5 +259,5 @@ def test_names_that_are_taken_are_refused(name: str, own: str, wrong: str) -> No
     )  # fmt: skip  # a list of values
     before = dict(registry._PARTS)
     with pytest.raises(ValueError, match=wrong):
-        register(part)
+        register_law(part)
     assert before == registry._PARTS

@@ -17,6 +17,8 @@ from bristle.api.identifying import identify
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
+from bristle.model.laws.parts import OwnParameter, Peak, ViscousTerm
+from bristle.model.laws.registry import register_law
 from bristle.model.parameters import Lugre, Pair
 from bristle.questions.array_fit.fit import Fit
 from bristle.questions.export.export import Export
@@ -26,9 +28,12 @@ __all__ = [
     "Fit",
     "InputError",
     "Lugre",
+    "OwnParameter",
     "Pair",
+    "Peak",
     "Results",
     "Told",
+    "ViscousTerm",
     "adapt",
     "compare",
     "complete",
@@ -45,6 +50,7 @@ __all__ = [
     "plan",
     "read_export",
     "read_results",
+    "register_law",
     "report",
     "sensitivity",
     "simulate",

@@ -21,8 +21,24 @@ _looked: list[bool] = []
 """Not empty once installed packages have been asked for theirs."""
 
 
-def register(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
+def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
     """Make a peak or a term known by its name, for `fit.law`, and for `auto` where it is to compete.
+
+    >>> import bristle, numpy as np
+    >>> n = bristle.OwnParameter(name="steep", symbol="n", units=("1", "1"), searched=(0.5, 3.0))
+    >>> steep = lambda v, v_s, n: (1 + (v / v_s) ** 2) ** -n
+    >>> peak = bristle.Peak(name="steep", title="power-law", shape=steep, own=(n,), reach=3.0)
+    >>> bristle.register_law(peak, compete=False)
+    >>> v = np.geomspace(0.01, 0.8, 30)
+    >>> T = 0.02 + 0.006 * (1 + (v / 0.07) ** 2) ** -1.5 + 0.04 * v
+    >>> found = bristle.fit(v, T + 1e-6 * np.sin(1e4 * v), law="steep")
+    >>> round(found.params["steep"], 1)
+    1.5
+
+    Args:
+        part: what the law is to have.
+        compete: whether `auto`, and the comparison of laws, try it: a peak with and without each term, a term beside each
+            peak.
 
     Raises ValueError where another part has the name already, or a parameter of it is called as one that there is.
     """
@@ -99,4 +115,4 @@ def _look() -> None:
     if not _looked:
         _looked.append(True)
         for entry in entry_points(group=_GROUP):
-            register(entry.load())
+            register_law(entry.load())

@@ -65,7 +65,7 @@ def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
             continue
         yield f"{printable(joint.name)}: friction laws on {counted(found.n, 'point' if found.data == 'points' else 'sample')}"
         by_run = any(row.run_left_out is not None for row in found.rows)
-        heads = ("law", "terms", "BIC", "AICc", "left out", *(("runs",) if by_run else ()), "weight", "")
+        heads = ("law", "parameters", "BIC", "AICc", "left out", *(("runs",) if by_run else ()), "weight", "")
         rows = [_law_row(row, by_run=by_run) for row in sorted(found.rows, key=lambda row: row.bic)]
         yield from columns([heads, *rows])
         yield from wrapped([f"  {printable(str(found.sentence))}"])
