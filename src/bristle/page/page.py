@@ -20,6 +20,7 @@ from matplotlib.figure import Figure
 from bristle import __version__
 from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError
+from bristle.model.laws.registry import own_parameter
 from bristle.page import wording
 from bristle.page.columns import to_csv
 from bristle.page.entries import entries_linked, flagged, warned
@@ -258,12 +259,12 @@ def digest(script: str) -> str:
 
 def symbol_html(name: str) -> Markup:
     """A parameter's symbol as HTML: alpha_0 -> α with subscript 0."""
-    text = wording.symbol(name)
-    for character, plain in zip("₀₁₂ₛ", "012s", strict=True):
+    text = symbol = wording.symbol(name)
+    for character, plain in zip("₀₁₂₃ₛ", "0123s", strict=True):
         text = text.replace(character, f"_{plain}")
     parts = text.split("_", 1)
     if len(parts) == 1 or parts[0] not in {"α", "σ", "v"}:
-        return escape(name)
+        return escape(symbol if own_parameter(name) else name)
     return Markup("<i>{}</i><sub>{}</sub>{}").format(parts[0], parts[1][:1], parts[1][1:])
 
 

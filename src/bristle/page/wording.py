@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable
 from itertools import count
 
+from bristle.model.laws.registry import own_parameter
 from bristle.model.parameters import Kind, ParameterName, effort, unit
 
 MISSING = "–"
@@ -28,9 +29,11 @@ _WORDS = {"displacement": "position", "displacement from rest": "position"}
 
 
 def symbol(name: str | ParameterName) -> str:
-    """A parameter as the paper writes it: alpha_0 -> α₀, alpha_0+ -> α₀ (+); other names unchanged."""
+    """A parameter as the paper writes it: alpha_0 -> α₀, alpha_0+ -> α₀ (+), and as its law has it; other names unchanged."""
     bare, d = ParameterName.parse(name) if isinstance(name, str) else name
-    return _SYMBOLS.get(bare, bare) + (f" {_DIRECTIONS[d]}" if d in ("+", "-") else "")
+    own = None if bare in _SYMBOLS else own_parameter(bare)
+    plain = own.symbol if own is not None and "$" not in own.symbol else bare
+    return _SYMBOLS.get(bare, plain) + (f" {_DIRECTIONS[d]}" if d in ("+", "-") else "")
 
 
 def in_symbols(sentence: str) -> str:
