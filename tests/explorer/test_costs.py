@@ -12,7 +12,7 @@ from bristle.model.law import is_passive
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
-from bristle.questions.explorer import engine, page
+from bristle.questions.explorer import engine
 from bristle.questions.explorer.data import explored
 
 from .conftest import Explored, Node
@@ -24,7 +24,7 @@ CELLS = "module.exports = { cells: (asked) => new Promise((done) => costs.map(as
 def module(node: Node) -> str:
     """The scripts of which the page makes its worker; `cells` gives a whole map."""
     costs = (files("bristle.questions.explorer") / "costs.js").read_text(encoding="utf-8")
-    return node.module("\n".join((engine.script(), page._passive(), costs, CELLS)))
+    return node.module("\n".join((engine.script(), costs, CELLS)))
 
 
 def cost_of(data: dict[str, Any], pair: Pair[float]) -> float:
@@ -57,11 +57,20 @@ def test_a_map_is_that_of_python(data: str, directions: str, module: str, node: 
     known = explored([joint], {joint.name: "no loop"})["joints"][0]
     found = {d: {name: row["value"] for name, row in rows.items()} for d, rows in known["sets"][0]["values"].items()}
     now = {d: p | {"alpha_2": 1.2 * p["alpha_2"]} for d, p in found.items()}
+    law = {"law": "gaussian"}
     fits = [fit for fit in known["static"] if fit["direction"] in directions]
     of = {"fits": fits} if data == "fits" else {"moving": known["moving"]}
     begun = now[directions[0]]
     x, y = ("v_s", (0.05, 0.09)), ("sigma_1", (0.0, 2 * begun["alpha_2"] * begun["alpha_0"] / begun["alpha_1"]))
-    asked = {"job": 1, "n": 4, "names": [x[0], y[0]], "ends": [x[1], y[1]], "pair": now, "identified": found, **of}
+    asked = {
+        "job": 1,
+        "n": 4,
+        "names": [x[0], y[0]],
+        "ends": [x[1], y[1]],
+        "pair": now | law,
+        "identified": found | law,
+        **of,
+    }
     (cells,) = node.call(module, [("cells", asked | {"directions": [*directions]})])
     middles = (np.arange(4) + 0.5) / 4
     places = [(x[1][0] + a * np.ptp(x[1]), y[1][0] + b * np.ptp(y[1])) for b in middles for a in middles]

@@ -18,6 +18,7 @@ from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
 from bristle.estimation.linear import bounded_least_squares
 from bristle.model import functions
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.operations import OPERATIONS
 from bristle.model.parameters import Lugre, Pair, pair_of
 from bristle.model.printing import Term
@@ -57,9 +58,9 @@ def js(node: Node) -> Engine:
     return Engine(node, engine.script())
 
 
-def of(pair: Pair[float]) -> dict[str, dict[str, float]]:
+def of(pair: Pair[float]) -> dict[str, Any]:
     """A pair as the script has it."""
-    return {"+": pair.positive._asdict(), "-": pair.negative._asdict()}
+    return {"law": pair.law.name, "+": pair.positive._asdict(), "-": pair.negative._asdict()}
 
 
 def both(p: Lugre[float]) -> Pair[float]:
@@ -163,12 +164,14 @@ def test_the_refit_is_the_bounded_least_squares_of_python(true: tuple[float, ...
         design = np.stack([linear[0], shape, linear[1]], axis=1)
         T = design @ np.array(true) + 1e-3 * rng.standard_normal(v.size)
         theirs = bounded_least_squares(design * weight[:, None], T * weight, np.zeros(3))
-        got = js("refit", v, T, weight, v_s)
+        got = js("refit", v, T, weight, "gaussian", {"v_s": v_s})
         ours = np.array([got[name] for name in ("alpha_0", "alpha_1", "alpha_2")])
         np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-14)
         p = {**got, "v_s": v_s, "sigma_0": 1.0, "sigma_1": 0.0}
         cost = float((((T - design @ ours) * weight) ** 2).sum())
-        assert (got["cost"], js("cost", v, T, weight, {"+": p, "-": p})) == pytest.approx((cost, cost), rel=1e-12)
+        assert (got["cost"], js("cost", v, T, weight, {"law": "gaussian", "+": p, "-": p})) == pytest.approx(
+            (cost, cost), rel=1e-12
+        )
 
 
 TIME = 1e-3 * np.arange(20_001)
@@ -377,7 +380,7 @@ def test_no_extreme_makes_no_number(js: Engine) -> None:
             pair = of(Pair(p, other))
             answers = [
                 js("steady", v, pair), js("steadySlopes", v, pair), js("cost", v, v, np.ones(v.size), pair),
-                js("refit", v, v + np.sign(v), np.ones(v.size), p.v_s), js("rollout", motion, 1e-3, pair),
+                js("refit", v, v + np.sign(v), np.ones(v.size), "gaussian", p._asdict()), js("rollout", motion, 1e-3, pair),
                 js("hysteresis", pair, 1e-3, 0.1, 1, 100), js("loading", [-0.5 * g0, 0.999999 * g0], g0, p.sigma_0),
                 js("closedLoop", {**options, "plant": pair, "model": pair, "law": laws[k % len(laws)]}),
             ]  # fmt: skip  # a list of calls
@@ -389,7 +392,8 @@ def test_the_script_is_the_same_text_and_nobodys() -> None:
     hostile = replace(joint_loop(), name="</script><b>alert")
     text = engine.script([hostile])
     assert text == engine.script()
-    assert text == engine._script.__wrapped__(tuple(dict.fromkeys(engine._ways(Compensator(), Adaptation()).values())))
+    ways = tuple(dict.fromkeys(engine._ways(Compensator(), Adaptation()).values()))
+    assert engine._of_law.__wrapped__(GAUSSIAN, ways) in text
     assert text.isascii()
     assert not [
         word for word in ("eval(", "Function(", "</", "alert", "innerHTML", "document", "import(") if word in text

@@ -1,9 +1,8 @@
 // What the page knows, what the user has chosen, and the controls; the views register themselves in `explorer.views`.
-// No equation stands in these files: physics is asked of `bristle`, `passive` and `costs`. Texts of users are set as text only.
+// No equation stands in these files: physics is asked of `bristle` and `costs`. Texts of users are set as text only.
 "use strict";
 const explorer = (() => {
   const { known, settings, document: model, roots } = JSON.parse(document.getElementById("data").textContent);
-  const FIELDS = settings.parameters;
   const POSITIONS = 1000; // of a slider
   const views = {};
   const state = { joint: 0, set: 0, direction: "", values: {}, view: "friction" };
@@ -14,6 +13,8 @@ const explorer = (() => {
   const set = () => joint().sets[state.set];
   const bound = (x) => (x === "inf" ? Infinity : x === "-inf" ? -Infinity : x);
   const unitOf = (name) => joint().units[name];
+  const sliders = () => Object.keys(joint().ranges); // the parameters of the joint's law that have one
+  const listed = (names) => names.map((name) => settings.symbols[name]).join(", ");
 
   // ---- numbers in print
 
@@ -33,12 +34,12 @@ const explorer = (() => {
   // ---- parameter sets
 
   // One set per direction of motion, from values by the joint's own directions.
-  function pairOf(values) {
+  function pairOf(values, law = joint().law) {
     const any = values.both || values["+"] || values["-"];
-    return { "+": values["+"] || any, "-": values["-"] || any };
+    return { law, "+": values["+"] || any, "-": values["-"] || any };
   }
 
-  const plain = (rows) => Object.fromEntries(FIELDS.map((name) => [name, rows[name].value]));
+  const plain = (rows) => Object.fromEntries(Object.entries(rows).map(([name, row]) => [name, row.value]));
   function valuesOf(one) {
     return Object.fromEntries(Object.entries(one.values).map(([d, rows]) => [d, plain(rows)]));
   }
@@ -48,11 +49,13 @@ const explorer = (() => {
   function truth() {
     const found = joint().truth;
     if (!found) return null;
-    const whole = Object.values(found).every((p) => FIELDS.every((name) => p[name] !== null));
-    return whole ? pairOf(found) : null;
+    const whole = Object.values(found).every((p) => Object.values(p).every((x) => x !== null));
+    return whole ? pairOf(found, joint().truth_law) : null;
   }
+  // True values of parameters that mean the same: those of the joint's own law.
+  const comparable = () => (joint().truth_law === joint().law ? joint().truth : null);
   const truthOf = (name) => {
-    const found = joint().truth;
+    const found = comparable();
     return found ? (found[state.direction] || found["+"] || found["-"])[name] : null;
   };
 
@@ -69,10 +72,11 @@ const explorer = (() => {
     const fits = fitsOf(state.direction);
     const all = (name) => array(fits.flatMap((fit) => (name === "T" ? fit.target || fit.torque : fit[name])));
     const p = state.values[state.direction];
-    if (!fits.length || all("velocity").length < 3) return say("No points of constant velocity to refit to.");
-    const found = bristle.refit(all("velocity"), all("T"), all("weight"), p.v_s);
+    const { law } = joint(), { COEFFICIENTS } = bristle.laws[law];
+    if (!fits.length || all("velocity").length < COEFFICIENTS.length) return say("No points of constant velocity to refit to.");
+    const found = bristle.refit(all("velocity"), all("T"), all("weight"), law, p);
     if (!Number.isFinite(found.cost)) return say("No fit at this value of vₛ.");
-    for (const name of ["alpha_0", "alpha_1", "alpha_2"]) p[name] = found[name];
+    for (const name of COEFFICIENTS) p[name] = found[name];
     if (!(p.alpha_0 > 0)) p.alpha_0 = joint().ranges.alpha_0.low;
     changed();
     say(`Refitted at vₛ = ${shown(p.v_s)} ${unitOf("v_s")}: cost ${shown(found.cost, 5)}.`);
@@ -97,7 +101,7 @@ const explorer = (() => {
   // Of a number from outside: one that a parameter may have, or its fallback.
   function clamped(name, x, fallback) {
     const range = joint().ranges[name];
-    const low = range.log ? range.low / 1000 : 0;
+    const low = range.log ? range.low / 1000 : Math.max(1000 * range.low, bound(range.least));
     return Number.isFinite(x) ? Math.min(Math.max(x, low), range.high * 1000) : fallback;
   }
 
@@ -144,7 +148,7 @@ const explorer = (() => {
     const sample = samples.get(name), visible = sample.getAttribute("aria-pressed") !== "true";
     sample.setAttribute("aria-pressed", String(visible));
     for (const id of Object.values(roots)) {
-      for (const one of bokeh.get_model_by_id(id).renderers) if (one.data_source.name === name) one.visible = visible;
+      for (const one of bokeh.get_model_by_id(id).renderers) if ([name, `${name}.held`].includes(one.data_source.name)) one.visible = visible;
     }
   }
 
@@ -222,7 +226,7 @@ const explorer = (() => {
   }
 
   function summary() {
-    const bad = Object.entries(state.values).filter(([, p]) => !costs.isPassive(p)).map(([d]) => (d === "-" ? "−" : d));
+    const bad = Object.entries(state.values).filter(([, p]) => !bristle.isPassive(p, joint().law)).map(([d]) => (d === "-" ? "−" : d));
     const note = element("passivity");
     note.hidden = !bad.length;
     text("passivity", bad.length
@@ -232,7 +236,7 @@ const explorer = (() => {
 
   function render() {
     scheduled = false;
-    for (const name of FIELDS) showSlider(name);
+    for (const name of sliders()) showSlider(name);
     summary();
     const view = views[state.view];
     if (view) view.draw();
@@ -267,7 +271,12 @@ const explorer = (() => {
     sets.replaceChildren(...joint().sets.map((one, at) => new Option(one.label, String(at))));
     element("joint").value = String(state.joint);
     element("simulated").hidden = !joint().simulated;
-    for (const id of ["to-truth", "true-key"]) element(id).hidden = !joint().truth;
+    for (const id of ["to-truth", "true-key"]) element(id).hidden = !comparable();
+    for (const name of settings.parameters) element(`parameter-${name}`).hidden = !sliders().includes(name);
+    const { COEFFICIENTS, SHAPE } = bristle.laws[joint().law];
+    text("refit", `Refit ${listed(COEFFICIENTS)} at this ${listed(SHAPE)}`);
+    for (const entry of entries.get("profile.now")) entry.label = { value: `${listed(COEFFICIENTS)} refitted here` };
+    text("friction-law", joint().law_title);
     const warnings = element("warnings");
     warnings.replaceChildren(...joint().warnings.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
     warnings.hidden = !joint().warnings.length;
@@ -316,13 +325,13 @@ const explorer = (() => {
       const real = joint().truth;
       for (const [d, p] of Object.entries(state.values)) {
         const own = real[d] || real["+"] || real["-"];
-        for (const name of FIELDS) if (own[name] !== null) p[name] = own[name];
+        for (const name of sliders()) if (own[name] !== null) p[name] = own[name];
       }
       changed();
     });
     element("refit").addEventListener("click", refit);
     for (const [name, sample] of samples) sample.addEventListener("click", () => toggle(name));
-    for (const name of FIELDS) {
+    for (const name of settings.parameters) {
       const own = (x) => { state.values[state.direction][name] = x; say(""); changed(); };
       element(`slider-${name}`).addEventListener("input", (event) => own(atFraction(name, Number(event.target.value) / POSITIONS)));
       element(`entry-${name}`).addEventListener("change", (event) => {
@@ -372,8 +381,8 @@ const explorer = (() => {
   }
 
   return {
-    FIELDS, array, atFraction, bound, changed, chooseJoint, chooseSet, chooseView, clamped, costOf, element, errorOf, fill, fix, frame,
-    fitsOf, fraction, identified, joint, known, label, later, named, option, options, pair, say, set, settings,
-    shown, start, state, text, titles, truth, unitOf, views,
+    array, atFraction, bound, changed, chooseJoint, chooseSet, chooseView, clamped, comparable, costOf, element, errorOf, fill, fix, frame,
+    fitsOf, fraction, identified, joint, known, label, later, listed, named, option, options, pair, say, set, settings,
+    shown, sliders, start, state, text, titles, truth, unitOf, views,
   };
 })();

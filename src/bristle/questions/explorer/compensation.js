@@ -1,7 +1,7 @@
 // View 4: the joint in its loop, with the friction model of the sliders: its factors as they adapt, and the error they leave.
 "use strict";
 explorer.views.compensation = (() => {
-  const { FIELDS, element, fill, identified, joint, label, named, option, pair, settings, shown, text, titles, unitOf } = explorer;
+  const { element, fill, identified, joint, label, named, option, pair, settings, shown, text, titles, unitOf } = explorer;
   const DRAWN = 2500; // samples of a run, at the most
   const NUMBERS = { "loop-amplitude-": "amplitude", "loop-frequency": "frequency", "loop-duration": "duration" };
   const GAINS = { "gain-p": "K_p", "gain-i": "K_i", "gain-d": "K_d" };
@@ -18,10 +18,10 @@ explorer.views.compensation = (() => {
     const now = pair(), then = identified();
     const scaled = (d) => {
       const of = one_way ? "+" : d;
-      const ratio = (name) => (then[of][name] > 0 ? now[of][name] / then[of][name] : 1);
-      return Object.fromEntries(FIELDS.map((name) => [name, options.model[d][name] * ratio(name)]));
+      const ratio = (name) => (then[of][name] ? now[of][name] / then[of][name] : 1);
+      return Object.fromEntries(Object.entries(options.model[d]).map(([name, x]) => [name, x * ratio(name)]));
     };
-    return { "+": scaled("+"), "-": scaled("-") };
+    return { ...options.model, "+": scaled("+"), "-": scaled("-") };
   }
 
   function asked() {

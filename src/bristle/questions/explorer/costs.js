@@ -1,11 +1,10 @@
 // What values cost on the measured data, and the map of that over two parameters. Nothing here knows the page: a worker
-// is made of this text with those of `bristle` and `passive`, and answers what it is sent.
+// is made of this text with that of `bristle`, and answers what it is sent.
 const costs = (() => {
   "use strict";
   const WORKER = typeof importScripts === "function";
   const SLICE = WORKER ? 50 : 12; // ms between two looks at what else is asked
   const array = (x) => Float64Array.from(x);
-  const isPassive = (p) => passive(p.alpha_0, p.alpha_1, p.alpha_2, p.v_s, p.sigma_0, p.sigma_1) === 1;
   let latest = null;
 
   // Pair -> the cost of fits of constant velocities: each fit's own, of its own weighted residuals.
@@ -47,7 +46,8 @@ const costs = (() => {
       return { least: fits.reduce((sum, fit) => sum + fit.least, 0), by: Math.max(...fits.map((fit) => fit.threshold - fit.least)) };
     }
     const least = cost(identified), n = (fits || [moving]).reduce((sum, one) => sum + one.velocity.length, 0);
-    return { least, by: 3.84 * least / Math.max(n - 4, 1) };
+    const { COEFFICIENTS, SHAPE } = bristle.laws[identified.law], unknowns = COEFFICIENTS.length + SHAPE.length;
+    return { least, by: 3.84 * least / Math.max(n - unknowns, 1) };
   }
 
   // Answers {job, part} now and then, at the end {job, cells}: n x n, each {x, y, change, active}. What is asked later
@@ -66,7 +66,7 @@ const costs = (() => {
       const x = x0 + (k % n + 0.5) * width, y = y0 + (Math.floor(k / n) + 0.5) * height;
       const own = { ...pair[directions[0]], [a]: x, [b]: y }, p = { ...pair };
       for (const d of directions) p[d] = own;
-      cells.push({ x, y, change: (cost(p) - least) / by, active: !isPassive(own) });
+      cells.push({ x, y, change: (cost(p) - least) / by, active: !bristle.isPassive(own, pair.law) });
       if (performance.now() - since > SLICE) {
         answer({ job, part: k / (n * n) });
         await others();
@@ -78,5 +78,5 @@ const costs = (() => {
   }
 
   if (WORKER) onmessage = ({ data }) => map(data, postMessage);
-  return { isPassive, left, map, ofPoints, ofRun, simulated };
+  return { left, map, ofPoints, ofRun, simulated };
 })();

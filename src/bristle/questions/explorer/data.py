@@ -24,10 +24,21 @@ from bristle.identification.known_joint import (
 )
 from bristle.identification.results import Joint
 from bristle.model import functions
-from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName, effort, in_direction, unit
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.parameters import (
+    INERTIA,
+    SIGNED,
+    Direction,
+    ParameterName,
+    effort,
+    fields_of,
+    in_direction,
+    unit,
+)
 from bristle.model.vectorize import evaluate
 from bristle.page.wording import in_print, pretty, printable
 from bristle.questions.explorer.engine import loop_options
+from bristle.questions.explorer.sliders import ranges
 from bristle.simulation.joint_loop import PAPER_ASSUMPTIONS, JointLoop, fastest_measured, one_way
 
 MOST_SAMPLES = 4000
@@ -38,14 +49,10 @@ MOST_EDGES = 40
 """Count edges of a loading, at the most."""
 MOST_LOOPS = 3
 """Measured loops that are kept."""
-_SHOWN = (*Lugre._fields, "position", "velocity", "torque", "K_p", "K_i", "K_d")
-"""What the page has units of."""
+_SHOWN = ("position", "velocity", "torque", "K_p", "K_i", "K_d")
+"""What the page has units of, beside the parameters."""
 _FREQUENCY = 0.5
 """Hz, of a sine at the fastest measured speed: its acceleration and amplitude stand for what is not known."""
-_PIECES = {"alpha_0": 4.0, "v_s": 10.0, "sigma_0": 10.0}
-"""Sliders that are logarithmic, and up to what factor of the identified value they go."""
-_TIMES = 4.0
-"""Up to how many times the identified value the other sliders go, from zero."""
 
 
 def explored(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> dict[str, Any]:
@@ -75,16 +82,20 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
     fastest = fastest_measured(joint)
     travel = joint.travel or fastest / (2 * np.pi * _FREQUENCY)
     J = loop.J if isinstance(loop, JointLoop) else _inertia(joint, known, fastest)
-    sets = list(_sets(joint, known, travel, J))
+    sets, truth = list(_sets(joint, known, travel, J)), _truth(joint)
+    given = [{name: row["value"] for name, row in p.items()} for one in sets for p in one["values"].values()]
     return {
         "name": printable(joint.name),
+        "law": joint.law.name,
+        "law_title": "" if joint.law == GAUSSIAN else f"Law: {joint.law.title}.",
         "simulated": joint.simulated,
-        "units": {name: pretty(unit(name, joint.kind)) for name in _SHOWN},
+        "units": {name: pretty(unit(name, joint.kind)) for name in (*fields_of(joint.law), *_SHOWN)},
         "effort": effort(joint.kind),
         "directions": [str(d) for d in known.directions],
         "sets": sets,
-        "truth": _truth(joint),
-        "ranges": _ranges(joint, sets),
+        "truth": truth,
+        "truth_law": next((p.law.name for p in joint.truth.values()), None),
+        "ranges": ranges(joint.law, [*given, *(truth or {}).values()], fastest),
         "speeds": [_slowest(joint, fastest), fastest],
         "travel": travel,
         "static": [_static(d, fit) for d, fit in joint.static.items() if d in set(Direction) - {Direction.SHARED}],
@@ -96,12 +107,17 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
         "warnings": [
             f"{w.severity}: {printable(str(w))}" for w in joint.fit_warnings() if w.severity is Severity.CRITICAL
         ],
-        "loop": _plans(loop) if isinstance(loop, JointLoop) else loop,
+        "loop": _plans(loop),
     }
 
 
-def _plans(loop: JointLoop) -> list[dict[str, Any]]:
-    """The cases in which the joint runs in its loop; a joint of the paper first as in its Table 2."""
+def _plans(loop: JointLoop | str) -> list[dict[str, Any]] | str:
+    """The cases in which the joint runs in its loop, a joint of the paper first as in its Table 2; else why there is none."""
+    if isinstance(loop, str):
+        return loop
+    if loop.plant.law != loop.model.law:
+        laws = f"{loop.plant.law.name} friction, the fitted model {loop.model.law.name}"
+        return f"{printable(loop.name)}: the simulated joint has {laws}; a loop is shown where both have one law"
     cases = [("friction of either direction", loop, False)]
     if loop.assumptions == PAPER_ASSUMPTIONS:
         cases.insert(0, ("friction (+) in both directions, as in Table 2", one_way(loop), True))
@@ -143,7 +159,7 @@ def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[
         ("moving", "fit of moving runs", _of_moving(joint.moving, use)),
     )
     for key, label, values in others:
-        if any(values[d][name]["value"] != use[d][name]["value"] for d in values for name in Lugre._fields):
+        if any(values[d][name]["value"] != use[d][name]["value"] for d in values for name in fields_of(joint.law)):
             yield {"key": key, "label": label, "values": values}
 
 
@@ -157,14 +173,14 @@ def _of_stages(joint: Joint, use: _Values) -> _Values:
     own: _Values = {}
     for d, rows in use.items():
         fit = joint.static.get(d)
-        law = fit.values() if fit is not None else None
-        if law is None:
+        curve = fit.values() if fit is not None else None
+        if curve is None:
             return {}
         own[d] = dict(rows)
-        for name in Lugre._fields:
+        for name in fields_of(joint.law):
             row = stages.get(ParameterName(name, Direction(d)))
             estimate = None if row is None else row.estimate
-            value = getattr(law, name, None if estimate is None else estimate.value)
+            value = getattr(curve, name, None if estimate is None else estimate.value)
             if value is not None:
                 own[d][name] = _value(value, estimate, str(Source.STATIC if row is None else row.source))
     return own
@@ -203,24 +219,6 @@ def _truth(joint: Joint) -> dict[str, dict[str, float | None]] | None:
         if (p := joint.truth.get(d) or joint.truth.get(Direction.BOTH)) is not None
     }
     return found or None
-
-
-def _ranges(joint: Joint, sets: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, Any]]:
-    """From where to where each slider goes, and whether by the logarithm; one range for both directions."""
-    rows = {name: [one[name]["value"] for s in sets for one in s["values"].values()] for name in Lugre._fields}
-    for name, values in rows.items():
-        values += [x for p in (_truth(joint) or {}).values() if (x := p[name]) is not None]
-    level = max(rows["alpha_0"])
-    ranges = {}
-    for name, values in rows.items():
-        positive = [x for x in values if x > 0]
-        if name in _PIECES and positive:
-            by = _PIECES[name]
-            ranges[name] = {"low": min(positive) / by, "high": max(positive) * by, "log": True}
-        else:
-            scale = max(positive, default=level / (1.0 if name == "alpha_1" else fastest_measured(joint)))
-            ranges[name] = {"low": 0.0, "high": _TIMES * scale, "log": False}
-    return ranges
 
 
 def _slowest(joint: Joint, fastest: float) -> float:
@@ -337,7 +335,7 @@ def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
     one = next(iter(sets.values()))
     n = min(fit.velocity.size, MOST_SAMPLES)
     return {
-        "pair": {str(d): sets.get(d, one)._asdict() for d in SIGNED},
+        "pair": {"law": fit.law.name, **{str(d): sets.get(d, one)._asdict() for d in SIGNED}},
         "step": float(np.median(np.diff(fit.time))),
         "time": fit.time[:n].tolist(),
         "velocity": fit.velocity[:n].tolist(),

@@ -3,13 +3,20 @@
 // page. Arrays are Float64Array (anything with a length may come in). SI units: rad, s, N*m (m and N where a joint
 // slides).
 //
-// A parameter set p is {alpha_0, alpha_1, alpha_2, v_s, sigma_0, sigma_1}, positive numbers in both directions; a pair
-// is {"+": p, "-": p}. A pair of two equal sets is one set, as `Lugre` in Python.
+// A parameter set p is {alpha_0, alpha_1, alpha_2, v_s, sigma_0, sigma_1}, positive numbers in both directions, and what
+// its friction law has beside them; a pair is {law, "+": p, "-": p}, law the name of one of bristle.laws. A pair of two
+// equal sets is one set, as `Lugre` in Python.
 //
+// bristle.laws                           -> by name what a law is: FIELDS, its parameters; SHAPE, those of its peak that
+//     are not linear; COEFFICIENTS, the linear ones, and what each may be at LEAST
 // bristle.steady(v, pair)                -> T: the steady torque (9) at velocities v, of the set by the sign of v
-// bristle.steadySlopes(v, pair)          -> {alpha_0, alpha_1, alpha_2, v_s}: its derivatives by that set
-// bristle.refit(v, T, weight, v_s)       -> {alpha_0, alpha_1, alpha_2, cost}: >= 0, least squares (11)-(13) at that v_s
+// bristle.steadySlopes(v, pair)          -> {alpha_0, alpha_1, alpha_2, v_s, ...}: its derivatives by that set
+// bristle.refit(v, T, weight, law, p)    -> {alpha_0, alpha_1, alpha_2, ..., cost}: least squares (11)-(13), each at its
+//     least or above, at the v_s of p and what else shapes the peak
 // bristle.cost(v, T, weight, pair)       -> sum of the squares of weight * (T - steady torque)
+// bristle.isPassive(p, law)              -> whether LuGre dissipates with this set, whatever the motion
+// bristle.heldFrom(p, law)               -> the speed beyond which viscous friction is held, as nobody has seen it fall
+//     further: Infinity but where a coefficient is negative
 // bristle.rollout(v, dt, pair, z0)       -> {z, torque} along a velocity that is linear between its samples; dt is a
 //     number or an array (n - 1); without z0 the bristle is steady at first
 // bristle.loading(T, g0, sigma_0)        -> displacement in slow loading from rest to torques T; NaN where abs(T) >= g0:
@@ -29,34 +36,38 @@
 //     (the model as it is), and rmsStart (the model at its start, not adapted), which takes three more runs.
 //   The agreed `voltage` is null: the drive of a JointLoop takes a torque.
 
-// The twelve numbers of a pair, the positive set first.
+// The numbers of a pair, twelve of the paper's law, the positive set first.
 function numbers(pair) {
-  const q = new Float64Array(12);
-  FIELDS.forEach((name, k) => {
-    q[k] = pair["+"][name];
-    q[6 + k] = pair["-"][name];
-  });
-  return q;
+  const { FIELDS } = LAWS[pair.law];
+  return Float64Array.from(["+", "-"].flatMap((d) => FIELDS.map((name) => pair[d][name])));
+}
+
+function isPassive(p, law) {
+  return LAWS[law].passive(LAWS[law].FIELDS.map((name) => p[name])) === 1;
+}
+
+function heldFrom(p, law) {
+  return LAWS[law].COEFFICIENTS.slice(3).some((name) => p[name] < 0) ? p[FASTEST] : Infinity;
 }
 
 function steady(v, pair) {
-  const q = numbers(pair), T = new Float64Array(v.length);
+  const { steadyTorque } = LAWS[pair.law], q = numbers(pair), T = new Float64Array(v.length);
   for (let k = 0; k < T.length; k++) T[k] = steadyTorque(v[k], q);
   return T;
 }
 
 function steadySlopes(v, pair) {
-  const q = numbers(pair), out = new Float64Array(4), names = FIELDS.slice(0, 4);
-  const slopes = names.map(() => new Float64Array(v.length));
+  const { STATIC, steadyJacobian } = LAWS[pair.law], q = numbers(pair), out = new Float64Array(STATIC.length);
+  const slopes = STATIC.map(() => new Float64Array(v.length));
   for (let k = 0; k < v.length; k++) {
     steadyJacobian(v[k], q, out);
-    for (let i = 0; i < 4; i++) slopes[i][k] = out[i];
+    for (let i = 0; i < out.length; i++) slopes[i][k] = out[i];
   }
-  return Object.fromEntries(names.map((name, i) => [name, slopes[i]]));
+  return Object.fromEntries(STATIC.map((name, i) => [name, slopes[i]]));
 }
 
 function cost(v, T, weight, pair) {
-  const q = numbers(pair);
+  const { steadyTorque } = LAWS[pair.law], q = numbers(pair);
   let sum = 0;
   for (let k = 0; k < v.length; k++) {
     const r = (weight ? weight[k] : 1) * (T[k] - steadyTorque(v[k], q));
@@ -104,35 +115,42 @@ function solve(columns, b) {
   return { x, cost: dot(rest, rest) };
 }
 
-// Of three unknowns that may not be negative, the least cost stands where some are zero and the others free: where all
-// three free ones are not good, the other seven choices are tried.
-function refit(v, T, weight, v_s) {
-  const n = v.length, out = new Float64Array(3), columns = [0, 1, 2].map(() => new Float64Array(n));
-  const b = new Float64Array(n);
+// Of unknowns that may not be less than something, the least cost stands where some are at that and the others free:
+// where all free ones are not good, every other choice is tried. What has no least is always free.
+function refit(v, T, weight, law, p) {
+  const { COEFFICIENTS, LEAST, SHAPE, steadyColumns } = LAWS[law], n = v.length, shape = SHAPE.map((name) => p[name]);
+  const out = new Float64Array(LEAST.length), columns = LEAST.map(() => new Float64Array(n)), b = new Float64Array(n);
+  const least = LEAST.map((x) => (x === -Infinity ? 0 : x)); // from which each is counted
   for (let k = 0; k < n; k++) {
     const w = weight ? weight[k] : 1;
-    steadyColumns(v[k], v_s, out);
-    for (let j = 0; j < 3; j++) columns[j][k] = w * out[j];
+    steadyColumns(v[k], ...shape, out);
     b[k] = w * T[k];
+    for (let j = 0; j < out.length; j++) {
+      columns[j][k] = w * out[j];
+      b[k] -= columns[j][k] * least[j];
+    }
   }
-  let best = { alpha_0: 0, alpha_1: 0, alpha_2: 0, cost: Infinity };
-  for (let choice = 7; choice >= 0; choice--) {
-    const free = [0, 1, 2].filter((j) => choice & (1 << j));
+  const all = 2 ** LEAST.length - 1, result = (x, cost) => ({ ...Object.fromEntries(COEFFICIENTS.map((name, j) => [name, x[j]])), cost });
+  let best = result(least, Infinity);
+  for (let choice = all; choice >= 0; choice--) {
+    const isFree = (j) => choice & (1 << j), free = LEAST.map((_, j) => j).filter(isFree);
+    if (!LEAST.every((x, j) => isFree(j) || x > -Infinity)) continue;
     const found = solve(free.map((j) => columns[j]), b);
-    if (found && found.cost < best.cost && found.x.every((x) => x >= 0)) {
-      best = { alpha_0: 0, alpha_1: 0, alpha_2: 0, cost: found.cost };
-      free.forEach((j, i) => { best[FIELDS[j]] = found.x[i]; });
-      if (choice === 7) break;
+    if (found && found.cost < best.cost && found.x.every((x, i) => x >= 0 || LEAST[free[i]] === -Infinity)) {
+      const x = [...least];
+      free.forEach((j, i) => { x[j] += found.x[i]; });
+      best = result(x, found.cost);
+      if (choice === all) break;
     }
   }
   return best;
 }
 
 // The bristle of one pair, stepped from sample to sample as model/rollout.py and model/time_refinement.py have it.
-function bristleOf(q) {
-  const v_s = Math.min(q[3], q[9]), fine = FINE * v_s, near = NEAR * v_s, ab = new Float64Array(2);
-  let alike = true;
-  for (let k = 0; k < 6; k++) alike = alike && q[k] === q[6 + k];
+function bristleOf(pair) {
+  const { FIELDS, bristleStep } = LAWS[pair.law], { "+": positive, "-": negative } = pair, q = numbers(pair);
+  const v_s = Math.min(positive.v_s, negative.v_s), fine = FINE * v_s, near = NEAR * v_s, ab = new Float64Array(2);
+  const alike = FIELDS.every((name) => positive[name] === negative[name]);
 
   // Over a step in which v keeps its sign; where z changes its own, sigma_0 changes, and the step is cut there. A step
   // so coarse that z stays on its side once it is cut remains whole, as the passes of Python's scan leave it.
@@ -175,7 +193,8 @@ function bristleOf(q) {
 }
 
 function rollout(v, dt, pair, z0) {
-  const n = v.length, q = numbers(pair), step = bristleOf(q), varies = typeof dt !== "number";
+  const { steadyDeflection, frictionTorque } = LAWS[pair.law];
+  const n = v.length, q = numbers(pair), step = bristleOf(pair), varies = typeof dt !== "number";
   const z = new Float64Array(n), torque = new Float64Array(n);
   let now = z0 ?? (n ? steadyDeflection(v[0], q) : 0);
   for (let k = 0; k < n; k++) {
@@ -207,12 +226,9 @@ function hysteresis(pair, amplitude, rate, cycles, points) {
 
 // A run in the closed loop, cut where it diverges, of a law of options.laws from these shares of the model's parameters.
 function run(options, law, start) {
-  const { rest, period, size } = LOOPS[options.laws[law]], adapts = law !== "none" && law !== "fixed";
-  const begun = numbers(options.model), plant = numbers(options.plant);
-  FIELDS.forEach((name, k) => {
-    begun[k] *= start[name] ?? 1;
-    begun[6 + k] *= start[name] ?? 1;
-  });
+  const { rest, period, size } = LAWS[options.model.law].LOOPS[options.laws[law]], adapts = law !== "none" && law !== "fixed";
+  const { FIELDS } = LAWS[options.model.law], plant = numbers(options.plant);
+  const begun = numbers(options.model).map((x, k) => x * (start[FIELDS[k % FIELDS.length]] ?? 1));
   const names = adapts ? options.parameters : [];
   const gamma = adapts ? options.gamma[law] : [];
   const settings = Float64Array.from(SETTINGS.flatMap((name) => (name === "gamma" ? gamma : options[name])));
@@ -224,7 +240,7 @@ function run(options, law, start) {
   const logs = Object.fromEntries(["time", "reference", ...LOGGED].map((name) => [name, new Float64Array(n)]));
   const theta = names.map(() => new Float64Array(n)), rows = LOGGED.map((name) => logs[name]);
   let memory = new Float64Array(size + rows.length + names.length), out = new Float64Array(memory.length);
-  const r = new Float64Array(3), most = limit(options, n, at, [plant, begun]);
+  const r = new Float64Array(3), most = limit(options, n, at, [plant, begun], FIELDS.length);
   at(0, r);
   rest(r[0], settings, memory);
   let k = 0;
@@ -247,9 +263,9 @@ function run(options, law, start) {
 }
 
 // The position error beyond which a loop diverges: ten times what is to be followed, or than what its friction makes.
-function limit(options, n, at, sets) {
+function limit(options, n, at, pairs, count) {
   const r = new Float64Array(3);
-  let most = Math.max(...sets.flatMap((q) => [q[0] + q[1], q[6] + q[7]])) / options.gains.K_p;
+  let most = Math.max(...pairs.flatMap((q) => [q[0] + q[1], q[count] + q[count + 1]])) / options.gains.K_p;
   for (let k = 0; k < n; k++) {
     at(k, r);
     most = Math.max(most, Math.abs(r[0]));
@@ -282,4 +298,4 @@ function closedLoop(options) {
   return { ...own, theta_1: alpha_0, theta_2: alpha_2, voltage: null, rms: rms(own, since), ...others };
 }
 
-return { steady, steadySlopes, refit, cost, rollout, loading, hysteresis, closedLoop };
+return { laws: LAWS, steady, steadySlopes, refit, cost, isPassive, heldFrom, rollout, loading, hysteresis, closedLoop };

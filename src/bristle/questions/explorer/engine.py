@@ -1,11 +1,12 @@
 """The explorer's physics: one JavaScript constant, `bristle`, with the functions that its page calls.
 
-Every equation in it is printed from the CasADi functions that bristle itself evaluates; engine.js, which goes round
-them, holds loops alone, and says at its top what each function takes and returns.
+Every equation in it is printed from the CasADi functions that bristle itself evaluates, once for each friction law that
+the page has; engine.js, which goes round them, holds loops alone, and says at its top what each function takes and
+returns.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -18,7 +19,21 @@ from bristle.control.control_period import UNDISTURBED, LoopOptions, Numbers, af
 from bristle.control.pid import Gains, Sliding
 from bristle.control.symbolic import OF_ADAPTATION, OF_COMPENSATOR, setting_names, with_settings
 from bristle.model import functions, time_refinement
-from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, pair_of
+from bristle.model.law import is_passive
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST
+from bristle.model.laws.parts import Law as FrictionLaw
+from bristle.model.parameters import (
+    SIGNED,
+    Lugre,
+    Motor,
+    Pair,
+    fields_of,
+    least_of,
+    lugre_of,
+    pair_of,
+    static_fields_of,
+)
 from bristle.questions.explorer import javascript
 from bristle.simulation.joint_loop import JointLoop
 from bristle.simulation.references import Sine
@@ -51,13 +66,32 @@ class Way(NamedTuple):
         return " ".join(parts)
 
 
-def script(loops: Sequence[JointLoop] = ()) -> str:
+def script(loops: Sequence[JointLoop] = (), laws: Iterable[FrictionLaw] = (GAUSSIAN,)) -> str:
     """JavaScript that defines the constant `bristle`, and `module.exports` where there is a `module`; always the same text.
 
-    Its closed loop runs these joints, and any others that differ from them, or from the paper's, in numbers alone.
+    It knows these friction laws and those of the loops. Its closed loop runs these joints, and any others that differ
+    from them, or from the paper's, in numbers alone.
     """
-    plans = [(Compensator(), Adaptation()), *((loop.compensator, loop.adaptation) for loop in loops)]
-    return _script(tuple(dict.fromkeys(way for plan in plans for way in _ways(*plan).values())))
+    ways: dict[FrictionLaw, dict[Way, None]] = {
+        law: dict.fromkeys(_ways(Compensator(), Adaptation()).values())
+        for law in (*laws, *(loop.model.law for loop in loops))
+    }
+    for loop in loops:
+        ways[loop.model.law] |= dict.fromkeys(_ways(loop.compensator, loop.adaptation).values())
+    parts = [
+        'const bristle = (() => {\n"use strict";\n',
+        javascript.HELPERS,
+        *_constants({
+            "FINE": time_refinement._FINE, "NEAR": time_refinement._NEAR, "MOST": time_refinement._MOST,
+            "GAINS": Gains._fields, "SETTINGS": _SETTINGS, "LOGGED": _LOGGED, "FASTEST": FASTEST,
+        }),
+        *(javascript.printed(f, f.name()) for f in _common()),
+        "const LAWS = {};\n",
+        *(_of_law(law, tuple(own)) for law, own in ways.items()),
+        _GLUE.read_text(encoding="utf-8"),
+        '})();\nif (typeof module !== "undefined") module.exports = bristle;\n',
+    ]  # fmt: skip  # a list of values
+    return "".join(parts)
 
 
 def loop_options(loop: JointLoop) -> dict[str, Any]:
@@ -87,8 +121,9 @@ def loop_options(loop: JointLoop) -> dict[str, Any]:
     }
 
 
-def _by_direction(pair: Pair[float]) -> dict[str, dict[str, float]]:
-    return {str(d): {name: float(x) for name, x in p._asdict().items()} for d, p in zip(SIGNED, pair, strict=True)}
+def _by_direction(pair: Pair[float]) -> dict[str, Any]:
+    sets = {str(d): {name: float(x) for name, x in p._asdict().items()} for d, p in zip(SIGNED, pair, strict=True)}
+    return {"law": pair.law.name, **sets}
 
 
 def _ways(compensator: Compensator, adaptation: Adaptation) -> dict[str, Way]:
@@ -101,65 +136,78 @@ def _ways(compensator: Compensator, adaptation: Adaptation) -> dict[str, Way]:
 
 
 @cache
-def _script(ways: tuple[Way, ...]) -> str:
-    constants: dict[str, Any] = {
-        "FINE": time_refinement._FINE,
-        "NEAR": time_refinement._NEAR,
-        "MOST": time_refinement._MOST,
-        "FIELDS": Lugre._fields,
-        "GAINS": Gains._fields,
-        "SETTINGS": _SETTINGS,
-        "LOGGED": _LOGGED,
-    }
-    loops = [_loop(way, k) for k, way in enumerate(ways)]
+def _of_law(law: FrictionLaw, ways: tuple[Way, ...]) -> str:
+    """The entry of one law in the script's `LAWS`: its parameters, its equations, and its loops in these ways."""
+    equations, loops = _equations(law), [_loop(way, k, law) for k, way in enumerate(ways)]
     table = [
         f"  {json.dumps(way.key)}: {{ rest: rest{k}, period: period{k}, size: {rest.numel_out(0)} }},\n"
         for k, (way, (rest, _)) in enumerate(zip(ways, loops, strict=True))
     ]
-    functions = [*_equations(), *(function for pair in loops for function in pair)]
+    coefficients = ("alpha_0", "alpha_1", "alpha_2", *law.coefficients)
+    constants = {
+        "FIELDS": fields_of(law),
+        "STATIC": static_fields_of(law),
+        "SHAPE": law.shape_parameters,
+        "COEFFICIENTS": coefficients,
+        "LEAST": [least_of(name) for name in coefficients],
+    }
+    named = [*constants, "LOOPS", *(equation.name() for equation in equations)]
     parts = [
-        'const bristle = (() => {\n"use strict";\n',
-        javascript.HELPERS,
-        *(f"const {name} = {json.dumps(value)};\n" for name, value in constants.items()),
-        *(javascript.printed(function, function.name()) for function in functions),
+        f"LAWS[{json.dumps(law.name)}] = (() => {{\n",
+        *_constants(constants),
+        *(javascript.printed(f, f.name()) for f in (*equations, *(f for pair in loops for f in pair))),
         f"const LOOPS = {{\n{''.join(table)}}};\n",
-        _GLUE.read_text(encoding="utf-8"),
-        '})();\nif (typeof module !== "undefined") module.exports = bristle;\n',
+        f"return {{ {', '.join(named)} }};\n}})();\n",
     ]
     return "".join(parts)
 
 
-def _equations() -> list[ca.Function]:
-    """The functions of a bristle that the glue calls, by their names there; `q` is a pair, the positive set first, (12, 1)."""
-    q = _symbol("q", 12)
-    z, v, v0, v1, h = map(_symbol, ("z", "v", "v0", "v1", "h"))
-    T, g0, sigma_0, v_s = map(_symbol, ("T", "g0", "sigma_0", "v_s"))
-    t, amplitude, frequency = map(_symbol, ("t", "amplitude", "frequency"))
+def _constants(values: Mapping[str, Any]) -> list[str]:
+    """Values as constants of JavaScript, whose `Infinity` is JSON's as Python writes it."""
+    return [f"const {name} = {json.dumps(value)};\n" for name, value in values.items()]
 
-    def acting(z: Expression, v: Expression) -> Lugre[Any]:
-        """The set that acts there."""
-        return Lugre(*functions.active_function()(z, v, *ca.vertsplit(q)))
 
-    steady, columns = acting(v, v), functions.linear_shapes_function()(v)
-    shape = functions.stribeck_shape_function()(v, v_s)
-    step = functions.step_function()(v0, v1, h, *acting(z, v0 + v1))
+def _common() -> list[ca.Function]:
+    """The functions that the glue calls of any law, by their names there."""
+    T, g0, sigma_0, t, amplitude, frequency = map(_symbol, ("T", "g0", "sigma_0", "t", "amplitude", "frequency"))
     y = Sine(amplitude, frequency).position(t)
     y_t = ca.jacobian(y, t)
+    displacement = functions.loading_displacement_function()(T, g0, sigma_0)[0]
     return [
-        _function("steadyTorque", [v, q], functions.steady_torque_function()(v, *steady.stribeck)),
-        _function("steadyJacobian", [v, q], *functions.steady_jacobian_function()(v, *steady.stribeck)),
-        _function("steadyColumns", [v, v_s], columns[0], shape, columns[1]),
-        _function("steadyDeflection", [v, q], functions.steady_deflection_function()(v, *steady)[0]),
-        _function("frictionTorque", [z, v, q], functions.torque_function()(z, v, *acting(z, v))),
-        _function("bristleStep", [z, v0, v1, h, q], *step),
-        _function(
-            "loadingDisplacement", [T, g0, sigma_0], functions.loading_displacement_function()(T, g0, sigma_0)[0]
-        ),
+        _function("loadingDisplacement", [T, g0, sigma_0], displacement),
         _function("sine", [t, amplitude, frequency], y, y_t, ca.jacobian(y_t, t)),
     ]
 
 
-def _loop(way: Way, k: int) -> tuple[ca.Function, ca.Function]:
+def _equations(law: FrictionLaw) -> list[ca.Function]:
+    """The functions of a law that the glue calls, by their names there.
+
+    `q` is a pair, the positive set first, for the paper's law (12, 1), and `p` one set.
+    """
+    kind, count = lugre_of(law), len(fields_of(law))
+    q, p = _symbol("q", 2 * count), _symbol("p", count)
+    z, v, v0, v1, h = map(_symbol, ("z", "v", "v0", "v1", "h"))
+    shape = [_symbol("v_s"), *(_symbol(f"own{k}") for k, _ in enumerate(law.peak.own))]
+
+    def acting(z: Expression, v: Expression) -> Lugre[Any]:
+        """The set that acts there."""
+        return kind(*functions.active_function(law)(z, v, *ca.vertsplit(q)))
+
+    steady, (level, *viscous) = acting(v, v), functions.linear_shapes_function(law)(v)
+    peak = functions.stribeck_shape_function(law)(v, *shape)
+    step = functions.step_function(law)(v0, v1, h, *acting(z, v0 + v1))
+    return [
+        _function("steadyTorque", [v, q], functions.steady_torque_function(law)(v, *steady.stribeck)),
+        _function("steadyJacobian", [v, q], *functions.steady_jacobian_function(law)(v, *steady.stribeck)),
+        _function("steadyColumns", [v, *shape], level, peak, *viscous),
+        _function("steadyDeflection", [v, q], functions.steady_deflection_function(law)(v, *steady)[0]),
+        _function("frictionTorque", [z, v, q], functions.torque_function(law)(z, v, *acting(z, v))),
+        _function("bristleStep", [z, v0, v1, h, q], *step),
+        _function("passive", [p], is_passive(kind(*ca.vertsplit(p)))),
+    ]
+
+
+def _loop(way: Way, k: int, law: FrictionLaw) -> tuple[ca.Function, ca.Function]:
     """What the loop remembers at rest, and one control period of it, by a drive that takes the torque; numbers are inputs.
 
     (position, settings) -> memory, and (memory, y, v, a, plant, model, J, gains, settings, h) -> memory, what is
@@ -172,11 +220,12 @@ def _loop(way: Way, k: int) -> tuple[ca.Function, ca.Function]:
         rates = (0.0,) * len(way.parameters)
         adapts = Adaptation(law=way.law, step=way.step, parameters=way.parameters, gamma=rates)
     kind = Compensator(name=way.name, velocity=way.velocity, adaptation=adapts)
-    options = LoopOptions(compensator=with_settings(kind, dict(zip(names, ca.vertsplit(settings), strict=True))))
-    plant, model, gains = _symbol("plant", 12), _symbol("model", 12), _symbol("gains", 4)
+    compensator = with_settings(kind, dict(zip(names, ca.vertsplit(settings), strict=True)))
+    options, count = LoopOptions(compensator=compensator, law=law), 2 * len(fields_of(law))
+    plant, model, gains = _symbol("plant", count), _symbol("model", count), _symbol("gains", 4)
     y, v, a, J, h = map(_symbol, ("y", "v", "a", "J", "h"))
     constants = Numbers(
-        plant=pair_of(ca.vertsplit(plant)), model=pair_of(ca.vertsplit(model)), motor=Motor(1.0, 1.0, 0.0, J),
+        plant=pair_of(ca.vertsplit(plant), law), model=pair_of(ca.vertsplit(model), law), motor=Motor(1.0, 1.0, 0.0, J),
         gains=Gains(*ca.vertsplit(gains)), sliding=Sliding(0.0, 0.0, 1.0, 0.0), torque_limit=1e300, resolution=1.0, period=h,
     )  # fmt: skip  # a list of values
     now = controlled(options, constants)

@@ -71,6 +71,8 @@ def _friction(columns: Mapping[str, str]) -> list[Mark]:
         Mark("identified", "line", columns, _OLD, "identified"),
         Mark("now+", "line", columns, {**_NOW, "color": PLUS}, "these values (+)"),
         Mark("now-", "line", columns, {**_NOW, "color": MINUS}, "these values (−)"),
+        Mark("now+.held", "line", columns, {**_NOW, "color": PLUS, "line_dash": "dashed"}),
+        Mark("now-.held", "line", columns, {**_NOW, "color": MINUS, "line_dash": "dashed"}),
         Mark("points+", "scatter", columns, {"size": 7, "color": PLUS}, "fitted (+)"),
         Mark("points-", "scatter", columns, {"size": 7, "color": MINUS, "marker": "square"}, "fitted (−)"),
         Mark("sticking", "scatter", columns, {"size": 8, "line_color": GREY, "fill_color": "white"}, "stick-slip"),

@@ -17,6 +17,9 @@ explorer.views.friction = (() => {
     return { x: v, y: T, speed: v.map(Math.abs), size: T.map((t, k) => sign[k] * t), ...more };
   }
 
+  // The part of a curve at some of its points, by their place in it.
+  const part = (whole, keep) => Object.fromEntries(Object.entries(whole).map(([key, x]) => [key, x.filter((_, k) => keep(k))]));
+
   function curve(p, sign) {
     const v = speeds(sign);
     return columns(v, bristle.steady(v, p));
@@ -117,14 +120,20 @@ explorer.views.friction = (() => {
   function draw() {
     const p = pair();
     const plus = known("+") ? curve(p, 1) : NONE, minus = known("-") ? curve(p, -1) : NONE;
-    fill("now+", plus);
-    fill("now-", minus);
+    const ends = [["+", plus], ["-", minus]].map(([d, whole]) => {
+      const { speed } = whole, from = bristle.heldFrom(p[d], p.law);
+      fill(`now${d}`, part(whole, (k) => speed[k] <= from));
+      fill(`now${d}.held`, part(whole, (k) => (speed[k + 1] ?? Infinity) > from));
+      return speed.length && from < Infinity ? `${shown(from)} ${unitOf("velocity")} (${d === "-" ? "−" : d})` : "";
+    }).filter(Boolean);
+    const held = ends.length ? `Dashed beyond ${ends.join(" and ")}: viscous friction falls with speed, and is held there as large as it is at this fastest measured speed. That is not measured.` : "";
+    text("held-said", held);
     const torques = joint().static.flatMap((fit) => fit.torque);
     frame("curve", "y_range", [...torques, ...plus.y, ...minus.y]);
     frame("log", "y_range", [...torques.map(Math.abs), ...plus.size, ...minus.size]);
     later(residuals);
     const said = costs().join("; ") || "no fit of constant velocities";
-    label("curve", `Friction over velocity: measured points and the curve of these values. ${said}`);
+    label("curve", `Friction over velocity: measured points and the curve of these values. ${said}${held && `. ${held}`}`);
     label("log", `The same as magnitudes over the logarithm of speed. ${said}`);
     label("residuals", "Measured less modelled friction at each fitted point, over velocity.");
     const of = `${state.joint} ${state.set}`;

@@ -1,7 +1,7 @@
 // View 5: the cost over any two parameters, the profile of v_s, and correlations of the estimates.
 "use strict";
 explorer.views.identifiability = (() => {
-  const { FIELDS, array, bound, element, fill, fitsOf, fix, identified, joint, label, named, option, pair, set, settings, shown, state, text, titles, truth, unitOf } = explorer;
+  const { array, bound, comparable, element, fill, fitsOf, fix, identified, joint, label, listed, named, option, pair, set, settings, shown, sliders, state, text, titles, truth, unitOf } = explorer;
   const CELLS = { points: 35, run: 17 }; // along either axis
   const STEPS = [0.1, 0.3, 1, 3, 10, 30, 100]; // changes of cost, where each colour ends
   const COLOURS = ["#fde725", "#8fd744", "#35b779", "#21908d", "#31688e", "#443a83", "#440154", "#2b0138"];
@@ -13,8 +13,8 @@ explorer.views.identifiability = (() => {
   // The range of an axis: some half-widths of the 95 % interval about the identified value, or a share of it.
   function reach(name) {
     const row = set().values[state.direction][name], [low, high] = (row.interval || [NaN, NaN]).map(bound), by = option("map-width");
-    const own = Number.isFinite(high - low) && high > low ? (high - low) / 2 : 0.1 * (row.value || joint().ranges[name].high / 4);
-    const floor = joint().ranges[name].log ? row.value / 100 : 0;
+    const own = Number.isFinite(high - low) && high > low ? (high - low) / 2 : 0.1 * (Math.abs(row.value) || joint().ranges[name].high / 4);
+    const floor = joint().ranges[name].log ? row.value / 100 : bound(joint().ranges[name].least);
     return [Math.max(row.value - by * own, floor), row.value + by * own];
   }
 
@@ -33,7 +33,7 @@ explorer.views.identifiability = (() => {
   // The worker, of the very scripts of this page; null where none can be made: maps are then computed here, in slices.
   function made() {
     try {
-      const texts = ["bristle", "passive", "costs"].map((name) => element(`script-${name}`).textContent);
+      const texts = ["bristle", "costs"].map((name) => element(`script-${name}`).textContent);
       const one = new Worker(URL.createObjectURL(new Blob(texts, { type: "text/javascript" })));
       one.onmessage = ({ data }) => heard(data);
       one.onerror = () => {
@@ -117,7 +117,7 @@ explorer.views.identifiability = (() => {
   }
 
   function marks(a, b) {
-    const d = along(), real = truth(), at = (p) => ({ x: [p[d][a]], y: [p[d][b]], place: [""] });
+    const d = along(), real = comparable() && truth(), at = (p) => ({ x: [p[d][a]], y: [p[d][b]], place: [""] });
     fill("map.now", at(pair()));
     fill("map.identified", at(identified()));
     fill("map.truth", real ? at(real) : { x: [], y: [], place: [] });
@@ -130,18 +130,18 @@ explorer.views.identifiability = (() => {
   }
 
   function profile() {
-    const fit = fitsOf(state.direction)[0], here = pair()[along()].v_s;
+    const fit = fitsOf(state.direction)[0], now = pair(), own = now[along()], here = own.v_s;
     named("threshold").visible = Boolean(fit && fit.threshold !== null);
     element("figure-profile").hidden = !fit;
     if (!fit) return;
     const [v, T, weight] = [array(fit.velocity), array(fit.target || fit.torque), array(fit.weight)], centre = identified()[along()].v_s;
     const near = fit.profile ? fit.profile.v_s : [centre / 2, 2 * centre], low = Math.min(near[0], here) / 1.2, high = 1.2 * Math.max(near[near.length - 1], here);
-    const x = Float64Array.from({ length: 81 }, (_, k) => low * (high / low) ** (k / 80)), at = (v_s) => bristle.refit(v, T, weight, v_s).cost;
+    const x = Float64Array.from({ length: 81 }, (_, k) => low * (high / low) ** (k / 80)), at = (v_s) => bristle.refit(v, T, weight, now.law, { ...own, v_s }).cost;
     fill("profile.now", { x, y: x.map(at) });
     fill("profile.written", { x: fit.profile ? fit.profile.v_s : [], y: fit.profile ? fit.profile.cost : [], place: (fit.profile ? fit.profile.v_s : []).map(() => "") });
     fill("profile.here", { x: [here], y: [at(here)], place: [""] });
     if (fit.threshold !== null) named("threshold").location = fit.threshold;
-    const words = `At vₛ = ${shown(here)} ${unitOf("v_s")} the cost is ${shown(at(here))} with α₀, α₁, α₂ refitted`
+    const words = `At vₛ = ${shown(here)} ${unitOf("v_s")} the cost is ${shown(at(here))} with ${listed(bristle.laws[now.law].COEFFICIENTS)} refitted`
       + (fit.threshold === null ? "." : `; least ${shown(fit.least)}, 95 % threshold ${shown(fit.threshold)} (dashed).`);
     text("profile-said", words);
     label("profile", `Profile of the cost over v_s. ${words}`);
@@ -154,7 +154,7 @@ explorer.views.identifiability = (() => {
     head.replaceChildren();
     body.replaceChildren();
     if (!own) return;
-    const name = (x) => x.replace(/^(alpha_[012]|v_s|sigma_[01])/, (found) => settings.symbols[found]);
+    const name = (x) => x.replace(/^[^+-]+/, (found) => settings.symbols[found] ?? found);
     head.append(cell("th", "", "col"), ...own.names.map((x) => cell("th", name(x), "col")));
     body.append(...own.matrix.map((row, k) => {
       const line = document.createElement("tr");
@@ -176,6 +176,11 @@ explorer.views.identifiability = (() => {
     const field = element("correlation");
     field.replaceChildren(...joint().correlations.map((one, k) => new Option(one.label, String(k))));
     correlations();
+    for (const [id, first] of [["map-x", "v_s"], ["map-y", "alpha_1"]]) {
+      const axis = element(id), before = axis.value;
+      axis.replaceChildren(...sliders().map((name) => new Option(settings.symbols[name], name)));
+      axis.value = sliders().includes(before) ? before : first;
+    }
     for (const one of element("map-data").options) one.disabled = !dataOf(one.value);
     const chosen = element("map-data");
     if (!dataOf(chosen.value)) chosen.value = chosen.value === "points" ? "run" : "points";
@@ -188,11 +193,6 @@ explorer.views.identifiability = (() => {
       return item;
     };
     key.replaceChildren(...COLOURS.map((x, k) => swatch(x, k < STEPS.length ? `≤ ${STEPS[k]}` : `> ${STEPS[k - 1]}`)));
-  }
-
-  for (const [id, first] of [["map-x", "v_s"], ["map-y", "alpha_1"]]) {
-    element(id).replaceChildren(...FIELDS.map((name) => new Option(settings.symbols[name], name)));
-    element(id).value = first;
   }
 
   return { draw, leave, joint: drawJoint, chosen: (id) => { if (id === "correlation" || !id) correlations(); } };

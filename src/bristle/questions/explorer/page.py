@@ -12,17 +12,15 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 from markupsafe import Markup
 
 from bristle import __version__
 from bristle.identification.results import Joint
-from bristle.model.law import is_passive
-from bristle.model.parameters import Lugre
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import fields_of, least_of
 from bristle.page.output_folder import write_bytes
 from bristle.page.page import digest, encoded, html
 from bristle.page.wording import symbol
-from bristle.questions.explorer import javascript
 from bristle.questions.explorer.data import explored
 from bristle.questions.explorer.engine import script
 from bristle.questions.explorer.figures import PANELS, PAPER, figures, key
@@ -47,6 +45,7 @@ _PARAMETERS = {
     "sigma_0": "bristle stiffness",
     "sigma_1": "bristle damping",
 }
+"""Of every law."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,12 +74,14 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
     """The page of some joints; arguments and what is raised as of `data.explored`. Equal arguments give equal bytes."""
     known = explored(joints, loops)
     document, roots = _document()
-    settings = {"parameters": list(_PARAMETERS), "symbols": {n: symbol(n) for n in _PARAMETERS}, "paper": PAPER}
+    laws = tuple(dict.fromkeys((*(x.law for x in joints), *(p.law for x in joints for p in x.truth.values()))))
+    words = _words(laws)
+    symbols = {name: symbol(name) for law in laws for name in fields_of(law)}
+    settings = {"parameters": [*words], "symbols": symbols, "paper": PAPER}
     data = {"known": known, "settings": settings, "document": document, "roots": roots}
     scripts = {
         "bokeh": _bokeh(),
-        "bristle": script([loop for loop in loops.values() if isinstance(loop, JointLoop)]),
-        "passive": _passive(),
+        "bristle": script([loop for loop in loops.values() if isinstance(loop, JointLoop)], laws),
         **{name: (_HERE / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS},
     }
     scripts = {name: f"\n{text.strip()}\n" for name, text in scripts.items()}
@@ -93,7 +94,8 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
             "policy": _policy(scripts.values()),
             "views": _VIEWS,
             "panels": {view: [panel.name for panel in panels] for view, panels in PANELS.items()},
-            "parameters": _PARAMETERS,
+            "parameters": words,
+            "signed": [name for name in words if least_of(name) < 0],
             "key": key(),
             "version": __version__,
         },
@@ -132,10 +134,13 @@ def _bokeh() -> str:
     return "\n".join(Resources(mode="inline", components=["bokeh"], minified=True).js_raw)
 
 
-def _passive() -> str:
-    """`passive(alpha_0, ...)` -> 1 where LuGre dissipates whatever the motion, as `law.is_passive` has it."""
-    p: Any = Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
-    return javascript.printed(ca.Function("passive", list(p), [is_passive(p)], list(Lugre._fields), ["out"]), "passive")
+def _words(laws: Iterable[Law]) -> dict[str, str]:
+    """What each parameter that has a slider is, by name: those of every law, then what some have beside them."""
+    words = dict(_PARAMETERS)
+    for law in laws:
+        words |= {own.name: f"{law.peak.title} peak" for own in law.peak.own}
+        words |= {term.coefficient.name: f"{term.title} viscous friction" for term in law.terms}
+    return words
 
 
 def _document() -> tuple[dict[str, Any], dict[str, str]]:

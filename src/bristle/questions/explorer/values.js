@@ -1,15 +1,18 @@
 // View 6: the values as YAML, as JSON, and as a link whose numbers are parsed and clamped when it is opened.
 "use strict";
 explorer.views.values = (() => {
-  const { FIELDS, clamped, element, joint, known, option, options, say, set, state, text, unitOf } = explorer;
+  const { clamped, element, joint, known, option, options, say, set, sliders, state, text, unitOf } = explorer;
+
+  const fields = () => bristle.laws[joint().law].FIELDS;
 
   function current() {
     return {
       joint: joint().name,
       simulated: joint().simulated,
       start_of: set().label,
-      units: Object.fromEntries(FIELDS.map((name) => [name, unitOf(name).replaceAll("·", "*").replaceAll("²", "**2")])),
-      values: Object.fromEntries(joint().directions.map((d) => [d, Object.fromEntries(FIELDS.map((name) => [name, state.values[d][name]]))])),
+      law: joint().law,
+      units: Object.fromEntries(fields().map((name) => [name, unitOf(name).replaceAll("·", "*").replaceAll("²", "**2")])),
+      values: Object.fromEntries(joint().directions.map((d) => [d, { ...state.values[d] }])),
     };
   }
 
@@ -23,7 +26,7 @@ explorer.views.values = (() => {
 
   function fragment() {
     const q = new URLSearchParams({ joint: state.joint, set: state.set, direction: state.direction, view: state.view });
-    for (const d of joint().directions) q.set(`values${d}`, FIELDS.map((name) => state.values[d][name]).join(" "));
+    for (const d of joint().directions) q.set(`values${d}`, sliders().map((name) => state.values[d][name]).join(" "));
     for (const field of options()) q.set(field.id, String(option(field.id)));
     return `#${q}`;
   }
@@ -40,7 +43,7 @@ explorer.views.values = (() => {
     }
     for (const d of joint().directions) {
       const given = (q.get(`values${d}`) || "").split(/[ +]/).map((x) => (x === "" ? NaN : Number(x)));
-      FIELDS.forEach((name, k) => { state.values[d][name] = clamped(name, given[k] ?? NaN, state.values[d][name]); });
+      sliders().forEach((name, k) => { state.values[d][name] = clamped(name, given[k] ?? NaN, state.values[d][name]); });
     }
     for (const field of options()) {
       const x = q.get(field.id);
@@ -76,7 +79,7 @@ explorer.views.values = (() => {
   const link = () => location.href.split("#")[0] + fragment();
 
   function draw() {
-    const rows = FIELDS.map((name) => {
+    const rows = fields().map((name) => {
       const row = document.createElement("tr"), head = document.createElement("th");
       head.scope = "row";
       head.textContent = explorer.settings.symbols[name];
