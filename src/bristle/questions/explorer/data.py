@@ -83,7 +83,9 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
     travel = joint.travel or fastest / (2 * np.pi * _FREQUENCY)
     J = loop.J if isinstance(loop, JointLoop) else _inertia(joint, known, fastest)
     sets, truth = list(_sets(joint, known, travel, J)), _truth(joint)
-    given = [{name: row["value"] for name, row in p.items()} for one in sets for p in one["values"].values()]
+    truth_law = next((p.law for p in joint.truth.values()), None)
+    shown = [{name: row["value"] for name, row in p.items()} for one in sets for p in one["values"].values()]
+    shown += (truth or {}).values() if truth_law == joint.law else ()
     return {
         "name": printable(joint.name),
         "law": joint.law.name,
@@ -94,8 +96,8 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
         "directions": [str(d) for d in known.directions],
         "sets": sets,
         "truth": truth,
-        "truth_law": next((p.law.name for p in joint.truth.values()), None),
-        "ranges": ranges(joint.law, [*given, *(truth or {}).values()], fastest),
+        "truth_law": truth_law and truth_law.name,
+        "ranges": ranges(joint.law, shown, fastest),
         "speeds": [_slowest(joint, fastest), fastest],
         "travel": travel,
         "static": [_static(d, fit) for d, fit in joint.static.items() if d in set(Direction) - {Direction.SHARED}],

@@ -8,11 +8,11 @@
 // equal sets is one set, as `Lugre` in Python.
 //
 // bristle.laws                           -> by name what a law is: FIELDS, its parameters; SHAPE, those of its peak that
-//     are not linear; COEFFICIENTS, the linear ones, and what each may be at LEAST
+//     are not linear; COEFFICIENTS, the linear ones, and what each may be at LEAST, 0 or -Infinity
 // bristle.steady(v, pair)                -> T: the steady torque (9) at velocities v, of the set by the sign of v
 // bristle.steadySlopes(v, pair)          -> {alpha_0, alpha_1, alpha_2, v_s, ...}: its derivatives by that set
-// bristle.refit(v, T, weight, law, p)    -> {alpha_0, alpha_1, alpha_2, ..., cost}: least squares (11)-(13), each at its
-//     least or above, at the v_s of p and what else shapes the peak
+// bristle.refit(v, T, weight, law, p)    -> {alpha_0, alpha_1, alpha_2, ..., cost}: least squares (11)-(13), >= 0
+//     but for those with a sign, at the v_s of p and what else shapes the peak
 // bristle.cost(v, T, weight, pair)       -> sum of the squares of weight * (T - steady torque)
 // bristle.isPassive(p, law)              -> whether LuGre dissipates with this set, whatever the motion
 // bristle.heldFrom(p, law)               -> the speed beyond which viscous friction is held, as nobody has seen it fall
@@ -115,31 +115,26 @@ function solve(columns, b) {
   return { x, cost: dot(rest, rest) };
 }
 
-// Of unknowns that may not be less than something, the least cost stands where some are at that and the others free:
-// where all free ones are not good, every other choice is tried. What has no least is always free.
+// Of unknowns of which some may not be negative, the least cost stands where some of these are zero and the others free:
+// where all free ones are not good, every other choice is tried.
 function refit(v, T, weight, law, p) {
   const { COEFFICIENTS, LEAST, SHAPE, steadyColumns } = LAWS[law], n = v.length, shape = SHAPE.map((name) => p[name]);
   const out = new Float64Array(LEAST.length), columns = LEAST.map(() => new Float64Array(n)), b = new Float64Array(n);
-  const least = LEAST.map((x) => (x === -Infinity ? 0 : x)); // from which each is counted
   for (let k = 0; k < n; k++) {
     const w = weight ? weight[k] : 1;
     steadyColumns(v[k], ...shape, out);
+    for (let j = 0; j < out.length; j++) columns[j][k] = w * out[j];
     b[k] = w * T[k];
-    for (let j = 0; j < out.length; j++) {
-      columns[j][k] = w * out[j];
-      b[k] -= columns[j][k] * least[j];
-    }
   }
-  const all = 2 ** LEAST.length - 1, result = (x, cost) => ({ ...Object.fromEntries(COEFFICIENTS.map((name, j) => [name, x[j]])), cost });
-  let best = result(least, Infinity);
+  const all = 2 ** LEAST.length - 1, zero = Object.fromEntries(COEFFICIENTS.map((name) => [name, 0]));
+  let best = { ...zero, cost: Infinity };
   for (let choice = all; choice >= 0; choice--) {
-    const isFree = (j) => choice & (1 << j), free = LEAST.map((_, j) => j).filter(isFree);
-    if (!LEAST.every((x, j) => isFree(j) || x > -Infinity)) continue;
+    const free = [...LEAST.keys()].filter((j) => choice & (1 << j));
+    if (!LEAST.every((least, j) => least === 0 || free.includes(j))) continue; // what has a sign is always free
     const found = solve(free.map((j) => columns[j]), b);
-    if (found && found.cost < best.cost && found.x.every((x, i) => x >= 0 || LEAST[free[i]] === -Infinity)) {
-      const x = [...least];
-      free.forEach((j, i) => { x[j] += found.x[i]; });
-      best = result(x, found.cost);
+    if (found && found.cost < best.cost && found.x.every((x, i) => x >= LEAST[free[i]])) {
+      best = { ...zero, cost: found.cost };
+      free.forEach((j, i) => { best[COEFFICIENTS[j]] = found.x[i]; });
       if (choice === all) break;
     }
   }

@@ -126,7 +126,7 @@ explorer.views.friction = (() => {
       fill(`now${d}.held`, part(whole, (k) => (speed[k + 1] ?? Infinity) > from));
       return speed.length && from < Infinity ? `${shown(from)} ${unitOf("velocity")} (${d === "-" ? "−" : d})` : "";
     }).filter(Boolean);
-    const held = ends.length ? `Dashed beyond ${ends.join(" and ")}: viscous friction falls with speed, and is held there as large as it is at this fastest measured speed. That is not measured.` : "";
+    const held = ends.length ? `Dashed beyond ${ends.join(" and ")}: viscous friction bends down with speed. Faster than anything measured it is held as large as it is there, and was not measured.` : "";
     text("held-said", held);
     const torques = joint().static.flatMap((fit) => fit.torque);
     frame("curve", "y_range", [...torques, ...plus.y, ...minus.y]);

@@ -139,7 +139,7 @@ def _words(laws: Iterable[Law]) -> dict[str, str]:
     words = dict(_PARAMETERS)
     for law in laws:
         words |= {own.name: f"{law.peak.title} peak" for own in law.peak.own}
-        words |= {term.coefficient.name: f"{term.title} viscous friction" for term in law.terms}
+        words |= {term.coefficient.name: f"of {term.title}" for term in law.terms}
     return words
 
 

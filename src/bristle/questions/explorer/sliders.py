@@ -22,11 +22,11 @@ def ranges(law: Law, sets: Sequence[Mapping[str, float | None]], fastest: float)
 
     Args:
         law: of the friction.
-        sets: the values that sliders are to show, both directions; of another law, those that have the same names count.
+        sets: the values that sliders are to show, both directions.
         fastest: measured speed, rad/s.
     """
     names = [name for name in fields_of(law) if name != FASTEST]
-    rows = {name: [x for p in sets if (x := p.get(name)) is not None] for name in names}
+    rows = {name: [x for p in sets if (x := p[name]) is not None] for name in names}
     searched = {own.name: own.searched for own in law.peak.own}
     found: dict[str, dict[str, Any]] = {}
     for name, values in rows.items():
