@@ -15,6 +15,7 @@ import pytest
 from bristle.__main__ import main
 from bristle.arrays import Array
 from bristle.model.parameters import Lugre
+from bristle.questions.experiment_design import excitation
 from bristle.simulation.bench import steady_points
 
 TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
@@ -88,6 +89,22 @@ def tree(folder: Path) -> dict[str, bytes | None]:
     return {
         p.relative_to(folder).as_posix(): p.read_bytes() if p.is_file() else None for p in sorted(folder.rglob("*"))
     }
+
+
+@contextlib.contextmanager
+def few_motions_tried(steps: int = 12) -> Iterator[None]:
+    """Plans try few motions, which is most of their time: for what holds of a plan whatever the number."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(excitation, "TRIES", 3)
+        patch.setattr(excitation, "STEPS", steps)
+        yield
+
+
+@pytest.fixture
+def few_motions() -> Iterator[None]:
+    """Plans of this test try few motions."""
+    with few_motions_tried():
+        yield
 
 
 @pytest.fixture(scope="session")

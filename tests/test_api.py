@@ -171,6 +171,7 @@ def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     check_immutable((measured.runs, measured.segments))
 
 
+@pytest.mark.usefixtures("few_motions")
 def test_what_is_identified_is_not_identified_again(
     clean: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -11,14 +11,13 @@ import pytest
 import bristle
 from bristle.arrays import Array
 from bristle.model.parameters import Direction, ParameterName, Stribeck
-from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.captions_section import captions
 from bristle.questions.experiment_design.excitation import MEASURED
 from bristle.questions.experiment_design.loading import design_loading
 from bristle.questions.experiment_design.plan import Plan
 from bristle.simulation.edro import experiments
 
-from ..conftest import speeds, write
+from ..conftest import few_motions_tried, speeds, write
 from ..pages import assert_tables_are_named, findings, page_text
 
 NUMBER = re.compile(r"\d (%|s|runs|times|(rad|m)(/s)?|N(·m)?)(?![\w/])")
@@ -28,9 +27,7 @@ NUMBER = re.compile(r"\d (%|s|runs|times|(rad|m)(/s)?|N(·m)?)(?![\w/])")
 @pytest.fixture(scope="module", autouse=True)
 def quick() -> Iterator[None]:
     """Few motions are tried: what is tested holds for any number."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(excitation, "TRIES", 3)
-        patch.setattr(excitation, "STEPS", 12)
+    with few_motions_tried():
         yield
 
 

@@ -35,7 +35,7 @@ from bristle.questions.experiment_design.tables import (
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
-from ..conftest import TRUTH, Ran, run, speeds, write
+from ..conftest import TRUTH, Ran, few_motions_tried, run, speeds, write
 from ..pages import page_text
 from ..sameness import held, of_kind, without_sentences
 
@@ -43,19 +43,13 @@ PARTS = ("now", "with velocities", "with loading", "with motion")
 Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque reference (N*m)"
 
 
-@pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Few motions are tried: what is tested holds for any number."""
-    monkeypatch.setattr(excitation, "TRIES", 3)
-    monkeypatch.setattr(excitation, "STEPS", 12)
+pytestmark = pytest.mark.usefixtures("few_motions")
 
 
 @pytest.fixture(scope="module")
 def gripper() -> Plan:
     """The plan for gripper rotation of the embedded default, which all kinds of runs were made of."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(excitation, "TRIES", 3)
-        patch.setattr(excitation, "STEPS", 40)
+    with few_motions_tried(40):
         return bristle.plan(experiments()[0])
 
 

@@ -91,6 +91,7 @@ def test_a_term_that_the_fit_lacks_comes_before_strays(tmp_path: Path) -> None:
     assert then.numbers["advice"].kind is Kind.TO_LEAVE_OUT
 
 
+@pytest.mark.usefixtures("few_motions")
 def test_strays_are_left_out_of_everything_where_asked(tmp_path: Path) -> None:
     """With `fit.stray: drop` the fit, the cross-check, the models and a plan are those of a file without the point; the fit with it stands beside."""
     T = torques()
@@ -116,6 +117,7 @@ def test_strays_are_left_out_of_everything_where_asked(tmp_path: Path) -> None:
     assert [reason.kind for reason in left_out.reasons] == [Kind.STRAY_DROPPED]
 
 
+@pytest.mark.usefixtures("few_motions")
 def test_hubers_loss_reaches_every_later_step(tmp_path: Path) -> None:
     """Estimates, intervals, cross-check, models and a plan are those of least squares on the torques that it gives; residuals are measured ones."""
     T = torques()
