@@ -7,6 +7,7 @@ import pytest
 
 import bristle
 from bristle import api
+from bristle.model.laws import registry
 
 EXAMPLES = sorted(name for name in bristle.__all__ if callable(getattr(bristle, name)) and name[0].islower())
 
@@ -35,6 +36,7 @@ def test_an_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     (tmp_path / "points.csv").write_text(POINTS, encoding="utf-8")
     (tmp_path / "wrist.yaml").write_text(WRIST, encoding="utf-8")
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(registry, "_PARTS", registry._PARTS.copy())
     found = doctest.DocTestFinder(recurse=False).find(getattr(bristle, name), name, globs={}, module=api)
     ran = [doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(test) for test in found]
     assert sum(result.attempted for result in ran) > 1

@@ -32,7 +32,7 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
     >>> v = np.geomspace(0.01, 0.8, 30)
     >>> T = 0.02 + 0.006 * (1 + (v / 0.07) ** 2) ** -1.5 + 0.04 * v
     >>> found = bristle.fit(v, T + 1e-6 * np.sin(1e4 * v), law="steep")
-    >>> round(found.params["steep"], 1)
+    >>> round(found.params["steep+"], 1)
     1.5
 
     Args:
