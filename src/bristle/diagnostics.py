@@ -1628,6 +1628,7 @@ class Kind(Enum):
         "{share:g} of alpha_0: no Stribeck peak was found, and this is the one to look for",
     )
     AMID_THE_SPEEDS = _NOTE, "in the middle of the speeds; the design allows any value among them"
+    AMID_WHAT_IS_SEARCHED = _NOTE, "in the middle of where it is looked for"
     BENT_BRISTLE = _NOTE, "a bristle that bends by {share:g} of the travel"
     BY_DAMPING_RATIO = _NOTE, "(15), a damping ratio of {ratio:g}"
     VISCOUS_SHARE = _NOTE, "{share:g} of alpha_0 at the fastest speed"
@@ -1898,6 +1899,7 @@ class Kind(Enum):
     )
     NOT_IN_SESSION = _NOTE, "the {which} session does not have it"
     NOT_IDENTIFIABLE_IN = _NOTE, "it is not identifiable in {where}"
+    OF_OTHER_LAWS = _NOTE, "it means another thing in the law of each session"
     OF_OTHER_STAGES = _NOTE, "the sessions have it from different stages"
     OPEN_IN = _NOTE, "its interval is open, or one-sided, in {where}"
     ONE_SESSION = _NOTE, "the {which} session"
@@ -1976,6 +1978,13 @@ class Kind(Enum):
     )
     ONE_SIMULATED = _CAUTION, "{joint}: one session is SIMULATED, the other measured."
     FIT_DISTRUSTED = _CAUTION, "{joint}: the {source} fit is used only for what no other fit knows: {why}"
+    LAWS_DIFFER = (
+        _CAUTION,
+        (
+            "{joint}: the first session has the friction law {first}, the second {second}, so only parameters that mean "
+            "the same in both are compared; to compare all, identify both sessions with one law, as `law: {second}` under fit."
+        ),
+    )
     MODELS_DIFFER = (
         _CAUTION,
         (
@@ -2317,6 +2326,13 @@ class Kind(Enum):
         "The right-hand side of the paper's (19) is, term by term, none of these derivatives.{extra}",
     )
     PRINTED_IS_ANOTHER = _NOTE, " It is not dT_f/dalpha_0, which it is said to be."
+    FORMULAS_AS_MEASURED = (
+        _NOTE,
+        (
+            "Viscous friction is written as it is up to {fastest}, the fastest speed measured; where one of its "
+            "coefficients is negative, it stays beyond as large as there."
+        ),
+    )
     TOTAL_DERIVATIVES = (
         _NOTE,
         (
@@ -2498,7 +2514,7 @@ REASONS: Mapping[str, str] = {
         "UNKNOWN UNIT_DIFFERS"
     ),
     "The sessions are not alike, so a change may not be one of the joint.": (
-        "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER"
+        "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER LAWS_DIFFER"
     ),
     "What was simulated shows a use of the model that does harm or fails.": (
         "ERROR_INCREASED GAIN_AT_LIMIT MODEL_UNFIT ADAPTATION_WORSE ADAPTATION_HARMS PLANTS_REFUSED LOOP_DIVERGES MOTION_WORSE"
@@ -2519,9 +2535,11 @@ REASONS: Mapping[str, str] = {
         "PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS NO_INERTIA ONE_EDGE EDGES NO_STRIBECK_TERM POINTS_WITHOUT_NOISE TOO_FEW_TO_VALIDATE "
         "FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH CAPPED_BY_RATE CAPPED_BY_DECIMATION CAPPED_BY_SAMPLING PEAK_TO_LOOK_FOR AMID_THE_SPEEDS "
         "WITHOUT_INERTIA_UNDAMPED "
+        "AMID_WHAT_IS_SEARCHED "
         "BENT_BRISTLE BY_DAMPING_RATIO VISCOUS_SHARE FAR_POINTS RATE_OF_ZERO DEFLECTION_OF_AMPLITUDE WITH_DAMPING_RATIO DEFLECTION_OF_TRAVEL "
         "WITH_GUESSED_INERTIA AS_HELD TIMES_FOR_CORRELATION LOWEST_BIC LOWEST_BIC_OF_SUPPORTED NEXT_MODEL NEXT_HARDLY_WORSE AICC_PREFERS "
-        "PEAK_NOT_SUPPORTED PEAK_LOWERS_BIC BRISTLE_NOT_SHOWN IN_OTHER_DIRECTIONS NOT_IN_SESSION NOT_IDENTIFIABLE_IN OF_OTHER_STAGES OPEN_IN "
+        "PEAK_NOT_SUPPORTED PEAK_LOWERS_BIC BRISTLE_NOT_SHOWN IN_OTHER_DIRECTIONS NOT_IN_SESSION NOT_IDENTIFIABLE_IN OF_OTHER_STAGES OF_OTHER_LAWS "
+        "OPEN_IN "
         "ONE_SESSION BOTH_SESSIONS CHANGED_BY CHANGED_BY_POWERS SETS_CHANGED_TOO MORE_NOT_COMPARABLE IN_BOTH_DIRECTIONS HEADER_LINE MORE_LINES "
         "TORQUE_REST_EXACT ENDS OF_STATIC_FIT OF_MOVING_RUNS OF_EXPERIMENT_FILE OF_STATIC_FIT_WITHOUT_PEAK OF_MOVING_RUNS_WITHOUT_PEAK "
         "OF_BREAKAWAY CREEP_ADDED MISSES_TOGETHER MORE_UNSEEN ONCE_SETTLED AT_EVERY_AMPLITUDE NOT_AT_THE_LARGEST FROM_AMPLITUDE SOBOL_INDEX "
@@ -2558,7 +2576,8 @@ REASONS: Mapping[str, str] = {
         "NEVER_UNDERCUT DESIGN_VALIDATED V_S_KNOWABLE IPOPT_NEVER_LOWER POLISHING_STAYS STARTS_PART STARTS_AGREE PLAIN_GRID_ERROR FIT_TIMES "
         "PLAIN_GRID_ENOUGH ROSE FELL NO_CHANGE PARAMETERS_CHANGED ONLY_SETS_CHANGED NONE_CHANGED TORQUE_SCALE ALPHA_0_ROSE ALPHA_0_FELL "
         "ALPHA_2_ROSE ALPHA_2_FELL SIGMA_0_ROSE SIGMA_0_FELL INERTIA_ROSE INERTIA_FELL CLAIM_HOLDS CLAIM_FAILS OTHER_AT_FIXED_Z CLAIM_ON_MAP "
-        "ALL_TOLD SOBOL_INDICES PRINTED_IS PRINTED_IS_NONE TOTAL_DERIVATIVES ERRORS_COMPENSATED ERROR_REDUCED ADAPTED_TO ABLATED ADAPTATION_HELPS "
+        "ALL_TOLD SOBOL_INDICES PRINTED_IS PRINTED_IS_NONE TOTAL_DERIVATIVES "
+        "FORMULAS_AS_MEASURED ERRORS_COMPENSATED ERROR_REDUCED ADAPTED_TO ABLATED ADAPTATION_HELPS "
         "ADAPTATION_IDLE PLAN_NARROWS STRIBECK_AS_GOOD CURVE_MIXED"
     ),
 }

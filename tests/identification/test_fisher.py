@@ -90,9 +90,7 @@ def test_noise_of_each_point_weighs_it() -> None:
 def test_directions_of_a_pair_do_not_mix() -> None:
     """Of a pair the positive velocities see the positive set alone, and the other way round."""
     matrix = static_information(np.concatenate([V, -V]), PAIR, NOISE)
-    assert names_of(PAIR, Stribeck._fields)[:5] == tuple(
-        map(ParameterName.parse, ("alpha_0+", "alpha_1+", "alpha_2+", "v_s+", "alpha_0-"))
-    )
+    assert names_of(PAIR)[3:7] == tuple(map(ParameterName.parse, ("v_s+", "sigma_0+", "sigma_1+", "alpha_0-")))
     assert not matrix[:4, 4:].any()
     np.testing.assert_allclose(matrix[:4, :4], static_information(V, P, NOISE), rtol=1e-12)
     np.testing.assert_allclose(matrix[4:, 4:], static_information(-V, PAIR.negative, NOISE), rtol=1e-12)

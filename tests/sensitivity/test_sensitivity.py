@@ -20,7 +20,7 @@ from bristle.identification.limits import limits_of
 from bristle.identification.measured import measure
 from bristle.model import functions
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.parameters import Lugre, Pair, fields_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.start import start_of
@@ -45,6 +45,7 @@ from bristle.simulation.edro import TABLE_1
 
 from ..conftest import FEW as TOO_FEW
 from ..conftest import TRUTH, run, speeds, tree, write
+from ..laws import DRAG, EXPONENT, OUTSIDE, registered, truth_of
 from ..names import parse
 from ..pages import page_text
 from ..sameness import held, of_kind, without_sentences
@@ -54,6 +55,9 @@ PAIR = TABLE_1["gripper rotation"]
 P = PAIR.positive
 PAPER = motion(1.0, 0.5)
 SLOW_SMALL = motion(0.02, 0.2)
+with registered():
+    OF_LAWS = [truth_of(law) for law in (DRAG, EXPONENT, OUTSIDE)]
+OF_LAWS_NAMED = ["a term that falls", "an exponent", "from outside"]
 STEP = 1e-4
 """Relative, of the finite differences."""
 """Total shares in the order of `Lugre`, as docs/sensitivity.md has them."""
@@ -81,17 +85,18 @@ def test_shares_are_the_documented_ones(at: SineMotion) -> None:
 def test_the_claim_holds_for_the_papers_motion_and_not_for_small_ones() -> None:
     """Alpha_2 and alpha_0 rank first for 1 rad at 0.5 Hz; for 0.02 rad at 0.2 Hz sigma_0 comes before alpha_2."""
     assert local(P, PAPER).ranking[:2] == ("alpha_2", "alpha_0")
-    assert claimed(local(P, PAPER).shares())
+    assert claimed(local(P, PAPER).shares(), Lugre._fields)
     assert local(P, SLOW_SMALL).ranking[:2] == ("alpha_0", "sigma_0")
-    assert not claimed(local(P, SLOW_SMALL).shares())
+    assert not claimed(local(P, SLOW_SMALL).shares(), Lugre._fields)
 
 
-@pytest.mark.parametrize("p", [P, PAIR], ids=["one set", "a pair"])
+@pytest.mark.parametrize("p", [P, PAIR, *OF_LAWS], ids=["one set", "a pair", *OF_LAWS_NAMED])
 @pytest.mark.parametrize("at", [PAPER, SLOW_SMALL], ids=["paper", "slow and small"])
 def test_total_derivatives_are_differences_of_the_simulation(p: Lugre[float] | Pair[float], at: SineMotion) -> None:
     """Each total derivative is the extrapolated central difference of the simulated torque, to 1e-6 of its norm."""
     velocity, found = at.course.velocity, local(p, at)
-    for k, name in enumerate(Lugre._fields):
+    assert found.names == tuple(name for name in fields_of(p.law) if name != "v_end")
+    for k, name in enumerate(found.names):
 
         def slope(h: float, name: str = name) -> Array:
             """The central difference with relative steps of h."""
@@ -102,12 +107,12 @@ def test_total_derivatives_are_differences_of_the_simulation(p: Lugre[float] | P
         assert np.linalg.norm(difference - found.total[:, k]) <= 1e-6 * np.linalg.norm(found.total[:, k])
 
 
-@pytest.mark.parametrize("p", [P, PAIR], ids=["one set", "a pair"])
+@pytest.mark.parametrize("p", [P, PAIR, *OF_LAWS], ids=["one set", "a pair", *OF_LAWS_NAMED])
 def test_partial_derivatives_are_differences_at_fixed_z(p: Lugre[float] | Pair[float]) -> None:
     """Each partial derivative equals the central difference of T_f (3)-(5) with z held as the simulation has it."""
     velocity, found = PAPER.course.velocity, local(p, PAPER)
     z = rollout(velocity, PAPER.period, p, 0.0).z
-    for k, name in enumerate(Lugre._fields):
+    for k, name in enumerate(found.names):
 
         def torque(share: float, name: str = name) -> Array:
             """T_f at this z with one parameter larger by a share."""
@@ -115,9 +120,9 @@ def test_partial_derivatives_are_differences_at_fixed_z(p: Lugre[float] | Pair[f
             acting = (
                 q
                 if isinstance(q, Lugre)
-                else evaluate(functions.active_function(), z, velocity, *q.positive, *q.negative)
+                else evaluate(functions.active_function(q.law), z, velocity, *q.positive, *q.negative)
             )
-            return evaluate(functions.torque_function(), z, velocity, *acting)[0]
+            return evaluate(functions.torque_function(q.law), z, velocity, *acting)[0]
 
         difference = (torque(STEP) - torque(-STEP)) / (2 * STEP)
         np.testing.assert_allclose(found.partial[:, k], difference, atol=1e-7 * np.abs(found.partial[:, k]).max())
@@ -195,7 +200,7 @@ def test_the_map_has_the_three_regimes() -> None:
     assert not found.claim[:2].any()
     assert 0 < found.claim.sum() < found.claim.size
     for i, j in ((0, 0), (6, 4), (12, 8)):
-        assert found.claim[i, j] == (set(ranked(found.shares[i, j])[:2]) == {"alpha_0", "alpha_2"})
+        assert found.claim[i, j] == (set(ranked(found.shares[i, j], found.names)[:2]) == {"alpha_0", "alpha_2"})
 
 
 def test_a_bristle_that_only_bends_is_a_spring() -> None:

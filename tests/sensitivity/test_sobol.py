@@ -16,6 +16,7 @@ from bristle.control.control_period import LoopOptions
 from bristle.diagnostics import Kind
 from bristle.identification.fits import Estimate
 from bristle.model import functions
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.periodic import rms_torque
@@ -301,7 +302,7 @@ def test_one_direction_alone_is_drawn() -> None:
     assert own is not None
     assert shares(own)[0] == pytest.approx([0.5, 0.5], abs=0.01)
     assert own.mean == pytest.approx((0.02 + PAIR.negative.alpha_0) / 2 + 0.005, rel=1e-4)
-    sets = joints_at(PAIR, ordered(box), np.array([[0.011, 0.002]]))
+    sets = joints_at(PAIR, ordered(box, PAIR.law), np.array([[0.011, 0.002]]))
     assert sets.negative.alpha_0 == PAIR.negative.alpha_0
     drawn = [float(x[0]) for x in (sets.positive.alpha_0, sets.positive.alpha_1, sets.negative.alpha_1)]
     assert drawn == [0.011, 0.002, 0.002]
@@ -404,7 +405,7 @@ def test_the_box_of_a_fit() -> None:
         (Kind.BOX_CUT, "alpha_1+"), (Kind.BOX_CUT, "v_s"), (Kind.BOX_HELD, "sigma_0"), (Kind.BOX_HELD, "sigma_1"),
     ]  # fmt: skip  # a table
     assert said[1].numbers["low"] == box[parse("v_s")][0]
-    assert [str(span.parameter) for span in ordered(box)] == ["alpha_0+", "alpha_1+", "v_s"]
+    assert [str(span.parameter) for span in ordered(box, GAUSSIAN)] == ["alpha_0+", "alpha_1+", "v_s"]
 
 
 def bars(ax: Axes) -> list[float]:

@@ -15,7 +15,17 @@ from bristle.arrays import Array, freeze
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
-from bristle.model.parameters import SIGNED, Direction, Lugre, Pair, ParameterName, Stribeck
+from bristle.model.parameters import (
+    SIGNED,
+    Direction,
+    Lugre,
+    Pair,
+    ParameterName,
+    Stribeck,
+    estimated_of,
+    fields_of,
+    static_estimated_of,
+)
 from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 
@@ -57,23 +67,38 @@ class Information:
         freeze(self)
 
 
-def names_of(p: Lugre[float] | Pair[float], names: Sequence[str] = Lugre._fields) -> tuple[ParameterName, ...]:
-    """The parameters of one set, which are of both directions, or of a pair.
+def names_of(p: Lugre[float] | Pair[float]) -> tuple[ParameterName, ...]:
+    """What is estimated of one set, which is of both directions, or of a pair.
 
     Those of the positive set, then those of the negative one.
     """
     directions = (Direction.BOTH,) if isinstance(p, Lugre) else SIGNED
-    return tuple(ParameterName(name, d) for d in directions for name in names)
+    return tuple(ParameterName(name, d) for d in directions for name in estimated_of(p.law))
+
+
+def values_of(p: Lugre[float] | Pair[float]) -> Array:
+    """The values of `names_of`."""
+    sets = [p] if isinstance(p, Lugre) else p
+    return np.array([x for one in sets for x in one[: len(estimated_of(p.law))]])
+
+
+def of_estimated(columns: Array, p: Lugre[float] | Pair[float]) -> Array:
+    """Of columns for every field of one set, or of a pair, (n, ...), those of `names_of`."""
+    law = p.law
+    by_set = columns.reshape(len(columns), -1, len(fields_of(law)))[:, :, : len(estimated_of(law))]
+    return by_set.reshape(len(columns), -1)
 
 
 def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[float]) -> Array:
     """The derivative dT_ss / dp of (9) at velocities in rad/s, (n,).
 
-    Its shape is (n, 4), ordered as `Stribeck`, or (n, 8) for a pair, the positive set first.
+    Its shape is (n, 4), ordered as `Stribeck`, or (n, 8) for a pair, the positive set first; of another law what it has
+    of `static_estimated_of`.
     """
     if not isinstance(p, Pair):
-        law = p.stribeck if isinstance(p, Lugre) else p
-        return np.column_stack(evaluate(functions.steady_jacobian_function(law.law), velocity, *law))
+        curve = p.stribeck if isinstance(p, Lugre) else p
+        slopes = evaluate(functions.steady_jacobian_function(p.law), velocity, *curve)
+        return np.column_stack(slopes[: len(static_estimated_of(p.law))])
     rows = [static_jacobian(velocity, one) for one in p]
     ways = np.asarray(velocity)[:, None] > 0, np.asarray(velocity)[:, None] < 0
     return np.hstack([row * way for row, way in zip(rows, ways, strict=True)])
@@ -88,7 +113,8 @@ def static_information(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair
         noise: standard deviation of a torque, N*m, > 0, one or (n,).
 
     Returns:
-        F, (4, 4) in the order of `Stribeck`, or (8, 8) for a pair, the positive set first.
+        F, (4, 4) in the order of `Stribeck`, or (8, 8) for a pair, the positive set first; of another law as many as
+        `static_estimated_of` has.
     """
     return gram(static_jacobian(velocity, p), noise)
 
@@ -98,7 +124,8 @@ def motion_jacobian(
 ) -> Array:
     """The derivative dT_f / dp along a motion, through the bristle.
 
-    Its shape is (n, 6 + k) or (n, 12 + k), the k columns of `extra` last.
+    Its shape is (n, 6 + k) or (n, 12 + k), in the order of `names_of`, the k columns of `extra` last; of another law
+    as many as that has.
 
     Args:
         velocity: rad/s at the samples, (n,).
@@ -107,7 +134,7 @@ def motion_jacobian(
         extra: what the torque holds beside friction, by name: the derivative by each, (n,), such as the acceleration
             for `inertia`.
     """
-    friction = cleared(rollout_jacobian(velocity, step, p).by_parameters)
+    friction = of_estimated(cleared(rollout_jacobian(velocity, step, p).by_parameters), p)
     return np.column_stack([friction, *(extra or {}).values()])
 
 
@@ -120,7 +147,7 @@ def motion_information(
 ) -> Array:
     """Information of the torque along a motion.
 
-    F, (6 + k, 6 + k) in the order of `Lugre`, or (12 + k, 12 + k) for a pair. `noise` is the standard deviation of a
+    F, (6 + k, 6 + k), or (12 + k, 12 + k) for a pair, as `motion_jacobian` has it. `noise` is the standard deviation of a
     sample's torque, N*m, > 0, one or (n,); all else as in `motion_jacobian`.
     """
     return gram(motion_jacobian(velocity, step, p, extra), noise)

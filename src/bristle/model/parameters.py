@@ -140,6 +140,22 @@ def static_fields_of(law: Law) -> tuple[str, ...]:
     return static_of(law)._fields
 
 
+def estimated_of(law: Law) -> tuple[str, ...]:
+    """Those of `fields_of` that are estimated, which come first: all but `FASTEST`."""
+    return tuple(name for name in fields_of(law) if name != FASTEST)
+
+
+def static_estimated_of(law: Law) -> tuple[str, ...]:
+    """The same of the static ones."""
+    return tuple(name for name in static_fields_of(law) if name != FASTEST)
+
+
+def of_shape(name: str) -> bool:
+    """Whether a parameter is of a peak's shape beside v_s, and so positive."""
+    own = own_parameter(name)
+    return own is not None and own.searched[0] > 0
+
+
 def of_friction(name: str) -> bool:
     """Whether a parameter is of friction: of `Lugre`, or of a law that is known."""
     return name in Lugre._fields or name in friction_names()

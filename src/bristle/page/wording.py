@@ -5,7 +5,8 @@ import re
 from collections.abc import Callable
 from itertools import count
 
-from bristle.model.laws.registry import own_parameter
+from bristle.model.laws.parts import FASTEST
+from bristle.model.laws.registry import own_parameter, own_parameters
 from bristle.model.parameters import Kind, ParameterName, effort, unit
 
 MISSING = "–"
@@ -17,6 +18,7 @@ _SYMBOLS = {
     "alpha_1": "α₁",
     "alpha_2": "α₂",
     "v_s": "vₛ",
+    FASTEST: "vₑ",
     "sigma_0": "σ₀",
     "sigma_1": "σ₁",
     "gravity_sin": "gravity (sin)",
@@ -37,8 +39,13 @@ def symbol(name: str | ParameterName) -> str:
 
 
 def in_symbols(sentence: str) -> str:
-    """A sentence with each LuGre parameter as the paper writes it, direction included."""
-    return re.sub(r"\b(alpha_[012]|sigma_[01]|v_s)\b([+-](?=\W|$))?", lambda name: symbol(name[0]), sentence)
+    """A sentence with each friction parameter as `symbol` writes it, direction included.
+
+    A law's own name that is no word, with _ in it, is one; delta stays.
+    """
+    own = "".join(f"|{name}" for name in own_parameters() if "_" in name)
+    names = rf"\b(alpha_[012]|sigma_[01]|v_s|{FASTEST}{own})\b([+-](?=\W|$))?"
+    return re.sub(names, lambda name: symbol(name[0]), sentence)
 
 
 def in_print(sentence: object) -> str:

@@ -1,6 +1,7 @@
 """Sensitivity as matplotlib figures: derivatives vs time, shares, maps, tornado charts, correlations, Sobol indices."""
 
 from collections.abc import Mapping, Sequence
+from itertools import cycle, islice
 from textwrap import fill
 from typing import Any
 
@@ -21,10 +22,14 @@ from bristle.questions.sensitivity.sobol import Global, Indices, Output
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
 from bristle.questions.sensitivity.text import heading, output_name
 
-COLOUR = dict(zip(Lugre._fields, ("#0072B2", "#56B4E9", "#D55E00", "#009E73", "#E69F00", "#CC79A7"), strict=True))
-"""Okabe and Ito's colours, one for each parameter."""
-_DARK = {"alpha_0", "alpha_2", "v_s"}
-"""On whose colours text is white."""
+_COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#009E73", "#E69F00", "#CC79A7")
+"""Okabe and Ito's, one for each parameter of `Lugre`, and ..."""
+_MORE_COLOURS = ("#332288", "#882255", "#000000")
+"""... darker ones, in turn, for what another law has beside those: they differ in grey as well."""
+_DARK = {_COLOURS[0], _COLOURS[2], _COLOURS[3], *_MORE_COLOURS}
+"""On which text is white."""
+_PARAMETERS = len(Lugre._fields)
+"""For so many parameters figures have the height that they name; more take more."""
 _STAR: Mapping[str, Any] = {
     "marker": "*",
     "linestyle": "",
@@ -63,17 +68,18 @@ def time_figure(study: SensitivityStudy) -> Figure:
     seen = in_view(study)
     k = seen[thinned(seen.size, _MOST)]
     time, velocity = study.local.time[k], study.local.velocity[k]
-    figure = new_figure(8.6)
+    names = study.local.names
+    figure = new_figure(8.6 + 1.15 * (len(names) - _PARAMETERS))
     figure.subplots_adjust(hspace=0.32)
-    above, *panels = figure.subplots(7, sharex=True)
+    above, *panels = figure.subplots(1 + len(names), sharex=True)
     title(above, study.name, study.simulated)
     above.plot(time, velocity, color="black", linewidth=1.3)
     above.set_ylabel(f"v ({pretty(unit('velocity', study.kind))})")
-    for ax, name, partial, total in zip(
-        panels, Lugre._fields, study.local.partial[k].T, study.local.total[k].T, strict=True
+    for ax, name, colour, partial, total in zip(
+        panels, names, colours(len(names)), study.local.partial[k].T, study.local.total[k].T, strict=True
     ):
         ax.plot(time, partial, "--", color="#666666", linewidth=1.2)
-        ax.plot(time, total, "-", color=COLOUR[name], linewidth=1.5)
+        ax.plot(time, total, "-", color=colour, linewidth=1.5)
         ax.set_ylabel(_starred(study, name))
         limit = _BEYOND * float(np.abs(total).max())
         if 0 < limit < np.abs(partial).max():
@@ -92,6 +98,11 @@ def time_figure(study: SensitivityStudy) -> Figure:
     return figure
 
 
+def colours(count: int) -> list[str]:
+    """One for each of so many parameters, as a law's tuple has them in turn."""
+    return [*_COLOURS, *islice(cycle(_MORE_COLOURS), count - len(_COLOURS))]
+
+
 def in_view(study: SensitivityStudy) -> NDArray[np.intp]:
     """The samples that are drawn vs time, by their places."""
     return np.flatnonzero(study.local.time <= _PERIODS / study.motion.frequency)
@@ -106,8 +117,8 @@ def _starred(study: SensitivityStudy, name: str) -> str:
 def shares_figure(study: SensitivityStudy) -> Figure:
     """RMS of each derivative relative to the RMS of the friction torque as bars: total and at fixed z, largest total first."""
     total, partial = study.local.shares(), study.local.shares(partial=True)
-    order = [Lugre._fields.index(name) for name in study.local.ranking]
-    figure = new_figure(3.7)
+    order = [study.local.names.index(name) for name in study.local.ranking]
+    figure = new_figure(3.7 + 0.5 * (len(order) - _PARAMETERS))
     ax = figure.subplots()
     title(ax, study.name, study.simulated)
     place = np.arange(len(order), dtype=np.float64)
@@ -124,7 +135,7 @@ def shares_figure(study: SensitivityStudy) -> Figure:
     ax.set_xscale("log")
     ax.set_xlim(LEAST / 10, 4 * max(1.0, float(total.max()), float(partial.max())))
     ax.xaxis.set_major_formatter("{x:g}")
-    ax.set_yticks(place, [_starred(study, Lugre._fields[k]) for k in order])
+    ax.set_yticks(place, [_starred(study, name) for name in study.local.ranking])
     ax.grid(visible=False, axis="y")
     ax.invert_yaxis()
     ax.legend(loc="lower right")
@@ -140,12 +151,11 @@ def first_figure(study: SensitivityStudy) -> Figure:
     ax = figure.subplots()
     title(ax, study.name, study.simulated)
     ax.set_title(ax.get_title(loc="left"), loc="left", pad=32)
-    first = study.map.first
-    _cells(ax, first, cmap=ListedColormap(list(COLOUR.values())), vmin=-0.5, vmax=len(COLOUR) - 0.5)
+    first, names, shades = study.map.first, study.map.names, colours(len(study.map.names))
+    _cells(ax, first, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(shades) - 0.5)
     for (i, j), k in np.ndenumerate(first):
-        name = Lugre._fields[k]
-        ink = ON_DARK if name in _DARK else ON_LIGHT
-        ax.text(j, i + 0.13, symbol(name), ha="center", va="center", fontsize=9, color=ink)
+        ink = ON_DARK if shades[k] in _DARK else ON_LIGHT
+        ax.text(j, i + 0.13, symbol(names[k]), ha="center", va="center", fontsize=9, color=ink)
         ax.text(j, i - 0.26, f"{study.map.shares[i, j, k]:.2f}", ha="center", va="center", fontsize=6.5, color=ink)
     _border(ax, study.map.claim)
     column = int(np.argmin(np.abs(study.map.frequencies - study.motion.frequency)))
@@ -153,8 +163,8 @@ def first_figure(study: SensitivityStudy) -> Figure:
     ax.plot([column + 0.36], [row + 0.3], **_STAR)
     _map_axes(ax, study)
     handles = [
-        ax.plot([], [], "s", color=COLOUR[name], markersize=9, label=symbol(name))[0]
-        for k, name in enumerate(Lugre._fields)
+        ax.plot([], [], "s", color=shades[k], markersize=9, label=symbol(name))[0]
+        for k, name in enumerate(names)
         if (first == k).any()
     ]
     handles.append(ax.plot([], [], "-", color="black", linewidth=2.5, label="α₀, α₂ first two")[0])
@@ -196,12 +206,14 @@ def _map_axes(ax: Axes, study: SensitivityStudy, every: int = 1) -> None:
 @styled
 def map_figure(study: SensitivityStudy) -> Figure:
     """Each parameter's total share over amplitude and frequency, one panel each, in one logarithmic grey-safe scale."""
-    figure = new_figure(6.6)
+    names = study.map.names
+    rows = -(-len(names) // 2)
+    figure = new_figure(6.6 + 2.2 * (rows - 3))
     figure.subplots_adjust(left=0.16, right=0.86, top=0.9, hspace=0.28, wspace=0.12)
-    axes = figure.subplots(3, 2, sharex=True, sharey=True).ravel()
+    axes = figure.subplots(rows, 2, sharex=True, sharey=True).ravel()
     title(axes[0], study.name, study.simulated)
     norm = LogNorm(LEAST, 1.0)
-    for ax, name, k in zip(axes, Lugre._fields, range(6), strict=True):
+    for k, (ax, name) in enumerate(zip(axes, names, strict=False)):
         shares = np.clip(study.map.shares[:, :, k], LEAST, 1.0)
         image = _cells(ax, shares, cmap="cividis", norm=norm)
         ax.text(
@@ -216,6 +228,10 @@ def map_figure(study: SensitivityStudy) -> Figure:
         _map_axes(ax, study, 2)
         ax.tick_params(labelsize=8.5)
         ax.label_outer(remove_inner_ticks=False)
+    if len(names) < axes.size:  # the last but one of its column is its last
+        axes[-1].set_visible(False)
+        axes[-3].tick_params(labelbottom=True)
+        axes[-3].set_xlabel("Frequency (Hz)")
     bar = figure.colorbar(image, ax=axes, cax=figure.add_axes((0.885, 0.09, 0.025, 0.81)))
     bar.ax.yaxis.set_major_locator(FixedLocator([1e-3, 1e-2, 0.1, 1.0]))
     bar.ax.yaxis.set_major_formatter("{x:g}")

@@ -5,6 +5,7 @@ formula has one form.
 """
 
 import operator
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -14,10 +15,14 @@ from bristle.control.adaptation import printed
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.model import law
-from bristle.model.parameters import Lugre
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST, Law
+from bristle.model.parameters import estimated_of, lugre_of
 
 Formula = Any
 """A SymPy expression of z, v and the parameters: SymPy ships no types."""
+_GUARD = 1e-50
+"""A smaller constant keeps an expression finite at rest, and is no part of its formula."""
 
 
 class Written(NamedTuple):
@@ -34,8 +39,9 @@ class Written(NamedTuple):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Formulas:
-    """The friction torque and its derivatives."""
+    """The friction torque of a law and its derivatives."""
 
+    law: Law
     torque: Formula
     """T_f (3)."""
     stribeck: Formula
@@ -44,8 +50,8 @@ class Formulas:
     """The derivative of T_f by each parameter at fixed z, and by `z`."""
     steady: dict[str, Formula]
     """The derivative of the steady torque by each parameter: the total one once the bristle has settled."""
-    printed: Formula
-    """The right-hand side of (19), without -gamma and e."""
+    printed: Formula | None
+    """The right-hand side of (19), without -gamma and e; None where the peak is not the paper's."""
 
     @property
     def printed_is(self) -> tuple[str, ...]:
@@ -54,12 +60,11 @@ class Formulas:
 
     def rows(self) -> tuple[Written, ...]:
         """Every formula, with what it is."""
-        by_parameter = {f"dT_f/d{name} at fixed z": self.partial[name] for name in Lugre._fields}
+        by_parameter = {f"dT_f/d{name} at fixed z": self.partial[name] for name in estimated_of(self.law)}
         steady = {f"dT_ss/d{name}, steady sliding": formula for name, formula in self.steady.items()}
         others = {
             "T_f": self.torque, **by_parameter, "dT_f/dz": self.partial["z"], **steady,
-            "(19) as printed, without -gamma_1 and e": self.printed,
-        }  # fmt: skip  # a table
+        } | ({} if self.printed is None else {"(19) as printed, without -gamma_1 and e": self.printed})  # fmt: skip  # a table
         short = {what: abbreviated(formula, self.stribeck) for what, formula in others.items()}
         return (
             Written("g(v)", as_text(self.stribeck), as_text(self.stribeck), as_latex(self.stribeck)),
@@ -67,11 +72,14 @@ class Formulas:
         )
 
     def sentences(self) -> tuple[Diagnostic, ...]:
-        """What the printed (19) is, compared term by term with CasADi's derivatives."""
+        """What the printed (19) is, compared term by term with CasADi's derivatives, and what the formulas are of."""
+        more = [Kind.FORMULAS_AS_MEASURED(fastest=FASTEST)] if self.law.terms else []
+        if self.printed is None:
+            return Kind.TOTAL_DERIVATIVES(), *more
         same = tuple(f"dT_f/d{name}" for name in self.printed_is)
         extra = "" if "alpha_0" in self.printed_is else Kind.PRINTED_IS_ANOTHER()
         is_ = Kind.PRINTED_IS(derivatives=same, extra=extra) if same else Kind.PRINTED_IS_NONE(extra=extra)
-        return is_, Kind.TOTAL_DERIVATIVES()
+        return is_, Kind.TOTAL_DERIVATIVES(), *more
 
     def text(self) -> str:
         """What `bristle sensitivity --symbolic` prints."""
@@ -82,24 +90,36 @@ class Formulas:
         return "\n".join([*lines, *map(str, self.sentences())])
 
 
-def formulas() -> Formulas:
-    """Everything that `bristle sensitivity --symbolic` prints, from `model.law` by CasADi.
+def formulas(of: Law = GAUSSIAN) -> Formulas:
+    """The formulas of a law, from `model.law` by CasADi; those of the paper's are what `bristle sensitivity --symbolic` prints.
 
-    Raises InputError where SymPy is not installed.
+    The viscous friction is written as it is up to the fastest speed that was measured: there no coefficient's sign
+    matters.
+
+    Raises InputError where SymPy is not installed, and ValueError as `formula_of` does.
     """
-    z, v, p = ca.SX.sym("z"), ca.SX.sym("v"), Lugre(*(ca.SX.sym(name) for name in Lugre._fields))
+    z, v, p = ca.SX.sym("z"), ca.SX.sym("v"), lugre_of(of)(*map(ca.SX.sym, lugre_of(of)._fields))
     torque, steady = law.torque(z, v, p), law.steady_torque(v, p)
+    estimated = [getattr(p, name) for name in estimated_of(of)]
+
+    def written(expression: Any) -> Formula:
+        """As a formula."""
+        return formula_of(expression, of.coefficients)
+
     return Formulas(
-        torque=formula_of(torque),
-        stribeck=formula_of(law.stribeck(v, p)),
-        partial={x.name(): formula_of(ca.jacobian(torque, x)) for x in (z, *p)},
-        steady={x.name(): formula_of(ca.jacobian(steady, x)) for x in p},
-        printed=formula_of(printed("alpha_0", z, v, p)),
+        law=of,
+        torque=written(torque),
+        stribeck=written(law.stribeck(v, p)),
+        partial={x.name(): written(ca.jacobian(torque, x)) for x in (z, *estimated)},
+        steady={x.name(): written(ca.jacobian(steady, x)) for x in estimated},
+        printed=written(printed("alpha_0", z, v, p)) if of.peak == GAUSSIAN.peak else None,
     )
 
 
-def formula_of(expression: Any) -> Formula:
+def formula_of(expression: Any, not_negative: Collection[str] = ()) -> Formula:
     """A scalar CasADi expression (SX) over its named symbols as a SymPy one, instruction by instruction.
+
+    What is not negative by assumption leaves no choice between formulas that is made by its sign.
 
     Raises InputError where SymPy is not installed, and ValueError for an operation that has no place in a formula.
     """
@@ -107,7 +127,12 @@ def formula_of(expression: Any) -> Formula:
     operations = {
         ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul, ca.OP_DIV: operator.truediv,
         ca.OP_NEG: operator.neg, ca.OP_TWICE: lambda a: 2 * a, ca.OP_INV: lambda a: 1 / a, ca.OP_SQ: lambda a: a**2,
-        ca.OP_FABS: sympy.Abs, ca.OP_EXP: sympy.exp, ca.OP_SIGN: sympy.sign,
+        ca.OP_FABS: sympy.Abs, ca.OP_EXP: sympy.exp, ca.OP_SIGN: sympy.sign, ca.OP_LOG: sympy.log, ca.OP_SQRT: sympy.sqrt,
+        ca.OP_POW: operator.pow, ca.OP_CONSTPOW: operator.pow, ca.OP_TANH: sympy.tanh, ca.OP_COSH: sympy.cosh,
+        ca.OP_SINH: sympy.sinh, ca.OP_ATAN: sympy.atan, ca.OP_ERF: sympy.erf, ca.OP_LOG1P: lambda a: sympy.log(1 + a),
+        ca.OP_EXPM1: lambda a: sympy.exp(a) - 1, ca.OP_FMIN: sympy.Min, ca.OP_FMAX: sympy.Max,
+        ca.OP_LT: lambda a, b: sympy.Piecewise((1, a < b), (0, True)), ca.OP_NOT: lambda a: 1 - a,
+        ca.OP_LE: lambda a, b: sympy.Piecewise((1, a <= b), (0, True)), ca.OP_IF_ELSE_ZERO: operator.mul,
     }  # fmt: skip  # a table
     symbols = ca.symvar(expression)
     function = ca.Function("formula", symbols, [ca.densify(expression)])
@@ -116,9 +141,12 @@ def formula_of(expression: Any) -> Formula:
     for k in range(function.n_instructions()):
         code, read, write = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
         if code == ca.OP_INPUT:
-            work[write[0]] = sympy.Symbol(symbols[read[0]].name(), real=True)
+            name = symbols[read[0]].name()
+            signed = {"nonnegative": True} if name in not_negative else {"real": True}
+            work[write[0]] = sympy.Symbol(name, **signed)
         elif code == ca.OP_CONST:
-            work[write[0]] = sympy.Rational(function.instruction_constant(k))
+            constant = function.instruction_constant(k)
+            work[write[0]] = sympy.Rational(constant if abs(constant) > _GUARD else 0)
         elif code == ca.OP_OUTPUT:
             result = work[read[0]]
         elif code in operations:

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
 from bristle.errors import InputError
-from bristle.identification.fisher import cleared
+from bristle.identification.fisher import cleared, of_estimated, values_of
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair, ParameterName
+from bristle.model.parameters import Lugre, Pair, ParameterName, estimated_of, fields_of
 from bristle.model.rollout import rollout, rollout_jacobian
 from bristle.model.vectorize import evaluate
 from bristle.simulation.references import Sine
@@ -93,8 +93,10 @@ def motion(amplitude: float, frequency: float) -> SineMotion:
 
 @result
 class Local:
-    """Derivatives along one motion; columns in the order of `Lugre`."""
+    """Derivatives along one motion."""
 
+    names: tuple[str, ...]
+    """The parameters that the columns are of: six of the paper's law."""
     time: Array
     """s, (n,)."""
     velocity: Array
@@ -115,7 +117,7 @@ class Local:
     @property
     def ranking(self) -> tuple[str, ...]:
         """The parameters, the one with the largest total share first."""
-        return ranked(self.shares())
+        return ranked(self.shares(), self.names)
 
 
 def rms(values: Array) -> Array:
@@ -123,22 +125,23 @@ def rms(values: Array) -> Array:
     return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
-def ranked(shares: Array) -> tuple[str, ...]:
-    """LuGre's parameters by their shares (6,), the largest first."""
-    return tuple(Lugre._fields[k] for k in np.argsort(-shares, kind="stable"))
+def ranked(shares: Array, names: Sequence[str]) -> tuple[str, ...]:
+    """Parameters by their shares, (6,), the largest first."""
+    return tuple(names[k] for k in np.argsort(-shares, kind="stable"))
 
 
 def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
     """Both derivatives of the friction torque along a motion; exact, by CasADi."""
     velocity = reference.course.velocity
     rolled = rollout_jacobian(velocity, reference.period, p, 0.0)
-    scaled = cleared(rolled.by_parameters) * np.concatenate([p] if isinstance(p, Lugre) else p)
+    names, scaled = estimated_of(p.law), of_estimated(cleared(rolled.by_parameters), p) * values_of(p)
     return Local(
+        names=names,
         time=reference.time,
         velocity=velocity,
         torque=rolled.torque,
         partial=_partial(rolled.z, velocity, p),
-        total=scaled.reshape(velocity.size, -1, len(Lugre._fields)).sum(axis=1),
+        total=scaled.reshape(velocity.size, -1, len(names)).sum(axis=1),
     )
 
 
@@ -148,13 +151,16 @@ def _partial(z: Array, v: Array, p: Lugre[float] | Pair[float]) -> Array:
         p if isinstance(p, Lugre) else evaluate(functions.active_function(p.law), z, v, *p.positive, *p.negative)
     )
     _, _, *slopes = evaluate(functions.torque_sensitivity_function(p.law), z, v, *acting)
-    return np.column_stack([np.multiply(size, slope) for size, slope in zip(acting, slopes, strict=True)])
+    by_name = dict(zip(fields_of(p.law), zip(acting, slopes, strict=True), strict=True))
+    return np.column_stack([np.multiply(*by_name[name]) for name in estimated_of(p.law)])
 
 
 @result
 class Map:
     """Total shares in settled motion, over amplitude and frequency."""
 
+    names: tuple[str, ...]
+    """The parameters that the shares are of."""
     amplitudes: Array
     """rad, (a,), ascending."""
     frequencies: Array
@@ -164,19 +170,19 @@ class Map:
 
     @property
     def first(self) -> NDArray[np.intp]:
-        """Which parameter ranks first, as its place in `Lugre`, (a, f)."""
+        """Which parameter ranks first, as its place in `names`, (a, f)."""
         return np.asarray(self.shares.argmax(axis=-1))
 
     @property
     def claim(self) -> NDArray[np.bool_]:
         """Whether alpha_0 and alpha_2 are the first two, (a, f)."""
         flat = self.shares.reshape(-1, self.shares.shape[-1])
-        return np.array([claimed(row) for row in flat]).reshape(self.first.shape)
+        return np.array([claimed(row, self.names) for row in flat]).reshape(self.first.shape)
 
 
-def claimed(shares: Array) -> bool:
-    """Whether the paper's two parameters are the first two among shares (6,)."""
-    return set(ranked(shares)[:2]) == CLAIMED
+def claimed(shares: Array, names: Sequence[str]) -> bool:
+    """Whether the paper's two parameters are the first two among shares, (6,)."""
+    return set(ranked(shares, names)[:2]) == CLAIMED
 
 
 def grid(reference: SineMotion) -> tuple[Array, Array]:
@@ -191,7 +197,7 @@ def grid(reference: SineMotion) -> tuple[Array, Array]:
 def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencies: Array) -> Map:
     """The total shares of a sine's third period from rest, for each amplitude (a,), rad, and frequency (f,), Hz."""
     shares = [[_settled(p, float(a), float(f)) for f in frequencies] for a in amplitudes]
-    return Map(amplitudes=amplitudes, frequencies=frequencies, shares=np.array(shares))
+    return Map(names=estimated_of(p.law), amplitudes=amplitudes, frequencies=frequencies, shares=np.array(shares))
 
 
 def _settled(p: Lugre[float] | Pair[float], amplitude: float, frequency: float) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bristle.model.parameters import Kind, Lugre, effort, unit
+from bristle.model.parameters import Kind, effort, unit
 from bristle.page.columns import shown
 from bristle.page.page import write_part
 from bristle.page.wording import in_percent, in_print, measured, number, pretty, symbol
@@ -110,11 +110,11 @@ def _peak(study: SensitivityStudy, samples: NDArray[np.intp]) -> tuple[str, str]
     total = np.abs(study.local.total[samples])
     sample, which = np.unravel_index(total.argmax(), total.shape)
     size = f"{number(total[sample, which], 2)} {pretty(unit('torque', study.kind))}"
-    return symbol(Lugre._fields[which]), f"{size} at {number(study.local.time[samples][sample], 3)} s"
+    return symbol(study.local.names[which]), f"{size} at {number(study.local.time[samples][sample], 3)} s"
 
 
 def _shares(study: SensitivityStudy) -> str:
-    shares, order = dict(zip(Lugre._fields, study.local.shares().tolist(), strict=True)), study.local.ranking
+    shares, order = dict(zip(study.local.names, study.local.shares().tolist(), strict=True)), study.local.ranking
     (most, largest), (least, smallest) = ((symbol(name), in_percent(shares[name])) for name in (order[0], order[-1]))
     return f"{most} has the largest total share of the RMS {effort(study.kind)}, {largest}, and {least} the smallest, {smallest}"
 
@@ -129,7 +129,7 @@ def _most_varied(study: SensitivityStudy) -> str:
     low, high = (end(study.map.shares, axis=(0, 1)) for end in (np.min, np.max))
     k = int((high - low).argmax())
     least = f"less than {in_percent(figures.LEAST)}" if low[k] < figures.LEAST else in_percent(low[k])
-    return f"The share of {symbol(Lugre._fields[k])} varies most over the map, from {least} to {in_percent(high[k])}"
+    return f"The share of {symbol(study.map.names[k])} varies most over the map, from {least} to {in_percent(high[k])}"
 
 
 def _widest_swing(study: SensitivityStudy) -> str:

@@ -1,4 +1,4 @@
-"""A box of LuGre parameters: one interval for each that is drawn, the others held; and joints at points of it."""
+"""A box of friction parameters: one interval for each that is drawn, the others held; and joints at points of it."""
 
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -9,13 +9,25 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, in_direction, of_friction
+from bristle.model.laws.parts import FASTEST, Law
+from bristle.model.parameters import (
+    Direction,
+    Pair,
+    ParameterName,
+    estimated_of,
+    in_direction,
+    least_of,
+    lugre_of,
+    of_friction,
+    of_shape,
+)
 
 DECADE = 10.0
 """An interval whose ends have a larger ratio is drawn log-uniformly."""
 _SMALL = 0.01
 """Where the interval of a positive parameter reaches zero, the box begins at this share of its value."""
 _POSITIVE = ("alpha_0", "v_s", "sigma_0")
+"""And what else the shape of a peak takes."""
 
 
 class Span(NamedTuple):
@@ -47,25 +59,30 @@ def spans_of(box: Mapping[ParameterName, tuple[float, float]]) -> tuple[Span, ..
     return tuple(Span(name, low, high, low > 0 and high > DECADE * low) for name, (low, high) in box.items())
 
 
-def ordered(box: Mapping[ParameterName, tuple[float, float]]) -> tuple[Span, ...]:
-    """The intervals in the order of `Lugre`, whatever the order of the box, so that this does not change the samples.
+def ordered(box: Mapping[ParameterName, tuple[float, float]], law: Law) -> tuple[Span, ...]:
+    """The intervals in the order of the law's tuple, whatever the order of the box, so that this does not change the samples.
 
-    They are of LuGre parameters, of both directions at once or of one.
+    They are of the law's parameters, of both directions at once or of one.
 
     Raises InputError where a name or an interval cannot be.
     """
     directions = (Direction.BOTH, Direction.POSITIVE, Direction.NEGATIVE)
-    known = [ParameterName(name, d) for name in Lugre._fields for d in directions]
+    known = [ParameterName(name, d) for name in estimated_of(law) for d in directions]
     for name, (low, _) in box.items():
         whole = name._replace(direction=Direction.BOTH)
         if name not in known or (name != whole and whole in box):
             raise InputError(
-                f"box: got {str(name)!r} among {', '.join(map(str, box))}; expected {', '.join(Lugre._fields)}, "
+                f"box: got {str(name)!r} among {', '.join(map(str, box))}; expected {', '.join(estimated_of(law))}, "
                 "each for both directions, or with + and - for one"
             )
-        if low < 0 or (low == 0 and name.name in _POSITIVE):
+        if low < least_of(name.name) or (low == 0 and _positive(name.name)):
             raise InputError(f"box: {name}: got a low end of {low:g}; expected a physical value, not below zero")
     return spans_of({name: box[name] for name in known if name in box})
+
+
+def _positive(name: str) -> bool:
+    """Whether a parameter cannot be zero."""
+    return name in _POSITIVE or of_shape(name)
 
 
 def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[Array]:
@@ -73,7 +90,7 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
     drawn = {span.parameter: column for span, column in zip(spans, points.T, strict=True)}
     return Pair(
         *(
-            Lugre(
+            lugre_of(pair.law)(
                 *(
                     np.full(len(points), x) if (own := in_direction(drawn, name, d)) is None else own
                     for name, x in p._asdict().items()
@@ -87,23 +104,24 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
 def box_of(
     estimates: Mapping[ParameterName, Estimate],
 ) -> tuple[dict[ParameterName, tuple[float, float]], tuple[Diagnostic, ...]]:
-    """The box of the 95 % intervals of LuGre parameters, and a diagnostic on each that is left out or cut.
+    """The box of the 95 % intervals of friction parameters, and a diagnostic on each that is left out or cut.
 
-    Parameters that are not LuGre's are left out, and so are those
-    without a finite interval, with a diagnostic. An interval is cut at its physical bound, with a diagnostic.
+    Parameters that are not of friction, or not estimated, are left out, and so are those without a finite interval, with
+    a diagnostic. An interval is cut at its physical bound, with a diagnostic.
     """
     box: dict[ParameterName, tuple[float, float]] = {}
     notes = []
     for name, e in estimates.items():
         bare = name.name
-        if not of_friction(bare) or e.value is None:
+        least = least_of(bare)
+        if not of_friction(bare) or bare == FASTEST or e.value is None:
             continue
-        if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], 0.0) < e.interval[1]:
+        if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], least) < e.interval[1]:
             notes.append(Kind.BOX_HELD(name=name, value=e.value, unit=e.unit))
             continue
         low, high = e.interval
-        if low < 0 or (low == 0 and bare in _POSITIVE):
-            low = _SMALL * min(e.value, high) if bare in _POSITIVE else 0.0
+        if low < least or (low == 0 and _positive(bare)):
+            low = _SMALL * min(e.value, high) if _positive(bare) else least
             notes.append(Kind.BOX_CUT(name=name, low=low, unit=e.unit))
         box[name] = (low, high)
     return box, tuple(notes)

@@ -204,7 +204,7 @@ def global_sensitivity(
     Raises InputError where SALib is not installed, or the box or the samples cannot be used.
     """
     pair = Pair(p, p) if isinstance(p, Lugre) else p
-    spans = ordered(box)
+    spans = ordered(box, pair.law)
     if samples < _LEAST:
         raise InputError(f"got {samples} samples; expected a power of two, at least {_LEAST}")
     points = _points(spans, samples, seed)

@@ -13,10 +13,19 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.identification.fisher import Information, motion_information, names_of, static_information
+from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
 from bristle.identification.moving_runs import REGRESSORS, load_columns
 from bristle.identification.results import Joint
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck, unit
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import (
+    Direction,
+    Lugre,
+    Pair,
+    ParameterName,
+    peak_parameters,
+    static_estimated_of,
+    unit,
+)
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
@@ -34,8 +43,6 @@ SAMPLES = 1024
 SEED = 0
 _FEWEST, _MOST = 32, 2**17
 """Samples of the Sobol indices; with the most of them a joint of six parameters takes some minutes."""
-_STRIBECK = ("alpha_1", "v_s")
-"""What a fit without a Stribeck term does not have."""
 _NOISE = 0.05
 """Where no moving run tells the noise: this share of alpha_0, white, at 1 kHz."""
 _STEPS = 5
@@ -77,7 +84,7 @@ class SensitivityStudy:
     """The parameters' 95 % intervals, by name."""
     local: Local
     settled: Array
-    """Total shares over the last period of the motion, (6,)."""
+    """Total shares over the last period of the motion, (6,), as of `local`."""
     map: Map
     tornado: tuple[Tornado, ...]
     expected: tuple[Expected, ...]
@@ -152,7 +159,7 @@ def study_sensitivity(
     charts = tornado(model.p, box, motion) if box else ()
     expected = (_motion_tells(joint, model, motion), _constant_velocities_tell(joint))
     sobol, no_sobol = _sobol(model, box, motion, loop, samples, progress)
-    written, no_formulas = _formulas()
+    written, no_formulas = _formulas(model.p.law)
     return SensitivityStudy(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, model=model, motion=motion, box=box, local=along_motion,
         settled=along_motion.shares(last=motion.samples), map=mapped, tornado=charts,
@@ -179,11 +186,11 @@ def _sobol(
         return None, (Kind.NO_SOBOL(why=str(error)),)
 
 
-def _formulas() -> tuple[Formulas | None, tuple[Diagnostic, ...]]:
+def _formulas(law: Law) -> tuple[Formulas | None, tuple[Diagnostic, ...]]:
     """The derivatives as formulas, or why there are none."""
     try:
-        return formulas(), ()
-    except InputError as error:
+        return formulas(law), ()
+    except ValueError as error:  # no SymPy, or a law with an operation that no formula has
         return None, (Kind.NO_FORMULAS(why=str(error)),)
 
 
@@ -196,11 +203,9 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
     terms = {ParameterName.parse(name): column for name, column in columns.items()}
     extra = {name: column for name, column in terms.items() if name in (fit.names if fit is not None else values)}
     friction = names_of(model.p)
-    point = np.array(
-        [*np.concatenate([model.p] if isinstance(model.p, Lugre) else model.p), *(values[name] for name in extra)]
-    )
+    point = np.array([*values_of(model.p), *(values[name] for name in extra)])
     matrix = motion_information(course.velocity, motion.period, model.p, noise, extra)
-    held = [name for name in friction if name in model.assumed and name.name in _STRIBECK]
+    held = [name for name in friction if name in model.assumed and name.name in peak_parameters(joint.law)]
     errors = {name: e.standard_error for name, e in model.estimates.items() if e.standard_error}
     if fit is not None:
         errors |= {n: e.standard_error for n, e in fit.parameters.items() if n in extra and e.standard_error}
@@ -243,17 +248,18 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
     if not sets:
         return None
     directions = [Direction.BOTH] if len(sets) == 1 else list(map(Direction, sets))
-    names = tuple(ParameterName(name, d) for d in directions for name in Stribeck._fields)
+    static = static_estimated_of(joint.law)
+    names = tuple(ParameterName(name, d) for d in directions for name in static)
     matrix = np.zeros((len(names), len(names)))
     errors: dict[ParameterName, float] = {}
     held: list[ParameterName] = []
     for k, (d, p) in enumerate(sets.items()):
-        fit, block = fits[d], slice(4 * k, 4 * k + 4)
+        fit, block = fits[d], slice(len(static) * k, len(static) * (k + 1))
         scatter = float(np.sqrt(fit.noise @ fit.noise / max(fit.degrees_of_freedom or fit.n - len(fit.names), 1)))
         matrix[block, block] = static_information(fit.velocity, p, scatter)
-        estimates = dict(zip(names[block], (fit.parameters.get(name) for name in Stribeck._fields), strict=True))
+        estimates = dict(zip(names[block], map(fit.parameters.get, static), strict=True))
         errors |= {name: e.standard_error for name, e in estimates.items() if e is not None and e.standard_error}
         held += [name for name, e in estimates.items() if e is None or e.value is None]
-    point = np.concatenate(list(sets.values()))
+    point = np.concatenate([p[: len(static)] for p in sets.values()])
     information = Information(names=names, point=point, matrix=matrix)
     return _expected("the constant velocities", information, errors, Kind.NOISE_OF_STATIC_FIT(), held)

@@ -3,8 +3,8 @@
 import numpy as np
 import pandas as pd
 
-from bristle.identification.fisher import names_of
-from bristle.model.parameters import Kind, Lugre, in_direction, unit
+from bristle.identification.fisher import names_of, values_of
+from bristle.model.parameters import Kind, in_direction, unit
 from bristle.questions.sensitivity.local import ranked
 from bristle.questions.sensitivity.sobol import Global
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
@@ -31,9 +31,8 @@ def tables(study: SensitivityStudy) -> dict[str, Frame]:
 
 def parameter_table(study: SensitivityStudy) -> Frame:
     """One row per parameter: value, unit, 95 % interval, whether it was assumed."""
-    sets = [study.model.p] if isinstance(study.model.p, Lugre) else study.model.p
-    rows = []
-    for name, value in zip(names_of(study.model.p), np.concatenate(sets).tolist(), strict=True):
+    p, rows = study.model.p, []
+    for name, value in zip(names_of(p), values_of(p).tolist(), strict=True):
         lower, upper = in_direction(study.box, *name) or (None, None)
         rows.append(
             {
@@ -48,7 +47,7 @@ def share_table(study: SensitivityStudy) -> Frame:
     """One row per parameter, the largest total share first; columns as `SensitivityStudy.to_frame` has them."""
     frame = pd.DataFrame(
         {
-            "parameter": Lugre._fields,
+            "parameter": study.local.names,
             "total": study.local.shares(),
             "partial": study.local.shares(partial=True),
             "settled": study.settled,
@@ -62,10 +61,11 @@ def share_table(study: SensitivityStudy) -> Frame:
 def map_table(study: SensitivityStudy) -> Frame:
     """One row per motion: amplitude, frequency, every parameter's share, which is first, whether the claim holds."""
     amplitude, frequency = np.meshgrid(study.map.amplitudes, study.map.frequencies, indexing="ij")
-    shares = study.map.shares.reshape(-1, len(Lugre._fields))
+    names = study.map.names
+    shares = study.map.shares.reshape(-1, len(names))
     frame = pd.DataFrame({"amplitude": amplitude.ravel(), "frequency": frequency.ravel()})
-    frame[list(Lugre._fields)] = shares
-    frame["first"] = [ranked(row)[0] for row in shares]
+    frame[list(names)] = shares
+    frame["first"] = [ranked(row, names)[0] for row in shares]
     frame["claim"] = study.map.claim.ravel()
     return frame
 

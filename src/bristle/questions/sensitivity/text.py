@@ -1,11 +1,13 @@
 """What was found of a joint's sensitivity, in sentences and as the text that the command line prints."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import Lugre, effort, unit
+from bristle.model.parameters import effort, unit
 from bristle.questions.sensitivity.local import claimed, ranked
 from bristle.questions.sensitivity.sobol import LEVEL, Global, Output
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
@@ -25,7 +27,7 @@ def study_text(study: SensitivityStudy) -> str:
     ]
     columns = np.column_stack([study.local.shares(), study.local.shares(partial=True), study.settled])
     for name in study.local.ranking:
-        shares = columns[Lugre._fields.index(name)]
+        shares = columns[study.local.names.index(name)]
         lines.append(f"  {name:<8} " + "{:>9.2g} {:>9.2g} {:>12.2g}".format(*shares))
     drawn = () if study.sobol is None else sobol_sentences(study.sobol, study.kind)
     return "\n".join([*lines, *(x.flagged for x in (*findings(study), *drawn, *study.assumptions))])
@@ -33,20 +35,20 @@ def study_text(study: SensitivityStudy) -> str:
 
 def findings(study: SensitivityStudy) -> tuple[Diagnostic, ...]:
     """Whether the paper's claim holds, along the motion and over the map, and what each measurement would tell."""
-    total, settled = study.local.shares(), study.settled
-    order, at_fixed_z = (ranked(x)[:_NAMED] for x in (total, study.local.shares(partial=True)))
-    claim = (Kind.CLAIM_HOLDS if claimed(total) else Kind.CLAIM_FAILS)(
-        amplitude=study.motion.amplitude, unit=unit("position", study.kind), frequency=study.motion.frequency, largest=_largest(total),
-        settled=Kind.ONCE_SETTLED(largest=_largest(settled)) if ranked(settled)[:_NAMED] != order else "",
+    total, settled, names = study.local.shares(), study.settled, study.local.names
+    order, at_fixed_z = (ranked(x, names)[:_NAMED] for x in (total, study.local.shares(partial=True)))
+    claim = (Kind.CLAIM_HOLDS if claimed(total, names) else Kind.CLAIM_FAILS)(
+        amplitude=study.motion.amplitude, unit=unit("position", study.kind), frequency=study.motion.frequency, largest=_largest(total, names),
+        settled=Kind.ONCE_SETTLED(largest=_largest(settled, names)) if ranked(settled, names)[:_NAMED] != order else "",
     )  # fmt: skip  # a list of values
     other = (Kind.OTHER_AT_FIXED_Z(names=at_fixed_z),) if at_fixed_z != order else ()
     return (claim, *other, _claim_over_map(study), *map(_told_by, study.expected))
 
 
-def _largest(shares: Array) -> tuple[tuple[str, float], ...]:
-    """The largest of the shares (6,), each after its parameter's name."""
-    by_name = dict(zip(Lugre._fields, shares.tolist(), strict=True))
-    return tuple((name, by_name[name]) for name in ranked(shares)[:_NAMED])
+def _largest(shares: Array, names: Sequence[str]) -> tuple[tuple[str, float], ...]:
+    """The largest of the shares, (6,), each after its parameter's name."""
+    by_name = dict(zip(names, shares.tolist(), strict=True))
+    return tuple((name, by_name[name]) for name in ranked(shares, names)[:_NAMED])
 
 
 def _claim_over_map(study: SensitivityStudy) -> Diagnostic:
@@ -62,7 +64,7 @@ def _claim_over_map(study: SensitivityStudy) -> Diagnostic:
         else:
             least = amplitudes[broken[-1] + 1]
             parts.append(Kind.FROM_AMPLITUDE(frequency=f, amplitude=least, unit=unit("position", study.kind)))
-    first = tuple(Lugre._fields[k] for k in np.unique(study.map.first))
+    first = tuple(study.map.names[k] for k in np.unique(study.map.first))
     return Kind.CLAIM_ON_MAP(motions=claim.size, held=int(claim.sum()), where=tuple(parts), first=first)
 
 

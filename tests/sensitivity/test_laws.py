@@ -1,0 +1,127 @@
+"""Sensitivity of joints whose law is not the paper's, one registered from outside among them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.identification.fits import Estimate
+from bristle.model.laws.registry import law_named
+from bristle.model.parameters import ParameterName
+from bristle.questions.sensitivity.figures import colours, map_figure, time_figure
+from bristle.questions.sensitivity.formulas import as_text, formulas
+from bristle.questions.sensitivity.local import SineMotion, local
+from bristle.questions.sensitivity.parameter_box import box_of, joints_at, ordered
+from bristle.questions.sensitivity.study import SensitivityStudy
+from bristle.questions.sensitivity.tables import information_table, map_table, parameter_table
+
+from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
+from ..names import named
+from ..pages import page_text
+
+OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
+SYMBOLS = {DRAG: "α₃", EXPONENT: "δ", OUTSIDE: "β"}
+
+
+@pytest.fixture(autouse=True, scope="module")
+def known() -> Iterator[None]:
+    """The law from outside is known."""
+    with registered():
+        yield
+
+
+@pytest.fixture(scope="module", params=OWN)
+def study(request: pytest.FixtureRequest) -> SensitivityStudy:
+    """Of points and a motion."""
+    return bristle.sensitivity(motion(request.param), samples=32)
+
+
+def test_every_part_has_the_laws_own_parameter(study: SensitivityStudy, tmp_path: Path) -> None:
+    """Shares, map, tables, figures, Sobol indices and page tell of the law's own parameter, and none of v_end."""
+    law = study.model.p.law
+    own = OWN[law.name]
+    assert study.local.names == study.map.names
+    assert set(study.to_frame().parameter) == set(study.local.names)
+    for table in (parameter_table(study), *(information_table(study, e) for e in study.expected)):
+        assert own in set(table.parameter)
+        assert "v_end" not in set(table.parameter)
+    assert own in map_table(study).columns
+    assert len(time_figure(study).axes) == 1 + len(study.local.names)
+    assert len([ax for ax in map_figure(study).axes if ax.get_visible()]) == 1 + len(study.local.names)
+    text = page_text(study.write(tmp_path / "page"))
+    assert SYMBOLS[law.name] in text
+    assert "v_end" not in study.text()
+    assert own in study.text()
+
+
+def test_constant_velocities_and_the_motion_are_of_the_laws_parameters(study: SensitivityStudy) -> None:
+    """Both expect an error of every parameter of the law that they can show."""
+    motion_, steady = (e.information for e in study.expected)
+    assert [str(x) for x in steady.names] == [n for n in study.local.names if n not in ("sigma_0", "sigma_1")]
+    assert [str(x) for x in motion_.names][: len(study.local.names)] == list(study.local.names)
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_formulas_are_those_of_the_law(name: str) -> None:
+    """They hold the law's own parameter; (19) as printed, which is of the paper's peak, is not among them."""
+    found = formulas(law_named(name))
+    assert OWN[name] in found.partial
+    assert OWN[name] in as_text(found.torque)
+    assert found.printed is None
+    assert not any(row.what.startswith("(19)") for row in found.rows())
+
+
+def test_a_term_is_written_as_it_is_where_it_was_measured() -> None:
+    """Alpha_3 multiplies v abs(v), v_end is in no formula, and one sentence says up to where they hold."""
+    found = formulas(law_named(DRAG))
+    assert as_text(found.partial["alpha_3"]) == "v*abs(v)"
+    assert all("v_end" not in row.formula and "Piecewise" not in row.formula for row in found.rows())
+    assert [x.kind for x in found.sentences()] == [Kind.TOTAL_DERIVATIVES, Kind.FORMULAS_AS_MEASURED]
+
+
+def test_a_parameter_with_a_sign_is_drawn_below_zero() -> None:
+    """Alpha_3 may be drawn from below zero, alpha_0 may not; v_end is never drawn, and is as it was in each joint."""
+    p = truth_of(DRAG)
+    box = {ParameterName.parse("alpha_3"): (-0.01, 0.002), ParameterName.parse("alpha_0"): (0.01, 0.02)}
+    spans = ordered(box, p.law)
+    assert [str(span.parameter) for span in spans] == ["alpha_0", "alpha_3"]
+    joints = joints_at(bristle.Pair(p, p), spans, np.array([[0.011, -0.004]]))
+    assert (joints.positive.alpha_0[0], joints.law) == (0.011, p.law)
+    assert joints.negative._asdict()["alpha_3"][0] == -0.004
+    assert joints.negative._asdict()["v_end"][0] == 0.8
+    with pytest.raises(InputError, match="v_end"):
+        ordered(named({"v_end": (0.5, 1.0)}), p.law)
+
+
+def test_the_box_cuts_no_sign_off() -> None:
+    """An interval of alpha_3 on both sides of zero stays whole; that of a shape begins above zero; v_end is left out unsaid."""
+    estimates = {
+        ParameterName.parse(name): Estimate(value=value, unit="1", standard_error=0.1, interval=interval)
+        for name, value, interval in (("alpha_3", 0.1, (-0.1, 0.3)), ("delta", 1.0, (0.0, 2.0)), ("v_end", 0.8, None))
+    }
+    box, notes = box_of(estimates)
+    assert box == {ParameterName.parse("alpha_3"): (-0.1, 0.3), ParameterName.parse("delta"): (0.01, 2.0)}
+    assert [x.kind for x in notes] == [Kind.BOX_CUT]
+
+
+@pytest.mark.parametrize("name", OWN)
+def test_two_equal_sets_are_one(name: str) -> None:
+    """A pair of equal sets has the derivatives of one set, but for where the bristle is found to change its side."""
+    p, at = truth_of(name), SineMotion(1.0, 0.5)
+    one, both = local(p, at).total, local(bristle.Pair(p, p), at).total
+    assert (np.linalg.norm(both - one, axis=0) <= 1e-6 * np.linalg.norm(one, axis=0)).all()
+
+
+def test_each_parameter_has_a_colour_of_its_own() -> None:
+    """Up to nine parameters no two share one."""
+    assert len(set(colours(9))) == 9
+
+
+def test_points_alone_are_enough() -> None:
+    """Of points the bristle is assumed, and the law's own parameter counts."""
+    found = bristle.sensitivity(points(DRAG), samples=0)
+    assert "alpha_3" in found.local.ranking
