@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.model.parameters import Stribeck, unit
+from bristle.model.parameters import unit
 from bristle.page.wording import counted, direction, number, pretty, symbol, two_digits
 from bristle.questions.experiment_design.excitation import MotionDesign
 from bristle.questions.experiment_design.figures import CEILING, percentage
@@ -68,7 +68,7 @@ def _comparison(plan: Plan) -> str:
 def _ratios(x: VelocityPlan, kind: str) -> Iterator[tuple[float, str]]:
     """Scatter over prediction of each parameter that so many runs alone should show, and its symbol."""
     predicted, scatter = x.alone[kind].errors, x.simulated[kind]
-    for name, value, error, seen in zip(Stribeck._fields, x.problem.p.stribeck, predicted, scatter, strict=True):
+    for name, value, error, seen in zip(x.problem.names, x.problem.estimate, predicted, scatter, strict=True):
         if 100 * error / abs(value) < CEILING and np.isfinite(seen):
             yield float(seen / error), symbol(f"{name}{x.direction}" if x.direction in ("+", "-") else name)
 

@@ -11,10 +11,10 @@ import numpy as np
 from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
 from bristle.data.differentiation import between_gaps
-from bristle.identification.fisher import covariance, gram
+from bristle.identification.fisher import covariance, gram, of_estimated, values_of
 from bristle.identification.limits import SAMPLES, Limits
 from bristle.identification.measured import Measured
-from bristle.model.parameters import Direction, Lugre, Pair, pair_of
+from bristle.model.parameters import Lugre, Pair, fields_of
 from bristle.model.rollout import rollout_into
 from bristle.questions.experiment_design.start import Start
 from bristle.simulation.references import Multisine
@@ -102,9 +102,7 @@ def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: 
     # finer than the equations where it must be, of as much noise
     step = min(start.equation_step, 1 / (SAMPLES * limits.frequency))
     return MotionProblem(
-        sets=tuple(
-            Lugre(*x.tolist()[:6]) if start.directions == (Direction.BOTH,) else pair_of(x.tolist()) for x in drawn
-        ),
+        sets=tuple(map(start.at, drawn)),
         inertias=tuple(float(x[-1]) for x in drawn),
         prior_information=prior_information,
         noise=start.equation_noise * float(np.sqrt(start.equation_step / step)),
@@ -248,7 +246,7 @@ def _cost(x: Array, problem: MotionProblem) -> float:
     total = 0.0
     for k, p in enumerate(problem.sets):
         matrix, torque = information(run.velocity, run.acceleration, problem, k, _ROUGH)
-        values = np.array([*(p if isinstance(p, Lugre) else (*p.positive, *p.negative)), problem.inertias[k]])
+        values = np.array([*values_of(p), problem.inertias[k]])
         relative = covariance(problem.prior_information + matrix)[0] / np.maximum(np.abs(values), 1e-300)
         wide = np.minimum(relative[list(problem.aims)], 1e6)
         total += float(np.log(wide @ wide)) + 100 * max(torque / (_GOOD * problem.limits.torque) - 1, 0.0)
@@ -263,7 +261,7 @@ def information(
     `coarsening` as in `rollout`.
     """
     p = problem.sets[which]
-    rows = np.empty((7 if isinstance(p, Lugre) else 13, velocity.size))
-    rolled = rollout_into(list(rows), velocity, problem.step, p, None, coarsening)
-    rows[-1] = acceleration  # in the place of the derivative by the start, which is steady
-    return gram(rows.T, problem.noise), float(np.abs(rolled.torque + problem.inertias[which] * acceleration).max())
+    rows = np.empty((len(fields_of(p.law)) * (1 if isinstance(p, Lugre) else 2) + 1, velocity.size))
+    rolled = rollout_into(list(rows), velocity, problem.step, p, None, coarsening)  # the last: by the start, is steady
+    columns = np.column_stack([of_estimated(rows[:-1].T, p), acceleration])
+    return gram(columns, problem.noise), float(np.abs(rolled.torque + problem.inertias[which] * acceleration).max())

@@ -11,7 +11,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from bristle.arrays import Array
 from bristle.model import functions
-from bristle.model.parameters import Direction, Stribeck
+from bristle.model.parameters import Direction
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, decimal_log, new_figure, styled, thinned, title
 from bristle.page.wording import axis, direction, symbol, two_digits
@@ -123,8 +123,8 @@ def comparison_figure(plan: Plan) -> Figure:
     figure, axes = _panels(plan)
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         for j, (kind, label) in enumerate(SPACINGS.items()):
-            x = np.arange(len(Stribeck._fields)) + 0.27 * (j - 1)
-            values = 100 / np.abs(velocities.problem.p.stribeck)
+            x = np.arange(len(velocities.problem.names)) + 0.27 * (j - 1)
+            values = 100 / np.abs(velocities.problem.estimate)
             bars = np.minimum(velocities.alone[kind].errors * values, CEILING)
             ax.bar(x, bars, 0.25, color=_COLOURS[kind], hatch=("", "//", "..")[j], edgecolor="white", label=label)
             seen = np.minimum(velocities.simulated[kind] * values, CEILING)
@@ -135,7 +135,7 @@ def comparison_figure(plan: Plan) -> Figure:
         low, high = ax.get_ylim()
         ax.set_ylim(low, high * (high / low) ** 0.45)  # room for the legend
         _logarithmic(ax.yaxis)
-        ax.set_xticks(np.arange(len(Stribeck._fields)), [symbol(name) for name in Stribeck._fields])
+        ax.set_xticks(np.arange(len(velocities.problem.names)), list(map(symbol, velocities.problem.names)))
         ax.set_ylabel("Standard error (%)")
         ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
     axes[0].legend(loc="upper center", ncols=4, fontsize=8.5, handlelength=1.4, columnspacing=1.0)

@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.model.parameters import Direction, Kind, Stribeck, effort, unit
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import Direction, Kind, effort, static_estimated_of, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
 from bristle.page.plain import columns, pair
@@ -53,13 +54,16 @@ def section(plan: Plan, frames: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
     """Everything that the template names, but for the figures."""
     motions = frames["motions"].set_index("motion")
     frames = {**frames, "motions": motions.drop(columns="rms").T.reset_index(names="parameter")}
-    headings = _headings(plan.joint.kind)
+    headings = _headings(plan.joint.kind, plan.joint.law)
     return {
         "title": plan.joint.name,
         "seed": 0,
         "simulated": plan.joint.simulated,
         "aim": "all parameters" if plan.aim == "all" else symbol(plan.aim),
         "static_aim": plan.velocities[0].chosen.aim,
+        "static_parameters": {4: "four"}.get(
+            len(plan.velocities[0].problem.names), len(plan.velocities[0].problem.names)
+        ),
         "limits": _limits(plan),
         **{name: (shown if name in _PLAYED else _rounded)(x.rename(columns=headings)) for name, x in frames.items()},
         "rms": [(motion, number(x, 3)) for motion, x in motions["rms"].items()],
@@ -76,7 +80,7 @@ def section(plan: Plan, frames: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
     }
 
 
-def _headings(kind: Kind) -> dict[str, str]:
+def _headings(kind: Kind, law: Law) -> dict[str, str]:
     """The page's heading of each column of a table that has another one there: with its unit, or in symbols."""
     units = {
         "velocity": ("velocity", "velocity"),
@@ -87,7 +91,7 @@ def _headings(kind: Kind) -> dict[str, str]:
         "amplitude": ("amplitude", "position"),
     }
     return {
-        **{name: f"{symbol(name)} (%)" for name in Stribeck._fields},
+        **{name: f"{symbol(name)} (%)" for name in static_estimated_of(law)},
         **{column: f"{heading} ({pretty(unit(quantity, kind))})" for column, (heading, quantity) in units.items()},
         "in percent": "with motion (%)",
         "share_of_breakaway": "ratio to breakaway",

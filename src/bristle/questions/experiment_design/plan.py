@@ -16,7 +16,18 @@ from bristle.identification.fisher import covariance, static_information
 from bristle.identification.limits import Limits, followed, limits_of, shortened
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
-from bristle.model.parameters import SIGNED, Lugre, ParameterName, Stribeck, unit
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.laws.registry import own_parameter
+from bristle.model.parameters import (
+    INERTIA,
+    SIGNED,
+    ParameterName,
+    Stribeck,
+    estimated_of,
+    static_estimated_of,
+    unit,
+)
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MEASURED, PLANNED, MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
@@ -33,8 +44,6 @@ VELOCITIES = 12
 """Runs at constant velocity in each direction."""
 DURATION = 15.0
 """Longest tracking motion, s."""
-AIMS = (*Lugre._fields, "inertia")
-"""What a plan may be for."""
 _SHORTEST_SHARE = 0.02
 """Of its time, that a plan may be cut to."""
 _MOST = 1000
@@ -174,13 +183,13 @@ def plan(
         measured: what it was identified from, with limits under `plan` in its experiment file.
         joint: as identified.
         velocities: runs at constant velocity in each direction.
-        aim: the parameter whose interval is to shrink, one of `AIMS`, or `all`.
+        aim: the parameter whose interval is to shrink, of the joint's law or `inertia`, or `all`.
         progress: called with what is being done, how many steps are done, and how many there are.
 
     Raises InputError where the aim is no parameter, nothing is known of friction vs velocity, or the limits leave
     nothing to plan.
     """
-    check_plan(velocities, aim)
+    check_plan(velocities, aim, joint.law)
     report = progress or (lambda *_: None)
     report("velocities", 0, 1)
     limits, of_limits = limits_of(measured)
@@ -225,17 +234,19 @@ def plan(
     )
 
 
-def check_plan(velocities: int, aim: str) -> None:
-    """Whether so many velocities (4 to 1000, for four parameters) can be planned for an aim (`all`, or one of `AIMS`).
+def check_plan(velocities: int, aim: str, law: Law | None = None) -> None:
+    """Whether so many velocities (4 to 1000, for four parameters) can be planned for an aim: `all`, `inertia`, or a parameter of a law.
 
-    Raises InputError where they cannot.
+    Raises InputError where they cannot. Without a law, which is not known before a joint is identified, any of one counts.
     """
-    if not len(Stribeck._fields) <= velocities <= _MOST:
+    static, aims = static_estimated_of(law or GAUSSIAN), (*estimated_of(law or GAUSSIAN), INERTIA.name)
+    if not len(static) <= velocities <= _MOST:
+        few = "four" if len(static) == len(Stribeck._fields) else len(static)
         raise InputError(
-            f"got {velocities} velocities; expected {len(Stribeck._fields)} to {_MOST}: four parameters take at least as many runs"
+            f"got {velocities} velocities; expected {len(static)} to {_MOST}: {few} parameters take at least as many runs"
         )
-    if aim not in (*AIMS, "all"):
-        raise InputError(f"got {aim!r} as what to plan for; expected one of {', '.join(AIMS)}, or all")
+    if aim not in (*aims, "all") and (law is not None or own_parameter(aim) is None):
+        raise InputError(f"got {aim!r} as what to plan for; expected one of {', '.join(aims)}, or all")
 
 
 def _within_time(
@@ -267,7 +278,7 @@ def _information(
     of_velocities = [
         embedded(
             start.names,
-            [ParameterName(name, plan.direction) for name in Stribeck._fields],
+            [ParameterName(name, plan.direction) for name in plan.problem.names],
             static_information(plan.chosen.speeds, plan.problem.p, plan.problem.noise),
         )
         for plan in velocities

@@ -22,8 +22,22 @@ from bristle.identification.known_joint import (
 from bristle.identification.limits import Limits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
-from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, of_curve, unit
+from bristle.model.law import DAMPING_RATIO, viscous_rates
+from bristle.model.laws.parts import FASTEST, Law
+from bristle.model.parameters import (
+    INERTIA,
+    SIGNED,
+    Direction,
+    Lugre,
+    Pair,
+    ParameterName,
+    estimated_of,
+    lugre_of,
+    of_curve,
+    of_shape,
+    peak_parameters,
+    unit,
+)
 
 _PEAK = 0.1
 """Stribeck amplitude to look for where none was found, as a share of alpha_0."""
@@ -54,7 +68,7 @@ class Start:
     guessed: tuple[ParameterName, ...]
     """Parameters that are guesses."""
     names: tuple[ParameterName, ...]
-    """Every parameter: six of each direction, then inertia."""
+    """Every parameter that is estimated: six of each direction, or as many as the law has, then inertia."""
     estimate: Array
     """Their values, (p,)."""
     known: Array
@@ -70,6 +84,17 @@ class Start:
     resolution: float
     """One encoder count, rad; 0: not known."""
     assumptions: tuple[Diagnostic, ...]
+
+    @property
+    def law(self) -> Law:
+        """Of its friction."""
+        return self.sets.law
+
+    def at(self, values: Array) -> Lugre[float] | Pair[float]:
+        """One set, or a pair, with these values of all parameters, (p,); v_end stays."""
+        names, own = estimated_of(self.law), np.reshape(values[:-1], (len(self.directions), -1)).tolist()
+        found = [p._replace(**dict(zip(names, x, strict=True))) for p, x in zip(self.sets, own, strict=False)]
+        return found[0] if len(found) == 1 else Pair(*found)
 
     def p(self, direction: str) -> Lugre[float]:
         """The set of a direction."""
@@ -89,8 +114,8 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
 
     Raises InputError where nothing is known of its friction vs velocity.
     """
-    one_law = known_joint(joint).directions == (Direction.BOTH,)
-    directions = (Direction.BOTH,) if one_law else SIGNED
+    law, one_set = joint.law, known_joint(joint).directions == (Direction.BOTH,)
+    directions = (Direction.BOTH,) if one_set else SIGNED
     assumptions: list[Diagnostic] = []
     estimates = {d: _estimates(joint, d) for d in directions}
     if not any("alpha_0" in seen for seen in estimates.values()):
@@ -107,11 +132,12 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         assumptions.append(Kind.INERTIA_GUESSED(J=J, unit=unit("inertia", joint.kind), share=INERTIAL))
     sets, guessed = {}, []
     for d, seen in estimates.items():
-        sets[d], missing = _filled(seen, limits, J)
+        held = {name: x for name in law.more if (x := known_joint(joint).values(d).get(name)) is not None}
+        sets[d], missing = _filled(law, seen, held, limits, J)
         guessed += [ParameterName(name, d) for name in missing]
         assumptions += [_guess(ParameterName(name, d), getattr(sets[d], name), joint) for name in missing]
-    names = (*(ParameterName(name, d) for d in directions for name in Lugre._fields), INERTIA)
-    values = np.array([x for d in directions for x in sets[d]] + [J])
+    names = (*(ParameterName(name, d) for d in directions for name in estimated_of(law)), INERTIA)
+    values = np.array([getattr(sets[d], name) for name, d in names[:-1]] + [J])
     given, exact = _declared(measured, joint, names)
     if exact:
         assumptions.append(Kind.INERTIA_EXACT(J=J, unit=unit("inertia", joint.kind)))
@@ -158,7 +184,7 @@ def inverse(matrix: Array) -> Array:
 def _estimates(joint: Joint, direction: Direction) -> dict[str, Estimate]:
     """What is known of one direction; without what has no value, or is zero. A sigma_0 seen in one direction alone is that of both."""
     known = known_joint(joint)
-    seen = {name: e for name in Lugre._fields if (e := known.estimate(name, direction)) is not None}
+    seen = {name: e for name in estimated_of(joint.law) if (e := known.estimate(name, direction)) is not None}
     if direction is Direction.BOTH and "sigma_0" not in seen and (e := known.estimate("sigma_0", Direction.POSITIVE)):
         seen["sigma_0"] = e
     return {name: e for name, e in seen.items() if e.value}
@@ -175,21 +201,29 @@ def _declared(
     return matrix, () if given.standard_error else (INERTIA,)
 
 
-def _filled(seen: Mapping[str, Estimate], limits: Limits, J: float) -> tuple[Lugre[float], list[str]]:
-    """One direction's set with guesses for what has no value, and their names."""
+def _filled(
+    law: Law, seen: Mapping[str, Estimate], held: Mapping[str, float], limits: Limits, J: float
+) -> tuple[Lugre[float], list[str]]:
+    """One direction's set with guesses for what has no value, and their names; `held`: what of the law's own was not fitted."""
     alpha_0 = seen["alpha_0"].value or 0.0
+    missing = [name for name in estimated_of(law) if name not in seen and not (of_shape(name) and held.get(name))]
+    if {"alpha_1", "v_s"} & set(missing):  # nothing of a peak is anything without the other
+        missing = [n for n in estimated_of(law) if n in missing or n in peak_parameters(law)]
     sigma_0 = seen["sigma_0"].value if "sigma_0" in seen else assumed_stiffness(alpha_0, limits.travel)
-    guess = Lugre(
+    viscous = {
+        name: _VISCOUS * alpha_0 / (limits.velocity * float(rate))
+        for name, rate in viscous_rates(limits.velocity, law).items()
+    }
+    shape = {own.name: float(np.sqrt(own.searched[0] * own.searched[1])) for own in law.peak.own}
+    fastest = {FASTEST: limits.velocity} if law.terms else {}
+    guess = lugre_of(law)(
         alpha_0=alpha_0,
         alpha_1=_PEAK * alpha_0,
-        alpha_2=_VISCOUS * alpha_0 / limits.velocity,
         v_s=float(np.sqrt(limits.slowest * limits.velocity / 3)),
         sigma_0=sigma_0 or 0.0,
         sigma_1=assumed_damping(sigma_0 or 0.0, J),
+        **{**viscous, **shape, **fastest, **{name: x for name, x in held.items() if x and name not in missing}},
     )
-    missing = [name for name in Lugre._fields if name not in seen]
-    if {"alpha_1", "v_s"} & set(missing):  # neither is anything without the other
-        missing = [n for n in Lugre._fields if n in missing or n in ("alpha_1", "v_s")]
     values = {n: e.value for n, e in seen.items() if e.value is not None and n not in missing}
     return guess._replace(**values), missing
 
@@ -201,8 +235,7 @@ def _guess(parameter: ParameterName, value: float, joint: Joint) -> Diagnostic:
         "v_s": Kind.AMID_THE_SPEEDS(),
         "sigma_0": Kind.BENT_BRISTLE(share=DEFLECTION),
         "sigma_1": Kind.BY_DAMPING_RATIO(ratio=DAMPING_RATIO),
-        "alpha_2": Kind.VISCOUS_SHARE(share=_VISCOUS),
-    }[name]
+    }.get(name, Kind.AMID_WHAT_IS_SEARCHED() if of_shape(name) else Kind.VISCOUS_SHARE(share=_VISCOUS))
     return Kind.GUESSED(name=name, direction=direction, value=value, unit=unit(name, joint.kind), why=why)
 
 
@@ -278,14 +311,17 @@ def _known(
 ) -> Array:
     """Information gained so far, (p, p): of the moving runs and what they were told, or else of each stage by itself."""
     fit = joint.moving
+    whole = np.zeros((len(names), len(names)))
     if fit is not None:
         at = [k for k, n in enumerate(fit.names) if n in names and fit.parameters[n].standard_error]
-        return embedded(names, [fit.names[k] for k in at], inverse(fit.covariance[np.ix_(at, at)]))
-    whole = np.zeros((len(names), len(names)))
+        told = {ParameterName(n, d): e for d, seen in estimates.items() for n, e in seen.items() if of_shape(n)}
+        held = {n: e.standard_error**-2 for n, e in told.items() if n not in fit.names and e.standard_error}
+        whole += embedded(names, list(held), np.diag(list(held.values()))) if held else 0.0
+        return whole + embedded(names, [fit.names[k] for k in at], inverse(fit.covariance[np.ix_(at, at)]))
     for d, seen in estimates.items():
         static = joint.static.get(d)
         if static is not None and static.names:
-            at = [k for k, n in enumerate(static.names) if of_curve(n)]
+            at = [k for k, n in enumerate(static.names) if of_curve(n) and ParameterName(n, d) in names]
             members = [ParameterName(static.names[k], d) for k in at]
             whole += embedded(names, members, inverse(static.covariance[np.ix_(at, at)]))
         stiffness = seen.get("sigma_0")

@@ -6,10 +6,10 @@ import numpy as np
 import pandas as pd
 
 from bristle.arrays import Array
-from bristle.model.parameters import Lugre, Stribeck, unit
+from bristle.model.parameters import unit
 from bristle.page import columns
 from bristle.questions.experiment_design.plan import NORMAL, Plan
-from bristle.questions.experiment_design.velocities import Design
+from bristle.questions.experiment_design.velocities import Design, DesignProblem
 
 SPACINGS = {"planned": "planned", "log": "log-spaced", "even": "evenly spaced"}
 
@@ -54,7 +54,7 @@ def designs(plan: Plan) -> pd.DataFrame:
         named = {"D-optimal" if aim == "all" else f"for {aim} alone": design for aim, design in x.designs.items()}
         named |= {SPACINGS[kind]: design for kind, design in x.spaced.items()}
         for name, design in named.items():
-            errors = _percent(design.errors, x.problem.p)
+            errors = _percent(design.errors, x.problem)
             rows.append({"direction": x.direction, "design": name, **errors, "velocities": listed(design, "{:.3g}")})
     return pd.DataFrame(rows)
 
@@ -70,7 +70,7 @@ def comparison(plan: Plan) -> pd.DataFrame:
     Relative standard error as predicted, and as fits of SIMULATED runs scatter, percent.
     """
     rows = [
-        {"direction": x.direction, "design": label, "way": how, **_percent(errors, x.problem.p)}
+        {"direction": x.direction, "design": label, "way": how, **_percent(errors, x.problem)}
         for x in plan.velocities
         for kind, label in SPACINGS.items()
         for how, errors in (("predicted", x.alone[kind].errors), ("simulated", x.simulated[kind]))
@@ -153,11 +153,11 @@ def all_tables(plan: Plan) -> Mapping[str, pd.DataFrame]:
     }
 
 
-def _percent(errors: Array, p: Lugre[float]) -> dict[str, float | None]:
+def _percent(errors: Array, problem: DesignProblem) -> dict[str, float | None]:
     """Relative standard errors of the static parameters, percent."""
     return {
         name: _finite(100 * e / abs(x))
-        for name, e, x in zip(Stribeck._fields, errors.tolist(), p.stribeck, strict=True)
+        for name, e, x in zip(problem.names, errors.tolist(), problem.estimate.tolist(), strict=True)
     }
 
 

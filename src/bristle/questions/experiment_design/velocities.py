@@ -4,8 +4,8 @@
     D-optimal: least -log det F;    c-optimal for one parameter: least log (F**-1)_kk
 
 (9) is linear in all parameters but v_s, and alpha_1 only scales one column: a design depends on v_s alone. So each
-criterion is averaged over what v_s may be, and a poor estimate of it does not ruin the plan. One direction at a time;
-speeds are positive.
+criterion is averaged over what v_s may be, and a poor estimate of it does not ruin the plan. What else the shape of a
+law's peak takes stays at its estimate, and p are as many as the law has. One direction at a time; speeds are positive.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,13 +21,12 @@ from bristle.arrays import Array, result
 from bristle.errors import InputError
 from bristle.identification.fisher import covariance, static_information
 from bristle.identification.limits import Limits
-from bristle.identification.static.batch import solve_batch
-from bristle.identification.static.grid import default_range
 from bristle.model import functions
-from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, of_curve
+from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, static_estimated_of
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.loading import seen_covariance
 from bristle.questions.experiment_design.references import fastest
+from bristle.questions.experiment_design.simulated_fits import fitted
 from bristle.questions.experiment_design.start import Start, inverse
 from bristle.simulation.bench import steady_points
 
@@ -50,6 +49,8 @@ _SAME = (1.005, 1.05, 1.1, 1.2)
 speeds are easier to run."""
 _COST = 0.01
 """In the logarithm of the variance."""
+_V_S = Stribeck._fields.index("v_s")
+"""Where it stands among the static parameters of any law."""
 
 
 @result
@@ -61,13 +62,23 @@ class DesignProblem:
     nodes: Array
     """What v_s may be, rad/s, (k,)."""
     prior_information: Array
-    """Information gained already in the order of `Stribeck`, (4, 4)."""
+    """Information gained already in the order of `names`, (4, 4)."""
     noise: float
     """Standard error of one run's mean torque, N*m, > 0."""
     low: float
     """Slowest speed, rad/s, > 0."""
     high: float
     """Fastest speed, rad/s, > low."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What constant velocities show: the four of `Stribeck`, or what the law has of these."""
+        return static_estimated_of(self.p.law)
+
+    @property
+    def estimate(self) -> Array:
+        """Of `names`."""
+        return np.array([getattr(self.p, name) for name in self.names])
 
     @property
     def sets(self) -> list[Lugre[float]]:
@@ -83,7 +94,7 @@ class Design(NamedTuple):
     speeds: Array
     """One per run, rad/s, ascending, repeated where a speed is to be run again, (n,)."""
     errors: Array
-    """Expected standard errors in the order of `Stribeck`, what is known already included; inf where not seen, (4,)."""
+    """Expected standard errors in the order of the problem's names, what is known already included; inf where not seen, (4,)."""
     alone: Array
     """The same of these runs alone."""
 
@@ -102,7 +113,7 @@ class VelocityPlan:
     problem: DesignProblem
     chosen: Design
     designs: Mapping[str, Design]
-    """D-optimal (`all`), and c-optimal for each of `Stribeck`."""
+    """D-optimal (`all`), and c-optimal for each of the problem's names."""
     spaced: Mapping[str, Design]
     """As many runs over the same range, `log` and `even`."""
     alone: Mapping[str, Design]
@@ -145,8 +156,8 @@ def plan_velocities(
         low=limits.slowest,
         high=high,
     )
-    aim = aim if of_curve(aim) else "all"
-    designs = {name: design(problem, count, name) for name in ("all", *Stribeck._fields)}
+    aim = aim if aim in problem.names else "all"
+    designs = {name: design(problem, count, name) for name in ("all", *problem.names)}
     spaced = {kind: evaluate_design(problem, spaced_speeds(problem, count, kind)) for kind in ("log", "even")}
     fresh = replace(problem, prior_information=np.zeros_like(prior_information))
     alone = {"planned": design(fresh, count, aim)}
@@ -179,18 +190,19 @@ def _fastest(p: Lugre[float], high: float, limits: Limits) -> float:
 
 
 def _prior(start: Start, direction: Direction) -> tuple[Array, float]:
-    """Information about the four static parameters of a direction, (4, 4), and the relative standard error of v_s.
+    """Information about the static parameters of a direction, (4, 4), and the relative standard error of v_s.
 
     What the other parameters are is left open.
 
     Nothing counts as known where one of them is a guess: what is known of the others then rests on there being no peak.
     """
-    at = start.indices(direction, Stribeck._fields)
-    guessed = any(ParameterName(name, direction) in start.guessed for name in Stribeck._fields)
+    names = static_estimated_of(start.law)
+    at = start.indices(direction, names)
+    guessed = any(ParameterName(name, direction) in start.guessed for name in names)
     if guessed or not (np.diag(start.known)[at] > 0).all():
-        return np.zeros((len(Stribeck._fields), len(Stribeck._fields))), np.inf
+        return np.zeros((len(names), len(names))), np.inf
     spread = seen_covariance(start.known, at)
-    return inverse(spread), float(np.sqrt(spread[3, 3]) / start.estimate[at[3]])
+    return inverse(spread), float(np.sqrt(spread[_V_S, _V_S]) / start.estimate[at[_V_S]])
 
 
 def nodes_of(v_s: float, relative_error: float) -> Array:
@@ -210,19 +222,16 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
 
     Args:
         problem: what is known, and where to measure.
-        count: of runs, at least 4 so that they show all four parameters by themselves.
-        aim: one of `Stribeck`, or `all`.
+        count: of runs, at least as many as there are parameters, so that they show all of these by themselves.
+        aim: one of the problem's names, or `all`.
 
     Raises InputError for fewer runs, or another aim.
     """
-    if count < len(Stribeck._fields):
-        raise InputError(
-            f"got {count} velocities; expected at least {len(Stribeck._fields)}, as many as there are parameters"
-        )
-    if aim != "all" and not of_curve(aim):
-        raise InputError(
-            f"got {aim!r}; constant velocities show {', '.join(Stribeck._fields)}: name one of them, or all"
-        )
+    names = problem.names
+    if count < len(names):
+        raise InputError(f"got {count} velocities; expected at least {len(names)}, as many as there are parameters")
+    if aim not in (*names, "all"):
+        raise InputError(f"got {aim!r}; constant velocities show {', '.join(names)}: name one of them, or all")
     grid = np.geomspace(problem.low, problem.high, CANDIDATES)
     criterion = _Criterion(problem, aim)
     rows = criterion.rows(grid)
@@ -260,15 +269,15 @@ def errors_by_v_s(problem: DesignProblem, speeds: Array, v_s: Array) -> Array:
 
 
 def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
-    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as `Stribeck`.
+    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as the problem's names.
 
     Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is
     not ruled by a few that fail.
     """
     torques = steady_points(problem.p, speeds, problem.noise, np.random.default_rng(seed), repetitions)
-    theta, _ = solve_batch(speeds, torques.T, default_range(speeds))
-    alpha_0, alpha_2, alpha_1, v_s = theta
-    low, high = np.percentile([alpha_0, alpha_1, alpha_2, v_s], [15.87, 84.13], axis=1)
+    relative = evaluate_design(problem, speeds).alone / np.abs(problem.estimate)
+    found = fitted(problem.p, speeds, torques.T, dict(zip(problem.names, relative.tolist(), strict=True)))
+    low, high = np.percentile([found[name] for name in problem.names], [15.87, 84.13], axis=1)
     return np.asarray((high - low) / 2)
 
 
@@ -280,23 +289,23 @@ class _Criterion:
 
     def __init__(self, problem: DesignProblem, aim: str) -> None:
         """Scale what is known."""
-        self.problem, self.aim = problem, None if aim == "all" else Stribeck._fields.index(aim)
+        self.problem, self.aim = problem, None if aim == "all" else problem.names.index(aim)
         whole = [
             problem.prior_information + static_information(spaced_speeds(problem, 50, "log"), p, problem.noise)
             for p in problem.sets
         ]
         self.size = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
         self.known = problem.prior_information / (self.size[:, :, None] * self.size[:, None, :]) + _RIDGE * np.eye(
-            len(Stribeck._fields)
+            len(problem.names)
         )
 
     def rows(self, speeds: Array) -> Array:
         """s(v) / noise at each v_s, scaled, (k, m, 4)."""
-        p = self.problem.p
-        by = evaluate(
-            functions.steady_jacobian_function(), speeds, p.alpha_0, p.alpha_1, p.alpha_2, self.problem.nodes[:, None]
-        )
-        return np.asarray(np.stack(by, axis=-1) / self.problem.noise / self.size[:, None, :])
+        curve, wide = self.problem.p.stribeck, (self.problem.nodes.size, speeds.size)
+        slopes = functions.steady_jacobian_function(curve.law)
+        by = evaluate(slopes, speeds, *curve._replace(v_s=self.problem.nodes[:, None]))[: len(self.problem.names)]
+        rows = np.stack([np.broadcast_to(x, wide) for x in by], axis=-1)
+        return np.asarray(rows / self.problem.noise / self.size[:, None, :])
 
     def value(self, speeds: Array) -> float:
         """The criterion of some speeds (n,)."""

@@ -1,0 +1,42 @@
+"""Fits of many simulated sets of torques at the same constant velocities, under any law."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.identification.static.batch import COARSE, Batch
+from bristle.identification.static.grid import default_range
+from bristle.identification.static.problem import from_points
+from bristle.model.parameters import Lugre
+
+_SHAPES = 40
+"""Shapes of a peak that are tried where there is more to it than v_s ..."""
+_REACH, _FAR = 4.0, 9.0
+"""... so many expected standard errors about the estimate, of a logarithm at most so far."""
+
+
+def fitted(p: Lugre[float], speeds: Array, torques: Array, relative: Mapping[str, float]) -> dict[str, Array]:
+    """Each static parameter of fits of the sets of torques, (sets,); of a peak's shape the best of some that are tried.
+
+    Args:
+        p: what they are simulated from.
+        speeds: rad/s, (n,).
+        torques: N*m, (n, sets).
+        relative: the expected standard error of each parameter over its size.
+    """
+    law, default = p.law, default_range(speeds)
+    regression = from_points(speeds, torques[:, 0], ("both",), law=law)
+    tried = round(_SHAPES ** (1 / max(len(law.peak.own), 1)))
+    ranges = []
+    for own in law.peak.own:
+        ends = getattr(p, own.name) * np.exp(np.array([-1, 1]) * min(_REACH * relative[own.name], _FAR))
+        ranges.append(np.geomspace(*np.clip(ends, *own.searched), tried).tolist())
+    shapes = list(product(*ranges))
+    batches = [Batch(replace(regression, shape=x, memory={}), torques, default, COARSE) for x in shapes]
+    best = np.argmin([batch.cost for batch in batches], axis=0)
+    theta = np.take_along_axis(np.array([batch.theta for batch in batches]), best[None, None], axis=0)[0]
+    shape = zip((own.name for own in law.peak.own), np.array(shapes)[best].T, strict=True)
+    return dict(zip((name.name for name in regression.names), theta, strict=True)) | dict(shape)
