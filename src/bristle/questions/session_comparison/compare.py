@@ -5,7 +5,7 @@ counts (Zou and Donner, 2008), over Student's t for its degrees of freedom, and 
 the standard error itself. The degrees of freedom of a difference are Welch's. Of many comparisons some differ by chance: their p-values are
 Holm's (1979). The error of a constant that both sessions used, a torque constant say, moves both values alike: only its effect on their difference
 counts, and that of a constant of one session whole. One test per fit asks whether its parameters changed as a set, d' (C_a + C_b)**-1 d, where both
-covariances are known.
+covariances are known. Under different friction laws only what means the same in both is compared, and breakaway.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,8 +20,9 @@ from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
 from bristle.identification.systematic import statistical
-from bristle.model.parameters import ParameterName
+from bristle.model.parameters import ParameterName, of_shape
 from bristle.questions.session_comparison.explain import hints, incomparable, sentence, verdict, warnings
+from bristle.questions.session_comparison.laws import alike, with_breakaway
 from bristle.questions.session_comparison.results import (
     Change,
     Comparison,
@@ -37,7 +38,7 @@ from bristle.questions.session_comparison.results import (
 SIGNIFICANT = 0.05
 """Of Holm's p-values: with no change at all, one comparison of two sessions in twenty calls any parameter changed."""
 _RATIOS = ("v_s", "sigma_0")
-"""What is positive and known by a factor: its logarithm is compared."""
+"""What is positive and known by a factor, as the shape of a peak is: its logarithm is compared."""
 _SYMMETRIC = 1e-6
 """Correlations that differ by more across the diagonal are none."""
 _LIST = 120
@@ -62,8 +63,10 @@ def compare(first: Session, second: Session) -> Comparison:
             raise InputError(
                 f"{name}: is {first[name].kind} in one session and {second[name].kind} in the other; compare results of one joint"
             )
-    changes = _adjusted([change for name in shared for change in _changes(name, first[name], second[name])])
-    sets = _adjusted_sets([x for name in shared for x in _sets(name, first[name], second[name])])
+    both = {name: (first[name], second[name]) for name in shared}
+    both |= {n: (with_breakaway(a), with_breakaway(b)) for n, (a, b) in both.items() if a.law != b.law}
+    changes = _adjusted([change for name, (a, b) in both.items() for change in _changes(name, a, b)])
+    sets = _adjusted_sets([x for name, (a, b) in both.items() for x in _sets(name, a, b)])
     return Comparison(
         changes=changes,
         sets=sets,
@@ -93,7 +96,8 @@ def _changes(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[
     """Every parameter that either session names, by the first fit that knows it in both."""
     paired = pairs(first, second)
     for name in dict.fromkeys(name for session in (first, second) for fit in session.fits for name in fit.parameters):
-        both = [pair for pair in paired if name in pair.first.parameters and name in pair.second.parameters]
+        told_of = paired if alike(name.name, first.law, second.law) else []
+        both = [pair for pair in told_of if name in pair.first.parameters and name in pair.second.parameters]
         told = next((pair for pair in both if all(usable(fit.parameters[name]) for fit in pair)), None)
         _refuse_units(joint, name, first, second)
         yield (
@@ -116,7 +120,7 @@ def _refuse_units(joint: str, name: ParameterName, first: SessionJoint, second: 
 def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
     a, b = (fit.parameters[name] for fit in pair)
     value = (b.value or 0.0) - (a.value or 0.0)
-    by_factor = name.name in _RATIOS and min(_low(a), _low(b), a.value or 0.0, b.value or 0.0) > 0
+    by_factor = _by_factor(name) and min(_low(a), _low(b), a.value or 0.0, b.value or 0.0) > 0
     scale = log if by_factor else float
     apart = scale(b.value or 0.0) - scale(a.value or 0.0)
     errors = [
@@ -192,7 +196,8 @@ def _adjusted(changes: Sequence[Change]) -> tuple[Change, ...]:
 def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[SetChange]:
     """Every fit that both sessions have with the covariance of what both know, none of them distrusted."""
     for a, b in pairs(first, second):
-        names = tuple(n for n in dict.fromkeys(a.names) if n in b.names and all(_known(fit, n) for fit in (a, b)))
+        shared = (n for n in dict.fromkeys(a.names) if n in b.names and alike(n.name, first.law, second.law))
+        names = tuple(n for n in shared if all(_known(fit, n) for fit in (a, b)))
         freedom = min(a.freedom, b.freedom)
         if len(names) < 2 or freedom - len(names) < _FEW or FitPair(a, b).distrusted:
             continue
@@ -235,15 +240,19 @@ def _statistic(a: SessionFit, b: SessionFit, names: Sequence[ParameterName]) -> 
     return statistic if isfinite(statistic) else None
 
 
+def _by_factor(name: ParameterName) -> bool:
+    return name.name in _RATIOS or of_shape(name.name)
+
+
 def _scaled(fit: SessionFit, name: ParameterName) -> float:
     value = fit.parameters[name].value or 0.0
-    return log(value) if name.name in _RATIOS and value > 0 else value
+    return log(value) if _by_factor(name) and value > 0 else value
 
 
 def _slope(fit: SessionFit, name: ParameterName) -> float:
     """Of `_scaled` by the parameter."""
     value = fit.parameters[name].value or 0.0
-    return 1 / value if name.name in _RATIOS and value > 0 else 1.0
+    return 1 / value if _by_factor(name) and value > 0 else 1.0
 
 
 def _scaled_covariance(fit: SessionFit, names: Sequence[ParameterName]) -> Array:

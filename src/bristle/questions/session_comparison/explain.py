@@ -7,6 +7,7 @@ import numpy as np
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.fits import Estimate
 from bristle.model.parameters import ParameterName
+from bristle.questions.session_comparison.laws import alike
 from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, pairs, usable
 
 _ALIKE = 0.5
@@ -44,6 +45,8 @@ def _any(session: SessionJoint, name: ParameterName) -> Estimate | None:
 
 
 def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> Diagnostic:
+    if not alike(name.name, first.law, second.law):
+        return Kind.OF_OTHER_LAWS()
     told = {"first": _any(first, name), "second": _any(second, name)}
     for which, session in (("first", first), ("second", second)):
         if told[which] is None:
@@ -163,12 +166,15 @@ def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diagn
     yield from _of_constants(joint, a, b)
     if a.simulated != b.simulated:
         yield Kind.ONE_SIMULATED(joint=joint)
+    if a.law != b.law:
+        yield Kind.LAWS_DIFFER(joint=joint, first=a.law.name, second=b.law.name)
     for pair in pairs(a, b):
         source = pair.first.source
         if pair.distrusted:
             yield Kind.FIT_DISTRUSTED(joint=joint, source=source, why=pair.distrusted)
         known = [{n for n, e in fit.parameters.items() if e.value is not None} for fit in pair]
         for which, more in (("first", known[0] - known[1]), ("second", known[1] - known[0])):
-            terms = tuple(sorted(str(n) for n in more if n.name.startswith(("alpha", "offset"))))
+            same = (n for n in more if alike(n.name, a.law, b.law))
+            terms = tuple(sorted(str(n) for n in same if n.name.startswith(("alpha", "offset"))))
             if terms:
                 yield Kind.MODELS_DIFFER(joint=joint, terms=terms, which=which, source=source)

@@ -11,6 +11,8 @@ import numpy as np
 from bristle.arrays import Array, result
 from bristle.diagnostics import Diagnostic
 from bristle.identification.fits import Estimate
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
 from bristle.model.parameters import Kind, ParameterName
 
 if TYPE_CHECKING:
@@ -40,6 +42,8 @@ class SessionJoint:
     kind: Kind
     fits: tuple[SessionFit, ...]
     """The one to use first stands first."""
+    law: Law = GAUSSIAN
+    """Of its friction."""
     simulated: bool = False
     torque_scale: Diagnostic | None = None
     """As of a `Joint`."""

@@ -13,6 +13,8 @@ from bristle.errors import InputError, check_name, short
 from bristle.identification.document import check_most, checked, document_of, reading
 from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.results import Joint
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import shortened
 from bristle.questions.session_comparison.results import Session, SessionFit, SessionJoint
@@ -57,7 +59,10 @@ def _joint(name: str, joint: Joint | Joint1, inputs: tuple[str, ...]) -> Session
     except InputError as error:
         raise InputError(f"{shortened(name)}: {error}") from error
     scale = None if isinstance(joint, Joint1) else joint.torque_scale
-    return SessionJoint(kind=joint.kind, fits=fits, simulated=joint.simulated, torque_scale=scale, inputs=inputs)
+    law = GAUSSIAN if isinstance(joint, Joint1) else joint.law
+    return SessionJoint(
+        kind=joint.kind, fits=fits, law=law, simulated=joint.simulated, torque_scale=scale, inputs=inputs
+    )
 
 
 def _shown(text: str, what: str) -> str:
@@ -68,7 +73,7 @@ def _shown(text: str, what: str) -> str:
 
 
 def _fits(joint: Joint | Joint1) -> Iterator[SessionFit]:
-    """The fits of a joint in the order in which their numbers are used."""
+    """The fits of a joint in the order in which their numbers are used; without v_end, which is no estimate."""
     for source, moving in (("joint", joint.joint_fit), ("tracking", joint.tracking)):
         if moving is not None:
             yield SessionFit(
@@ -83,7 +88,7 @@ def _fits(joint: Joint | Joint1) -> Iterator[SessionFit]:
             raise InputError(f"a fit has {fit.degrees_of_freedom} degrees of freedom")
         yield SessionFit(
             source=f"static {d}",
-            parameters={_named(name, d): _checked(e) for name, e in fit.parameters.items()},
+            parameters={_named(name, d): _checked(e) for name, e in fit.parameters.items() if name != FASTEST},
             names=tuple(_named(name, d) for name in fit.names),
             covariance=_covariance(fit),
             freedom=max(fit.degrees_of_freedom, 1),

@@ -1,0 +1,107 @@
+"""Sessions under laws that are not the paper's: of one law all is compared, of two what means the same."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle.diagnostics import Kind
+from bristle.model.laws.registry import law_named
+from bristle.questions.session_comparison.compare import compare
+from bristle.questions.session_comparison.laws import alike
+from bristle.questions.session_comparison.results import Comparison, Session
+from bristle.questions.session_comparison.results_file import session_of
+
+from ..conftest import speeds, write
+from ..laws import DRAG, EXPONENT, OUTSIDE, points, registered, truth_of
+from ..pages import page_text
+
+
+@pytest.fixture(autouse=True, scope="module")
+def known() -> Iterator[None]:
+    """The law from outside is known."""
+    with registered():
+        yield
+
+
+def session(law: str, of: str = "", seed: int = 0, **changed: float) -> Session:
+    """Points of a joint `of` a law, else that of the fit, with some of its parameters others, fitted under a law."""
+    truth = truth_of(of or law)._replace(**changed)
+    return session_of([points(law, truth, seed).joint])
+
+
+def names(found: Comparison, *, compared: bool) -> set[str]:
+    """The parameters that were compared, or those that could not be."""
+    return {str(c.parameter) for c in found.changes if (c.changed is not None) is compared}
+
+
+@pytest.mark.parametrize("law", [DRAG, EXPONENT, OUTSIDE])
+def test_sessions_of_one_law_are_compared_in_all_its_parameters(law: str) -> None:
+    """All that the law estimates is compared, alone and as a set, and nothing changed; v_end is no estimate."""
+    found = compare(session(law), session(law, seed=1))
+    own = {"alpha_0", "alpha_1", "alpha_2", *law_named(law).shape_parameters, *law_named(law).coefficients}
+    assert names(found, compared=True) == own
+    assert not names(found, compared=False)
+    assert {str(name) for name in found.sets[0].names} == own
+    assert not any(c.changed for c in found.changes)
+    assert not any(x.kind is Kind.LAWS_DIFFER for x in found.warnings)
+
+
+def test_a_change_of_the_laws_own_parameter_is_found() -> None:
+    """Where alpha_3 alone is another, it changed, by as much."""
+    found = compare(session(DRAG), session(DRAG, seed=1, alpha_3=-0.004))
+    (change,) = (c for c in found.changes if c.parameter.name == "alpha_3")
+    assert change.changed
+    assert change.difference == pytest.approx(0.004, rel=0.2)
+
+
+def test_under_two_laws_what_means_the_same_is_compared() -> None:
+    """The level and breakaway are compared, the peak's and viscous parameters are not; one sentence says so and what to do."""
+    found = compare(session("paper", of=DRAG), session(DRAG))
+    assert names(found, compared=True) == {"alpha_0", "breakaway"}
+    assert names(found, compared=False) == {"alpha_1", "alpha_2", "v_s", "alpha_3"}
+    assert {c.verdict.numbers["why"].kind for c in found.changes if c.changed is None} == {Kind.OF_OTHER_LAWS}
+    (told,) = (x for x in found.warnings if x.kind in (Kind.LAWS_DIFFER, Kind.MODELS_DIFFER))
+    assert told.kind is Kind.LAWS_DIFFER
+    assert f"law: {DRAG}" in str(told)
+
+
+def test_viscous_friction_is_compared_beside_the_same_terms() -> None:
+    """Of two peaks without terms alpha_2 is compared; nothing changed of a joint that is the same."""
+    found = compare(session("paper"), session(EXPONENT, of="paper", seed=1))
+    assert names(found, compared=True) == {"alpha_0", "alpha_2", "breakaway"}
+    assert not any(c.changed for c in found.changes)
+
+
+def test_breakaway_is_the_sum_with_the_error_of_a_sum() -> None:
+    """Its variance is that of alpha_0 and alpha_1 with their covariance; a joint that breaks away elsewhere has changed."""
+    fit = points("paper").joint.static["both"]
+    at = [fit.names.index(name) for name in ("alpha_0", "alpha_1")]
+    found = compare(session("paper"), session(EXPONENT, of="paper", seed=1, alpha_1=0.008))
+    (change,) = (c for c in found.changes if c.parameter.name == "breakaway")
+    assert change.first is not None
+    assert change.first.value == pytest.approx(sum(fit.parameters[n].value or 0.0 for n in ("alpha_0", "alpha_1")))
+    assert change.first.standard_error == pytest.approx(np.sqrt(fit.covariance[np.ix_(at, at)].sum()))
+    assert change.changed
+    assert change.difference == pytest.approx(0.0025, rel=0.2)
+
+
+def test_laws_that_share_a_part_share_its_parameters() -> None:
+    """One peak beside other terms: v_s means the same, alpha_2 does not; sigma_0 and the inertia always do."""
+    a, b = law_named("lorentzian"), law_named(DRAG)
+    assert [alike(name, a, b) for name in ("alpha_0", "alpha_1", "v_s", "sigma_0", "inertia")] == [True] * 5
+    assert not any(alike(name, a, b) for name in ("alpha_2", "alpha_3"))
+    assert not any(alike(name, law_named("paper"), a) for name in ("alpha_1", "v_s"))
+    assert not alike("delta", law_named("paper"), law_named(EXPONENT))
+
+
+def test_results_files_and_the_page_say_it(tmp_path: Path) -> None:
+    """Two results files of two laws give the same, and the page says that the laws differ."""
+    paths = [write(tmp_path / stem, speeds(), stem=stem) for stem in ("first", "second")]
+    paths[1].write_text(paths[1].read_text() + f"fit: {{law: {DRAG}}}\n")
+    files = [bristle.identify(path).write(path.parent / "report").parent / "results.json" for path in paths]
+    found = bristle.compare(*files)
+    assert {name.rstrip("+-") for name in names(found, compared=True)} == {"alpha_0", "breakaway"}
+    assert "has the friction law gaussian" in page_text(found.write(tmp_path / "page"))
