@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from bristle.diagnostics import Diagnostic, Kind
+from bristle.model.laws.parts import Law
 
 
 def without_sentences(patch: pytest.MonkeyPatch) -> None:
@@ -32,6 +33,8 @@ def _plain(x: Any) -> Any:
     if isinstance(x, Diagnostic):
         return [x.kind.name, x.severity, _plain(x.numbers)]
     if isinstance(x, Enum):
+        return x.name
+    if isinstance(x, Law):
         return x.name
     if is_dataclass(x):
         return {item.name: _plain(getattr(x, item.name)) for item in fields(x) if item.compare}

@@ -52,7 +52,7 @@ def fit(
         position: rad (m), (n,), where gravity is among the regressors.
         units: of `velocity`, `torque` or `position` where they are not in SI, such as `{"velocity": "deg/s"}`.
         kind: of the joint, `revolute` or `prismatic`.
-        options: as under `fit` in an experiment file: `directions`, `regressors`, `loss`, `stray`, `model`, `v_s_range`.
+        options: as under `fit` in an experiment file: `directions`, `law`, `regressors`, `loss`, `stray`, `model`, `v_s_range`.
 
     Raises InputError in one sentence where an array is no n finite numbers (missing values are named by row), an option is
     unknown, or the points cannot be fitted.
@@ -173,7 +173,7 @@ def fit_dynamic(
         units: of what is not in SI, by `time`, `position`, `velocity`, `torque`.
         kind: of the joint, `revolute` or `prismatic`.
         uncertainty: whether each parameter gets its intervals by profile and bootstrap too, which takes longer.
-        options: as under `fit` in an experiment file: `directions`, `regressors`, `position_cutoff`, `predict`, `fixed`, `shared`.
+        options: as under `fit` in an experiment file: `directions`, `law` (that of the first prior, if not given), `regressors`, `position_cutoff`, `predict`, `fixed`, `shared`.
 
     Raises InputError in one sentence where an array is no n finite numbers, an option is unknown, or the motion cannot be
     fitted.
@@ -195,6 +195,14 @@ def friction(velocity: "ArrayLike", of: Fit | Lugre[float]) -> Array:
     >>> law = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
     >>> bristle.friction([0.0, 0.5, -0.5], law).round(3)
     array([ 0.  ,  0.04, -0.04])
+
+    Parameters of another law are `lugre_of` it:
+
+    >>> from bristle.model.laws.registry import law_named
+    >>> from bristle.model.parameters import lugre_of
+    >>> drag = lugre_of(law_named("lorentzian+quadratic"))(*law, alpha_3=0.01, v_end=1.0)
+    >>> bristle.friction([0.5], drag).round(4)
+    array([0.0426])
 
     Raises InputError where a fit knows nothing of friction vs velocity.
     """

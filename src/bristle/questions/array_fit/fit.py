@@ -290,8 +290,8 @@ def fit_motion(
 
 
 def _options(other: Fit | None, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The options asked for, and the directions of another fit of the same joint where none are asked for."""
-    taken = {} if other is None else {"directions": other.measured.experiment.fit.directions}
+    """The options asked for, and the directions and the law of another fit of the same joint where none are asked for."""
+    taken = {} if other is None else other.measured.experiment.fit.model_dump(include={"directions", "law"})
     return {**taken, **options}
 
 
