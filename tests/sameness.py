@@ -32,9 +32,7 @@ def held(result: Any) -> list[str]:
 def _plain(x: Any) -> Any:
     if isinstance(x, Diagnostic):
         return [x.kind.name, x.severity, _plain(x.numbers)]
-    if isinstance(x, Enum):
-        return x.name
-    if isinstance(x, Law):
+    if isinstance(x, Enum | Law):
         return x.name
     if is_dataclass(x):
         return {item.name: _plain(getattr(x, item.name)) for item in fields(x) if item.compare}

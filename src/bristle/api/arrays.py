@@ -173,7 +173,8 @@ def fit_dynamic(
         units: of what is not in SI, by `time`, `position`, `velocity`, `torque`.
         kind: of the joint, `revolute` or `prismatic`.
         uncertainty: whether each parameter gets its intervals by profile and bootstrap too, which takes longer.
-        options: as under `fit` in an experiment file: `directions`, `law` (that of the first prior, if not given), `regressors`, `position_cutoff`, `predict`, `fixed`, `shared`.
+        options: as under `fit` in an experiment file: `directions`, `law` (if not given, that of the first prior), `regressors`,
+            `position_cutoff`, `predict`, `fixed`, `shared`.
 
     Raises InputError in one sentence where an array is no n finite numbers, an option is unknown, or the motion cannot be
     fitted.

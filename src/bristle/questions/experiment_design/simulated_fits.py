@@ -33,7 +33,8 @@ def fitted(p: Lugre[float], speeds: Array, torques: Array, relative: Mapping[str
     ranges = []
     for own in law.peak.own:
         ends = getattr(p, own.name) * np.exp(np.array([-1, 1]) * min(_REACH * relative[own.name], _FAR))
-        ranges.append(np.geomspace(*np.clip(ends, *own.searched), tried).tolist())
+        low, high = np.clip(ends, *own.searched).tolist()
+        ranges.append(np.geomspace(low, high, tried).tolist())
     shapes = list(product(*ranges))
     batches = [Batch(replace(regression, shape=x, memory={}), torques, default, COARSE) for x in shapes]
     best = np.argmin([batch.cost for batch in batches], axis=0)

@@ -10,7 +10,7 @@ law's peak takes stays at its estimate, and p are as many as the law has. One di
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -301,7 +301,8 @@ class _Criterion:
 
     def rows(self, speeds: Array) -> Array:
         """s(v) / noise at each v_s, scaled, (k, m, 4)."""
-        curve, wide = self.problem.p.stribeck, (self.problem.nodes.size, speeds.size)
+        curve: Stribeck[Any] = self.problem.p.stribeck
+        wide = self.problem.nodes.size, speeds.size
         slopes = functions.steady_jacobian_function(curve.law)
         by = evaluate(slopes, speeds, *curve._replace(v_s=self.problem.nodes[:, None]))[: len(self.problem.names)]
         rows = np.stack([np.broadcast_to(x, wide) for x in by], axis=-1)
