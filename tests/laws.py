@@ -29,7 +29,7 @@ def registered() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(registry, "_PARTS", dict(registry._PARTS))
         patch.setattr(registry, "_COMPETE", set(registry._COMPETE))
-        registry.register(BELL, compete=False)
+        registry.register_law(BELL, compete=False)
         yield
 
 

@@ -20,7 +20,7 @@ from bristle.model.law import is_passive
 from bristle.model.laws import registry
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak
-from bristle.model.laws.registry import competing, law_named, register
+from bristle.model.laws.registry import competing, law_named, register_law
 from bristle.model.parameters import Pair, ParameterName, least_of, lugre_of, unit
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
@@ -53,7 +53,7 @@ def flat_top(v: Any, v_s: Any, sharpness: Any) -> Any:
 def own_law() -> Iterator[Law]:
     """A law of a peak that is registered here, with a shape parameter of its own."""
     peak = Peak(name="flat-top", title="flat-top", shape=flat_top, own=(SHARPNESS,), reach=2.0)
-    register(peak, compete=False)
+    register_law(peak, compete=False)
     yield law_named("flat-top+quadratic")
     del registry._PARTS[peak.name]
 

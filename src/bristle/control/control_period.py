@@ -57,7 +57,9 @@ class LoopOptions:
     informed: bool = False
     """Whether the compensator's model drifts with the plant: the best that adaptation can do."""
     law: Law = GAUSSIAN
-    """Of plant and model; `with_law_of` has that of some cases."""
+    """Of the plant's friction; `with_law_of` has that of some cases."""
+    model_law: Law = GAUSSIAN
+    """Of the compensator's."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot work."""
@@ -202,7 +204,7 @@ def at_rest(options: LoopOptions, position: float) -> LoopMemory:
     """What the loop remembers at rest at its reference, rad."""
     control = AT_REST if options.derivative == "error" else AT_REST._replace(error=-position)
     compensator = compensating.packed(
-        compensating.initial_state(options.compensator, no_friction(options.law), position)
+        compensating.initial_state(options.compensator, no_friction(options.model_law), position)
     )
     current = (0.0,) if options.inductance else ()
     return LoopMemory(
@@ -216,19 +218,23 @@ def blank_log(options: LoopOptions) -> Logged:
 
 
 def with_law_of(options: LoopOptions, cases: Sequence[Case]) -> LoopOptions:
-    """The options for cases, all of one law. Raises InputError where they are not."""
-    laws = {pair.law.name: pair.law for case in cases for pair in (case.plant, case.model)}
-    if len(laws) > 1:
-        raise InputError(f"loop: got the friction laws {' and '.join(laws)}; expected one of plants and models")
-    return replace(options, law=next(iter(laws.values())))
+    """The options for cases, whose plants are of one law, and whose models are. Raises InputError where they are not."""
+    plants, models = (
+        {x.law.name: x.law for x in pairs} for pairs in zip(*((c.plant, c.model) for c in cases), strict=True)
+    )
+    if max(len(plants), len(models)) > 1:
+        raise InputError(
+            f"loop: got cases of the friction laws {', '.join(plants | models)}; run those of each by themselves"
+        )
+    return replace(options, law=next(iter(plants.values())), model_law=next(iter(models.values())))
 
 
 def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period:
     """The controller's part of a period; its numbers are inputs, but where they are constants."""
     memory, before = symbols("memory", at_rest(options, 0.0))
     u, (r, outside) = symbols("u", UNDISTURBED)
-    blank = no_friction(options.law)
-    nothing = Numbers(blank, blank, Motor(*[0.0] * 4), Gains(*[0.0] * 4), _SOFT, 0.0, 0.0, 0.0)
+    plant, model = no_friction(options.law), no_friction(options.model_law)
+    nothing = Numbers(plant, model, Motor(*[0.0] * 4), Gains(*[0.0] * 4), _SOFT, 0.0, 0.0, 0.0)
     q, case = symbols("q", nothing)
     case = constants or case
     state, h, limit = before.plant, case.period, case.torque_limit

@@ -221,7 +221,7 @@ def _loop(way: Way, k: int, law: FrictionLaw) -> tuple[ca.Function, ca.Function]
         adapts = Adaptation(law=way.law, step=way.step, parameters=way.parameters, gamma=rates)
     kind = Compensator(name=way.name, velocity=way.velocity, adaptation=adapts)
     compensator = with_settings(kind, dict(zip(names, ca.vertsplit(settings), strict=True)))
-    options, count = LoopOptions(compensator=compensator, law=law), 2 * len(fields_of(law))
+    options, count = LoopOptions(compensator=compensator, law=law, model_law=law), 2 * len(fields_of(law))
     plant, model, gains = _symbol("plant", count), _symbol("model", count), _symbol("gains", 4)
     y, v, a, J, h = map(_symbol, ("y", "v", "a", "J", "h"))
     constants = Numbers(
