@@ -24,7 +24,8 @@ from bristle.control.compensator import CompensatorState, advanced
 from bristle.control.plant import State, plant_step
 from bristle.errors import InputError, short, short_list
 from bristle.model import law, motor
-from bristle.model.parameters import Motor, Pair, pair_of, slides
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import Motor, Pair, fields_of, pair_of, slides
 from bristle.model.vectorize import bound
 from bristle.questions.array_fit.fit import Fit
 from bristle.questions.export.exported import ExportedJoint
@@ -78,7 +79,9 @@ class Friction:
         self._one[0, self._dof] = 1.0
         self._inputs, self._outputs = np.zeros(9), np.zeros(4)
         self._constants = np.array([*handed.pair.positive, *handed.pair.negative, handed.quadratic])
-        self._run: Callable[[], None] = bound(_coupled_step(), [self._inputs, self._constants], [self._outputs])
+        self._run: Callable[[], None] = bound(
+            _coupled_step(handed.law), [self._inputs, self._constants], [self._outputs]
+        )
         self.reset()
 
     def reset(self, deflection: float = 0.0) -> None:
@@ -148,16 +151,16 @@ def _evaluations(model: Any) -> tuple[Callable[[Any], None], Callable[[Any, Arra
 
 
 @cache
-def _coupled_step() -> ca.Function:
+def _coupled_step(of: Law) -> ca.Function:
     """(last step, v, free acceleration, inertia, last h, h; constants) -> (z, z and v after h seconds, friction torque).
 
     `plant_step` predicts the end of each step. Where the joint ended elsewhere, as at a limit or by another joint's
     friction, the bristle moves by what its exact-exponential step along each of the two velocities differs by.
     """
-    inputs, constants = ca.SX.sym("inputs", 9), ca.SX.sym("constants", 13)
+    inputs, constants = ca.SX.sym("inputs", 9), ca.SX.sym("constants", 2 * len(fields_of(of)) + 1)
     z0, v0, z1, v1, v, a, J, h0, h = ca.vertsplit(inputs)
     *numbers, quadratic = ca.vertsplit(constants)
-    pair = pair_of(numbers)
+    pair = pair_of(numbers, of)
     z = z1 + _along(z0, v0, v, h0, pair) - _along(z0, v0, v1, h0, pair)
     drag = quadratic * law.load_terms(0.0, v, 0.0, 0.0)["quadratic"]
     new = plant_step(State(0.0, v, z), J * a, -drag, h, pair, Motor(1.0, 0.0, 0.0, J), motor.current_for)

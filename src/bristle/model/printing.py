@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from bristle.errors import InputError
+
 
 class Term(NamedTuple):
     """An expression in the language that is printed."""
@@ -45,7 +47,7 @@ def statements(function: ca.Function, operand: Callable[[int, int], str], langua
         operand: (input, element of it, column after column) -> its name there.
         language: of the target.
 
-    Raises ValueError where the language has no counterpart of an operation.
+    Raises InputError where the language has no counterpart of an operation, which is of a law from outside.
     """
     function = function if function.is_a("SXFunction") else function.expand()
     ends = [0]
@@ -68,7 +70,7 @@ def statements(function: ca.Function, operand: Callable[[int, int], str], langua
             try:
                 value = language.operation(code, [work[r] for r in read])
             except KeyError:
-                raise ValueError(
+                raise InputError(
                     f"{function.name()}: CasADi operation number {code} has no {language.name} counterpart; "
                     "write the expression without it"
                 ) from None

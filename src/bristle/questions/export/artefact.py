@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from bristle.control.compensator import Compensator
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.model.parameters import INERTIA, Lugre
+from bristle.model.parameters import INERTIA, fields_of
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import LARGE, Loss
 
@@ -92,8 +92,8 @@ def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[D
 
 
 def left_out(joint: ExportedJoint, target: str, counted: Sequence[str] = ()) -> tuple[Diagnostic, ...]:
-    """What torque was identified beside LuGre and the inertia, and is not in an artefact; `counted` are terms that its values stand for."""
-    held = {*Lugre._fields, INERTIA.name, "links", "torque_constant", *counted}
+    """What torque was identified beside the friction and the inertia, and is not in an artefact; `counted` are terms that its values stand for."""
+    held = {*fields_of(joint.law), INERTIA.name, "links", "torque_constant", *counted}
     names = tuple(str(x.parameter) for x in joint.parameters if x.parameter.name not in held)
     return (Kind.EXPORT_LEAVES_OUT(joint=joint.name, target=target, names=names),) if names else ()
 

@@ -14,9 +14,10 @@ from bristle.arrays import Array
 from bristle.control.compensator import Compensator
 from bristle.control.running import RunningCompensator
 from bristle.errors import InputError
-from bristle.model.parameters import Lugre, Pair
+from bristle.model.laws.parts import FASTEST
+from bristle.model.parameters import Pair, lugre_of
 from bristle.questions.export.artefact import Artefact, NotInstalled, Request, c_compiler, told_by
-from bristle.questions.export.c_numbers import identifier
+from bristle.questions.export.c_numbers import RANGES, identifier
 from bristle.questions.export.c_step import printed_step
 from bristle.questions.export.exported import ExportedJoint
 
@@ -70,17 +71,28 @@ def check_header(artefact: Artefact, joints: Sequence[ExportedJoint], request: R
 
 def numbers_of(joint: ExportedJoint) -> Pair[float]:
     """The joint's sets; without a bristle for compensators that have none, a stiffness of 1 standing for what does not enter."""
-    return joint.pair if joint.has_bristle else Pair(*(Lugre(*p, sigma_0=1.0, sigma_1=0.0) for p in joint.curves))
+    if joint.has_bristle:
+        return joint.pair
+    return Pair(*(lugre_of(joint.law)(**p._asdict(), sigma_0=1.0, sigma_1=0.0) for p in joint.curves))
+
+
+def top_speed(joint: ExportedJoint) -> float:
+    """The speed up to which the printed C is tried, rad/s: half of the fastest measured one, or, of a law with terms, beyond v_end.
+
+    Viscous friction is another there where a term is below zero.
+    """
+    beyond = [getattr(p, FASTEST) for p in joint.curves] if joint.law.terms else []
+    return min(1.2 * max(beyond), 0.9 * RANGES["velocity"][1]) if beyond else 0.5 * joint.fastest
 
 
 def motion(joint: ExportedJoint) -> dict[str, Array]:
     """What the compensator is given for 10 s at 1 kHz, (n,) each, as numbers of single precision.
 
-    Sliding up to half of the fastest measured speed, presliding, standstill, then reversals with noise.
+    Sliding up to `top_speed`, presliding, standstill, then reversals with noise.
     """
     rng = np.random.default_rng(_SEED)
     t = _PERIOD * np.arange(1, _STEPS + 1)
-    top, w = 0.5 * joint.fastest, 2 * np.pi * 0.7
+    top, w = top_speed(joint), 2 * np.pi * 0.7
     bent = min((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in numbers_of(joint))
     parts = [t < 4, t < 6, t < 7]
     amplitude = np.select(parts, [top / w, 0.5 * bent, 0.0], 0.1 * top / w)
@@ -145,7 +157,7 @@ def compiled(text: str, joint: ExportedJoint, compensator: Compensator, real: ty
     compiler = c_compiler()
     if compiler is None:
         raise NotInstalled("there is no C compiler here; install gcc or clang")
-    names = printed_step(compensator).inputs
+    names = printed_step(compensator, joint.law).inputs
     assign = "\n".join(f"        in.{name} = inputs[{len(names)} * k + {j}];" for j, name in enumerate(names))
     source = _DRIVER.replace("NAME", identifier(joint)).replace("ASSIGN", assign)
     with tempfile.TemporaryDirectory(prefix="bristle-") as folder:

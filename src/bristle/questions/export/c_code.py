@@ -34,6 +34,13 @@ _CALLS = {
     ca.OP_FMIN: "br_min",
     ca.OP_FMAX: "br_max",
 }
+_RARE = {
+    ca.OP_LOG1P: "log1p", ca.OP_TAN: "tan", ca.OP_ASIN: "asin", ca.OP_ACOS: "acos", ca.OP_ATAN: "atan", ca.OP_ATAN2: "atan2",
+    ca.OP_SINH: "sinh", ca.OP_COSH: "cosh", ca.OP_ASINH: "asinh", ca.OP_ACOSH: "acosh", ca.OP_ATANH: "atanh",
+    ca.OP_HYPOT: "hypot", ca.OP_ERF: "erf", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_FMOD: "fmod", ca.OP_COPYSIGN: "copysign",
+}  # fmt: skip  # a table
+"""What bristle's own laws do not use, and others may."""
+_CALLS |= {code: f"BR_{name.upper()}" for code, name in _RARE.items()}
 _OTHERS: dict[int, Callable[..., str]] = {
     ca.OP_ASSIGN: "{}".format,
     ca.OP_NEG: "-{}".format,
@@ -43,8 +50,13 @@ _OTHERS: dict[int, Callable[..., str]] = {
 }
 _SMALLEST, _LARGEST = 1e-24, 1e30
 """Numbers of single precision stay within these, so that their products and quotients do."""
-MATH = ("exp", "expm1", "log", "pow", "sqrt", "sin", "cos", "tanh")
-"""Functions of math.h that printed code may call, as BR_EXP and so on."""
+_MATH = ("exp", "expm1", "log", "pow", "sqrt", "sin", "cos", "tanh")
+
+
+def math_of(lines: Sequence[str]) -> tuple[str, ...]:
+    """Functions of math.h that printed code may call, as BR_EXP and so on, and the rare ones that these lines do."""
+    called = {name for line in lines for name in re.findall(r"BR_([A-Z0-9]+)\(", line)}
+    return (*_MATH, *(name for name in _RARE.values() if name.upper() in called))
 
 
 def constant(value: float) -> str:

@@ -18,12 +18,13 @@ from bristle.control.compensator import Compensator
 from bristle.control.running import RunningCompensator
 from bristle.control.symbolic import settings_of
 from bristle.errors import InputError
+from bristle.model.laws.parts import Law
 from bristle.model.parameters import in_current, slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export import c_code
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, large_losses, left_out, slug
-from bristle.questions.export.c_check import check_header, numbers_of, python_torque
-from bristle.questions.export.c_numbers import RANGES, c_field, digits, identifier, stem_of
+from bristle.questions.export.c_check import check_header, numbers_of, python_torque, top_speed
+from bristle.questions.export.c_numbers import c_field, digits, identifier, range_of, stem_of
 from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_joint, printed_step
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Friction, losses, lugre, stated_motions
@@ -44,11 +45,11 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
         raise InputError(
             "compensator: none has no code; expected coulomb, stribeck, lugre, lugre-feedback or lugre-observer"
         )
-    printed, given = printed_step(kind_of(compensator)), settings_of(compensator)
+    printed, given = printed_step(kind_of(compensator), joint.law), settings_of(compensator)
     _refuse_out_of_range(joint, printed.fields, {name: given[name] for name in printed.settings})
     rows = test_vector(joint, compensator, printed)
     peak = float(np.abs(rows[:, -1]).max())
-    code = _code(kind_of(compensator))
+    code = _code(kind_of(compensator), joint.law)
     told = f"{joint.name}{joint.pair if joint.has_bristle else joint.curves}{sorted(given.items())}"
     guard = hashlib.sha256(told.encode("utf-8", "surrogatepass")).hexdigest()[:12].upper()
     text: str = _template().render(
@@ -66,11 +67,11 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
 def test_vector(joint: ExportedJoint, compensator: Compensator, printed: PrintedStep) -> Array:
     """What goes in and the torque that comes out, by the compensator in Python from rest at position 0, (steps, inputs + 1).
 
-    A sine up to half of the fastest measured speed, a standstill, and a sine in presliding. Every input is a number of single precision.
+    A sine up to `top_speed`, a standstill, and a sine in presliding. Every input is a number of single precision.
     """
     k = np.arange(1, _STEPS + 1)
     w = 2 * np.pi * _HERTZ
-    speeds = np.where(k <= _STEPS // 2, 0.5 * joint.fastest, np.where(k <= 2 * _STEPS // 3, 0.0, 0.02 * joint.fastest))
+    speeds = np.where(k <= _STEPS // 2, top_speed(joint), np.where(k <= 2 * _STEPS // 3, 0.0, 0.02 * joint.fastest))
     t = _DT * k
     columns = {
         "reference_position": speeds / w * np.sin(w * t),
@@ -93,8 +94,9 @@ def kind_of(compensator: Compensator) -> Compensator:
 
 
 def _refuse_out_of_range(joint: ExportedJoint, fields: Sequence[str], settings: Mapping[str, float]) -> None:
-    for name, value in (*((name, getattr(p, name)) for p in numbers_of(joint) for name in fields), *settings.items()):
-        low, high = RANGES[stem_of(name)]
+    of_sets = ((name, getattr(p, name), range_of(name, joint.law)) for p in numbers_of(joint) for name in fields)
+    of_compensator = ((name, value, range_of(name)) for name, value in settings.items())
+    for name, value, (low, high) in (*of_sets, *of_compensator):
         if not low <= value <= high:
             raise InputError(
                 f"{joint.name}: {name}: got {value:g}; the C code takes {low:g} to {high:g}: check its unit"
@@ -111,13 +113,13 @@ def _about(compensator: Compensator, joint: ExportedJoint) -> Iterator[str]:
 
 
 @cache
-def _code(compensator: Compensator) -> dict[str, Any]:
-    """What the template names that is the same for all compensators of a kind."""
-    printed = printed_step(compensator)
+def _code(compensator: Compensator, law: Law) -> dict[str, Any]:
+    """What the template names that is the same for all compensators of a kind, of joints of a law."""
+    printed = printed_step(compensator, law)
     gradient = printed.gradient
     field = partial(c_field, adapts=compensator.adaptation is not None)
     parts: dict[str, Any] = {
-        "fields": [*map(field, printed.fields)],
+        "fields": [field(name, law) for name in printed.fields],
         "parameters": [*map(field, printed.settings)],
         "memory": [*map(field, printed.memory)],
         "inputs": [*map(field, printed.inputs)],
@@ -125,10 +127,10 @@ def _code(compensator: Compensator) -> dict[str, Any]:
         "gains": [name for name in printed.memory if stem_of(name) == "theta"],
         "advance": [*_lines(printed.advance, ("p->", "p->", "s->", "in->"), "next->")],
         "gradient": [*_lines(gradient, ("p->", "p->", "s->"), None)] if gradient else [],
-        "simulate": [*_lines(printed_joint(), ("p->", "j->", ""), "j->")] if gradient else [],
-        "math": c_code.MATH,
-        "units": {name: unit(name) for name in ("position", "velocity", "torque")},
+        "simulate": [*_lines(printed_joint(law), ("p->", "j->", ""), "j->")] if gradient else [],
     }
+    code = [line for name in ("start", "advance", "gradient", "simulate") for line in parts[name]]
+    parts |= {"math": c_code.math_of(code), "units": {name: unit(name) for name in ("position", "velocity", "torque")}}
     digest = hashlib.sha256(repr(parts).encode()).hexdigest()
     return parts | {"code_hash": f"0x{digest[:8]}"}
 

@@ -2,8 +2,11 @@
 
 from typing import NamedTuple
 
-from bristle.model.parameters import of_friction, unit
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST, Law, OwnParameter
+from bristle.model.parameters import Lugre, unit
 from bristle.questions.export.artefact import slug
+from bristle.questions.export.c_code import escaped
 from bristle.questions.export.exported import ExportedJoint
 
 RANGES = {
@@ -13,6 +16,7 @@ RANGES = {
     "v_s": (1e-5, 1e3),
     "sigma_0": (1e-1, 1e9),
     "sigma_1": (0.0, 1e4),
+    FASTEST: (1e-5, 1e3),
     "share": (0.0, 10.0),
     "inertia": (0.0, 1e4),
     "softness": (1e-6, 1e3),
@@ -48,6 +52,7 @@ _WHAT = {
     "v_s": "Stribeck velocity",
     "sigma_0": "bristle stiffness",
     "sigma_1": "bristle damping",
+    FASTEST: "fastest measured speed: viscous friction with a term below zero is held beyond it",
     "share": "of the friction that is compensated",
     "inertia": "fed forward: times the reference acceleration",
     "softness": "v_0 of the Coulomb compensator",
@@ -76,6 +81,8 @@ _LIKE = {
 }
 _LARGEST = 1e30
 """Of what has no range of its own."""
+_STRONGEST = 1e4
+"""The coefficient of a term, either way."""
 
 
 class CField(NamedTuple):
@@ -95,22 +102,37 @@ def identifier(joint: ExportedJoint) -> str:
     return f"bristle_{slug([joint])}"
 
 
-def ranges(name: str, *, adapts: bool) -> tuple[tuple[float, float], tuple[float, float]]:
+def range_of(name: str, law: Law = GAUSSIAN) -> tuple[float, float]:
+    """Lowest and highest value of a number: of a parameter of this law, or of what has the name in every header."""
+    own = _own(name, law)
+    if own is None:
+        return RANGES.get(stem_of(name), (-_LARGEST, _LARGEST))
+    return own.searched if own in law.peak.own else (max(own.least, -_STRONGEST), _STRONGEST)
+
+
+def _own(name: str, law: Law) -> OwnParameter | None:
+    return next((own for own in law.own if own.name == name), None)
+
+
+def ranges(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> tuple[tuple[float, float], tuple[float, float]]:
     """Lowest and highest value of a number in double precision, and in single."""
-    stem = stem_of(name)
-    double = RANGES.get(stem, (-_LARGEST, _LARGEST))
-    return double, SINGLE_ADAPTING.get(stem, double) if adapts else double
+    double = range_of(name, law)
+    return double, SINGLE_ADAPTING.get(stem_of(name), double) if adapts else double
 
 
-def c_field(name: str, *, adapts: bool) -> CField:
-    """A number of a struct, of a compensator that adapts or does not."""
-    double, single = ranges(name, adapts=adapts)
+def c_field(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> CField:
+    """A number of a struct, of a compensator that adapts or does not; of a set, with the law whose parameters it has."""
+    double, single = ranges(name, law, adapts=adapts)
     low, high = (
         f"BR_C({digits(x)})" if x == y else f"BR_K({digits(x)}, {digits(y)})"
         for x, y in zip(double, single, strict=True)
     )
     shown = "[{:g}, {:g}]".format(*double) + ("" if single == double else " (single [{:g}, {:g}])".format(*single))
-    stem = stem_of(name)
+    stem, own = stem_of(name), _own(name, law)
+    if own is not None:
+        part = law.peak if own in law.peak.own else next(term for term in law.terms if term.coefficient == own)
+        kind = "shape of the peak" if part is law.peak else "viscous friction"
+        return CField(name, escaped(own.units[0]), escaped(f"{kind}: {part.name}"), low, high, shown)
     return CField(name, _unit(name, stem), _meaning(name, stem), low, high, shown)
 
 
@@ -124,7 +146,7 @@ def _unit(name: str, stem: str) -> str:
         return "as docs/compensation.md has it"
     if stem == "inertia":
         return unit("inertia")
-    if of_friction(stem) or stem in ("position", "velocity"):
+    if stem in (*Lugre._fields, FASTEST, "position", "velocity"):
         return unit(stem)
     if stem == "sensitivity":
         return unit("position")

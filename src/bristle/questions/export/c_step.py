@@ -22,12 +22,12 @@ from bristle.control.compensator import (
 from bristle.control.plant import State, plant_step
 from bristle.control.symbolic import SymbolicAdaptation, setting_names, with_settings
 from bristle.model import functions, law, motor
-from bristle.model.parameters import Lugre, Motor, pair_of
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import Motor, fields_of, pair_of
 
 Expression = Any
 """A CasADi symbol: CasADi carries no types."""
-SETS = tuple(f"{d}.{name}" for d in ("positive", "negative") for name in Lugre._fields)
-"""The twelve numbers of a pair, as C calls them."""
 _INPUTS = (
     "reference_position",
     "reference_velocity",
@@ -64,7 +64,7 @@ class PrintedStep(NamedTuple):
     fields: tuple[str, ...]
     """The parameters of a set that it depends on."""
     settings: tuple[str, ...]
-    """Its own numbers, beside the twelve of the pair."""
+    """Its own numbers, beside those of the pair."""
     memory: tuple[str, ...]
     inputs: tuple[str, ...]
     start: NamedFunction
@@ -75,16 +75,22 @@ class PrintedStep(NamedTuple):
     """(pair, settings, memory) -> the derivative of the friction torque by each of the set that acts, at a given deflection; None: no bristle."""
 
 
+def sets_of(of: Law) -> tuple[str, ...]:
+    """The numbers of a pair, as C calls them: twelve of the paper's law."""
+    return tuple(f"{d}.{name}" for d in ("positive", "negative") for name in fields_of(of))
+
+
 @lru_cache(maxsize=64)
-def printed_step(compensator: Compensator) -> PrintedStep:
-    """What is printed of a compensator: what its torque depends on, and no more."""
-    n = adapted_count(compensator)
+def printed_step(compensator: Compensator, of: Law = GAUSSIAN) -> PrintedStep:
+    """What is printed of a compensator for joints of a law: what its torque depends on, and no more."""
+    n, sets = adapted_count(compensator), sets_of(of)
     names = setting_names(n)
-    q, s, w = ca.SX.sym("q", 12), ca.SX.sym("s", len(names)), ca.SX.sym("w", len(_INPUTS))
+    q, s, w = ca.SX.sym("q", len(sets)), ca.SX.sym("s", len(names)), ca.SX.sym("w", len(_INPUTS))
+    pair = pair_of(ca.vertsplit(q), of)
     symbolic = with_settings(compensator, dict(zip(names, ca.vertsplit(s), strict=True)), ChangingAdaptation)
-    at_rest = packed(initial_state(symbolic, pair_of(ca.vertsplit(q))))
+    at_rest = packed(initial_state(symbolic, pair))
     m = ca.SX.sym("m", len(at_rest))
-    state = unpacked(ca.vertsplit(m), pair_of(ca.vertsplit(q)), n)
+    state = unpacked(ca.vertsplit(m), pair, n)
     y_ref, v_ref, a_ref, y, v, h = ca.vertsplit(w)
     new, T = step(symbolic, state, Reference(y_ref, v_ref, a_ref), Measurement(y, v), h)
     out = ca.densify(ca.vertcat(*packed(new), T))
@@ -95,16 +101,16 @@ def printed_step(compensator: Compensator) -> PrintedStep:
     used += [names.index(name) for name in ("lower", "upper") if n]
     given = _depends(ca.vertcat(out[kept], out[-1]), w)
     settings, inputs = [names[k] for k in used], [_INPUTS[k] for k in given]
-    read = {SETS[k].partition(".")[2] for k in _depends(out[[*kept, out.numel() - 1]], q)}
+    read = {sets[k].partition(".")[2] for k in _depends(out[[*kept, out.numel() - 1]], q)}
     return PrintedStep(
-        fields=tuple(name for name in Lugre._fields if name in read),
+        fields=tuple(name for name in fields_of(of) if name in read),
         settings=tuple(settings),
         memory=tuple(memory),
         inputs=tuple(inputs),
         start=_named("start", [(settings, s[used])], memory, _at(at_rest, kept)),
         advance=_named(
             "advance",
-            [(SETS, q), (settings, s[used]), (memory, m[kept]), (inputs, w[given])],
+            [(sets, q), (settings, s[used]), (memory, m[kept]), (inputs, w[given])],
             [*memory, "torque"],
             [out[k] for k in (*kept, out.numel() - 1)],
         ),
@@ -149,19 +155,20 @@ def _gradient(
     z, v, a = state.deflection, state.velocity, compensator.adaptation
     p = law.active(z, v, state.parameters)
     acting = effective(p, a, state.learnt.theta) if a else p
-    _, _, *by = functions.torque_sensitivity_function()(z, v, *acting)
-    groups = list(zip((SETS, *names), symbols, strict=True))
-    return _named("gradient", groups, Lugre._fields, by)
+    _, _, *by = functions.torque_sensitivity_function(p.law)(z, v, *acting)
+    groups = list(zip((sets_of(p.law), *names), symbols, strict=True))
+    return _named("gradient", groups, fields_of(p.law), by)
 
 
-@lru_cache(maxsize=1)
-def printed_joint() -> NamedFunction:
+@lru_cache(maxsize=16)
+def printed_joint(of: Law = GAUSSIAN) -> NamedFunction:
     """(pair, joint at an instant, (inertia, torque, dt)) -> the joint after dt seconds, and its friction then, N*m: `plant.plant_step`."""
-    q, x, w = ca.SX.sym("q", 12), ca.SX.sym("x", 3), ca.SX.sym("w", 3)
-    pair, (J, T, h) = pair_of(ca.vertsplit(q)), ca.vertsplit(w)
+    sets = sets_of(of)
+    q, x, w = ca.SX.sym("q", len(sets)), ca.SX.sym("x", 3), ca.SX.sym("w", 3)
+    pair, (J, T, h) = pair_of(ca.vertsplit(q), of), ca.vertsplit(w)
     new = plant_step(State(*ca.vertsplit(x)), T, 0.0, h, pair, Motor(1.0, 1.0, 0.0, J), motor.current_for)
     friction = law.torque(new.deflection, new.velocity, law.active(new.deflection, new.velocity, pair))
-    groups = [(SETS, q), (JOINT, x), (("inertia", "torque", "dt"), w)]
+    groups = [(sets, q), (JOINT, x), (("inertia", "torque", "dt"), w)]
     return _named("joint", groups, (*JOINT, "friction"), [*new, friction])
 
 

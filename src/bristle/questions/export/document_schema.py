@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, Literal
 from bristle import __version__
 from bristle.errors import InputError, short
 from bristle.identification.document import check_most, checked
-from bristle.model.parameters import BOUNDS, SIGNED, Lugre, Stribeck, units_of
+from bristle.model.laws.parts import FASTEST
+from bristle.model.parameters import SIGNED, Lugre, Stribeck, fields_of, least_of, of_friction, units_of
 from bristle.questions.export.exported import ExportedJoint
 
 if TYPE_CHECKING:
@@ -82,13 +83,19 @@ def _whole(joint: ExportedJoint) -> ExportedJoint:
     name, count = Counter(x.parameter for x in joint.parameters).most_common(1)[0] if joint.parameters else ("", 0)
     if count > 1:
         raise InputError(f"joint {short(joint.name)} has parameter {short(str(name))} twice")
+    for row in joint.parameters:
+        if of_friction(row.parameter.name) and row.parameter.name not in fields_of(joint.law):
+            raise InputError(
+                f"joint {short(joint.name)} has parameter {row.parameter}, and its law, {joint.law.name}, has none of that name"
+            )
     try:
         sets: Sequence[Lugre[float] | Stribeck[float]] = joint.pair if joint.has_bristle else joint.curves
     except KeyError as error:
         raise InputError(f"joint {short(joint.name)} has no parameter {short(error.args[0])}") from error
+    not_zero = {*_NOT_ZERO, *(own.name for own in joint.law.peak.own)}
     for d, p in zip(SIGNED, sets, strict=True):
         for key, value in p._asdict().items():
-            if not BOUNDS[key][0] <= value < BOUNDS[key][1] or (value == 0 and key in _NOT_ZERO):
+            if not (least_of(key) <= value and isfinite(value)) or (value == 0 and key in not_zero):
                 raise InputError(f"joint {short(joint.name)}: got {key}{d} = {value:g}; expected a number above zero")
     for what, x in (("fastest", joint.fastest), ("inertia", joint.inertia), ("rotor_inertia", joint.rotor_inertia)):
         if x is not None and not (isfinite(x) and x > 0):
@@ -102,8 +109,8 @@ def _whole(joint: ExportedJoint) -> ExportedJoint:
     return _with_units(joint)
 
 
-_NOT_ZERO = frozenset({"alpha_0", "v_s", "sigma_0"})
-"""The others may be zero."""
+_NOT_ZERO = frozenset({"alpha_0", "v_s", "sigma_0", FASTEST})
+"""With what the shape of a peak has of its own; the others may be zero."""
 
 
 def _with_units(joint: ExportedJoint) -> ExportedJoint:

@@ -7,6 +7,7 @@ from pathlib import Path
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.verdict import Trust
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import unit
 from bristle.page.output_folder import write_bytes
 from bristle.questions.export.artefact import Artefact, ExportTarget, Failed, NotInstalled, Request
@@ -107,6 +108,8 @@ def _lines(export: Export) -> Iterator[str]:
     for joint in export.joints:
         if joint.simulated:
             yield f"  {joint.name}: identified from SIMULATED data"
+        if joint.law != GAUSSIAN:
+            yield f"  {joint.name}: friction law {joint.law.name}"
         if joint.trust is not Trust.USE:
             yield f"  {joint.name}: {joint.trust}" + (f": {joint.reason}" if joint.reason else "")
         if found := export.artefact.losses.get(joint.name):

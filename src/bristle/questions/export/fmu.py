@@ -18,13 +18,13 @@ from markupsafe import Markup
 from bristle import __version__
 from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
-from bristle.model.parameters import Lugre, unit
+from bristle.model.parameters import fields_of, unit
 from bristle.page.output_folder import zipped
 from bristle.page.wording import shortened
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, c_compiler, large_losses, left_out, slug
 from bristle.questions.export.c_code import escaped
 from bristle.questions.export.c_header import header
-from bristle.questions.export.c_numbers import RANGES, identifier
+from bristle.questions.export.c_numbers import RANGES, identifier, range_of
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.fmu_check import check_fmu
 from bristle.questions.export.loss import Loss, all_motions, losses, lugre
@@ -102,11 +102,11 @@ def _signals(joint: ExportedJoint) -> Iterator[FmuVariable]:
 
 def _friction_parameters(joint: ExportedJoint) -> Iterator[FmuVariable]:
     for direction, p in zip(("positive", "negative"), joint.pair, strict=True):
-        for name in Lugre._fields:
+        for name in fields_of(joint.law):
             what = f"{name}, {direction} direction"
             yield FmuVariable(
                 f"{direction}.{name}", what, unit(name, joint.kind), "parameter", f"p.{direction}.{name}",
-                *RANGES[name], getattr(p, name), _ANY,
+                *range_of(name, joint.law), getattr(p, name), _ANY,
             )  # fmt: skip  # a list of values
 
 

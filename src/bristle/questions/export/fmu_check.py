@@ -72,7 +72,7 @@ def internal_steps(step: float, longest: float) -> int:
 def python_joint(joint: ExportedJoint, torque: Array, step: float, longest: float) -> Played:
     """The joint by the function that is printed as C, each torque held over a step that is cut into equal ones no longer than `longest`, s."""
     n = internal_steps(step, longest)
-    x, T, function = ca.SX.sym("x", 4), ca.SX.sym("T"), printed_joint().function
+    x, T, function = ca.SX.sym("x", 4), ca.SX.sym("T"), printed_joint(joint.law).function
     pair = ca.vertcat(*joint.pair.positive, *joint.pair.negative)
     rest: list[Any] = [joint.inertia, T, step / n]
     one = ca.Function("one", [x, T], [function(pair, x[:3], ca.vertcat(*rest))])

@@ -14,6 +14,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, one_line, short
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export.artefact import (
@@ -43,6 +44,7 @@ _NO_SPRING = "0 0"
 _LEAST_STEP = 1e-5
 """Of the example, s."""
 _HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
+_CLOSEST = "its peak is Gaussian and its viscous friction linear, the closest to another law of the joint"
 _OLDEST = (3, 7)
 """MuJoCo that has `<dcmotor>`."""
 
@@ -66,12 +68,12 @@ def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     lost = {one.joint.name: one.lost for one in found}
     biased = [one for one in found if one.symmetric.bias]
     alone = "; ".join(f"{shortened(one.joint.name)} {told(one.alone, one.joint)}" for one in biased)
+    holds = [_HOLDS if not alone else f"{_HOLDS} and a constant bias; the set alone has a torque RMS error of: {alone}"]
+    holds += [_CLOSEST] if any(joint.law != GAUSSIAN for joint in joints) else []
     return Artefact(
         name=f"{slug(joints)}.xml",
         content=content,
-        holds=_HOLDS
-        if not alone
-        else f"{_HOLDS} and a constant bias; the set alone has a torque RMS error of: {alone}",
+        holds="; ".join(holds),
         losses=lost,
         said=(*large_losses(NAME, lost), *(x for joint in joints for x in mjcf_left_out(joint, NAME))),
     )
@@ -119,6 +121,7 @@ def _comment(held: _Held) -> str:
         *map(one_line, notes(joint, held.lost)),
         f"Held here: one LuGre set for both directions, sigma_0 {p.sigma_0:.4g}, sigma_1 {p.sigma_1:.4g}, alpha_0 {p.alpha_0:.4g}, "
         f"alpha_1 {p.alpha_1:.4g}, alpha_2 {p.alpha_2:.4g}, v_s {p.v_s:.4g}, and a constant bias of {bias:.4g} {torque}.",
+        *(() if joint.law == GAUSSIAN else (f"Of the set: {_CLOSEST}.",)),
         f"Without the bias, the best set has: {told(held.alone, joint)}.",
         "Both directions, exactly: bristle.mujoco.Friction, in a Python simulation.",
         _step_line(held.symmetric),

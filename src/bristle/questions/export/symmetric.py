@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.model import law
+from bristle.model.laws import gaussian
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_jacobian
 from bristle.questions.export.exported import ExportedJoint
@@ -42,11 +44,11 @@ def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bia
     """The set and the bias of the least squared torque error along motions, each divided by the mean square of its torque.
 
     By trust-region steps with exact Jacobians, in logarithms of the parameters; one that is zero in both directions
-    stays zero, and v_s is free only where there is a Stribeck term. Without `bias` that is zero. A joint whose
-    directions are the same keeps their set as it is.
+    stays zero, and v_s is free only where there is a Stribeck term. Without `bias` that is zero. A joint of the paper's
+    law whose directions are the same keeps their set as it is; of another law it is the closest set of the paper's.
     """
-    positive, negative = joint.pair
-    if positive == negative and not joint.quadratic:
+    positive, negative = (_gaussian(p, joint.fastest) for p in joint.pair)
+    if positive == negative and not joint.quadratic and joint.law == gaussian.GAUSSIAN:
         return SymmetricSet(positive, 0.0)
     mean = Lugre(*((p + n) / 2 for p, n in zip(positive, negative, strict=True)))
     wanted = [_wanted(joint, motion) for motion in motions]
@@ -55,6 +57,12 @@ def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bia
     held = _held(mean, free, level)
     solved = _solve(wanted, held, free, level, len(free) + bias)
     return held(solved)
+
+
+def _gaussian(p: Lugre[float], fastest: float) -> Lugre[float]:
+    """A set of the paper's law to begin with: the peak gone at the same speed, viscous friction as at half the fastest one."""
+    v_s = p.v_s * (p.law.peak.reach / gaussian.PEAK.reach)
+    return Lugre(*p[:6])._replace(v_s=v_s, alpha_2=max(float(law.viscous_rate(fastest / 2, p)), 0.0))
 
 
 def _wanted(joint: ExportedJoint, motion: StatedMotion) -> _Wanted:

@@ -175,7 +175,7 @@ static inline int br_step(const br_params *p, br_state *s, const br_input *in, b
 {% if gradient %}
 
 /* dT/dp of the friction torque by the parameters of the set that acts, in the order of br_set, at the state's deflection: for an adaptation of your own. */
-static inline void br_gradient(const br_params *p, const br_state *s, br_real out[6])
+static inline void br_gradient(const br_params *p, const br_state *s, br_real out[{{ fields | length }}])
 {
 {% for line in gradient %}
     {{ line }}
