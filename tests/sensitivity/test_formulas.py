@@ -16,8 +16,9 @@ from hypothesis import strategies as st
 
 from bristle.errors import InputError
 from bristle.model import functions
+from bristle.model.formula import abbreviated, as_latex, as_text, formula_of
 from bristle.model.parameters import Lugre
-from bristle.questions.sensitivity.formulas import abbreviated, as_latex, as_text, formula_of, formulas
+from bristle.questions.sensitivity.formulas import formulas
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import run

@@ -1,5 +1,6 @@
 """Which laws there are, by name: bristle's own, those of packages that name theirs under `bristle.laws`, and what a program registers."""
 
+import re
 from importlib.metadata import entry_points
 from itertools import product
 
@@ -17,6 +18,8 @@ _PARTS: dict[str, Peak | ViscousTerm] = {
 }
 _COMPETE = {gaussian.PEAK.name, exponential.PEAK.name, lorentzian.PEAK.name, quadratic.TERM.name}
 """Those that `auto` chooses from; the free exponent is fitted by name alone."""
+_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
+"""What a parameter may be called: it is a name in C and MATLAB as well."""
 _looked: list[bool] = []
 """Not empty once installed packages have been asked for theirs."""
 
@@ -51,9 +54,11 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
 
     brought = part.own if isinstance(part, Peak) else (part.coefficient,)
     others = reserved_names() | {own.name for other in _PARTS.values() if other != part for own in _own(other)}
-    taken = [own.name for own in brought if own.name in others or not own.name.isidentifier()]
+    taken = [own.name for own in brought if own.name in others or not _NAME.fullmatch(own.name)]
     if taken:
-        raise ValueError(f"{part.name}: got a parameter called {taken[0]!r}; expected a Python name that no other has")
+        raise ValueError(
+            f"{part.name}: got a parameter called {taken[0]!r}; expected letters, digits and _, and a name that no other has"
+        )
     _PARTS[part.name] = part
     if compete:
         _COMPETE.add(part.name)

@@ -46,6 +46,8 @@ _ANY, _BEFORE, _NEVER = ("BR_INSTANTIATED | BR_INITIALISING | BR_STEPPING", "BR_
 """Phases in which a variable may be set."""
 _BASE = {"rad": {"rad": 1}, "s": {"s": 1}, "m": {"m": 1}, "kg": {"kg": 1}, "N": {"kg": 1, "m": 1, "s": -2}}
 """Exponents of the SI base units."""
+_PRODUCT = r"(?:1|[a-zA-Z]+(?:\*\*\d+)?)(?:\*[a-zA-Z]+(?:\*\*\d+)?)*"
+_UNIT = re.compile(rf"{_PRODUCT}(?:/{_PRODUCT})?")
 
 
 class FmuVariable(NamedTuple):
@@ -146,11 +148,16 @@ def _inertia(joint: ExportedJoint) -> float:
     return J
 
 
-def base_units(text: str) -> dict[str, int]:
-    """Exponents of the SI base units, rad among them, of a unit such as N*m*s/rad or kg*m**2."""
+def base_units(text: str) -> dict[str, int] | None:
+    """Exponents of the SI base units, rad among them, of a unit such as N*m*s/rad or kg*m**2.
+
+    None where a law from outside has a unit that FMI cannot tell: one of other units, or of broken powers.
+    """
+    if not _UNIT.fullmatch(text) or not {*re.findall("[a-zA-Z]+", text)} <= _BASE.keys():
+        return None
     exponents: dict[str, int] = {}
     for sign, part in zip((1, -1), text.split("/"), strict=False):
-        for name, power in re.findall(r"([a-zA-Z]+)(?:\*\*(\d))?", part):
+        for name, power in re.findall(r"([a-zA-Z]+)(?:\*\*(\d+))?", part):
             for base, n in _BASE[name].items():
                 exponents[base] = exponents.get(base, 0) + sign * n * int(power or 1)
     return {base: n for base, n in exponents.items() if n}

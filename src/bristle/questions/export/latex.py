@@ -1,4 +1,7 @@
-"""LaTeX: a table of the parameters with their uncertainty, unit, 95 % interval and source; plain `tabular`, no package needed."""
+"""LaTeX: a table of the parameters with their uncertainty, unit, 95 % interval and source; plain `tabular`, no package needed.
+
+Where the friction law is not the paper's, its equations stand below the table.
+"""
 
 import re
 import shutil
@@ -8,9 +11,11 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from bristle.errors import one_line
-from bristle.model.parameters import Direction
+from bristle.model.formula import abbreviated, as_latex, formula_of, symbol_of
+from bristle.model.parameters import SIGNED, Direction, of_friction
 from bristle.page.wording import FITS, measured, shortened, slugs, span
 from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
+from bristle.questions.export.equations import equations
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.questions.export.notes import notes
 
@@ -25,12 +30,20 @@ _SYMBOLS = {
     "sigma_0": r"\sigma_0", "sigma_1": r"\sigma_1",
 }  # fmt: skip  # a table
 _SIGNS = {Direction.POSITIVE: "^+", Direction.NEGATIVE: "^-"}
+_LEFT = {"level": "g(v)", "rate": r"\dot z", "torque": "T_f", "steady": r"T_{\mathrm{ss}}(v)"}
+"""Sides of the equations."""
+_PLAIN = {
+    r"\operatorname": r"\mathrm", r"\text{": r"\mbox{",
+    r"\begin{cases}": r"\left\{\begin{array}{ll}", r"\end{cases}": r"\end{array}\right.",
+}  # fmt: skip  # a table
+"""What SymPy writes for a package, and LaTeX without it."""
 
 
 def write_latex(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
     """The table, with a caption and a label; several joints stand one below the other."""
     comments = "".join(f"% {ascii(one_line(line))[1:-1]}\n" for joint in joints for line in notes(joint))
     rows = "\n".join(row for joint in joints for row in _rows(joint, len(joints) > 1))
+    laws = "".join(dict.fromkeys(text for joint in joints for text in _equations(joint)))
     text = f"""\
 {comments}\\begin{{table}}
 \\centering
@@ -43,9 +56,13 @@ Parameter & Value & Unit & 95 \\% interval & Source \\\\
 {rows}
 \\hline
 \\end{{tabular}}
-\\end{{table}}
+{laws}\\end{{table}}
 """
-    return Artefact(name=f"{slug(joints)}.tex", content=text.encode("utf-8"), holds=_HOLDS)
+    return Artefact(
+        name=f"{slug(joints)}.tex",
+        content=text.encode("utf-8"),
+        holds=f"{_HOLDS}; the equations of the law" if laws else _HOLDS,
+    )
 
 
 def _caption(joints: Sequence[ExportedJoint]) -> str:
@@ -74,9 +91,27 @@ def _rows(joint: ExportedJoint, headed: bool) -> Iterator[str]:
 
 def _symbol(one: ExportedParameter) -> str:
     name, direction = one.parameter
-    if name not in _SYMBOLS:
+    if not of_friction(name):
         return latex_text(name)
-    return f"${_SYMBOLS[name]}{_SIGNS.get(direction, '')}$"
+    return f"${_SYMBOLS.get(name) or as_latex(symbol_of(name))}{_SIGNS.get(direction, '')}$"
+
+
+def _equations(joint: ExportedJoint) -> Iterator[str]:
+    """A paragraph for each sign that the coefficients of the law's terms have in a direction; none of the paper's law."""
+    found = equations(joint)
+    signs = [tuple(getattr(p, name) < 0 for name in joint.law.coefficients) for p in joint.curves]
+    alike = signs[0] == signs[1]
+    for p, d in list(zip(joint.curves, SIGNED, strict=True))[: 0 if not found else 1 if alike else 2]:
+        signed = {name: getattr(p, name) for name in joint.law.coefficients}
+        level = formula_of(found["level"], signed)
+        lines = [f"Friction law {latex_text(joint.law.name)}" + ("" if alike else f", direction ${d}$")]
+        for name, expression in found.items():
+            formula = formula_of(expression, signed)
+            text = as_latex(formula if name == "level" else abbreviated(formula, level))
+            for package, plain in _PLAIN.items():
+                text = text.replace(package, plain)
+            lines.append(f"${_LEFT[name]} = {text}$")
+        yield "\n\\medskip\n" + " \\\\\n".join(lines) + "\n"
 
 
 def _value(one: ExportedParameter) -> str:

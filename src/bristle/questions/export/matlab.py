@@ -1,4 +1,7 @@
-"""MATLAB and Octave: a script that assigns a struct with every parameter, its unit, error, interval and source."""
+"""MATLAB and Octave: a script that assigns a struct with every parameter, its unit, error, interval and source.
+
+Where the friction law is not the paper's, the struct has its equations as well, as functions.
+"""
 
 import math
 import re
@@ -12,7 +15,9 @@ from bristle.errors import one_line
 from bristle.model.parameters import Direction, unit
 from bristle.page.wording import slugs
 from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
+from bristle.questions.export.equations import equations
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from bristle.questions.export.matlab_code import in_matlab
 from bristle.questions.export.notes import notes
 
 _LONGEST = 50
@@ -29,6 +34,8 @@ _WAYS = {
     Direction.BOTH: "both",
     Direction.SHARED: "shared",
 }
+_UNITS = {"level": "torque", "rate": "velocity", "torque": "torque", "steady": "torque"}
+"""Of the equations: the unit is that of this."""
 _HOLDS = "every parameter with unit, standard error, 95 % interval and source; warnings as comments"
 
 
@@ -39,7 +46,8 @@ def write_matlab(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     places = [name] if len(joints) == 1 else [f"{name}.{field}" for field in names]
     lines = [line for joint, place in zip(joints, places, strict=True) for line in _lines(joint, place)]
     text = "\n".join((f"% Friction that bristle identified; run it to get the struct {name}.", *lines)) + "\n"
-    return Artefact(name=f"{name}_friction.m", content=text.encode("ascii"), holds=_HOLDS)
+    holds = f"{_HOLDS}; the equations of the law" if any(map(equations, joints)) else _HOLDS
+    return Artefact(name=f"{name}_friction.m", content=text.encode("ascii"), holds=holds)
 
 
 def _identifier(text: str) -> str:
@@ -63,6 +71,19 @@ def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
     yield f"{place}.results_sha256 = {_text(joint.origin.results_sha256 or '')};"
     for one in joint.parameters:
         yield f"{place}.{_WAYS[one.parameter.direction]}.{_identifier(one.parameter.name)} = {_parameter(one)};"
+    yield from _law(joint, place)
+
+
+def _law(joint: ExportedJoint, place: str) -> Iterator[str]:
+    """The law's name and its equations, each a function of the bristle's deflection z, the velocity v and a set p of parameters."""
+    found = equations(joint)
+    if found:
+        yield f"{place}.law = {_text(joint.law.name)};"
+        yield "% Of a set p such as .positive, chosen by the sign of v; of two sets sigma_0 goes by the sign of z, the deflection of the bristle."
+    for name, expression in found.items():
+        text = in_matlab(expression, lambda x: x if x in ("z", "v") else f"p.{_identifier(x)}.value")
+        given = "z, v, p" if name in ("rate", "torque") else "v, p"
+        yield f"{place}.{name} = @({given}) {text}; % {unit(_UNITS[name], joint.kind)}"
 
 
 def _parameter(one: ExportedParameter) -> str:

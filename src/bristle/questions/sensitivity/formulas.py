@@ -1,11 +1,5 @@
-"""The friction torque and its derivatives as formulas: CasADi expression -> SymPy -> text and LaTeX.
+"""The friction torque and its derivatives as formulas, all from `model.law` by CasADi."""
 
-Nothing here knows a derivative; all come from `model.law` by CasADi. SymPy collects like terms and factors, so that one
-formula has one form.
-"""
-
-import operator
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -13,16 +7,11 @@ import casadi as ca
 
 from bristle.control.adaptation import printed
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.errors import InputError
 from bristle.model import law
+from bristle.model.formula import Formula, abbreviated, as_latex, as_text, formula_of
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import estimated_of, lugre_of
-
-Formula = Any
-"""A SymPy expression of z, v and the parameters: SymPy ships no types."""
-_GUARD = 1e-50
-"""A smaller constant keeps an expression finite at rest, and is no part of its formula."""
 
 
 class Written(NamedTuple):
@@ -104,7 +93,7 @@ def formulas(of: Law = GAUSSIAN) -> Formulas:
 
     def written(expression: Any) -> Formula:
         """As a formula."""
-        return formula_of(expression, of.coefficients)
+        return formula_of(expression, dict.fromkeys(of.coefficients, 0.0))
 
     return Formulas(
         law=of,
@@ -114,69 +103,3 @@ def formulas(of: Law = GAUSSIAN) -> Formulas:
         steady={x.name(): written(ca.jacobian(steady, x)) for x in estimated},
         printed=written(printed("alpha_0", z, v, p)) if of.peak == GAUSSIAN.peak else None,
     )
-
-
-def formula_of(expression: Any, not_negative: Collection[str] = ()) -> Formula:
-    """A scalar CasADi expression (SX) over its named symbols as a SymPy one, instruction by instruction.
-
-    What is not negative by assumption leaves no choice between formulas that is made by its sign.
-
-    Raises InputError where SymPy is not installed, and ValueError for an operation that has no place in a formula.
-    """
-    sympy = _sympy()
-    operations = {
-        ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul, ca.OP_DIV: operator.truediv,
-        ca.OP_NEG: operator.neg, ca.OP_TWICE: lambda a: 2 * a, ca.OP_INV: lambda a: 1 / a, ca.OP_SQ: lambda a: a**2,
-        ca.OP_FABS: sympy.Abs, ca.OP_EXP: sympy.exp, ca.OP_SIGN: sympy.sign, ca.OP_LOG: sympy.log, ca.OP_SQRT: sympy.sqrt,
-        ca.OP_POW: operator.pow, ca.OP_CONSTPOW: operator.pow, ca.OP_TANH: sympy.tanh, ca.OP_COSH: sympy.cosh,
-        ca.OP_SINH: sympy.sinh, ca.OP_ATAN: sympy.atan, ca.OP_ERF: sympy.erf, ca.OP_LOG1P: lambda a: sympy.log(1 + a),
-        ca.OP_EXPM1: lambda a: sympy.exp(a) - 1, ca.OP_FMIN: sympy.Min, ca.OP_FMAX: sympy.Max,
-        ca.OP_LT: lambda a, b: sympy.Piecewise((1, a < b), (0, True)), ca.OP_NOT: lambda a: 1 - a,
-        ca.OP_LE: lambda a, b: sympy.Piecewise((1, a <= b), (0, True)), ca.OP_IF_ELSE_ZERO: operator.mul,
-    }  # fmt: skip  # a table
-    symbols = ca.symvar(expression)
-    function = ca.Function("formula", symbols, [ca.densify(expression)])
-    work: dict[int, Formula] = {}
-    result: Formula = sympy.Integer(0)  # a structurally zero output has no instruction
-    for k in range(function.n_instructions()):
-        code, read, write = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_INPUT:
-            name = symbols[read[0]].name()
-            signed = {"nonnegative": True} if name in not_negative else {"real": True}
-            work[write[0]] = sympy.Symbol(name, **signed)
-        elif code == ca.OP_CONST:
-            constant = function.instruction_constant(k)
-            work[write[0]] = sympy.Rational(constant if abs(constant) > _GUARD else 0)
-        elif code == ca.OP_OUTPUT:
-            result = work[read[0]]
-        elif code in operations:
-            work[write[0]] = operations[code](*(work[place] for place in read))
-        else:
-            raise ValueError(f"CasADi operation number {code} cannot be written as a formula")
-    return result
-
-
-def abbreviated(formula: Formula, stribeck: Formula) -> Formula:
-    """The formula with g standing for g(v)."""
-    return formula.xreplace({stribeck: _sympy().Symbol("g", real=True)})
-
-
-def as_text(formula: Formula) -> str:
-    """A formula as Python reads it; SymPy calls the absolute value Abs."""
-    return str(_sympy().sstr(formula)).replace("Abs(", "abs(")
-
-
-def as_latex(formula: Formula) -> str:
-    """A formula as LaTeX's mathematics reads it."""
-    return str(_sympy().latex(formula))
-
-
-def _sympy() -> Any:
-    """SymPy. Raises InputError where it is not installed."""
-    try:
-        import sympy
-    except ImportError as error:
-        raise InputError(
-            "formulas need SymPy, which is not installed; install it with pip install 'bristle[sensitivity]'"
-        ) from error
-    return sympy

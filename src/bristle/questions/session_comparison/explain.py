@@ -174,7 +174,7 @@ def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diagn
             yield Kind.FIT_DISTRUSTED(joint=joint, source=source, why=pair.distrusted)
         known = [{n for n, e in fit.parameters.items() if e.value is not None} for fit in pair]
         for which, more in (("first", known[0] - known[1]), ("second", known[1] - known[0])):
-            same = (n for n in more if alike(n.name, a.law, b.law))
-            terms = tuple(sorted(str(n) for n in same if n.name.startswith(("alpha", "offset"))))
+            own = (n for n in more if alike(n.name, a.law, b.law))
+            terms = tuple(sorted(str(n) for n in own if n.name.startswith(("alpha", "offset"))))
             if terms:
                 yield Kind.MODELS_DIFFER(joint=joint, terms=terms, which=which, source=source)

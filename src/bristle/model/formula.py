@@ -1,0 +1,102 @@
+"""A CasADi expression as a formula: CasADi -> SymPy -> text and LaTeX.
+
+Nothing here knows an equation or a derivative; SymPy collects like terms and factors, so that one formula has one form.
+"""
+
+import operator
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+
+from bristle.errors import InputError
+
+Formula = Any
+"""A SymPy expression of z, v and the parameters: SymPy ships no types."""
+_GUARD = 1e-90
+"""A constant below it keeps an evaluation finite at rest, and has no place in a formula."""
+
+
+def formula_of(expression: Any, signed: Mapping[str, float] | None = None) -> Formula:
+    """A scalar CasADi expression (SX) over its named symbols as a SymPy one, instruction by instruction.
+
+    Of the `signed` symbols, whose values are given, it is the formula for values of that sign.
+
+    Raises InputError where SymPy is not installed, or an operation has no place in a formula.
+    """
+    sympy, operations = _sympy(), _operations()
+    symbols = ca.symvar(expression)
+    function = ca.Function("formula", symbols, [ca.densify(expression)])
+    work: dict[int, Formula] = {}
+    result: Formula = sympy.Integer(0)  # a structurally zero output has no instruction
+    for k in range(function.n_instructions()):
+        code, read, write = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if code == ca.OP_INPUT:
+            work[write[0]] = symbol_of(symbols[read[0]].name(), signed)
+        elif code == ca.OP_CONST:
+            value = float(function.instruction_constant(k))
+            work[write[0]] = sympy.Rational(repr(value)) if abs(value) > _GUARD else sympy.Integer(0)
+        elif code == ca.OP_OUTPUT:
+            result = work[read[0]]
+        elif code in operations:
+            work[write[0]] = operations[code](*(work[place] for place in read))
+        else:
+            raise InputError(f"CasADi operation number {code} cannot be written as a formula")
+    return result
+
+
+def symbol_of(name: str, signed: Mapping[str, float] | None = None) -> Formula:
+    """A symbol that stands for a number, of the sign of its value where that is given."""
+    value = (signed or {}).get(name)
+    sign = {} if value is None else {"negative": True} if value < 0 else {"nonnegative": True}
+    return _sympy().Symbol(name, real=True, **sign)
+
+
+def _operations() -> dict[int, Callable[..., Formula]]:
+    """What CasADi's operations are in SymPy."""
+    sympy = _sympy()
+    return {
+        ca.OP_ASSIGN: operator.pos, ca.OP_ADD: operator.add, ca.OP_SUB: operator.sub, ca.OP_MUL: operator.mul,
+        ca.OP_DIV: operator.truediv, ca.OP_NEG: operator.neg, ca.OP_TWICE: lambda a: 2 * a, ca.OP_INV: lambda a: 1 / a,
+        ca.OP_SQ: lambda a: a**2, ca.OP_POW: operator.pow, ca.OP_CONSTPOW: operator.pow, ca.OP_SQRT: sympy.sqrt,
+        ca.OP_FABS: sympy.Abs, ca.OP_SIGN: sympy.sign, ca.OP_EXP: _exp, ca.OP_EXPM1: lambda a: sympy.exp(a) - 1,
+        ca.OP_LOG: sympy.log, ca.OP_LOG1P: lambda a: sympy.log(1 + a), ca.OP_FMIN: sympy.Min, ca.OP_FMAX: sympy.Max,
+        ca.OP_SIN: sympy.sin, ca.OP_COS: sympy.cos, ca.OP_TAN: sympy.tan, ca.OP_SINH: sympy.sinh, ca.OP_COSH: sympy.cosh,
+        ca.OP_TANH: sympy.tanh, ca.OP_ATAN: sympy.atan, ca.OP_ERF: sympy.erf,
+        ca.OP_LT: sympy.Lt, ca.OP_LE: sympy.Le, ca.OP_EQ: sympy.Eq, ca.OP_NE: sympy.Ne,
+        ca.OP_NOT: sympy.Not, ca.OP_AND: sympy.And, ca.OP_OR: sympy.Or,
+        ca.OP_IF_ELSE_ZERO: lambda asked, a: sympy.Piecewise((a, asked), (0, True)),
+    }  # fmt: skip  # a table
+
+
+def _exp(a: Formula) -> Formula:
+    """exp(a); where a is b log(c), c**b."""
+    sympy = _sympy()
+    logs = [factor for factor in sympy.Mul.make_args(a) if isinstance(factor, sympy.log)]
+    return logs[0].args[0] ** (a / logs[0]) if len(logs) == 1 else sympy.exp(a)
+
+
+def abbreviated(formula: Formula, stribeck: Formula) -> Formula:
+    """The formula with g standing for g(v)."""
+    return formula.xreplace({stribeck: _sympy().Symbol("g", real=True)})
+
+
+def as_text(formula: Formula) -> str:
+    """A formula as Python reads it; SymPy calls the absolute value Abs."""
+    return str(_sympy().sstr(formula)).replace("Abs(", "abs(")
+
+
+def as_latex(formula: Formula) -> str:
+    """A formula as LaTeX's mathematics reads it."""
+    return str(_sympy().latex(formula))
+
+
+def _sympy() -> Any:
+    """SymPy. Raises InputError where it is not installed."""
+    try:
+        import sympy
+    except ImportError as error:
+        raise InputError(
+            "formulas need SymPy, which is not installed; install it with pip install 'bristle[sensitivity]'"
+        ) from error
+    return sympy
