@@ -18,6 +18,7 @@ from bristle.control.adaptation import LAWS, STEPS, Adaptation, effective
 from bristle.control.compensator import NAMES, Compensator, Measurement, Reference, initial_state, step
 from bristle.errors import InputError
 from bristle.model import functions, law
+from bristle.model.laws.parts import Law
 from bristle.model.parameters import Lugre
 from bristle.questions.export import c_code
 from bristle.questions.export.artefact import Artefact, Request
@@ -28,7 +29,7 @@ from bristle.questions.export.c_step import printed_step
 from bristle.questions.export.exported import ExportedJoint
 from bristle.simulation import edro
 
-from .conftest import Handed
+from .conftest import OTHERS, Handed, of_law
 
 PLAIN = [Compensator(name=name) for name in NAMES if name != "none"]
 ADAPTING = [Compensator(adaptation=Adaptation(law=law, step=s)) for law in LAWS for s in STEPS]
@@ -119,6 +120,25 @@ def built(tmp_path: Path) -> Build:
     return build
 
 
+def check_flags(joint: ExportedJoint, compensator: Compensator, single: bool, built: Build) -> None:
+    """No step of the C, of numbers from everywhere in their ranges, is refused or raises a flag."""
+    printed, adapts = printed_step(kind_of(compensator), joint.law), compensator.adaptation is not None
+
+    def drawn(owner: str, name: str, *of: Law) -> str:
+        """An assignment."""
+        low, high = ranges(name, *of, adapts=adapts)[single]
+        return f"{owner}.{name} = drawn({low!r}, {high!r});"
+
+    parameters = [drawn(f"p.{d}", name, joint.law) for d in ("positive", "negative") for name in printed.fields]
+    source = (Path(__file__).with_name("c_flags.c")).read_text(encoding="ascii")
+    source = source.replace("PARAMS", "\n".join([*parameters, *(drawn("p", name) for name in printed.settings)]))
+    source = source.replace("INPUTS", "\n".join(drawn("in", name) for name in printed.inputs))
+    options = ("-frounding-math", *(["-DBRISTLE_SINGLE"] if single else []))
+    library, refused = built(header(joint, compensator), source, *options), ctypes.c_int()
+    assert library.flags(4000, 40, ctypes.byref(refused)) == 0
+    assert refused.value == 0
+
+
 @needs_gcc
 @pytest.mark.parametrize(
     ("compensator", "single"),
@@ -129,21 +149,18 @@ def test_no_flag_is_raised_within_the_ranges(
     compensator: Compensator, single: bool, handed: Handed, built: Build
 ) -> None:
     """Parameters and inputs from everywhere in their stated ranges: no division by zero, nothing invalid, no overflow, no step refused."""
-    printed, adapts = printed_step(kind_of(compensator)), compensator.adaptation is not None
+    check_flags(handed(), compensator, single, built)
 
-    def drawn(owner: str, name: str) -> str:
-        """An assignment."""
-        low, high = ranges(name, adapts=adapts)[single]
-        return f"{owner}.{name} = drawn({low!r}, {high!r});"
 
-    parameters = [drawn(f"p.{d}", name) for d in ("positive", "negative") for name in printed.fields]
-    source = (Path(__file__).with_name("c_flags.c")).read_text(encoding="ascii")
-    source = source.replace("PARAMS", "\n".join([*parameters, *(drawn("p", name) for name in printed.settings)]))
-    source = source.replace("INPUTS", "\n".join(drawn("in", name) for name in printed.inputs))
-    options = ("-frounding-math", *(["-DBRISTLE_SINGLE"] if single else []))
-    library, refused = built(header(handed(), compensator), source, *options), ctypes.c_int()
-    assert library.flags(4000, 40, ctypes.byref(refused)) == 0
-    assert refused.value == 0
+@needs_gcc
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("compensator", [PLAIN[2], ADAPTING[0], FEEDBACK], ids=called)
+@pytest.mark.parametrize("of", OTHERS[-3:], ids=lambda of: of.name)
+def test_no_flag_is_raised_within_the_ranges_of_a_law(
+    of: Law, compensator: Compensator, single: bool, handed: Handed, built: Build
+) -> None:
+    """The same of laws with terms, whatever their sign, and of a free exponent."""
+    check_flags(of_law(handed(), of), compensator, single, built)
 
 
 BAD = """
@@ -425,6 +442,6 @@ def test_an_operation_without_a_counterpart_is_refused() -> None:
     """The printer names the operation that C has not."""
     x = ca.SX.sym("x")
     with pytest.raises(ValueError, match="no C99 counterpart"):
-        c_code.printed(ca.Function("f", [x], [ca.erf(x)]), lambda *_: "x")
+        c_code.printed(ca.Function("f", [x], [ca.erfinv(x)]), lambda *_: "x")
     with pytest.raises(ValueError, match="has no constant in C99"):
         c_code.constant(float("inf"))

@@ -14,11 +14,14 @@ import bristle
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.model import law
+from bristle.model.laws.parts import Law
 from bristle.model.parameters import Direction, ParameterName
 from bristle.mujoco import Friction
 from bristle.questions.export import mjcf
 from bristle.questions.export.artefact import Request
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+
+from .conftest import OTHERS, of_law
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 Handed = Callable[..., ExportedJoint]
@@ -102,6 +105,15 @@ def test_a_pair_driven_by_a_torque_follows_the_continuous_equation(handed: Hande
     assert np.abs(true).max() > 0.5 * joint.fastest
     assert off(velocity(joint, 0.002), true[::2]) <= 0.5
     assert off(velocity(joint, 0.001), true) <= 0.3
+
+
+@pytest.mark.parametrize("of", OTHERS[-3:], ids=lambda of: of.name)
+def test_any_law_follows_its_continuous_equation(of: Law, handed: Handed) -> None:
+    """The same of laws with other peaks and terms, within v_end and beyond it."""
+    joint = of_law(handed("wrist pitch"), of)
+    true = continuous(joint, 4.0)
+    assert not of.terms or np.abs(true).max() > joint.fastest / 3
+    assert off(velocity(joint, 0.001, 4.0), true) <= 0.5
 
 
 def test_v_abs_v_is_applied(handed: Handed) -> None:

@@ -10,6 +10,7 @@ from math import isfinite
 
 import casadi as ca
 
+from bristle.errors import InputError
 from bristle.model.printing import Language, Printed, Term, statements
 
 _INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
@@ -62,10 +63,10 @@ def math_of(lines: Sequence[str]) -> tuple[str, ...]:
 def constant(value: float) -> str:
     """A number of br_real, every digit of it; what single precision cannot hold is its nearest end there.
 
-    Raises ValueError where it is not finite.
+    Raises InputError where it is not finite.
     """
     if not isfinite(value):
-        raise ValueError(f"got {value}, which has no constant in C99; write the expression without it")
+        raise InputError(f"got {value}, which has no constant in C99; write the expression without it")
     size = abs(value)
     near = min(max(size, _SMALLEST), _LARGEST) if size else 0.0
     text = f"BR_C({size!r})" if near == size else f"BR_K({size!r}, {near!r})"
@@ -115,7 +116,7 @@ def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printe
         function: of numbers.
         operand: (input, element of it) -> what it is called in C.
 
-    Raises ValueError where an operation has no counterpart.
+    Raises InputError where an operation has no counterpart.
     """
     return statements(function, operand, _C)
 

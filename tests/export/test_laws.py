@@ -1,0 +1,301 @@
+"""A joint of any friction law is handed over whole: what holds a law holds it exactly, what does not says what is lost."""
+
+import json
+import math
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from bristle.control.adaptation import Adaptation
+from bristle.control.compensator import Compensator
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.model import functions, law
+from bristle.model.formula import as_text, formula_of
+from bristle.model.laws import registry
+from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
+from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.model.vectorize import evaluate
+from bristle.questions.export import c_header, export, fmu, mjcf
+from bristle.questions.export.artefact import Artefact, Request
+from bristle.questions.export.c_check import compiled, motion
+from bristle.questions.export.equations import equations
+from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.json_document import check_json, read_export, write_json
+from bristle.questions.export.latex import check_latex, write_latex
+from bristle.questions.export.loss import all_motions, losses, lugre
+from bristle.questions.export.matlab import write_matlab
+from bristle.questions.export.symmetric import best_symmetric
+from bristle.questions.export.targets import TARGETS
+from bristle.questions.export.yaml_document import check_yaml, write_yaml
+
+from .conftest import OTHERS, Handed, of_law
+
+ASK = Request()
+WITH_TERMS = [of for of in OTHERS if of.terms]
+COMPENSATORS = [
+    Compensator(),
+    Compensator(name="stribeck"),
+    Compensator(adaptation=Adaptation()),
+    Compensator(adaptation=Adaptation(law="total", step="least-squares")),
+]
+needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc, which is not installed")
+each_law = pytest.mark.parametrize("of", OTHERS, ids=lambda of: of.name)
+
+
+@pytest.fixture
+def outside(monkeypatch: pytest.MonkeyPatch) -> Law:
+    """A law of parts that a program registered: other functions, a parameter of the peak's own, a unit of a broken power."""
+    monkeypatch.setattr(registry, "_PARTS", dict(registry._PARTS))
+    width = OwnParameter(name="width", symbol="w", units=("1", "1"), searched=(0.5, 3.0))
+    root = OwnParameter(name="beta", symbol="β", units=("N*m*s**1.5/rad**1.5", "N*s**1.5/m**1.5"), least=-math.inf)
+    peak = Peak(
+        name="arc",
+        title="arc",
+        shape=lambda v, v_s, w: 1 - 2 / ca.pi * ca.atan(w * (v / v_s) ** 2),
+        own=(width,),
+        reach=2.5,
+    )
+    registry.register(peak, compete=False)
+    registry.register(ViscousTerm(name="root", title="linear + v·√|v|", coefficient=root, rate=ca.sqrt), compete=False)
+    return registry.law_named("arc+root")
+
+
+@needs_gcc
+@pytest.mark.parametrize("compensator", COMPENSATORS, ids=["lugre", "stribeck", "adapting", "total"])
+@each_law
+def test_c_is_python(of: Law, compensator: Compensator, handed: Handed) -> None:
+    """In double precision no torque differs, adapting or not, within v_end and beyond it; in single 5e-6; the self-tests pass."""
+    joint, request = of_law(handed("wrist pitch"), of), Request(compensator=compensator)
+    double, single = c_header.TARGET.check(c_header.TARGET.write([joint], request), [joint], request)
+    assert double.startswith("double precision: 0.0e+00 of the peak torque")
+    assert double.endswith("passed")
+    assert single.endswith("passed")
+    if of.terms:
+        end = getattr(joint.curves[0], FASTEST)
+        assert np.abs(motion(joint)["reference_velocity"]).max() > 1.1 * end
+
+
+@needs_gcc
+@each_law
+def test_c_has_the_friction_curve(of: Law, handed: Handed) -> None:
+    """`stribeck` is the steady curve of the law in both directions, far beyond v_end too, where a term below zero is held."""
+    joint, compensator = of_law(handed("wrist pitch"), of), Compensator(name="stribeck")
+    speeds = joint.fastest * np.array([0.01, 0.1, 0.3, 1.0, 3.0])
+    v = np.concatenate([speeds, -speeds]).astype(np.float32).astype(np.float64)
+    with compiled(c_header.header(joint, compensator), joint, compensator, np.float64) as code:
+        found = code({"reference_velocity": v, "reference_acceleration": 0 * v})
+    up, down = (evaluate(functions.steady_torque_function(of), v, *p)[0] for p in joint.curves)
+    np.testing.assert_allclose(found, np.where(v < 0, down, up), rtol=1e-14)
+
+
+@each_law
+def test_a_header_names_the_law_and_its_parameters(of: Law, handed: Handed) -> None:
+    """The name in the comment, each parameter in the struct with its unit and range; one out of range is refused."""
+    joint = of_law(handed("wrist pitch"), of)
+    text = c_header.header(joint, Compensator())
+    assert f" * friction law: {of.name}\n" in text
+    for name, line in {
+        "alpha_3": "br_real alpha_3; /* N*m*s**2/rad**2, [-10000, 10000]: viscous friction: quadratic */",
+        "delta": "br_real delta; /* 1, [0.5, 4]: shape of the peak: free-exponent */",
+        FASTEST: "br_real v_end; /* rad/s, [1e-05, 1000]: fastest measured speed: ",
+    }.items():
+        assert (line in text) == (name in of.more)
+    for name in of.more:
+        rows = (replace(x, value=2e4) if x.parameter.name == name else x for x in joint.parameters)
+        with pytest.raises(InputError, match=rf"wrist pitch: {name}: got 20000; the C code takes"):
+            c_header.header(replace(joint, parameters=tuple(rows)), Compensator())
+
+
+@needs_gcc
+@each_law
+def test_the_fmu_is_the_joint(of: Law, handed: Handed) -> None:
+    """Its variables are the parameters of the law; `--check` finds it valid, as Python steps it, and close to the continuous equations."""
+    pytest.importorskip("fmpy", reason="needs fmpy: pip install fmpy")
+    joint = of_law(handed("wrist pitch"), of)
+    starts = {x.name: x.start for x in fmu.fmu_variables(joint)}
+    for d, p in zip(("positive", "negative"), joint.pair, strict=True):
+        assert {name: starts[f"{d}.{name}"] for name in p._fields} == p._asdict()
+    valid, python, radau, *_ = fmu.TARGET.check(fmu.TARGET.write([joint], ASK), [joint], ASK)
+    assert valid == "fmpy validation: no problem"
+    assert float(re.findall(r"sliding: (\S+) of", python)[0]) <= 1e-12
+    assert float(re.findall(r"Radau: (\S+) %", radau)[0]) <= 0.01
+
+
+@each_law
+def test_mjcf_has_the_closest_set_of_the_papers_law(of: Law, handed: Handed) -> None:
+    """What MuJoCo cannot hold is fitted, better than by leaving it out, and said with its loss, also where both directions are the same."""
+    joint = of_law(handed("wrist pitch"), of)
+    artefact = mjcf.TARGET.write([joint], ASK)
+    motions = all_motions(joint)
+    (p, bias), found = best_symmetric(joint, motions), artefact.losses[joint.name]
+    assert type(p) is Lugre
+    kept = losses(joint, lugre(p, bias), motions)
+    assert [x.percent for x in kept] == pytest.approx([x.percent for x in found], rel=1e-6)
+
+    def cost(p: Lugre[float], bias: float) -> float:
+        """What is minimised."""
+        return sum(x.percent**2 for x in losses(joint, lugre(p, bias), motions))
+
+    cut = Lugre(*((a + b) / 2 for a, b in zip(joint.pair.positive[:6], joint.pair.negative[:6], strict=True)))
+    assert cost(p, bias) < cost(cut, bias)
+    assert "its peak is Gaussian and its viscous friction linear" in artefact.holds
+    assert (max(x.percent for x in found) > 10) == any(x.kind is Kind.EXPORT_LOSES for x in artefact.said)
+    positive = {x.parameter.name: x for x in joint.parameters if x.parameter.direction is not Direction.NEGATIVE}
+    rows = (positive[x.parameter.name] for x in joint.parameters if x.parameter.direction is Direction.NEGATIVE)
+    down = tuple(replace(x, parameter=ParameterName(x.parameter.name, Direction.NEGATIVE)) for x in rows)
+    alike = replace(joint, parameters=(*positive.values(), *down))
+    assert alike.pair.positive == alike.pair.negative
+    assert max(x.percent for x in mjcf.TARGET.write([alike], ASK).losses[joint.name]) > 0.1
+
+
+@pytest.mark.parametrize("write", [write_json, write_yaml])
+@each_law
+def test_documents_come_back(of: Law, handed: Handed, tmp_path: Path, write: Callable[..., Artefact]) -> None:
+    """JSON and YAML name the law, and are read back as they were, to the last bit."""
+    joint = of_law(handed("wrist pitch"), of)
+    artefact = write([joint], ASK)
+    path = tmp_path / artefact.name
+    path.write_bytes(artefact.content)
+    assert read_export(path) == (joint,)
+    assert of.name in artefact.content.decode()
+    check = check_json if write is write_json else check_yaml
+    assert check(artefact, [joint], ASK) == ("bristle-export/1: valid", "read back: equal to the last bit")
+
+
+def test_a_document_that_does_not_fit_its_law_is_refused(handed: Handed, tmp_path: Path) -> None:
+    """A law that is not known, a parameter of another law, one that is missing, and numbers that none can be: a sentence each."""
+    joint = of_law(handed("wrist pitch"), registry.law_named("free-exponent+quadratic"))
+    text = write_json([joint], ASK).content.decode()
+    document = json.loads(text)
+
+    def changed(**fields: object) -> str:
+        """The document with other fields of the joint."""
+        return json.dumps({**document, "joints": [{**document["joints"][0], **fields}]})
+
+    rows = document["joints"][0]["parameters"]
+    for why, spoilt in {
+        r"expected one of gaussian \| .*, each perhaps with \+quadratic": changed(law="cubic"),
+        "has parameter delta[+], and its law, gaussian[+]quadratic, has none": changed(law="gaussian+quadratic"),
+        "has no parameter 'delta[+]'": changed(parameters=[x for x in rows if not x["parameter"].startswith("delta")]),
+        "got delta[+] = 0": changed(parameters=[x | {"value": 0.0} if x["parameter"] == "delta+" else x for x in rows]),
+        "got v_end- = -1": changed(parameters=[x | {"value": -1.0} if x["parameter"] == "v_end-" else x for x in rows]),
+    }.items():
+        path = tmp_path / "e.json"
+        path.write_text(spoilt, encoding="utf-8")
+        with pytest.raises(InputError, match=rf"is no document of schema bristle-export/1 \(.*{why}") as error:
+            read_export(path)
+        assert "\n" not in str(error.value)
+
+
+def matlab_value(text: str, p: dict[str, float], z: float, v: float) -> float:
+    """The value of an expression of the script."""
+    python = re.sub(r"p\.(\w+)\.value", r"p['\1']", text).replace(".*", "*").replace("./", "/").replace(".^", "**")
+    words = {"min": np.fmin, "max": np.fmax, "abs": np.abs, "sign": np.sign, "exp": np.exp, "log": np.log, "sqrt": np.sqrt,
+             "atan": np.arctan, "realmax": np.finfo(float).max}  # fmt: skip  # a table
+    return float(eval(python.replace("~", "1.0 - "), {"__builtins__": {}, **words, "p": p, "z": z, "v": v}))  # noqa: S307  # our own text
+
+
+def check_equations(joint: ExportedJoint) -> None:
+    """MATLAB's functions and the formulas that LaTeX shows have the values of the law."""
+    script = write_matlab([joint], ASK).content.decode("ascii")
+    found = dict(re.findall(r"^wrist_pitch\.(\w+) = @\([zvp, ]+\) (.*); % \S+$", script, re.MULTILINE))
+    shown = equations(joint)
+    assert found.keys() == shown.keys() == {"level", "rate", "torque"}
+    assert f"wrist_pitch.law = '{joint.law.name}';" in script
+    for p in joint.pair:
+        values, signed = p._asdict(), {name: getattr(p, name) for name in joint.law.coefficients}
+        for v in joint.fastest * np.array([-2.0, -0.1, 1e-3, 0.3, 2.0]):
+            true = {"level": law.stribeck(v, p), "rate": law.bristle_rate(1e-3, v, p), "torque": law.torque(1e-3, v, p)}
+            for name, expected in true.items():
+                formula = eval(as_text(formula_of(shown[name], signed)), {**_PYTHON, **values, "z": 1e-3, "v": v})  # noqa: S307  # our own text
+                assert matlab_value(found[name], values, 1e-3, v) == pytest.approx(float(expected), rel=1e-12)
+                assert formula == pytest.approx(float(expected), rel=1e-9)
+
+
+_PYTHON = {
+    "Min": min,
+    "Max": max,
+    "exp": math.exp,
+    "log": math.log,
+    "sqrt": math.sqrt,
+    "sign": np.sign,
+    "atan": math.atan,
+}
+"""What SymPy's text calls."""
+
+
+@each_law
+def test_the_equations_are_the_laws_own(of: Law, handed: Handed) -> None:
+    """In both directions, within v_end and beyond it; of the paper's law there are none, as before."""
+    check_equations(of_law(handed("wrist pitch"), of))
+    assert not equations(handed("wrist pitch"))
+
+
+def test_latex_shows_a_law(handed: Handed) -> None:
+    """The equations stand below the table, one paragraph where both directions have them alike, and need no package."""
+    joint = handed("wrist pitch")
+    text = write_latex([of_law(joint, OTHERS[1])], ASK).content.decode()
+    assert r"$g(v) = \alpha_{0} + \alpha_{1} e^{- \frac{\left|{v}\right|}{v_{s}}}$" in text
+    assert (
+        r"$T_f = \alpha_{2} v + \sigma_{0} z + \sigma_{1} \left(v - \frac{\sigma_{0} z \left|{v}\right|}{g}\right)$"
+        in text
+    )
+    assert text.count("Friction law exponential") == 1
+    both = of_law(joint, registry.law_named("lorentzian+quadratic"))
+    text = write_latex([both, joint], ASK).content.decode()
+    assert r"$\alpha_{3}^+$ & " in text
+    up, down = text.split("Friction law lorentzian+quadratic, direction ")[1:]
+    assert (up[:3], down[:3]) == ("$+$", "$-$")
+    assert r"\min\left(v_{end}, \left|{v}\right|\right)" in up
+    assert r"v \left(\alpha_{2} + \alpha_{3} \left|{v}\right|\right)" in down
+    assert not re.search(r"\\(operatorname|text|begin\{cases)", text)
+    if shutil.which("pdflatex"):
+        assert check_latex(write_latex([both], ASK), [both], ASK) == ("pdflatex: sets it",)
+
+
+@pytest.mark.parametrize("to", TARGETS)
+def test_every_target_takes_a_law(to: str, handed: Handed) -> None:
+    """Each is written, names the law, and leaves none of its parameters out silently: those that it cannot hold count in its losses."""
+    joint = of_law(handed("wrist pitch"), WITH_TERMS[-1])
+    handed_over = export.export_joints([joint], to, ASK)
+    assert "wrist pitch: friction law free-exponent+quadratic" in handed_over.text()
+    assert not any(x.kind is Kind.EXPORT_LEAVES_OUT for x in handed_over.artefact.said)
+    if to != "fmu":
+        assert b"friction law: free-exponent+quadratic" in handed_over.content or to in ("json", "yaml")
+
+
+@needs_gcc
+def test_a_law_from_outside_is_handed_over(outside: Law, handed: Handed, tmp_path: Path) -> None:
+    """C, FMU, JSON, MATLAB and LaTeX have a registered law as they have bristle's own; MJCF says what it loses."""
+    joint = of_law(handed("wrist pitch"), outside)
+    double, single = export.export_joints([joint], "c", ASK).check()
+    assert double.startswith("double precision: 0.0e+00 of the peak torque")
+    assert single.endswith("passed")
+    assert "#define BR_ATAN atan\n" in c_header.header(joint, Compensator())
+    description = fmu.base_units("N*m*s**1.5/rad**1.5")
+    assert description is None
+    assert export.export_joints([joint], "fmu", ASK).content
+    path = tmp_path / "e.json"
+    path.write_bytes(export.export_joints([joint], "json", ASK).content)
+    assert read_export(path) == (joint,)
+    check_equations(joint)
+    assert r"\operatorname{atan}" not in write_latex([joint], ASK).content.decode()
+    assert export.export_joints([joint], "mujoco", ASK).artefact.losses[joint.name][0].percent > 0
+
+
+def test_what_c_cannot_compute_is_refused(monkeypatch: pytest.MonkeyPatch, handed: Handed) -> None:
+    """A law of an operation that C has not is one sentence."""
+    monkeypatch.setattr(registry, "_PARTS", dict(registry._PARTS))
+    registry.register(
+        Peak(name="odd", title="odd", shape=lambda v, v_s: 1 - ca.erfinv(v / v_s), reach=1.0), compete=False
+    )
+    joint = of_law(handed("wrist pitch"), registry.law_named("odd"))
+    with pytest.raises(InputError, match="has no C99 counterpart; write the expression without it"):
+        c_header.header(joint, Compensator(name="stribeck"))
