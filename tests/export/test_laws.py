@@ -181,7 +181,7 @@ def test_a_document_that_does_not_fit_its_law_is_refused(handed: Handed, tmp_pat
 
     rows = document["joints"][0]["parameters"]
     for why, spoilt in {
-        r"expected one of gaussian \| .*, each perhaps with \+quadratic": changed(law="cubic"),
+        r"got the law 'cubic'; expected one of gaussian \| .*, each perhaps with \+quadratic": changed(law="cubic"),
         "has parameter delta[+], and its law, gaussian[+]quadratic, has none": changed(law="gaussian+quadratic"),
         "has no parameter 'delta[+]'": changed(parameters=[x for x in rows if not x["parameter"].startswith("delta")]),
         "got delta[+] = 0": changed(parameters=[x | {"value": 0.0} if x["parameter"] == "delta+" else x for x in rows]),

@@ -10,6 +10,7 @@ from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number,
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Diagnostic
+from bristle.errors import short
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import law_named
@@ -26,7 +27,7 @@ def _law(name: str) -> Law:
     try:
         return law_named(name)
     except KeyError as error:
-        raise ValueError(f"expected one of {error.args[0]}") from None
+        raise ValueError(f"got the law {short(name)}; expected one of {error.args[0]}") from None
 
 
 LawByName = Annotated[Law, JsonForm(str, lambda law: law.name, _law)]
