@@ -62,8 +62,10 @@ def outside(monkeypatch: pytest.MonkeyPatch) -> Law:
         own=(width,),
         reach=2.5,
     )
-    registry.register(peak, compete=False)
-    registry.register(ViscousTerm(name="root", title="linear + v·√|v|", coefficient=root, rate=ca.sqrt), compete=False)
+    registry.register_law(peak, compete=False)
+    registry.register_law(
+        ViscousTerm(name="root", title="linear + v·√|v|", coefficient=root, rate=ca.sqrt), compete=False
+    )
     return registry.law_named("arc+root")
 
 
@@ -293,7 +295,7 @@ def test_a_law_from_outside_is_handed_over(outside: Law, handed: Handed, tmp_pat
 def test_what_c_cannot_compute_is_refused(monkeypatch: pytest.MonkeyPatch, handed: Handed) -> None:
     """A law of an operation that C has not is one sentence."""
     monkeypatch.setattr(registry, "_PARTS", dict(registry._PARTS))
-    registry.register(
+    registry.register_law(
         Peak(name="odd", title="odd", shape=lambda v, v_s: 1 - ca.erfinv(v / v_s), reach=1.0), compete=False
     )
     joint = of_law(handed("wrist pitch"), registry.law_named("odd"))

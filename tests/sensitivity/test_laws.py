@@ -10,10 +10,11 @@ import bristle
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
+from bristle.model.formula import as_text
 from bristle.model.laws.registry import law_named
 from bristle.model.parameters import ParameterName
 from bristle.questions.sensitivity.figures import colours, map_figure, time_figure
-from bristle.questions.sensitivity.formulas import as_text, formulas
+from bristle.questions.sensitivity.formulas import formulas
 from bristle.questions.sensitivity.local import SineMotion, local
 from bristle.questions.sensitivity.parameter_box import box_of, joints_at, ordered
 from bristle.questions.sensitivity.study import SensitivityStudy
