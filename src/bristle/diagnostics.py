@@ -388,6 +388,22 @@ class Kind(Enum):
             "(an F test, to first order)."
         ),
     )
+    ORDERS_FOUND = (
+        _NOTE,
+        (
+            "Of {tried} orders, from {first} to {last} per {turn}, {orders!l} explain more of what the fit without them leaves "
+            "than chance does (F tests at 1 %, corrected for all orders tried): they are fitted. To keep them, write "
+            "orders: [{orders!l}] under fit."
+        ),
+    )
+    NO_ORDERS = (
+        _NOTE,
+        (
+            "Of {tried} orders, up to {last} per {turn}, none explains more of what the fit leaves than chance does (F tests at 1 %, "
+            "corrected for all orders tried): nothing that repeats with the position is fitted."
+        ),
+    )
+    ORDER_TO_WRITE = _NOTE, "If motor or gear repeat so, write {lines} under fit."
     LACKS_A_TERM = _CAUTION, "The fit lacks a term. {advice}"
     UNEXPLAINED = (
         _CRITICAL,
@@ -697,7 +713,7 @@ class Kind(Enum):
         _CAUTION,
         (
             "Residuals show a ripple vs position of period {period:.3g position} (p = {p:.1g}, corrected for {looks} "
-            "tests), which explains {share:.0%} of their variance."
+            "tests), which explains {share:.0%} of their variance.{advice!t}"
         ),
     )
     CORRELATED = (
@@ -2566,11 +2582,11 @@ REASONS: Mapping[str, str] = {
         "RUN_IN ENCODER_COUNT ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE LIMIT_LINKS "
         "INERTIA_EXACT NOISE_OF_EQUATIONS NOISE_OF_INDEPENDENT NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD "
         "GRIPPER_FRICTION NOISE_OF_FIT NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED TIME_RECEIVED TOPICS_INTERPOLATED OWN_TIME FILES_JOINED "
-        "PART_TAKEN GEAR_TAKEN"
+        "PART_TAKEN GEAR_TAKEN ORDERS_FOUND NO_ORDERS"
     ),
     "It says what to measure or to write next.": (
         "SET_UP_PAYS MEASURE_SPEEDS RISES_BELOW RISE_NOT_SHOWN FEW_POINTS_BELOW UNLIMITED_BELOW UNLIMITED_ABOVE V_S_WIDE ALPHA_2_WIDE "
-        "REPEAT_STICKING MEASURE_DIRECTION PEAK_OPEN VISCOUS_OPEN BRISTLE_OPEN INERTIA_OPEN AVOID_COUNTS HOLD_BACK"
+        "REPEAT_STICKING MEASURE_DIRECTION PEAK_OPEN VISCOUS_OPEN BRISTLE_OPEN INERTIA_OPEN AVOID_COUNTS HOLD_BACK ORDER_TO_WRITE"
     ),
     "It is a finding, and not about a number's error.": (
         "NEVER_UNDERCUT DESIGN_VALIDATED V_S_KNOWABLE IPOPT_NEVER_LOWER POLISHING_STAYS STARTS_PART STARTS_AGREE PLAIN_GRID_ERROR FIT_TIMES "

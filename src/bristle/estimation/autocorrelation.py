@@ -3,6 +3,8 @@
 Autocorrelation, by how much it inflates the variance of a mean, and what residuals hold beyond it.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import fdtrc
@@ -108,13 +110,13 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
     trends = {"time": time, "velocity": velocity, "position": position}
     known = {name: x for name, x in trends.items() if x.size == n and n >= _FEW and np.ptp(x) > 0}
     scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in known.items()}
-    tests: list[tuple[Kind, dict[str, float | str], Array]] = [
+    tests: list[tuple[Kind, dict[str, Any], Array]] = [
         (Kind.RESIDUAL_TREND, {"over": name}, np.stack([s, s * s])) for name, s in scaled.items()
     ]
     count = min(n // 4, _HARMONICS) if "position" in known else 0
     if count:
         period, basis = _strongest_harmonic(residuals, known["position"], count)
-        tests.append((Kind.RESIDUAL_RIPPLE, {"period": period}, basis))
+        tests.append((Kind.RESIDUAL_RIPPLE, {"period": period, "advice": ()}, basis))
     both = "velocity" in known and velocity.min() < 0 < velocity.max()
     looks, warnings = len(known) + count + both, []
     if both:  # a symmetric curve that is not: what it leaves is even in velocity

@@ -31,6 +31,7 @@ from bristle.identification.moving_runs import (
     smeared_by_counts,
 )
 from bristle.identification.moving_runs import regressors as asked_regressors
+from bristle.identification.periods import with_periods
 from bristle.identification.point_checks import offset_left_out, point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
@@ -42,7 +43,7 @@ from bristle.identification.static.runs import fit_moving, fit_points, pulled_po
 from bristle.identification.static.set_up import better_for_motion, better_for_points, with_one_advice
 from bristle.identification.static.stray_report import advised
 from bristle.model.laws.registry import AUTO, PAPER, law_named
-from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
+from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current, slides
 from bristle.progress import Progress, step
 
 _OF_THE_DATA = {
@@ -74,7 +75,7 @@ def identify_joint(
     identified = partial(
         _identified, timings=timings, asked_law=asked, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
     )
-    measured, laws = _with_law(measured)
+    measured, laws = _with_law(with_periods(measured))
     joint = identified(measured, laws)
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
@@ -395,6 +396,9 @@ def _settings(experiment: Experiment, asked_law: str, *, moving: bool) -> dict[s
         if fit.v_s_range is None
         else f"{fit.v_s_range[0]:g} to {fit.v_s_range[1]:g}",
     }
+    if isinstance(fit.orders, tuple):
+        per = "metre" if slides(experiment.joint.kind) else "turn"
+        settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {per}"
     if moving:
         settings |= {
             "position filter": f"4th-order Butterworth, zero phase, {fit.position_cutoff:g} Hz",

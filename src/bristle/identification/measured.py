@@ -16,8 +16,8 @@ from bristle.data.signal_checks import merged
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, short, short_list
 from bristle.identification.fits import Estimate
-from bristle.identification.moving_runs import load_columns
-from bristle.identification.static.points import PointSearch, search_points, without_strays
+from bristle.identification.moving_runs import load_columns, needed, terms_of
+from bristle.identification.static.points import PointSearch, point_regressors, search_points, without_strays
 from bristle.model.laws.registry import law_named
 
 if TYPE_CHECKING:
@@ -120,12 +120,21 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
 
 def with_law(measured: Measured, law: str) -> Measured:
     """The same under another friction law, by which the points are judged anew."""
-    own = measured.experiment
-    experiment = own.model_copy(update={"fit": own.fit.model_copy(update={"law": law})})
-    if law_named(law) == law_named(own.fit.law):
-        return replace(measured, experiment=experiment)
+    if law_named(law) == law_named(measured.experiment.fit.law):
+        return replace(measured, experiment=_asking(measured.experiment, law=law))
+    return with_options(measured, law=law)
+
+
+def with_options(measured: Measured, **options: object) -> Measured:
+    """The same with other options under `fit`, by which the points are judged anew."""
+    experiment = _asking(measured.experiment, **options)
     posed = measured_of(experiment, measured.runs)
     return replace(measured, experiment=experiment, segments=posed.segments, searches=posed.searches)
+
+
+def _asking(experiment: Experiment, **options: object) -> Experiment:
+    """The experiment with other options under `fit`."""
+    return experiment.model_copy(update={"fit": experiment.fit.model_copy(update=options)})
 
 
 def nothing_to_fit(measured: Measured) -> str:
@@ -199,16 +208,18 @@ def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segmen
 
 def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
     if run.kind == "ramp":
-        return _with_loads(run.record, find_segments(run.record, experiment.segments, experiment.encoder_resolution))
+        found = find_segments(run.record, experiment.segments, experiment.encoder_resolution)
+        return with_loads(run.record, found, ("gravity", *point_regressors(experiment)))
     return _given_points(run.record, experiment.segments.minimum_velocity) if run.kind == "points" else ()
 
 
-def _with_loads(record: Record, segments: tuple[Segment, ...]) -> tuple[Segment, ...]:
-    """The segments with what gravity's terms are on average while the joint passes: over a long hold not what they are in its middle."""
+def with_loads(record: Record, segments: tuple[Segment, ...], asked: Sequence[str]) -> tuple[Segment, ...]:
+    """The segments with what terms of the position are on average while the joint passes: over a long hold not what they are in its middle."""
     q = record.position
     if q is None:
         return segments
-    columns = load_columns(("gravity",), lambda _: q, q.size)
+    placed = [name for name in asked if "position" in terms_of(name).needs]
+    columns = load_columns(placed, lambda name: needed(record, name), q.size)
     return tuple(
         replace(s, loads={name: float(x[s.start : s.stop].mean()) for name, x in columns.items()}) for s in segments
     )

@@ -29,7 +29,7 @@ from bristle.identification.model_criteria import (
     power_of,
     rank_models,
 )
-from bristle.identification.moving_runs import DIRECTIONS, inertia, regressors
+from bristle.identification.moving_runs import DIRECTIONS, declared, inertia, regressors
 from bristle.identification.results import ModelComparison
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
@@ -115,7 +115,7 @@ def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, mov
         asked = regressors(experiment)
         asked = (*asked, "offset") if symmetric and "offset" not in asked else asked
     else:
-        asked = experiment.fit.regressors or ()
+        asked = declared(experiment) or ()
     return tuple(r for r in asked if r != "offset" or directions == ("both",))
 
 

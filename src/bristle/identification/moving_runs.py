@@ -13,15 +13,16 @@ from scipy.special import fdtrc
 from bristle.arrays import Array
 from bristle.data.differentiation import smoothed
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.schema import PlusMinus
+from bristle.data.experiment.schema import PERIODIC, PlusMinus
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged, velocity_noise
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.identification.fits import Estimate
-from bristle.model.functions import load_terms_function
-from bristle.model.parameters import ParameterName
+from bristle.model.functions import load_terms_function, periodic_terms_function
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import ParameterName, periodic, slides
 from bristle.model.vectorize import evaluate
 
 _PASSES, _MOSTLY = 0.3, 0.5
@@ -63,8 +64,39 @@ LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.na
 """In the order of `law.load_terms`."""
 _NEEDED = ("position", "velocity", "acceleration", "link_torque")
 """What `law.load_terms` is of, in its order."""
+_PER_METRE = "/m"
+"""At the end of an order that is of a joint that slides."""
 _KERNEL_TAIL = 1e-8
 """Where the smoothing kernel is cut, relative to its peak."""
+
+
+def terms_of(regressor: str) -> Regressor:
+    """What a regressor is; `cogging_4` is cogging of order 4, `cogging_4/m` of a joint that slides, `cogging` of none yet."""
+    if regressor in REGRESSORS:
+        return REGRESSORS[regressor]
+    stem, _, order = regressor.removesuffix(_PER_METRE).partition("_")
+    names = tuple(f"{stem}_{wave}_{order}" for wave in ("sin", "cos")) if order else ()
+    return Regressor(names, ("position", "velocity") if stem == "ripple" else ("position",))
+
+
+def with_orders(names: Sequence[str], orders: Sequence[int], kind: JointKind) -> tuple[str, ...]:
+    """The regressors, with one for each order in place of one that repeats with the position."""
+    per = _PER_METRE if slides(kind) else ""
+    each = {name: [f"{name}_{k}{per}" for k in orders] for name in PERIODIC}
+    return tuple(one for name in names for one in each.get(name, [name]))
+
+
+def declared(experiment: Experiment) -> tuple[str, ...] | None:
+    """The regressors that an experiment asks for, with their orders where these are known; None where it says nothing."""
+    asked, orders = experiment.fit.regressors, experiment.fit.orders
+    return with_orders(asked, orders, experiment.joint.kind) if asked and isinstance(orders, tuple) else asked
+
+
+def regressors_of(parameters: Collection[str], kind: JointKind) -> tuple[str, ...]:
+    """The regressors that some parameters are of."""
+    plain = [name for name, terms in REGRESSORS.items() if not set(terms.names).isdisjoint(parameters)]
+    each = [with_orders((x[0],), (x[2],), kind)[0] for name in parameters if (x := periodic(name))]
+    return (*plain, *dict.fromkeys(each))
 
 
 def needed(record: Record, name: str) -> Array:
@@ -89,18 +121,49 @@ def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: i
     `signal` gives position, velocity or acceleration, rad and s, or link_torque, N*m, (n,); it is asked for those that
     are needed alone.
     """
-    needs = {what for regressor in regressors for what in REGRESSORS[regressor].needs}
-    signals = (signal(what) if what in needs else np.zeros(n) for what in _NEEDED)
+    needs = {what for regressor in regressors for what in terms_of(regressor).needs}
+    signals = [signal(what) if what in needs else np.zeros(n) for what in _NEEDED]
     terms = dict(zip(LOADS, evaluate(load_terms_function(), *signals), strict=True))
-    return {
+    columns = {
         name: terms[name] for regressor in REGRESSORS if regressor in regressors for name in REGRESSORS[regressor].names
     }
+    for regressor in regressors:
+        if regressor not in REGRESSORS and (names := terms_of(regressor).names):
+            columns |= zip(names, _periodic_columns(regressor, *signals[:2]), strict=True)
+    return columns
+
+
+def _periodic_columns(regressor: str, position: Array, velocity: Array) -> tuple[Array, ...]:
+    """The two columns (`law.periodic_terms`) of cogging or ripple of an order, each (n,)."""
+    bare = regressor.removesuffix(_PER_METRE)
+    stem, _, order = bare.partition("_")
+    rate = int(order) * (1.0 if bare == regressor else 2 * np.pi)
+    columns = evaluate(periodic_terms_function(), position, velocity, rate)
+    return columns[:2] if stem == "cogging" else columns[2:]
 
 
 def regressor_line(names: Collection[str], parameters: Collection[str] = ()) -> str:
     """The line that asks for these regressors, and for those that some parameters are of, in their order."""
     wanted = [x for x in REGRESSORS if x in names or not set(parameters).isdisjoint(REGRESSORS[x].names)]
+    wanted += [x for x in PERIODIC if any(name.partition("_")[0] == x for name in (*names, *parameters))]
     return f"regressors: [{', '.join(wanted)}]"
+
+
+def with_orders_advised(
+    warnings: Sequence[Diagnostic], parameters: Collection[str], kind: JointKind
+) -> tuple[Diagnostic, ...]:
+    """The warnings about what a fit of some parameters leaves; that of a ripple with the lines that would fit it."""
+    turn, known = 1.0 if slides(kind) else 2 * np.pi, {x[2] for name in parameters if (x := periodic(name))}
+
+    def advised(warning: Diagnostic) -> Diagnostic:
+        """One of them; a ripple of more than a turn, or of an order that is fitted, has no lines."""
+        order = round(turn / warning.numbers["period"]) if warning.kind is Kind.RESIDUAL_RIPPLE else 0
+        if not order or order in known:
+            return warning
+        lines = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*known, order})))}]"
+        return warning.but(advice=(Kind.ORDER_TO_WRITE(lines=lines),))
+
+    return tuple(map(advised, warnings))
 
 
 def torque_shifts(records: Sequence[Record]) -> dict[str, Array]:
@@ -114,7 +177,7 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
 
     A fixed inertia is not asked for.
     """
-    asked: tuple[str, ...] | None = experiment.fit.regressors
+    asked = declared(experiment)
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
     fixed, _ = inertia(experiment)

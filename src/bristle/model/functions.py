@@ -66,6 +66,13 @@ def load_terms_function() -> ca.Function:
     return _function("load_terms", s, law.load_terms(**s))
 
 
+@cache
+def periodic_terms_function() -> ca.Function:
+    """(q, v, k) -> `law.periodic_terms`, in that order."""
+    s = _symbols("q", "v", "k")
+    return _function("periodic_terms", s, law.periodic_terms(**s))
+
+
 def drive_torque_slopes_function() -> ca.Function:
     """(V, w, k_t, R) -> (T_V, T_k_t, T_R): derivatives of `motor.drive_torque` (7)-(8), N*m/V, A and N*m/ohm."""
     s = _symbols("V", "w", "k_t", "R")

@@ -133,6 +133,17 @@ def load_terms(q: Expression, v: Expression, a: Expression, tau: Expression) -> 
     }
 
 
+def periodic_terms(q: Expression, v: Expression, k: Expression) -> dict[str, Expression]:
+    """What multiplies each parameter of the torque that repeats with the position, at k rad per rad (or per m).
+
+    Cogging is the same in both directions of motion, cogging_sin sin(k q) + cogging_cos cos(k q); a ripple is of
+    friction, and turns with the motion: (ripple_sin sin(k q) + ripple_cos cos(k q)) sgn(v). Each is a sum over orders.
+    """
+    waves = {"sin": ca.sin(k * q), "cos": ca.cos(k * q)}
+    cogging = {f"cogging_{name}": wave for name, wave in waves.items()}
+    return cogging | {f"ripple_{name}": wave * ca.sign(v) for name, wave in waves.items()}
+
+
 def adapted(p: Lugre[Any], theta: Mapping[str, Expression]) -> Lugre[Any]:
     """The parameters of the adaptive form (16)-(18): each named one times its gain.
 

@@ -4,6 +4,7 @@ And how one of them is named. Each tuple is generic over what stands in it: floa
 tuple knows the law whose parameters it holds. Units are SI strings that pint reads.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from functools import cache
@@ -250,6 +251,18 @@ def in_direction(values: Mapping[ParameterName, T], name: str, direction: str) -
     return next((values[key] for key in keys if key in values), None)
 
 
+def periodic(name: str) -> tuple[str, str, int] | None:
+    """Of a parameter that repeats with the position the regressor, `sin` or `cos`, and the order: of cogging_sin_4 cogging, sin, 4.
+
+    None of any other.
+    """
+    parts = _PERIODIC.fullmatch(name)
+    return None if parts is None else (parts[1], parts[2], int(parts[3]))
+
+
+_PERIODIC = re.compile(r"(cogging|ripple)_(sin|cos)_([1-9][0-9]*)")
+
+
 class Motor(NamedTuple, Generic[T]):
     """The DC motor as seen at the joint, equations (1)-(2)."""
 
@@ -310,6 +323,7 @@ def unit(name: str, kind: Kind = "revolute") -> str:
 
     Raises KeyError for a name that is neither.
     """
+    name = "torque" if periodic(name) else name
     of_law = None if name in _UNITS else own_parameter(name)
     own = (_UNITS[name] if of_law is None else of_law.units)[slides(kind)]
     if not in_current(kind):

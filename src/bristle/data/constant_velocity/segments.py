@@ -62,7 +62,7 @@ class Segment:
     torque_shifts: Mapping[str, Number] = field(default_factory=dict, metadata=UNWRITTEN)
     """Change of the mean torque per standard error of each constant behind it, N*m, as in `Record`."""
     loads: Mapping[str, Number] = field(default_factory=dict, metadata=UNWRITTEN)
-    """Means of what multiplies the parameters of gravity (`law.load_terms`); empty of a given point, whose position tells them."""
+    """Means of what multiplies the parameters of gravity (`law.load_terms`), cogging, ripple; empty of a given point, whose position tells them."""
     swing: Number = field(default=0.0, metadata=UNWRITTEN)
     """Standard deviation of the velocity that is not noise, rad/s; 0 where noise hides it."""
     line: int | None = None

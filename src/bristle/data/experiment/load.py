@@ -18,6 +18,7 @@ from bristle.data.experiment.constants import Constant, torque_constants, torque
 from bristle.data.experiment.gear import SIDED, Gear
 from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.schema import (
+    PERIODIC,
     AdaptOptions,
     FitOptions,
     JointDescription,
@@ -162,7 +163,8 @@ def _check_run(experiment: Experiment, run: RunFiles, where: str) -> None:
         raise InputError(
             f"{where}: no time; give a column, as in time: {{column: t, unit: s}}, or a rate, as in time: {{rate: 1 kHz}}, under signals"
         )
-    needs_position = run.experiment == "presliding" or (moving and "gravity" in (experiment.fit.regressors or ()))
+    by_position = not {"gravity", *PERIODIC}.isdisjoint(experiment.fit.regressors or ())
+    needs_position = run.experiment == "presliding" or (moving and by_position)
     if signals.position is None and (needs_position or signals.velocity is None):
         wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
         raise InputError(f"{where}: no {wanted}, which {run.experiment} runs need; name it under signals")

@@ -14,7 +14,9 @@ from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import Kind, Lugre, of_friction
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
-Regressor = Literal["inertia", "offset", "gravity", "quadratic", "links"]
+Regressor = Literal["inertia", "offset", "gravity", "quadratic", "links", "cogging", "ripple"]
+PERIODIC = ("cogging", "ripple")
+"""Regressors that repeat with the position: each has its columns for every one of `fit.orders`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -211,6 +213,24 @@ def read_law(name: str) -> str:
     return name
 
 
+_MOST_ORDERS, _HIGHEST_ORDER = 20, 100_000
+
+
+def read_orders(value: object) -> object:
+    """Read `[4, 11]` or `auto`; raises InputError of anything else."""
+    if value is None or value == AUTO:
+        return value
+    numbers = value if isinstance(value, list | tuple) else [value]
+    for k in numbers:
+        if not isinstance(k, int) or isinstance(k, bool) or not 1 <= k <= _HIGHEST_ORDER:
+            raise InputError(
+                f"got {short(k)}; expected {AUTO}, or whole numbers from 1 to {_HIGHEST_ORDER:_}, as [4, 11]"
+            )
+    if not 1 <= len(set(numbers)) == len(numbers) <= _MOST_ORDERS:
+        raise InputError(f"got {short(value)}; expected {AUTO}, or up to {_MOST_ORDERS} orders, each once, as [4, 11]")
+    return tuple(sorted(numbers))
+
+
 class FitOptions(StrictModel):
     """How the static parameters are fitted."""
 
@@ -227,6 +247,8 @@ class FitOptions(StrictModel):
     """Points and segments that are left out."""
     regressors: tuple[Regressor, ...] | None = None
     """None: none for ramp and points, inertia (and offset, if symmetric) for tracking."""
+    orders: Annotated[tuple[int, ...] | Literal["auto"] | None, BeforeValidator(read_orders)] = None
+    """Of cogging and ripple, periods per turn of the joint, or per metre; None, as `auto`: those that the data show."""
     v_s_range: tuple[Speed, Speed] | None = None
     """Stribeck velocities that are searched, rad/s; None: from the data."""
     grid: Annotated[int, Field(ge=8, le=2_000)] = 32
@@ -266,6 +288,13 @@ class FitOptions(StrictModel):
         if "quadratic" in (self.regressors or ()) and law_named(self.law).terms:
             raise InputError(
                 f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
+            )
+        repeats = [name for name in PERIODIC if name in (self.regressors or ())]
+        if self.orders is not None and not repeats:
+            raise InputError("fit.orders: nothing has orders; add cogging or ripple to fit.regressors, or leave it out")
+        if repeats and self.predict == "position":
+            raise InputError(
+                f"fit.regressors: {repeats[0]} is fitted to a torque; leave it out, or set fit.predict: torque"
             )
         if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
             raise InputError(

@@ -30,6 +30,7 @@ from bristle.identification.dynamic.unknowns import (
     without_deflections,
 )
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
+from bristle.identification.moving_runs import with_orders_advised
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, least_of, of_friction, unit
@@ -93,7 +94,7 @@ def fit_tracking(
     free = tuple(n for n in solution.names if n in estimates)
     rows = equations_left(problem, solution)
     warnings = (
-        *_lack_of_fit(problem, rows),
+        *_lack_of_fit(problem, rows, kind),
         *_below_zero(estimates.get(INERTIA)),
         *missing_terms(problem, solution, kind),
         *regressor_left_out(problem, solution),
@@ -260,11 +261,12 @@ def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     return [*warnings, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else warnings
 
 
-def _lack_of_fit(problem: DynamicProblem, rows: Array) -> tuple[Diagnostic, ...]:
+def _lack_of_fit(problem: DynamicProblem, rows: Array, kind: JointKind) -> tuple[Diagnostic, ...]:
     """What the equations (n,) leave beyond noise; of a simulated position, which drifts, nothing is said."""
     if problem.quantity == "position":
         return ()
     patterns = residual_warnings(rows, problem.velocity, problem.time, problem.position)
+    patterns = with_orders_advised(patterns, [name.name for name in problem.extra_names], kind)
     return (*unexplained(rows, problem.extent), *patterns, *pattern_left(problem, rows))
 
 

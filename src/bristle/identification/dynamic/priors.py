@@ -126,7 +126,7 @@ def fit_with_priors(
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
     slow = load(static) if load and static_is_apart else None
-    problem, start = _posed_and_start(experiment, moving, records, static, slow)
+    problem, start = posed_and_start(experiment, moving, records, static, slow)
     tests = [(r.file, pose([r], problem.fixed)) for r in held]
     solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
     if crosscheck and by_torque:
@@ -152,11 +152,11 @@ def fit_with_priors(
 
 def fit_alone(experiment: Experiment, records: Sequence[Record], static: Mapping[str, StaticFit]) -> TrackingFit:
     """All parameters of moving runs, beside no other stage, as they come out of the fit. Raises InputError as `fit_with_priors`."""
-    problem, start = _posed_and_start(experiment, directions(experiment, records), records, static, None)
+    problem, start = posed_and_start(experiment, directions(experiment, records), records, static, None)
     return fit_tracking(problem, start, experiment.joint.kind).fit
 
 
-def _posed_and_start(
+def posed_and_start(
     experiment: Experiment,
     moving: tuple[str, ...],
     records: Sequence[Record],

@@ -1,5 +1,7 @@
 """Terms of the torque that the fit of moving runs was not asked for, and its data show: a regressor, an offset."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.special import fdtrc
 
@@ -25,26 +27,35 @@ def regressor_left_out(problem: DynamicProblem, solution: MultistartSolution[Unk
     """The regressor that explains most of what the fit leaves, to first order: an F test beside all that is fitted."""
     if problem.quantity != "torque":
         return []
-    asked, motions = {name.name for name in problem.extra_names}, problem.motions
-    located = all(m.position.size for m in motions)
+    asked = {name.name for name in problem.extra_names}
+    located = all(m.position.size for m in problem.motions)
     names = [x for x in _TRIED if asked.isdisjoint(REGRESSORS[x].names) and (located or x != "gravity")]
-    jacobian, rest = (
-        x[: sum(m.size for m in motions)] for x in (solution.minimum.jacobian, solution.minimum.residuals)
-    )
-    known = jacobian[:, solution.scaled_errors < np.inf]
-
-    def columns(name: str, m: Motion) -> Array:
-        """Of a regressor, as the equations see them, (n, k)."""
-        signals = {"position": m.position, "velocity": m.velocity}
-        of = load_columns((name,), lambda signal: signals[signal], m.time.size)
-        return m.weighted(np.stack(list(of.values()), axis=1))
-
-    found = {x: explained_beside(known, rest, np.concatenate([columns(x, m) for m in motions])) for x in names}
+    known, rest = known_and_left(problem, solution)
+    found = {x: explained_beside(known, rest, columns_of(problem, (x,))) for x in names}
     best = max(found, key=lambda x: found[x][1], default=None)
     if best is None or found[best][0] * len(names) > _RARE or found[best][1] < _SHARE:
         return []
     advice = Kind.TERM_EXPLAINS(lines=regressor_line((best,), asked), share=found[best][1])
     return [Kind.LACKS_A_TERM(advice=advice)]
+
+
+def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
+    """Derivatives of the equations by all that they tell, (n, p), and what the fit leaves of them, (n,)."""
+    n = sum(m.size for m in problem.motions)
+    jacobian, rest = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
+    return jacobian[:, solution.scaled_errors < np.inf], rest
+
+
+def columns_of(problem: DynamicProblem, regressors: Sequence[str]) -> Array:
+    """The columns of some regressors, as the equations weigh them, (n, k)."""
+
+    def weighted(m: Motion) -> Array:
+        """Of one motion."""
+        signals = {"position": m.position, "velocity": m.velocity}
+        of = load_columns(regressors, lambda signal: signals[signal], m.time.size)
+        return m.weighted(np.stack(list(of.values()), axis=1))
+
+    return np.concatenate([weighted(m) for m in problem.motions])
 
 
 def offset_or_friction(

@@ -14,6 +14,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings, unexplained
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
+from bristle.identification.moving_runs import with_orders_advised
 from bristle.identification.repeats import RunFit, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
@@ -234,7 +235,8 @@ def _comparisons(
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
     velocity = problem.equation_velocity[measured]
-    warnings += residual_warnings(core.solution.residuals[measured], velocity, where.time, where.position)
+    patterns = residual_warnings(core.solution.residuals[measured], velocity, where.time, where.position)
+    warnings += with_orders_advised(patterns, [name.name for name in problem.names], kind)
     residuals = core.measured.residuals(core.solution.theta)[measured]
     warnings += quadratic_left_out(core.problem, core.solution.theta)
     in_order = residuals[np.argsort(velocity)] if where.segments else residuals

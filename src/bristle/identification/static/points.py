@@ -14,7 +14,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.linear import inverse_gram
-from bristle.identification.moving_runs import DIRECTIONS, load_columns
+from bristle.identification.moving_runs import DIRECTIONS, declared, load_columns, terms_of
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.shape_search import with_best_shape
@@ -135,7 +135,7 @@ def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> I
 
 def point_regressors(experiment: Experiment) -> tuple[str, ...]:
     """Regressors of the points: as asked for, without the inertia, which needs acceleration."""
-    return tuple(name for name in experiment.fit.regressors or () if name != "inertia")
+    return tuple(name for name in declared(experiment) or () if name != "inertia")
 
 
 def groups(
@@ -156,11 +156,12 @@ def points_problem(
 ) -> Regression:
     """The regression of some points in these directions, with the regressors asked for and the friction of a law.
 
-    Raises InputError where gravity is asked for and a point has no position.
+    Raises InputError where one of them needs a position and a point has none.
     """
-    if "gravity" in asked and any(s.position is None for s in points):
+    placed = [name.partition("_")[0] for name in asked if "position" in terms_of(name).needs]
+    if placed and any(s.position is None for s in points):
         raise InputError(
-            "fit.regressors: gravity needs the position of every point; add position under signals, or leave gravity out"
+            f"fit.regressors: {placed[0]} needs the position of every point; add position under signals, or leave {placed[0]} out"
         )
 
     def signal(name: str) -> Array:

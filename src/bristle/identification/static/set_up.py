@@ -21,15 +21,16 @@ from bristle.estimation.autocorrelation import explained_beside
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.moving_runs import (
     DIRECTIONS,
-    LOADS,
     REGRESSORS,
     directions,
     inertia,
     regressor_line,
     regressors,
+    terms_of,
 )
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
+from bristle.model.parameters import of_curve
 
 _PARTS = 5
 """Held out in turn; ..."""
@@ -132,7 +133,7 @@ def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> Bett
     asked = SetUp(
         _sides(points) if experiment.fit.directions == "separate" else ("both",), point_regressors(experiment)
     )
-    return _clear(_better(asked, _of_points(points)))
+    return _clear(_better(asked, _of_points(points, asked.regressors)))
 
 
 def proposed_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
@@ -160,7 +161,7 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     has |= {"link_torque"} if "links" in regressors(experiment) else set()  # else it is known, and no column
     possible = [
         name for name, terms in REGRESSORS.items() if set(terms.needs) <= has and (name != "inertia" or fixed is None)
-    ]
+    ] + _periodic(regressors(experiment))
     return _Trial(
         possible,
         lambda sides: from_records(records, sides, possible, experiment.fit.decimation, fixed)[0],
@@ -168,9 +169,15 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     )
 
 
-def _of_points(points: Sequence[Segment]) -> _Trial:
+def _periodic(asked: Sequence[str]) -> list[str]:
+    """What repeats with the position is there where it is asked for, and not tried."""
+    return [name for name in asked if name not in REGRESSORS]
+
+
+def _of_points(points: Sequence[Segment], asked: Sequence[str] = ()) -> _Trial:
     ordered = sorted(points, key=lambda s: s.velocity)
     possible = ["offset", *(["gravity"] if all(s.position is not None for s in points) else []), "quadratic"]
+    possible += _periodic(asked)
     return _Trial(possible, lambda sides: points_problem(ordered, sides, possible), lambda n: np.arange(n) % _PARTS)
 
 
@@ -274,7 +281,7 @@ class _Products(NamedTuple):
 
     def errors(self, regressors: Sequence[str]) -> Array | None:
         """Relative error of each part, percent of the whole torque, (k,); None where there are too few equations."""
-        wanted = {name for regressor in regressors for name in REGRESSORS[regressor].names}
+        wanted = {name for regressor in regressors for name in terms_of(regressor).names}
         keep = [k for k, name in enumerate(self.names) if name in wanted or not name]
         if self.n < _SPARE * len(keep) or not self.norm:
             return None
@@ -291,7 +298,7 @@ def _products(problem: Regression, part: Callable[[int], NDArray[np.int_]]) -> _
     bent = [problem.shapes(v_s, k) for k in range(len(problem.peaks))]
     X, y = np.concatenate([problem.linear, *bent], axis=1), problem.torque
     X = X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)
-    names = [name.name if name.name in LOADS else "" for name in problem.linear_names]
+    names = ["" if of_curve(name.name) else name.name for name in problem.linear_names]
     parts = [part(y.size) == k for k in range(_PARTS)]
     return _Products(
         names=names + [""] * (X.shape[1] - len(names)),

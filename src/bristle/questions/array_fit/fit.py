@@ -20,7 +20,7 @@ from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_joint import inertia_of, known_joint, whole
 from bristle.identification.measured import Measured, measured_of
-from bristle.identification.moving_runs import REGRESSORS, load_columns
+from bristle.identification.moving_runs import load_columns, regressors_of, terms_of
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import curve
 from bristle.model.parameters import SIGNED, Direction, Kind, Lugre, Pair, ParameterName, fields_of, lugre_of
@@ -120,14 +120,15 @@ class Fit:
     def predict(self, velocity: ArrayLike, position: ArrayLike | None = None) -> Array:
         """The torque of steady motion at some velocities, N*m, in the shape of `velocity`, rad/s: friction, and what else was fitted.
 
-        `position`, rad, is needed where gravity was fitted. Raises InputError where it is missing, or nothing is known of
+        `position`, rad, is needed where gravity, cogging or ripple was fitted. Raises InputError where it is missing, or nothing is known of
         friction vs velocity.
         """
         v = np.asarray(velocity, dtype=float)
         fitted = {row.name: row.estimate.value or 0.0 for row in self._rows()}
-        asked = [name for name, terms in REGRESSORS.items() if name != "inertia" and set(terms.names) & fitted.keys()]
-        if "gravity" in asked and position is None:
-            raise InputError("predict: gravity was fitted; give the position too")
+        asked = [name for name in regressors_of(fitted.keys(), self.joint.kind) if name != "inertia"]
+        placed = [name.partition("_")[0] for name in asked if "position" in terms_of(name).needs]
+        if placed and position is None:
+            raise InputError(f"predict: {placed[0]} was fitted; give the position too")
         q = np.broadcast_to(np.asarray(0.0 if position is None else position, dtype=float), v.shape)
         columns = load_columns(asked, lambda name: np.ravel({"velocity": v, "position": q}[name]), v.size)
         return np.asarray(self.friction(v) + sum(fitted[n] * np.reshape(x, v.shape) for n, x in columns.items()))

@@ -19,7 +19,7 @@ from bristle.control.control_period import flat, no_friction, symbols
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.dynamic.problem import Motion, dynamic_problem
 from bristle.identification.measured import Measured
-from bristle.identification.moving_runs import inertia, regressors
+from bristle.identification.moving_runs import REGRESSORS, inertia, regressors, regressors_of
 from bristle.identification.results import Joint
 from bristle.model import law
 from bristle.model.laws.parts import Law
@@ -108,9 +108,11 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
         (wrong, loop.wrong_start(loop.model), loop.adaptation),
     ]
     ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
+    fitted = regressors_of([name.name for name in known], joint.kind)  # with the orders that were found
+    asked = tuple(dict.fromkeys((*regressors(measured.experiment), *(x for x in fitted if x not in REGRESSORS))))
     found = []
     for record in (run.record for run in measured.runs if run.kind == "tracking"):
-        problem = dynamic_problem([record], ("both",), regressors(measured.experiment), 1, fixed)
+        problem = dynamic_problem([record], ("both",), asked, 1, fixed)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
         found += [_replay(loop, record.file, problem.motions, extra, *way) for way in ways]
     return tuple(found)

@@ -14,7 +14,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
-from bristle.identification.moving_runs import REGRESSORS, load_columns
+from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
 from bristle.model.laws.parts import Law
 from bristle.model.parameters import (
@@ -198,8 +198,9 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
     """What the torque along the motion tells, beside the extra terms that the joint's own fit has to find as well."""
     noise, noise_source = _noise(joint, model.p, motion.period)
     course, fit = motion.course, joint.moving
-    columns = load_columns([x for x in REGRESSORS if x != "links"], partial(getattr, course), course.velocity.size)
     values = fit.known if fit is not None else {ParameterName.parse("inertia"): 0.0}
+    asked = [x for x in regressors_of([name.name for name in values], joint.kind) if x != "links"]
+    columns = load_columns(asked, partial(getattr, course), course.velocity.size)
     terms = {ParameterName.parse(name): column for name, column in columns.items()}
     extra = {name: column for name, column in terms.items() if name in (fit.names if fit is not None else values)}
     friction = names_of(model.p)

@@ -1,0 +1,154 @@
+"""Orders of cogging and of ripple: whether the positions resolve those asked for, and which ones the data show."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.data.experiment.load import Experiment
+from bristle.data.experiment.schema import PERIODIC
+from bristle.data.record import Record
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.estimation.autocorrelation import explained_beside
+from bristle.identification.dynamic.fit import SEED, STARTS
+from bristle.identification.dynamic.priors import posed_and_start
+from bristle.identification.dynamic.starts import solve_dynamic
+from bristle.identification.dynamic.unasked_terms import columns_of, known_and_left
+from bristle.identification.measured import Measured, with_loads, with_options
+from bristle.identification.moving_runs import directions, with_orders
+from bristle.identification.static.grid import default_range, solve
+from bristle.identification.static.points import groups, point_regressors, points_problem
+from bristle.model.laws.registry import law_named
+from bristle.model.parameters import slides
+
+_MOST = 200
+"""Orders that are tried."""
+_AT_ONCE = 3
+"""Orders that are found at most."""
+_SIGNIFICANT = 0.01
+"""Of any of the orders tried, in clean data."""
+
+
+class _Left(NamedTuple):
+    """What a fit without cogging and ripple leaves of n equations."""
+
+    known: Array
+    """Derivatives by all that is fitted, (n, p)."""
+    rest: Array
+    """N*m, (n,)."""
+    columns: Mapping[int, Array]
+    """Of each order that is tried, (n, k)."""
+
+
+def with_periods(measured: Measured) -> Measured:
+    """The same with the orders of cogging and ripple that the data show, where the experiment asks for those, and a note of them.
+
+    Raises InputError where an order that is asked for is finer than the positions of the moving runs, or where there are none.
+    """
+    experiment, training = measured.experiment, measured.moving(hold_out=False)
+    asked = [name for name in PERIODIC if name in (experiment.fit.regressors or ())]
+    most = _resolved(experiment, training)
+    if not asked:
+        return measured
+    if isinstance(experiment.fit.orders, tuple):
+        too_fine = [k for k in experiment.fit.orders if k > most]
+        if too_fine:
+            raise InputError(
+                f"{experiment.path.name}: fit.orders: got {too_fine[0]}; expected at most {most}, half of a period between two "
+                "equations of the moving runs: leave it out, lower fit.decimation, or measure slower"
+            )
+        return measured
+    turn = "metre" if slides(experiment.joint.kind) else "turn"
+    left = _of_motion(experiment, training, asked, most) if training else _of_points(measured, asked)
+    orders, last = shown_orders(*left), max(left.columns, default=0)
+    found = with_options(measured, orders=orders)
+    tried = {"tried": len(left.columns), "last": last, "turn": turn}
+    note = Kind.ORDERS_FOUND(**tried, first=min(left.columns), orders=orders) if orders else Kind.NO_ORDERS(**tried)
+    return replace(found, findings=(*found.findings, note))
+
+
+def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tuple[int, ...]:
+    """The orders that explain most of what a fit leaves, three at most, one after the other; rising.
+
+    Each is kept if its F test, beside all that is known and the others, is significant after correction for all orders tried.
+
+    Args:
+        known: columns of what is fitted, (n, p).
+        rest: what the fit leaves, (n,).
+        columns: of each order tried, (n, k).
+    """
+
+    def beside(k: int, others: Sequence[int]) -> tuple[float, float]:
+        """Probability and share of an order."""
+        return explained_beside(np.hstack([known, *(columns[x] for x in others if x != k)]), rest, columns[k])
+
+    chosen: list[int] = []
+    while len(chosen) < min(_AT_ONCE, len(columns)):
+        chosen.append(max(columns.keys() - chosen, key=lambda k: beside(k, chosen)[1]))
+    while chosen:
+        chance = {k: beside(k, chosen)[0] for k in chosen}
+        last = max(chosen, key=lambda k: chance[k])
+        if chance[last] * len(columns) < _SIGNIFICANT:
+            break
+        chosen.remove(last)
+    return tuple(sorted(chosen))
+
+
+def _resolved(experiment: Experiment, records: Sequence[Record]) -> int:
+    """The highest order of which a typical step between two equations of some runs covers no more than half a period."""
+    every = experiment.fit.decimation
+    steps = np.concatenate(
+        [np.zeros(0), *(np.abs(np.diff(r.position[::every])) for r in records if r.position is not None)]
+    )
+    typical = float(np.median(steps[steps > 0])) if steps.any() else 0.0
+    return int(_turn(experiment) / 2 / typical) if typical else np.iinfo(np.int64).max
+
+
+def _turn(experiment: Experiment) -> float:
+    """What holds as many periods as an order says: a turn, rad, or a metre."""
+    return 1.0 if slides(experiment.joint.kind) else 2 * np.pi
+
+
+def _tried(experiment: Experiment, positions: Array, most: int) -> range:
+    """The orders of which the positions hold a period, up to a highest one."""
+    reach = float(np.ptp(positions)) if positions.size else 0.0
+    return range(max(int(np.ceil(_turn(experiment) / reach)), 1) if reach else 1, min(most, _MOST) + 1 if reach else 1)
+
+
+def _of_motion(experiment: Experiment, records: Sequence[Record], asked: Sequence[str], most: int) -> _Left:
+    """What the fit of all parameters leaves of moving runs."""
+    problem, start = posed_and_start(experiment, directions(experiment, records), records, {}, None)
+    solution = solve_dynamic(problem, start, STARTS, SEED)
+    tried = _tried(experiment, problem.position, most)
+    columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
+    return _Left(*known_and_left(problem, solution), columns)
+
+
+def _of_points(measured: Measured, asked: Sequence[str]) -> _Left:
+    """What the fit of points at constant velocity leaves: half as many orders as points are tried."""
+    experiment, kept = measured.experiment, measured.points(hold_out=False)
+    if not kept:
+        return _Left(np.zeros((0, 0)), np.zeros(0), {})
+    law = law_named(experiment.fit.law)
+    posed = [points_problem(s, sides, point_regressors(experiment), law) for sides, s in groups(experiment, kept)]
+    (problem,), ((sides, points),) = posed, groups(experiment, kept)
+    theta = solve(problem, experiment.fit.v_s_range or default_range(problem.velocity)).theta
+    tried = _tried(experiment, np.array([s.position for s in points], dtype=float), len(points) // 2)
+    names = {k: with_orders(asked, (k,), experiment.joint.kind) for k in tried}
+    every = [name for of in names.values() for name in of]
+    placed = {
+        s.place: s
+        for run, found in zip(measured.runs, measured.segments, strict=True)
+        for s in (with_loads(run.record, found, every) if run.kind == "ramp" else found)
+    }
+    whole = points_problem([placed[s.place] for s in points], sides, every, law)
+    width = 2 * len(asked)
+    columns = whole.linear[:, whole.linear.shape[1] - width * len(tried) :]
+    return _Left(
+        problem.jacobian(theta),
+        problem.residuals(theta),
+        {k: columns[:, width * j : width * (j + 1)] for j, k in enumerate(tried)},
+    )
