@@ -2717,7 +2717,9 @@ OWN_ADVICE: Mapping[str, str] = {
     "With time: warm up before logging, check the torque's zero. With velocity: try `regressors: [quadratic]`. With position: try `gravity`.": (
         "RESIDUAL_TREND"
     ),
-    "Compare the period with that of motor poles, gear teeth and one turn, and hold each speed over whole periods.": "RESIDUAL_RIPPLE",
+    "Compare the period with that of motor poles, gear teeth and one turn: fit it as cogging or ripple, or hold each speed over whole periods.": (
+        "RESIDUAL_RIPPLE"
+    ),
     "Look at the residuals vs time and position for what is missing: gravity, a delay, a ripple, backlash, a flexible link.": "LACKS_UNKNOWN_TERM",
     "Nothing where they are few. Many point to the logger; `cleaning` in the experiment file says what is done with such rows.": (
         "ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS"

@@ -130,10 +130,10 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
     return tuple(warnings)
 
 
-def explained_beside(known: Array, y: Array, columns: Array) -> tuple[float, float]:
+def explained_beside(known: Array, y: Array, columns: Array, inflated: float = 1.0) -> tuple[float, float]:
     """Probability of the F test of columns (n, k) beside known ones (n, p), counting independent samples of y (n,).
 
-    Then comes their share of the squares that the known ones leave of y.
+    These are no more than one in `inflated`. Then comes their share of the squares that the known ones leave of y.
     """
     lengths = [np.maximum(np.linalg.norm(x, axis=0), 1e-300) for x in (known, columns)]
     off = np.linalg.qr(known / lengths[0])[0]
@@ -142,7 +142,7 @@ def explained_beside(known: Array, y: Array, columns: Array) -> tuple[float, flo
     k, total = directions.shape[1], float(left @ left)
     explained = directions @ (directions.T @ left)
     share = float(explained @ explained) / total if total > 0 else 0.0
-    freedom = y.size / inflation(left - explained) - known.shape[1] - k
+    freedom = y.size / max(inflation(left - explained), inflated) - known.shape[1] - k
     if freedom < 1 or not k or share <= 0:
         return 1.0, share
     return float(fdtrc(k, freedom, share / k / max(1 - share, 1e-300) * freedom)), share

@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import chdtri
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
@@ -73,7 +74,9 @@ def with_periods(measured: Measured) -> Measured:
 def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tuple[int, ...]:
     """The orders that explain most of what a fit leaves, three at most, one after the other; rising.
 
-    Each is kept if its F test, beside all that is known and the others, is significant after correction for all orders tried.
+    Each is kept if its F test, beside all that is known and the others, is significant after correction for every order
+    tried each time. What the orders not chosen explain is noise: where it is more than white noise would let them, residuals
+    count for as many fewer.
 
     Args:
         known: columns of what is fitted, (n, p).
@@ -81,17 +84,18 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
         columns: of each order tried, (n, k).
     """
 
-    def beside(k: int, others: Sequence[int]) -> tuple[float, float]:
+    def beside(k: int, others: Sequence[int], inflated: float = 1.0) -> tuple[float, float]:
         """Probability and share of an order."""
-        return explained_beside(np.hstack([known, *(columns[x] for x in others if x != k)]), rest, columns[k])
+        return explained_beside(np.hstack([known, *(columns[x] for x in others if x != k)]), rest, columns[k], inflated)
 
     chosen: list[int] = []
     while len(chosen) < min(_AT_ONCE, len(columns)):
         chosen.append(max(columns.keys() - chosen, key=lambda k: beside(k, chosen)[1]))
+    shares = [beside(k, chosen)[1] * rest.size / chdtri(columns[k].shape[1], 0.5) for k in columns.keys() - chosen]
     while chosen:
-        chance = {k: beside(k, chosen)[0] for k in chosen}
+        chance = {k: beside(k, chosen, float(np.median(shares or [1.0])))[0] for k in chosen}
         last = max(chosen, key=lambda k: chance[k])
-        if chance[last] * len(columns) < _SIGNIFICANT:
+        if chance[last] * len(columns) * _AT_ONCE < _SIGNIFICANT:
             break
         chosen.remove(last)
     return tuple(sorted(chosen))
