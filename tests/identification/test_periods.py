@@ -26,6 +26,7 @@ from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import from_records
 from bristle.model.parameters import Direction, Lugre, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
+from bristle.page.wording import symbol
 
 from .conftest import curve
 
@@ -76,17 +77,17 @@ def bristles(seconds: float, size: float = 1.0) -> tuple[Array, Array, Array]:
 
 
 def test_amplitudes_of_given_orders_are_within_their_intervals() -> None:
-    """Of cogging and ripple of orders 4 and 11, the 95 % intervals hold the true amplitudes in 91 to 98 % of fifty sets."""
+    """Of cogging and ripple of orders 4 and 11, the 95 % intervals hold the true amplitudes in 92 to 98 % of fifty sets, whose noise is white."""
     held = []
     for seed in range(50):
-        problem, _, _ = from_records([record(seed)], ("both",), ASKED, 8)
+        problem, _, _ = from_records([record(seed)], ("both",), ASKED, 1)
         found = estimate_static(problem, FitOptions(), "revolute")
         for name, true in WAVES.items():
             interval = found[name].interval
             assert interval is not None
             assert found[name].value == pytest.approx(true, abs=2e-3)
             held.append(interval[0] <= true <= interval[1])
-    assert 0.91 <= np.mean(held) <= 0.98
+    assert 0.92 <= np.mean(held) <= 0.98
 
 
 def test_orders_are_found_and_none_in_clean_data() -> None:
@@ -125,6 +126,18 @@ def test_a_fit_that_is_asked_to_finds_the_orders_and_says_so(size: float) -> Non
             found.predict(np.ones(2))
         wanted = curve(np.ones(2), JOINT) + waves(q, np.ones(2))
         assert found.predict(np.ones(2), q) == pytest.approx(wanted, abs=5e-3)
+
+
+@pytest.mark.parametrize("size", [0.0, 1.0])
+def test_points_show_the_orders_too(size: float) -> None:
+    """Points scattered over a turn get the order of their cogging, and its amplitude; without any they get none."""
+    rng = np.random.default_rng(2)
+    v = np.tile(np.geomspace(0.03, 2.0, 30), 2) * np.repeat([1.0, -1.0], 30)
+    q = rng.uniform(0, 2 * np.pi, v.size)
+    torque = curve(v, JOINT) + 0.05 * size * np.cos(7 * q) + 0.003 * rng.standard_normal(v.size)
+    found = bristle.fit(v, torque, position=q, directions="symmetric", regressors=["cogging"])
+    wanted = {"cogging_sin_7": 0.0, "cogging_cos_7": 0.05} if size else {}
+    assert {n: x for n, x in found.params.items() if "cogging" in n} == pytest.approx(wanted, abs=3e-3)
 
 
 def test_what_is_held_out_is_predicted_with_the_same_orders(tmp_path: Path) -> None:
@@ -170,9 +183,10 @@ def test_what_is_held_out_is_predicted_with_the_same_orders(tmp_path: Path) -> N
 )
 def test_orders_that_cannot_be_are_refused(options: dict[str, Any], sentence: str) -> None:
     """Orders of nothing, of none, that are no whole numbers or finer than the positions get one sentence, which says what is expected."""
-    asked = {} if sentence.startswith("fit.orders: nothing") else {"regressors": ["cogging"]}
+    t, q, torque = bristles(4.0)
+    asked: dict[str, Any] = {} if sentence.startswith("fit.orders: nothing") else {"regressors": ["cogging"]}
     with pytest.raises(InputError) as refused:
-        bristle.fit_dynamic(*bristles(4.0), **asked, **options)
+        bristle.fit_dynamic(t, q, torque, **asked, **options)
     assert sentence in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -202,12 +216,13 @@ def test_an_order_is_per_turn_or_per_metre(kind: JointKind, rate: float) -> None
     assert columns["cogging_sin_4"] == pytest.approx(np.sin(rate * q))
     assert columns["ripple_cos_4"] == pytest.approx(np.cos(rate * q) * np.sign(v))
     assert {unit(name, kind) for name in list(columns)[1:]} == {unit("torque", kind)}
+    assert symbol("cogging_sin_4") == "cogging (sin 4)"
     assert ParameterName.parse("cogging_sin_4") == ParameterName("cogging_sin_4", Direction.SHARED)
 
 
 def test_whole_periods_average_out_of_a_hold() -> None:
     """A segment carries the means of its columns: zero over whole periods, whatever its middle is at."""
-    t = np.arange(1000) * 1e-3
+    t = np.arange(1000, dtype=float) / 1000
     q = 2 * np.pi * t / 4 + 0.3
     run = Record(file="a.csv", time=t, position=q, velocity=np.full(t.size, np.pi / 2), torque=np.zeros(t.size))
     found = Segment(

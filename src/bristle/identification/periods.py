@@ -9,7 +9,7 @@ from scipy.special import chdtri
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.schema import PERIODIC
+from bristle.data.experiment.orders import PERIODIC
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
@@ -51,9 +51,9 @@ def with_periods(measured: Measured) -> Measured:
     """
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     asked = [name for name in PERIODIC if name in (experiment.fit.regressors or ())]
-    most = _resolved(experiment, training)
     if not asked:
         return measured
+    most = _resolved(experiment, training)
     if isinstance(experiment.fit.orders, tuple):
         too_fine = [k for k in experiment.fit.orders if k > most]
         if too_fine:
@@ -93,7 +93,7 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
         chosen.append(max(columns.keys() - chosen, key=lambda k: beside(k, chosen)[1]))
     shares = [beside(k, chosen)[1] * rest.size / chdtri(columns[k].shape[1], 0.5) for k in columns.keys() - chosen]
     while chosen:
-        chance = {k: beside(k, chosen, float(np.median(shares or [1.0])))[0] for k in chosen}
+        chance = {k: beside(k, chosen, float(np.median(shares)) if shares else 1.0)[0] for k in chosen}
         last = max(chosen, key=lambda k: chance[k])
         if chance[last] * len(columns) * _AT_ONCE < _SIGNIFICANT:
             break
@@ -118,8 +118,8 @@ def _turn(experiment: Experiment) -> float:
 
 def _tried(experiment: Experiment, positions: Array, most: int) -> range:
     """The orders of which the positions hold a period, up to a highest one."""
-    reach = float(np.ptp(positions)) if positions.size else 0.0
-    return range(max(int(np.ceil(_turn(experiment) / reach)), 1) if reach else 1, min(most, _MOST) + 1 if reach else 1)
+    reach = float(np.ptp(positions))
+    return range(max(int(np.ceil(_turn(experiment) / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)
 
 
 def _of_motion(experiment: Experiment, records: Sequence[Record], asked: Sequence[str], most: int) -> _Left:
@@ -136,9 +136,9 @@ def _of_points(measured: Measured, asked: Sequence[str]) -> _Left:
     experiment, kept = measured.experiment, measured.points(hold_out=False)
     if not kept:
         return _Left(np.zeros((0, 0)), np.zeros(0), {})
+    (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
     law = law_named(experiment.fit.law)
-    posed = [points_problem(s, sides, point_regressors(experiment), law) for sides, s in groups(experiment, kept)]
-    (problem,), ((sides, points),) = posed, groups(experiment, kept)
+    problem = points_problem(points, sides, point_regressors(experiment), law)
     theta = solve(problem, experiment.fit.v_s_range or default_range(problem.velocity)).theta
     tried = _tried(experiment, np.array([s.position for s in points], dtype=float), len(points) // 2)
     names = {k: with_orders(asked, (k,), experiment.joint.kind) for k in tried}

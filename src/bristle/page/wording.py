@@ -7,7 +7,7 @@ from itertools import count
 
 from bristle.model.laws.parts import FASTEST
 from bristle.model.laws.registry import own_parameter, own_parameters
-from bristle.model.parameters import Kind, ParameterName, effort, unit
+from bristle.model.parameters import Kind, ParameterName, effort, periodic, unit
 
 MISSING = "–"
 """What stands where there is no number."""
@@ -33,6 +33,8 @@ _WORDS = {"displacement": "position", "displacement from rest": "position"}
 def symbol(name: str | ParameterName) -> str:
     """A parameter as the paper writes it: alpha_0 -> α₀, alpha_0+ -> α₀ (+), and as its law has it; other names unchanged."""
     bare, d = ParameterName.parse(name) if isinstance(name, str) else name
+    if (repeats := periodic(bare)) is not None:
+        return "{} ({} {})".format(*repeats)
     own = None if bare in _SYMBOLS else own_parameter(bare)
     plain = own.symbol if own is not None and "$" not in own.symbol else bare
     return _SYMBOLS.get(bare, plain) + (f" {_DIRECTIONS[d]}" if d in ("+", "-") else "")

@@ -16,9 +16,9 @@ from bristle.data import cleaning as clean
 from bristle.data.constant_velocity.segments import Thresholds
 from bristle.data.experiment.constants import Constant, torque_constants, torque_shifts
 from bristle.data.experiment.gear import SIDED, Gear
+from bristle.data.experiment.orders import PERIODIC
 from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.schema import (
-    PERIODIC,
     AdaptOptions,
     FitOptions,
     JointDescription,

@@ -7,6 +7,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, StrictStr, Validati
 
 from bristle.data import units
 from bristle.data.experiment.gear import Gear, refuse_efficiency
+from bristle.data.experiment.orders import check_orders, read_orders
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
@@ -15,8 +16,6 @@ from bristle.model.parameters import Kind, Lugre, of_friction
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
 Regressor = Literal["inertia", "offset", "gravity", "quadratic", "links", "cogging", "ripple"]
-PERIODIC = ("cogging", "ripple")
-"""Regressors that repeat with the position: each has its columns for every one of `fit.orders`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -213,24 +212,6 @@ def read_law(name: str) -> str:
     return name
 
 
-_MOST_ORDERS, _HIGHEST_ORDER = 20, 100_000
-
-
-def read_orders(value: object) -> object:
-    """Read `[4, 11]` or `auto`; raises InputError of anything else."""
-    if value is None or value == AUTO:
-        return value
-    numbers = value if isinstance(value, list | tuple) else [value]
-    for k in numbers:
-        if not isinstance(k, int) or isinstance(k, bool) or not 1 <= k <= _HIGHEST_ORDER:
-            raise InputError(
-                f"got {short(k)}; expected {AUTO}, or whole numbers from 1 to {_HIGHEST_ORDER:_}, as [4, 11]"
-            )
-    if not 1 <= len(set(numbers)) == len(numbers) <= _MOST_ORDERS:
-        raise InputError(f"got {short(value)}; expected {AUTO}, or up to {_MOST_ORDERS} orders, each once, as [4, 11]")
-    return tuple(sorted(numbers))
-
-
 class FitOptions(StrictModel):
     """How the static parameters are fitted."""
 
@@ -289,13 +270,7 @@ class FitOptions(StrictModel):
             raise InputError(
                 f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
             )
-        repeats = [name for name in PERIODIC if name in (self.regressors or ())]
-        if self.orders is not None and not repeats:
-            raise InputError("fit.orders: nothing has orders; add cogging or ripple to fit.regressors, or leave it out")
-        if repeats and self.predict == "position":
-            raise InputError(
-                f"fit.regressors: {repeats[0]} is fitted to a torque; leave it out, or set fit.predict: torque"
-            )
+        check_orders(self.regressors or (), self.orders, self.predict)
         if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
             raise InputError(
                 f"fit.v_s_range: got {self.v_s_range[0]:g} to {self.v_s_range[1]:g}; expected the smaller value first"
