@@ -30,20 +30,20 @@ from bristle.identification.moving_runs import (
     refuse_opposing_runs,
     smeared_by_counts,
 )
-from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.periods import with_periods
 from bristle.identification.point_checks import offset_left_out, point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
 from bristle.identification.same_runs import beside_moving, is_superseded
+from bristle.identification.settings import settings_of
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
 from bristle.identification.static.set_up import better_for_motion, better_for_points, with_one_advice
 from bristle.identification.static.stray_report import advised
 from bristle.model.laws.registry import AUTO, PAPER, law_named
-from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current, slides
+from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
 
 _OF_THE_DATA = {
@@ -147,7 +147,7 @@ def _identified(
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
-        settings=_settings(experiment, asked_law, moving=bool(training)),
+        settings=settings_of(experiment, asked_law, moving=bool(training)),
     )
 
 
@@ -380,41 +380,3 @@ def _segment_warnings(measured: Measured) -> list[Diagnostic]:
     if others:
         warnings.append(Kind.TORQUES_DOUBTED(doubted=others, kept=len(kept)))
     return warnings
-
-
-def _settings(experiment: Experiment, asked_law: str, *, moving: bool) -> dict[str, str]:
-    fit = experiment.fit
-    law = law_named(fit.law)
-    settings = {
-        "law": f"{law.name}{', which the data chose' if asked_law == AUTO else ''}: {law.title}",
-        "directions": fit.directions,
-        "model": fit.model,
-        "loss": fit.loss,
-        "grid": f"{fit.grid} values of v_s, even in log(v_s), refined to the continuous minimum",
-        "plain grid": f"{fit.plain_grid} evenly spaced values of v_s",
-        "v_s range": "a third of the slowest speed to the fastest"
-        if fit.v_s_range is None
-        else f"{fit.v_s_range[0]:g} to {fit.v_s_range[1]:g}",
-    }
-    if isinstance(fit.orders, tuple):
-        per = "metre" if slides(experiment.joint.kind) else "turn"
-        settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {per}"
-    if moving:
-        settings |= {
-            "position filter": f"4th-order Butterworth, zero phase, {fit.position_cutoff:g} Hz",
-            "decimation": f"one sample in {fit.decimation}, both sides through 0.8 of the new Nyquist frequency, zero phase",
-            "regressors": ", ".join(asked_regressors(experiment)) or "none",
-        }
-        if fit.predict == "position":
-            settings |= {
-                "moving runs": f"the motor simulated in windows of {fit.horizon:g} s, and its position averaged over {fit.decimation} samples; "
-                "position filter and decimation serve the start alone"
-            }
-        if experiment.inertia is not None:
-            known = experiment.inertia
-            settings["inertia"] = (
-                f"{known.value:g} (fixed)"
-                if not known.standard_error
-                else f"{known.value:g} +/- {known.standard_error:g} (prior)"
-            )
-    return settings

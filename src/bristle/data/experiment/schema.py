@@ -266,7 +266,7 @@ class FitOptions(StrictModel):
             raise InputError(
                 "fit.regressors: offset cannot be told from the two Coulomb terms of separate directions; leave it out, or set directions: symmetric"
             )
-        if "quadratic" in (self.regressors or ()) and law_named(self.law).terms:
+        if "quadratic" in (self.regressors or ()) and "quadratic" in self.law.split("+"):
             raise InputError(
                 f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
             )

@@ -1,0 +1,45 @@
+"""The settings of an identification, as the report states them."""
+
+from bristle.data.experiment.load import Experiment
+from bristle.identification.moving_runs import regressors as asked_regressors
+from bristle.model.laws.registry import AUTO, law_named
+from bristle.model.parameters import slides
+
+
+def settings_of(experiment: Experiment, asked_law: str, *, moving: bool) -> dict[str, str]:
+    """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as the file has it, which may leave the choice to the data."""
+    fit = experiment.fit
+    law = law_named(fit.law)
+    settings = {
+        "law": f"{law.name}{', which the data chose' if asked_law == AUTO else ''}: {law.title}",
+        "directions": fit.directions,
+        "model": fit.model,
+        "loss": fit.loss,
+        "grid": f"{fit.grid} values of v_s, even in log(v_s), refined to the continuous minimum",
+        "plain grid": f"{fit.plain_grid} evenly spaced values of v_s",
+        "v_s range": "a third of the slowest speed to the fastest"
+        if fit.v_s_range is None
+        else f"{fit.v_s_range[0]:g} to {fit.v_s_range[1]:g}",
+    }
+    if isinstance(fit.orders, tuple):
+        per = "metre" if slides(experiment.joint.kind) else "turn"
+        settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {per}"
+    if moving:
+        settings |= {
+            "position filter": f"4th-order Butterworth, zero phase, {fit.position_cutoff:g} Hz",
+            "decimation": f"one sample in {fit.decimation}, both sides through 0.8 of the new Nyquist frequency, zero phase",
+            "regressors": ", ".join(asked_regressors(experiment)) or "none",
+        }
+        if fit.predict == "position":
+            settings |= {
+                "moving runs": f"the motor simulated in windows of {fit.horizon:g} s, and its position averaged over {fit.decimation} samples; "
+                "position filter and decimation serve the start alone"
+            }
+        if experiment.inertia is not None:
+            known = experiment.inertia
+            settings["inertia"] = (
+                f"{known.value:g} (fixed)"
+                if not known.standard_error
+                else f"{known.value:g} +/- {known.standard_error:g} (prior)"
+            )
+    return settings
