@@ -893,7 +893,7 @@ def test_any_numbers_are_compared_or_refused(sessions: tuple[Path, Path], tmp_pa
 def test_other_documents_are_refused(sessions: tuple[Path, Path], tmp_path: Path) -> None:
     """No joint, a hundred thousand, a joint's name with an escape, a key given twice, a pipe: exit 2 and one short sentence each."""
     good = json.loads(sessions[0].read_text(encoding="utf-8"))
-    joint = {**good["joints"][HOSTILE], "static": {}, "segments": [], "models": [], "crosscheck": {}}
+    joint = {**good["joints"][HOSTILE], "static": {}, "segments": [], "models": [], "laws": None, "crosscheck": {}}
     path = tmp_path / "b.json"
     for joints, named in (
         ({}, "no joint is in both sessions"),

@@ -21,7 +21,7 @@ from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.laws.gaussian import GAUSSIAN
-from bristle.model.laws.parts import Law
+from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.laws.registry import friction_names
 from bristle.model.parameters import (
     INERTIA,
@@ -206,6 +206,10 @@ class KnownJoint:
             values |= {n: in_direction(fixed, n, direction) for n in fields if values.get(n) is None}
         if values["alpha_0"] is not None and values["alpha_1"] is None:
             values |= without_peak(self.law)
+        if (
+            fastest := in_direction(self.given, FASTEST, direction)
+        ) is not None:  # points may not go as far as a motion
+            values[FASTEST] = max(fastest, values.get(FASTEST) or 0.0)
         return {name: x for name, x in values.items() if x is not None}
 
     def filled(self, direction: Direction, travel: float, J: float) -> Lugre[float]:
