@@ -2,6 +2,7 @@
 
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -9,6 +10,17 @@ import pandas as pd
 import bristle
 
 LAW = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
+
+
+def steep(v: Any, v_s: Any, n: Any) -> Any:
+    """A Stribeck peak of the user's own."""
+    return (1 + (v / v_s) ** 2) ** -n
+
+
+STEEP = bristle.Peak(
+    name="users", title="user's", shape=steep, reach=3.0,
+    own=(bristle.OwnParameter(name="users_n", symbol="n", units=("1", "1"), searched=(0.5, 3.0)),),
+)  # fmt: skip  # a list of values
 
 
 def of_arrays() -> bristle.Fit:
@@ -21,6 +33,8 @@ def of_arrays() -> bristle.Fit:
     interval: pd.DataFrame = points.conf_int(0.9, "covariance")
     assert values["alpha_0"] > 0
     assert set(interval.columns) == {"lower", "upper"}
+    bristle.register_law(STEEP, compete=False)
+    assert "users_n" in bristle.fit(v, T, directions="symmetric", law="users").params
 
     t = np.arange(0, 8, 0.002)
     motion = 0.6 * np.sin(2.0 * t) + 0.3 * np.sin(5.3 * t)

@@ -63,9 +63,7 @@ def outside(monkeypatch: pytest.MonkeyPatch) -> Law:
         reach=2.5,
     )
     registry.register_law(peak, compete=False)
-    registry.register_law(
-        ViscousTerm(name="root", title="linear + v·√|v|", coefficient=root, rate=ca.sqrt), compete=False
-    )
+    registry.register_law(ViscousTerm(name="root", title="v·√|v|", coefficient=root, rate=ca.sqrt), compete=False)
     return registry.law_named("arc+root")
 
 

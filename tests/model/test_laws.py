@@ -64,7 +64,7 @@ def outside() -> Iterator[Law]:
             name="power", title="power-law", shape=lambda v, v_s, n: (1 + v**2 / v_s**2) ** -n, own=(power,), reach=3.0
         )
     )
-    register_law(ViscousTerm(name="cubic", title="linear + v³", coefficient=cubic, rate=lambda speed: speed**2))
+    register_law(ViscousTerm(name="cubic", title="v³", coefficient=cubic, rate=lambda speed: speed**2))
     yield law_named("power+cubic")
     for name in ("power", "cubic"):
         registry._PARTS.pop(name)

@@ -57,7 +57,7 @@ class ViscousTerm:
     name: str
     """What `fit.law` takes after a +: letters and hyphens."""
     title: str
-    """In a sentence: with ..."""
+    """What the coefficient multiplies, as v·|v|."""
     coefficient: OwnParameter
     rate: Callable[[Expression], Expression]
     """(abs(v)) -> r, >= 0, rising from 0 at rest: CasADi's operations alone."""
@@ -78,8 +78,8 @@ class Law:
     @property
     def title(self) -> str:
         """In a sentence."""
-        beside = " and ".join(term.title for term in self.terms)
-        return f"{self.peak.title} peak, {beside or 'linear'} viscous friction"
+        beside = " + ".join(("linear", *(term.title for term in self.terms)))
+        return f"{self.peak.title} peak, {beside} viscous friction"
 
     @property
     def shape_parameters(self) -> tuple[str, ...]:

@@ -13,4 +13,4 @@ def drag(speed: Expression) -> Expression:
     return speed
 
 
-TERM = ViscousTerm(name="quadratic", title="linear + v·|v|", coefficient=ALPHA_3, rate=drag)
+TERM = ViscousTerm(name="quadratic", title="v·|v|", coefficient=ALPHA_3, rate=drag)
