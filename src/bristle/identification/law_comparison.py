@@ -153,7 +153,9 @@ def law_warnings(laws: LawComparison | None) -> tuple[Diagnostic, ...]:
     """That another law is clearly better than the one in force, with the line to write."""
     if laws is None:
         return ()
-    own, best = next(row for row in laws.rows if row.in_force), laws.chosen
+    best, own = laws.chosen, next((row for row in laws.rows if row.in_force), None)
+    if own is None:  # too few points for it, which its fit says
+        return ()
     clearly = own.bic - best.bic > GAIN and (best.left_out or np.inf) < (own.left_out or 0.0)
     if best.in_force or not clearly:
         return ()

@@ -1,5 +1,6 @@
 """Which laws there are, by name: bristle's own, those of packages that name theirs under `bristle.laws`, and what a program registers."""
 
+import logging
 import re
 from importlib.metadata import entry_points
 from itertools import product
@@ -20,6 +21,7 @@ _COMPETE = {gaussian.PEAK.name, exponential.PEAK.name, lorentzian.PEAK.name, qua
 """Those that `auto` chooses from; the free exponent is fitted by name alone."""
 _NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
 """What a parameter may be called: it is a name in C and MATLAB as well."""
+_LOG = logging.getLogger(__name__)
 _looked: list[bool] = []
 """Not empty once installed packages have been asked for theirs."""
 
@@ -45,6 +47,8 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
 
     Raises ValueError where another part has the name already, or a parameter of it is called as one that there is.
     """
+    if not isinstance(part, Peak | ViscousTerm):
+        raise ValueError(f"got {type(part).__name__}; expected a Peak or a ViscousTerm")
     known = _PARTS.get(part.name)
     if known not in (None, part):
         raise ValueError(f"{part.name!r} is a part of a law already; choose another name")
@@ -120,4 +124,7 @@ def _look() -> None:
     if not _looked:
         _looked.append(True)
         for entry in entry_points(group=_GROUP):
-            register_law(entry.load())
+            try:
+                register_law(entry.load())
+            except Exception as error:  # noqa: BLE001  # a package that is broken is no reason to fail without its law
+                _LOG.warning("the law %s of an installed package is left out: %s: %s", entry.name, entry.value, error)

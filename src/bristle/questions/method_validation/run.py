@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.profile_likelihood import profile_threshold
-from bristle.identification.static.batch import solve_batch
+from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.grid import PLAIN_GRID, Projected, plain_grid
 from bristle.identification.static.problem import log_grid
 from bristle.progress import Progress
@@ -127,7 +127,9 @@ def _answers(
     repetitions = torques.shape[1]
     grid, seconds = _timed(lambda: methods.refined(case, torques), repetitions)
     answers = {REFINED: (grid, seconds)}
-    answers["refined grid, batch"] = _timed(lambda: solve_batch(case.velocity, torques, case.v_s_range)[0], repetitions)
+    answers["refined grid, batch"] = _timed(
+        lambda: Batch(case.problem(torques[:, 0]), torques, case.v_s_range, COARSE).theta, repetitions
+    )
     answers |= {name: _plain(case, torques, values) for values, name in PLAIN_GRIDS.items()}
     answers[POLISHED] = _each(solvers["IPOPT"], few, grid[:, : few.shape[1]].T)
     return answers | {f"{name}, random start": _each(fit, few, initial) for name, fit in solvers.items()}
