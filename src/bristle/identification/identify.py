@@ -82,8 +82,7 @@ def identify_joint(
         laws = laws_of_motion(measured, joint.tracking)
         wanted = laws.chosen.law if asked == AUTO and laws is not None else joint.law.name
         if laws is not None and wanted != joint.law.name:
-            rows = tuple(replace(row, in_force=row.chosen) for row in laws.rows)
-            laws = replace(laws, rows=rows)
+            laws = laws.under_the_chosen()
             joint = identified(with_law(measured, wanted), laws)
         joint = replace(joint, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
     return joint.with_subjects()
@@ -162,8 +161,7 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
         return measured, laws
     if laws is None:
         return with_law(measured, PAPER), None
-    rows = tuple(replace(row, in_force=row.chosen) for row in laws.rows)
-    return with_law(measured, laws.chosen.law), replace(laws, rows=rows)
+    return with_law(measured, laws.chosen.law), laws.under_the_chosen()
 
 
 def _with_set_up(

@@ -206,9 +206,8 @@ class KnownJoint:
             values |= {n: in_direction(fixed, n, direction) for n in fields if values.get(n) is None}
         if values["alpha_0"] is not None and values["alpha_1"] is None:
             values |= without_peak(self.law)
-        if (
-            fastest := in_direction(self.given, FASTEST, direction)
-        ) is not None:  # points may not go as far as a motion
+        fastest = in_direction(self.given, FASTEST, direction)
+        if fastest is not None:  # points may not go as far as a motion
             values[FASTEST] = max(fastest, values.get(FASTEST) or 0.0)
         return {name: x for name, x in values.items() if x is not None}
 

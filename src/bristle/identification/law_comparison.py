@@ -1,89 +1,38 @@
-"""Friction laws on the same equations: which one the data want, by BIC and by speeds that were left out.
+"""Friction laws on what was measured: fitted to the same equations, ranked, and what is said of them.
 
-The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
-speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
-left out alone what happens to lie at one end. Each law has a Stribeck term in every direction: whether the data show
-one is the fit's to say. Points are solved on the grid; moving runs, in which a slow speed is seldom seen but in
-presliding, by LuGre itself (`dynamic.laws`).
-
-With the equations of each solve, n of them of which n' are independent, and k parameters, the noise variance among
-them, a law's BIC is the sum of n' log(RSS / n) + k log(n'). Its weight is exp(-BIC / 2) over the sum of all (Burnham
-and Anderson, Model Selection and Multimodel Inference, 2002), and so is the average of a parameter over laws: its
-variance is what each law leaves open, and how far it lies from the average.
+Each law has a Stribeck term in every direction: whether the data show one is the fit's to say. Points are solved on the
+grid; moving runs, in which a slow speed is seldom seen but in presliding, by LuGre itself (`dynamic.laws`). Both leave
+out five blocks of speed in turn.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from functools import partial, reduce
-from operator import or_
-from typing import Literal, NamedTuple
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
-from bristle.estimation.covariance import covariance, seen, student
+from bristle.estimation.covariance import covariance, seen
 from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
 from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.law_ranking import GAIN, FittedLaw, Known, LeftOut, Solve, ranked
 from bristle.identification.measured import Measured
-from bristle.identification.model_criteria import power_of, scores
-from bristle.identification.results import Averaged, LawComparison, LawRow
+from bristle.identification.model_criteria import power_of
+from bristle.identification.results import LawComparison
 from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.shape_search import with_best_shape
-from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import competing
 from bristle.model.parameters import ParameterName
 
-GAIN = 10.0
-"""Of BIC, by which another law has to be better than the paper's."""
 BLOCKS = 5
 """Of speed, each left out in turn."""
-_SPREAD = 0.95
-"""A law with less than this of the weights is not the only one that the data allow."""
-_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")
-"""What means the same in every law: v_s does not."""
-_WORTH = 1e-3
-"""A law with a smaller weight does not move an average."""
 _STICKS_OUT = 0.1
 """Of an interval's width."""
-
-
-class Solve(NamedTuple):
-    """One of a law's solves: what its BIC is made of."""
-
-    residuals: Array
-    """(n,)."""
-    parameters: int
-    effective: float
-    """How many of the equations are independent."""
-    power: float
-    """Sum of squares of what is explained."""
-
-
-LeftOut = tuple[float | None, float | None]
-"""100 * norm(error) / norm(measured), percent, over blocks of speed and over runs, each predicted from the others; None where these are too few."""
-Known = dict[ParameterName, tuple[float, float, float]]
-"""Value, standard error and its degrees of freedom of each parameter that is at no bound."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FittedLaw:
-    """A law fitted to every solve."""
-
-    law: Law
-    solves: tuple[Solve, ...]
-    left_out: Callable[[], LeftOut]
-    """Works out how it predicts what was left out."""
-    known: Callable[[], Known]
-
-    @property
-    def residuals(self) -> Array:
-        """Of every equation, (n,)."""
-        return np.concatenate([solve.residuals for solve in self.solves])
 
 
 def laws_beside(in_force: Law) -> tuple[Law, ...]:
@@ -198,52 +147,6 @@ def compare_laws(
     return ranked("points", [_fitted(law, pose(law), v_s_range) for law in laws_beside(in_force)], in_force)
 
 
-def ranked(
-    data: Literal["points", "moving runs"], fitted: Sequence[FittedLaw | None], in_force: Law, *, sparing: bool = False
-) -> LawComparison | None:
-    """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
-
-    Args:
-        data: what the equations are about.
-        fitted: each law; None where there were too few equations.
-        in_force: the law of the fits.
-        sparing: whether errors at what is left out are worked out only for laws that BIC prefers, and those they are
-            compared with.
-    """
-    found = [x for x in fitted if x is not None]
-    paper = next((k for k, x in enumerate(found) if x.law == GAUSSIAN), None)
-    if paper is None or len(found) < 2:
-        return None
-    marks = np.array([_scores(x) for x in found])
-    bic = marks[:, 1] - marks[:, 1].min()
-    weights = np.exp(-bic / 2) / np.exp(-bic / 2).sum()
-    wanted = [not sparing or k == paper or x.law == in_force or bic[paper] - bic[k] > GAIN for k, x in enumerate(found)]
-    left_out = [x.left_out() if asked else (None, None) for x, asked in zip(found, wanted, strict=True)]
-    chosen = _chosen(found, bic, left_out, paper)
-    rows = tuple(
-        LawRow(
-            law=x.law.name,
-            parameters=sum(solve.parameters for solve in x.solves),
-            rms=float(np.sqrt(power_of(x.residuals) / x.residuals.size)),
-            aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])),
-            bic=float(above),
-            left_out=left[0],
-            run_left_out=left[1],
-            weight=float(weight),
-            in_force=x.law == in_force,
-            chosen=k == chosen,
-        )
-        for k, (x, aicc, above, left, weight) in enumerate(zip(found, marks[:, 0], bic, left_out, weights, strict=True))
-    )
-    return LawComparison(
-        data=data,
-        n=found[0].residuals.size,
-        rows=rows,
-        sentence=_sentence(rows, chosen, paper),
-        averaged=_averaged(found, weights) if float(weights.max()) < _SPREAD else {},
-    )
-
-
 def _fitted(law: Law, problems: Sequence[Regression], v_s_range: tuple[float, float] | None) -> FittedLaw | None:
     """A law fitted to points; None where there are too few."""
     if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
@@ -259,12 +162,6 @@ def _fitted(law: Law, problems: Sequence[Regression], v_s_range: tuple[float, fl
         left_out=partial(_left_out, shaped, v_s_range),
         known=partial(_known, shaped, solutions),
     )
-
-
-def _scores(x: FittedLaw) -> tuple[float, float]:
-    """AICc, nan where there are too few independent equations, and BIC."""
-    marks = [scores(*solve) for solve in x.solves]
-    return sum(np.nan if aicc is None else aicc for aicc, _ in marks), sum(bic for _, bic in marks)
 
 
 def _left_out(problems: Sequence[Regression], v_s_range: tuple[float, float] | None) -> LeftOut:
@@ -299,49 +196,6 @@ def _predicted(problem: Regression, v_s_range: tuple[float, float] | None) -> fl
             low = max(low, slowest)
         cost += power_of(problem.rows(part == k).residuals(solve(rest, (low, high)).theta))
     return cost
-
-
-def _chosen(fitted: Sequence[FittedLaw], bic: Array, left_out: Sequence[LeftOut], paper: int) -> int:
-    """The law of lowest BIC among those that are clearly better than the paper's, which else stays."""
-    compete = {law.name for law in competing()}
-    own, _ = left_out[paper]
-    better = [
-        k
-        for k, x in enumerate(fitted)
-        if x.law.name in compete and bic[paper] - bic[k] > GAIN and own is not None and (left_out[k][0] or np.inf) < own
-    ]
-    return min(better, key=lambda k: bic[k], default=paper)
-
-
-def _sentence(rows: Sequence[LawRow], chosen: int, paper: int) -> Diagnostic:
-    """Which law the data want, and why."""
-    own, best = rows[paper], rows[chosen]
-    if chosen != paper:
-        return Kind.LAW_WANTED(law=best.law, gain=own.bic - best.bic, error=best.left_out, before=own.left_out)
-    other = min((row for row in rows if row is not own), key=lambda row: row.bic)
-    gain = own.bic - other.bic
-    if own.left_out is None:
-        return Kind.LAWS_TOO_FEW()
-    if gain > GAIN:
-        return Kind.LAW_NOT_PREDICTING(law=other.law, gain=gain)
-    return Kind.LAW_KEPT(law=other.law, gain=gain) if gain > 0 else Kind.LAW_BEST(law=other.law, gap=-gain)
-
-
-def _averaged(fitted: Sequence[FittedLaw], weights: Array) -> Mapping[ParameterName, Averaged]:
-    """What all laws have, over those that the data allow."""
-    likely = [(x, weight) for x, weight in zip(fitted, weights.tolist(), strict=True) if weight > _WORTH]
-    tables = [x.known() for x, _ in likely]
-    shares = np.array([weight for _, weight in likely])
-    shares = shares / shares.sum()
-    averaged = {}
-    for name in reduce(or_, (dict.fromkeys(table) for table in tables)):
-        if name.name in _AVERAGED and all(name in table for table in tables):
-            value, error, freedom = np.array([table[name] for table in tables]).T
-            mean = float(shares @ value)
-            own = float(shares @ np.sqrt(error**2 + (value - mean) ** 2))
-            reach = student(float(freedom.min())) * own
-            averaged[name] = Averaged(value=mean, standard_error=own, interval=(max(mean - reach, 0.0), mean + reach))
-    return averaged
 
 
 def _known(problems: Sequence[Regression], solutions: Sequence[Solution]) -> Known:

@@ -1,7 +1,7 @@
 """What was found out about a joint, as values, of which `results.json` is made; every warning listed singly."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -151,6 +151,10 @@ class LawComparison:
     def chosen(self) -> LawRow:
         """The law that `fit.law: auto` takes."""
         return next(row for row in self.rows if row.chosen)
+
+    def under_the_chosen(self) -> "LawComparison":
+        """The same where the fits have the law that it chose."""
+        return replace(self, rows=tuple(replace(row, in_force=row.chosen) for row in self.rows))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -194,6 +194,11 @@ class Pair(NamedTuple, Generic[T]):
         return self.positive.law
 
 
+def bends_down(p: Lugre[float] | Stribeck[float]) -> bool:
+    """Whether a term of the law is negative: beyond the speeds measured its viscous friction is then held (`law.viscous_rate`)."""
+    return any(getattr(p, name) < 0 for name in p.law.coefficients)
+
+
 def pair_of(numbers: Sequence[T], law: Law = GAUSSIAN) -> Pair[T]:
     """The pair whose numbers these are, twelve of the paper's law, the positive set first.
 

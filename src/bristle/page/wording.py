@@ -25,6 +25,15 @@ _SYMBOLS = {
     "gravity_cos": "gravity (cos)",
     "quadratic": "v·|v|",
 }
+PARAMETERS = {
+    "alpha_0": "Coulomb friction",
+    "alpha_1": "Stribeck amplitude",
+    "alpha_2": "viscous friction",
+    "v_s": "Stribeck velocity",
+    "sigma_0": "bristle stiffness",
+    "sigma_1": "bristle damping",
+}
+"""What the parameters of every law are, in words."""
 _DIRECTIONS = {"+": "(+)", "-": "(−)", "both": "both directions", "shared": "shared by both directions"}
 _WORDS = {"displacement": "position", "displacement from rest": "position"}
 """Words on an axis that have the unit of a signal."""

@@ -33,7 +33,7 @@ from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.identification.moving_runs import with_orders_advised
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import INERTIA, Lugre, ParameterName, least_of, of_friction, unit
+from bristle.model.parameters import INERTIA, Lugre, ParameterName, bends_down, least_of, of_friction, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress
 
@@ -400,7 +400,7 @@ def _physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterN
         if not is_passive(lugre) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             least = lugre.sigma_1 * lugre.alpha_1 / lugre.alpha_0
             warnings.append(Kind.NOT_PASSIVE(direction=d, alpha_2=lugre.alpha_2, least=least))
-        if any(getattr(lugre, name) < 0 for name in problem.law.coefficients):
+        if bends_down(lugre):
             warnings.append(Kind.CURVE_HELD(fastest=getattr(lugre, FASTEST)))
         if J and J > 0 and not {problem.key(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
             ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))

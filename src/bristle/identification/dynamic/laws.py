@@ -72,8 +72,7 @@ def fitted_to_motion(
         for name, x in alone.fixed.items()
         if name.name in _BRISTLE or not {name.name, str(name)}.isdisjoint(options.fixed)
     }
-    shape = product(whole.directions, law.peak.own)
-    middle = {whole.key(own.name, d): float(np.sqrt(own.searched[0] * own.searched[1])) for d, own in shape}
+    middle = {whole.key(own.name, d): own.middle for d, own in product(whole.directions, law.peak.own)}
     known = {**whole.fixed, **middle, **{name: x for name, x in held.items() if name in whole.friction_names}}
     motions = tuple(replace(m, coarsening=_ROUGH) for m in whole.motions)
     problem = replace(whole, fixed=known, motions=motions)

@@ -293,7 +293,7 @@ def _shape(problem: DynamicProblem, static: Mapping[str, StaticFit]) -> dict[Par
     for d, own in product(problem.directions, problem.law.peak.own):
         fit = _static_of(static, d)
         known = fit.parameters.get(own.name) if fit is not None else None
-        shape[problem.key(own.name, d)] = _value(known, float(np.sqrt(own.searched[0] * own.searched[1])))
+        shape[problem.key(own.name, d)] = _value(known, own.middle)
     return shape
 
 

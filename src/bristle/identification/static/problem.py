@@ -313,7 +313,7 @@ def _build(
         linear=columns,
         linear_names=(*friction, *(ParameterName(name, Direction.SHARED) for name in extra)),
         law=law,
-        shape=tuple(float(np.sqrt(own.searched[0] * own.searched[1])) for own in law.peak.own),
+        shape=tuple(own.middle for own in law.peak.own),
         smooth=smooth,
     )
 

@@ -12,6 +12,7 @@ from scipy.optimize import brentq, minimize_scalar
 from bristle.arrays import Array
 from bristle.identification.static.grid import GRID, Solution, solve
 from bristle.identification.static.problem import Regression
+from bristle.identification.static.profiles import StaticProfiles, profiled
 from bristle.model.parameters import ParameterName
 
 _FIRST = 7
@@ -82,7 +83,24 @@ def own_columns(problem: Regression, solution: Solution) -> Array:
     return columns
 
 
-def shape_intervals(
+def over_shapes(
+    problem: Regression, likelihood: StaticProfiles, v_s_range: tuple[float, float], grid: int
+) -> tuple[Mapping[ParameterName, tuple[float, float]], Mapping[str, tuple[float, float]]]:
+    """The intervals of the problem's parameters, over every shape of the peak that the data allow; and those of the shape's."""
+    if not problem.shape or not problem.peaks:
+        return likelihood.intervals, {}
+    of_shape = _shape_intervals(problem, v_s_range, grid, likelihood.threshold)
+    posed = [problem.with_shape(shape) for shape in _shapes_within(problem, of_shape)]
+    solved = [(one, solve(one, v_s_range, grid)) for one in posed]
+    others = [
+        profiled(one, solution, threshold=likelihood.threshold).intervals
+        for one, solution in solved
+        if solution.cost <= likelihood.threshold
+    ]
+    return _united(likelihood.intervals, others), of_shape
+
+
+def _shape_intervals(
     problem: Regression, v_s_range: tuple[float, float], grid: int, threshold: float
 ) -> Mapping[str, tuple[float, float]]:
     """The 95 % interval of each of the shape's parameters, by name: where the cost stays below the threshold.
@@ -96,9 +114,9 @@ def shape_intervals(
 
         def above(u: float, k: int = k) -> float:
             """By how much the cost passes the threshold at a logarithm, the other parameters at their best."""
-            value = float(np.exp(u))
-            held = problem.with_shape((*problem.shape[:k], value, *problem.shape[k + 1 :]))
-            return solve(held, v_s_range, grid).cost - threshold
+            return (
+                solve(problem.with_shape(_with(problem.shape, k, float(np.exp(u)))), v_s_range, grid).cost - threshold
+            )
 
         ends = []
         for end, beyond in ((low, 0.0), (high, np.inf)):
@@ -108,17 +126,22 @@ def shape_intervals(
     return intervals
 
 
-def shapes_within(problem: Regression, intervals: Mapping[str, tuple[float, float]]) -> list[tuple[float, ...]]:
+def _shapes_within(problem: Regression, intervals: Mapping[str, tuple[float, float]]) -> list[tuple[float, ...]]:
     """Shapes inside the intervals, the best apart: along each of their parameters, the others at their best."""
     shapes = list[tuple[float, ...]]()
     for k, own in enumerate(problem.law.peak.own):
         low, high = (float(np.clip(end, *own.searched)) for end in intervals[own.name])
         values = np.geomspace(low, high, _WITHIN).tolist()
-        shapes += [(*problem.shape[:k], value, *problem.shape[k + 1 :]) for value in values]
+        shapes += [_with(problem.shape, k, value) for value in values]
     return shapes
 
 
-def united(
+def _with(shape: tuple[float, ...], k: int, value: float) -> tuple[float, ...]:
+    """The shape with another value of one of its parameters."""
+    return (*shape[:k], value, *shape[k + 1 :])
+
+
+def _united(
     intervals: Mapping[ParameterName, tuple[float, float]],
     others: Sequence[Mapping[ParameterName, tuple[float, float]]],
 ) -> dict[ParameterName, tuple[float, float]]:

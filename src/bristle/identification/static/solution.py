@@ -13,20 +13,15 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance as uncertainty
-from bristle.estimation.autocorrelation import inflation, lag_one
+from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import NO_SIGN, best_column_p_value, first_order
 from bristle.identification.fits import Estimate, Profile
+from bristle.identification.static.fit_warnings import fit_warnings, is_closed, speeds_of
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, drawn_profiles, profiled
-from bristle.identification.static.shape_search import (
-    own_columns,
-    shape_intervals,
-    shapes_within,
-    united,
-    with_best_shape,
-)
+from bristle.identification.static.shape_search import over_shapes, own_columns, with_best_shape
 from bristle.identification.static.strays import all_but, find_strays
 from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
@@ -98,7 +93,7 @@ def solve_static(
     variance_inflation = _inflation(problem, solution)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
-    intervals, of_shape = _with_shape(problem, likelihood, options, v_s_range)
+    intervals, of_shape = over_shapes(problem, likelihood, v_s_range, options.grid)
     more = own_columns(problem, solution)
     with_more, freedom = uncertainty.covariance(
         np.concatenate([jacobian[:, free], more], axis=1), solution.cost, variance_inflation
@@ -111,7 +106,7 @@ def solve_static(
     parameters = _estimates(problem, solution, covariance[: free.sum(), : free.sum()], free, intervals, kind)
     parameters |= _as_far_as_measured(parameters, dropped)
     v_s = {d: intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)}
-    warnings = _fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
+    warnings = fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return StaticSolution(
         problem=problem,
@@ -132,23 +127,6 @@ def solve_static(
     )
 
 
-def _with_shape(
-    problem: Regression, likelihood: StaticProfiles, options: FitOptions, v_s_range: tuple[float, float]
-) -> tuple[Mapping[ParameterName, tuple[float, float]], Mapping[str, tuple[float, float]]]:
-    """The intervals of the problem's parameters, over every shape of the peak that the data allow; and those of the shape's."""
-    if not problem.shape or not problem.peaks:
-        return likelihood.intervals, {}
-    of_shape = shape_intervals(problem, v_s_range, options.grid, likelihood.threshold)
-    posed = [problem.with_shape(shape) for shape in shapes_within(problem, of_shape)]
-    solved = [(one, solve(one, v_s_range, options.grid)) for one in posed]
-    others = [
-        profiled(one, solution, threshold=likelihood.threshold).intervals
-        for one, solution in solved
-        if solution.cost <= likelihood.threshold
-    ]
-    return united(likelihood.intervals, others), of_shape
-
-
 def _beside(
     problem: Regression, of_shape: Mapping[str, tuple[float, float]], errors: Array, solution: Solution, kind: JointKind
 ) -> dict[ParameterName, Estimate]:
@@ -163,7 +141,7 @@ def _beside(
             if d in problem.peaks:
                 beside[ParameterName(name, d)] = shown
         if problem.law.terms:
-            fastest, values = float(_speeds(problem, d).max()), dict(zip(problem.names, solution.theta, strict=True))
+            fastest, values = float(speeds_of(problem, d).max()), dict(zip(problem.names, solution.theta, strict=True))
             held = min(values[ParameterName(name, d)] for name in problem.law.coefficients) < 0
             told = (Kind.FASTEST_MEASURED(), *((Kind.CURVE_HELD(fastest=fastest),) if held else ()))
             beside[ParameterName(FASTEST, d)] = Estimate(value=fastest, unit=unit(FASTEST, kind), warnings=told)
@@ -261,7 +239,7 @@ def _unbounded(
         problem.peaks, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1], strict=False
     ):
         low, high = likelihood.intervals[name]
-        speeds, why = _speeds(problem, direction), None
+        speeds, why = speeds_of(problem, direction), None
         if low == 0:
             why = Kind.V_S_DOWN_TO_ZERO()
         elif np.isinf(high):
@@ -296,7 +274,7 @@ def _unsupported(
         unexplained = max(solution.cost, noise) or 1.0  # a torque of zero throughout has neither
         ratio = gain / unexplained / variance_inflation
         p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
-        speeds, why = _speeds(problem, direction), None
+        speeds, why = speeds_of(problem, direction), None
         fastest, slowest = float(speeds.max()), float(speeds.min())
         if p > SUPPORTED:
             why = Kind.LIKE_NOISE(percent=100 * p) if p < NO_SIGN else Kind.NO_PEAK()
@@ -312,12 +290,6 @@ def _unsupported(
 def _inflation(problem: Regression, solution: Solution) -> float:
     """By how much correlated residuals inflate the variance; points stand alone."""
     return inflation(solution.residuals) if problem.smooth is not None else 1.0
-
-
-def _speeds(problem: Regression, direction: str) -> Array:
-    moving = {"+": problem.velocity > 0, "-": problem.velocity < 0}.get(direction, problem.velocity != 0)
-    speeds: Array = np.abs(problem.velocity[moving])
-    return speeds
 
 
 def _estimates(
@@ -383,52 +355,3 @@ def _outcome(
     if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):
         return Kind.STATIC_AT_EDGE()
     return Kind.STATIC_AT_BOUND() if solution.at_bound else Kind.STATIC_CONVERGED()
-
-
-def _fit_warnings(
-    problem: Regression,
-    solution: Solution,
-    jacobian: Array,
-    intervals: Mapping[Direction, tuple[float, float]],
-    profiles: Mapping[Direction, Profile],
-    v_s_range: tuple[float, float],
-    variance_inflation: float,
-) -> tuple[Diagnostic, ...]:
-    """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p), `intervals` are of v_s."""
-    warnings = [Kind.BOUND(name=problem.text(name)) for name in solution.at_bound]
-    for direction, profile in profiles.items():
-        warnings += _profile_warnings(direction, profile, intervals[direction], v_s_range)
-        speeds = np.abs(problem.velocity) if direction == "both" else _speeds(problem, direction)
-        below = np.count_nonzero(speeds < profile.best)
-        if below < 3:
-            warnings.append(Kind.FEW_BELOW_V_S(below=below, points=speeds.size, direction=direction))
-    condition = uncertainty.condition(jacobian)
-    if condition > 1e3:
-        warnings.append(Kind.ILL_CONDITIONED(condition=condition))
-    if variance_inflation > 2:
-        residuals = problem.residuals(solution.theta)
-        warnings.append(Kind.CORRELATED(lag_one=lag_one(residuals), widened=np.sqrt(variance_inflation)))
-    return tuple(warnings)
-
-
-def _profile_warnings(
-    direction: str, profile: Profile, interval: tuple[float, float], v_s_range: tuple[float, float]
-) -> list[Diagnostic]:
-    warnings = []
-    if interval[0] == 0 and np.isinf(interval[1]):
-        warnings.append(Kind.FLAT_PROFILE(direction=direction))
-    elif not is_closed(interval):
-        side = "below" if interval[0] == 0 else "above"
-        warnings.append(Kind.ONE_SIDED_PROFILE(direction=direction, side=side))
-    if not v_s_range[0] * 1.001 < profile.best < v_s_range[1] / 1.001:
-        warnings.append(Kind.AT_EDGE(direction=direction, low=v_s_range[0], high=v_s_range[1]))
-    inner = np.r_[False, (profile.cost[1:-1] < profile.cost[:-2]) & (profile.cost[1:-1] < profile.cost[2:]), False]
-    inner &= np.abs(np.log(profile.v_s / profile.best)) > 2 * np.log(profile.v_s[1] / profile.v_s[0])
-    seconds = profile.v_s[inner & (profile.cost <= profile.threshold)]
-    warnings += [Kind.SECOND_MINIMUM(direction=direction, v_s=s) for s in seconds]
-    return warnings
-
-
-def is_closed(interval: tuple[float, float]) -> bool:
-    """Whether an interval of v_s is limited on both sides."""
-    return interval[0] > 0 and bool(np.isfinite(interval[1]))

@@ -8,6 +8,7 @@ A `Peak` is s, even in v, one at rest and falling to zero; a `ViscousTerm` is r.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import sqrt
 from typing import Any
 
 Expression = Any
@@ -32,6 +33,11 @@ class OwnParameter:
     """What it may be at least, in SI; -inf where it has a sign."""
     searched: tuple[float, float] = (0.0, 0.0)
     """Of a peak's own, which is nonlinear: between which values it is looked for, both > 0."""
+
+    @property
+    def middle(self) -> float:
+        """The geometric mean of what is searched: where nothing is known of it."""
+        return sqrt(self.searched[0] * self.searched[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

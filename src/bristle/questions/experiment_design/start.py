@@ -214,7 +214,7 @@ def _filled(
         name: _VISCOUS * alpha_0 / (limits.velocity * float(rate))
         for name, rate in viscous_rates(limits.velocity, law).items()
     }
-    shape = {own.name: float(np.sqrt(own.searched[0] * own.searched[1])) for own in law.peak.own}
+    shape = {own.name: own.middle for own in law.peak.own}
     fastest = {FASTEST: limits.velocity} if law.terms else {}
     guess = lugre_of(law)(
         alpha_0=alpha_0,

@@ -20,7 +20,7 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import fields_of, least_of
 from bristle.page.output_folder import write_bytes
 from bristle.page.page import digest, encoded, html
-from bristle.page.wording import symbol
+from bristle.page.wording import PARAMETERS, symbol
 from bristle.questions.explorer.data import explored
 from bristle.questions.explorer.engine import script
 from bristle.questions.explorer.figures import PANELS, PAPER, figures, key
@@ -37,15 +37,6 @@ _VIEWS = {
     "identifiability": "Identifiability",
     "values": "Values",
 }
-_PARAMETERS = {
-    "alpha_0": "Coulomb friction",
-    "alpha_1": "Stribeck amplitude",
-    "alpha_2": "viscous friction",
-    "v_s": "Stribeck velocity",
-    "sigma_0": "bristle stiffness",
-    "sigma_1": "bristle damping",
-}
-"""Of every law."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,7 +127,7 @@ def _bokeh() -> str:
 
 def _words(laws: Iterable[Law]) -> dict[str, str]:
     """What each parameter that has a slider is, by name: those of every law, then what some have beside them."""
-    words = dict(_PARAMETERS)
+    words = dict(PARAMETERS)
     for law in laws:
         words |= {own.name: f"{law.peak.title} peak" for own in law.peak.own}
         words |= {term.coefficient.name: f"of {term.title}" for term in law.terms}

@@ -5,6 +5,7 @@ from typing import NamedTuple
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter
 from bristle.model.parameters import Lugre, unit
+from bristle.page.wording import PARAMETERS
 from bristle.questions.export.artefact import slug
 from bristle.questions.export.c_code import escaped
 from bristle.questions.export.exported import ExportedJoint
@@ -46,12 +47,7 @@ SINGLE_ADAPTING = {
 }
 """The same of a compensator that adapts in single precision, where these are narrower: its gradients are squared."""
 _WHAT = {
-    "alpha_0": "Coulomb friction",
-    "alpha_1": "Stribeck amplitude",
-    "alpha_2": "viscous friction",
-    "v_s": "Stribeck velocity",
-    "sigma_0": "bristle stiffness",
-    "sigma_1": "bristle damping",
+    **PARAMETERS,
     FASTEST: "fastest measured speed: viscous friction with a term below zero is held beyond it",
     "share": "of the friction that is compensated",
     "inertia": "fed forward: times the reference acceleration",

@@ -14,7 +14,7 @@ from bristle.identification.fits import Profile, StaticFit
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import band, curve
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import Kind, Lugre, Stribeck, unit
+from bristle.model.parameters import Kind, Lugre, Stribeck, bends_down, unit
 from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, thinned, title
 from bristle.page.wording import axis, direction, pretty, shortened
 
@@ -128,7 +128,7 @@ def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool
 def _is_held(fit: StaticFit) -> bool:
     """Whether the curve is held beyond the fastest measured speed."""
     p = fit.values()
-    return p is not None and any(getattr(p, name) < 0 for name in p.law.coefficients)
+    return p is not None and bends_down(p)
 
 
 def _held(ax: Axes, p: Stribeck[float], look: Look, sign: float, *, magnitude: bool) -> None:

@@ -8,8 +8,8 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.fit import estimate_static
+from bristle.identification.static.fit_warnings import is_closed
 from bristle.identification.static.grid import solve
-from bristle.identification.static.solution import is_closed
 from bristle.identification.static.uncertainty import resample
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.results import Coverage

@@ -1,0 +1,167 @@
+"""Which of some fitted friction laws the data want, by BIC and by speeds that were left out.
+
+The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
+speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
+left out alone what happens to lie at one end.
+
+With the equations of each solve, n of them of which n' are independent, and k parameters, the noise variance among
+them, a law's BIC is the sum of n' log(RSS / n) + k log(n'). Its weight is exp(-BIC / 2) over the sum of all (Burnham
+and Anderson, Model Selection and Multimodel Inference, 2002), and so is the average of a parameter over laws: its
+variance is what each law leaves open, and how far it lies from the average.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import reduce
+from operator import or_
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.estimation.covariance import student
+from bristle.identification.model_criteria import power_of, scores
+from bristle.identification.results import Averaged, LawComparison, LawRow
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Law
+from bristle.model.laws.registry import competing
+from bristle.model.parameters import ParameterName
+
+GAIN = 10.0
+"""Of BIC, by which another law has to be better than the paper's."""
+_SPREAD = 0.95
+"""A law with less than this of the weights is not the only one that the data allow."""
+_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")
+"""What means the same in every law: v_s does not."""
+_WORTH = 1e-3
+"""A law with a smaller weight does not move an average."""
+
+
+class Solve(NamedTuple):
+    """One of a law's solves: what its BIC is made of."""
+
+    residuals: Array
+    """(n,)."""
+    parameters: int
+    effective: float
+    """How many of the equations are independent."""
+    power: float
+    """Sum of squares of what is explained."""
+
+
+LeftOut = tuple[float | None, float | None]
+"""100 * norm(error) / norm(measured), percent, over blocks of speed and over runs, each predicted from the others; None where these are too few."""
+Known = dict[ParameterName, tuple[float, float, float]]
+"""Value, standard error and its degrees of freedom of each parameter that is at no bound."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedLaw:
+    """A law fitted to every solve."""
+
+    law: Law
+    solves: tuple[Solve, ...]
+    left_out: Callable[[], LeftOut]
+    """Works out how it predicts what was left out."""
+    known: Callable[[], Known]
+
+    @property
+    def residuals(self) -> Array:
+        """Of every equation, (n,)."""
+        return np.concatenate([solve.residuals for solve in self.solves])
+
+
+def ranked(
+    data: Literal["points", "moving runs"], fitted: Sequence[FittedLaw | None], in_force: Law, *, sparing: bool = False
+) -> LawComparison | None:
+    """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
+
+    Args:
+        data: what the equations are about.
+        fitted: each law; None where there were too few equations.
+        in_force: the law of the fits.
+        sparing: whether errors at what is left out are worked out only for laws that BIC prefers, and those they are
+            compared with.
+    """
+    found = [x for x in fitted if x is not None]
+    paper = next((k for k, x in enumerate(found) if x.law == GAUSSIAN), None)
+    if paper is None or len(found) < 2:
+        return None
+    marks = np.array([_scores(x) for x in found])
+    bic = marks[:, 1] - marks[:, 1].min()
+    weights = np.exp(-bic / 2) / np.exp(-bic / 2).sum()
+    wanted = [not sparing or k == paper or x.law == in_force or bic[paper] - bic[k] > GAIN for k, x in enumerate(found)]
+    left_out = [x.left_out() if asked else (None, None) for x, asked in zip(found, wanted, strict=True)]
+    chosen = _chosen(found, bic, left_out, paper)
+    rows = tuple(
+        LawRow(
+            law=x.law.name,
+            parameters=sum(solve.parameters for solve in x.solves),
+            rms=float(np.sqrt(power_of(x.residuals) / x.residuals.size)),
+            aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])),
+            bic=float(above),
+            left_out=left[0],
+            run_left_out=left[1],
+            weight=float(weight),
+            in_force=x.law == in_force,
+            chosen=k == chosen,
+        )
+        for k, (x, aicc, above, left, weight) in enumerate(zip(found, marks[:, 0], bic, left_out, weights, strict=True))
+    )
+    return LawComparison(
+        data=data,
+        n=found[0].residuals.size,
+        rows=rows,
+        sentence=_sentence(rows, chosen, paper),
+        averaged=_averaged(found, weights) if float(weights.max()) < _SPREAD else {},
+    )
+
+
+def _scores(x: FittedLaw) -> tuple[float, float]:
+    """AICc, nan where there are too few independent equations, and BIC."""
+    marks = [scores(*solve) for solve in x.solves]
+    return sum(np.nan if aicc is None else aicc for aicc, _ in marks), sum(bic for _, bic in marks)
+
+
+def _chosen(fitted: Sequence[FittedLaw], bic: Array, left_out: Sequence[LeftOut], paper: int) -> int:
+    """The law of lowest BIC among those that are clearly better than the paper's, which else stays."""
+    compete = {law.name for law in competing()}
+    own, _ = left_out[paper]
+    better = [
+        k
+        for k, x in enumerate(fitted)
+        if x.law.name in compete and bic[paper] - bic[k] > GAIN and own is not None and (left_out[k][0] or np.inf) < own
+    ]
+    return min(better, key=lambda k: bic[k], default=paper)
+
+
+def _sentence(rows: Sequence[LawRow], chosen: int, paper: int) -> Diagnostic:
+    """Which law the data want, and why."""
+    own, best = rows[paper], rows[chosen]
+    if chosen != paper:
+        return Kind.LAW_WANTED(law=best.law, gain=own.bic - best.bic, error=best.left_out, before=own.left_out)
+    other = min((row for row in rows if row is not own), key=lambda row: row.bic)
+    gain = own.bic - other.bic
+    if own.left_out is None:
+        return Kind.LAWS_TOO_FEW()
+    if gain > GAIN:
+        return Kind.LAW_NOT_PREDICTING(law=other.law, gain=gain)
+    return Kind.LAW_KEPT(law=other.law, gain=gain) if gain > 0 else Kind.LAW_BEST(law=other.law, gap=-gain)
+
+
+def _averaged(fitted: Sequence[FittedLaw], weights: Array) -> Mapping[ParameterName, Averaged]:
+    """What all laws have, over those that the data allow."""
+    likely = [(x, weight) for x, weight in zip(fitted, weights.tolist(), strict=True) if weight > _WORTH]
+    tables = [x.known() for x, _ in likely]
+    shares = np.array([weight for _, weight in likely])
+    shares = shares / shares.sum()
+    averaged = {}
+    for name in reduce(or_, (dict.fromkeys(table) for table in tables)):
+        if name.name in _AVERAGED and all(name in table for table in tables):
+            value, error, freedom = np.array([table[name] for table in tables]).T
+            mean = float(shares @ value)
+            own = float(shares @ np.sqrt(error**2 + (value - mean) ** 2))
+            reach = student(float(freedom.min())) * own
+            averaged[name] = Averaged(value=mean, standard_error=own, interval=(max(mean - reach, 0.0), mean + reach))
+    return averaged
