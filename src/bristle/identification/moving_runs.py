@@ -87,6 +87,11 @@ def with_orders(names: Sequence[str], orders: Sequence[int], kind: JointKind) ->
     return tuple(one for name in names for one in each.get(name, [name]))
 
 
+def turn_of(kind: JointKind) -> tuple[float, str]:
+    """What holds as many periods as an order says, rad or m, and its name: a turn, or a metre of a joint that slides."""
+    return (1.0, "metre") if slides(kind) else (2 * np.pi, "turn")
+
+
 def declared(experiment: Experiment) -> tuple[str, ...] | None:
     """The regressors that an experiment asks for, with their orders where these are known; None where it says nothing."""
     asked, orders = experiment.fit.regressors, experiment.fit.orders
@@ -154,7 +159,7 @@ def with_orders_advised(
     warnings: Sequence[Diagnostic], parameters: Collection[str], kind: JointKind
 ) -> tuple[Diagnostic, ...]:
     """The warnings about what a fit of some parameters leaves; that of a ripple with the lines that would fit it."""
-    turn, known = 1.0 if slides(kind) else 2 * np.pi, {x[2] for name in parameters if (x := periodic(name))}
+    (turn, _), known = turn_of(kind), {x[2] for name in parameters if (x := periodic(name))}
 
     def advised(warning: Diagnostic) -> Diagnostic:
         """One of them; a ripple of more than a turn, or of an order that is fitted, has no lines."""

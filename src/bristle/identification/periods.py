@@ -19,11 +19,10 @@ from bristle.identification.dynamic.priors import posed_and_start
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unasked_terms import columns_of, known_and_left
 from bristle.identification.measured import Measured, with_loads, with_options
-from bristle.identification.moving_runs import directions, with_orders
+from bristle.identification.moving_runs import directions, turn_of, with_orders
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
 from bristle.model.laws.registry import law_named
-from bristle.model.parameters import slides
 
 _MOST = 200
 """Orders that are tried."""
@@ -62,7 +61,7 @@ def with_periods(measured: Measured) -> Measured:
                 "equations of the moving runs: leave it out, lower fit.decimation, or measure slower"
             )
         return measured
-    turn = "metre" if slides(experiment.joint.kind) else "turn"
+    _, turn = turn_of(experiment.joint.kind)
     left = _of_motion(experiment, training, asked, most) if training else _of_points(measured, asked)
     orders, last = shown_orders(*left), max(left.columns, default=0)
     found = with_options(measured, orders=orders)
@@ -108,18 +107,13 @@ def _resolved(experiment: Experiment, records: Sequence[Record]) -> int:
         [np.zeros(0), *(np.abs(np.diff(r.position[::every])) for r in records if r.position is not None)]
     )
     typical = float(np.median(steps[steps > 0])) if steps.any() else 0.0
-    return int(_turn(experiment) / 2 / typical) if typical else np.iinfo(np.int64).max
-
-
-def _turn(experiment: Experiment) -> float:
-    """What holds as many periods as an order says: a turn, rad, or a metre."""
-    return 1.0 if slides(experiment.joint.kind) else 2 * np.pi
+    return int(turn_of(experiment.joint.kind)[0] / 2 / typical) if typical else np.iinfo(np.int64).max
 
 
 def _tried(experiment: Experiment, positions: Array, most: int) -> range:
     """The orders of which the positions hold a period, up to a highest one."""
-    reach = float(np.ptp(positions))
-    return range(max(int(np.ceil(_turn(experiment) / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)
+    (turn, _), reach = turn_of(experiment.joint.kind), float(np.ptp(positions))
+    return range(max(int(np.ceil(turn / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)
 
 
 def _of_motion(experiment: Experiment, records: Sequence[Record], asked: Sequence[str], most: int) -> _Left:

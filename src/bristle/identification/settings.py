@@ -2,8 +2,8 @@
 
 from bristle.data.experiment.load import Experiment
 from bristle.identification.moving_runs import regressors as asked_regressors
+from bristle.identification.moving_runs import turn_of
 from bristle.model.laws.registry import AUTO, law_named
-from bristle.model.parameters import slides
 
 
 def settings_of(experiment: Experiment, asked_law: str, *, moving: bool) -> dict[str, str]:
@@ -22,8 +22,8 @@ def settings_of(experiment: Experiment, asked_law: str, *, moving: bool) -> dict
         else f"{fit.v_s_range[0]:g} to {fit.v_s_range[1]:g}",
     }
     if isinstance(fit.orders, tuple):
-        per = "metre" if slides(experiment.joint.kind) else "turn"
-        settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {per}"
+        _, turn = turn_of(experiment.joint.kind)
+        settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {turn}"
     if moving:
         settings |= {
             "position filter": f"4th-order Butterworth, zero phase, {fit.position_cutoff:g} Hz",
