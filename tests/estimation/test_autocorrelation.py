@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.signal import lfilter
@@ -37,6 +37,7 @@ def test_standard_error_is_the_deviation_of_means(rho: float) -> None:
 
 @settings(deadline=None, max_examples=50)
 @given(arrays(float, st.integers(1, 60), elements=st.floats(-1e6, 1e6)), st.floats(1e-3, 1e3), st.floats(-1e3, 1e3))
+@example(np.array([np.finfo(float).tiny, 0, 0, 0, 0, 0]), 1.0, 0.0)
 def test_inflation_is_bounded_and_ignores_sign(x: Array, scale: float, shift: float) -> None:
     """1 <= inflation <= n for any data, short or constant; a change of sign changes nothing, nor does a change of unit by a power of two."""
     tau = inflation(x)

@@ -34,9 +34,11 @@ def autocorrelation(x: Array) -> Array:
     n = x.size
     if n == 0:
         return np.zeros(0)
-    centred = x - x.mean()
+    _, exponent = np.frexp(np.abs(x).max())
+    scaled = np.ldexp(x, -exponent)  # exact, and no mean of the smallest numbers rounds
+    centred = scaled - scaled.mean()
     largest = np.abs(centred).max()
-    if largest <= 1e-12 * np.abs(x).max():
+    if largest <= 1e-12 * np.abs(scaled).max():
         return np.asarray(np.arange(n) == 0, dtype=np.float64)
     length = next_fast_len(2 * n, real=True)
     covariance = irfft(np.abs(rfft(centred / largest, length)) ** 2, length)[:n]
