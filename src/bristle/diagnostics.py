@@ -1875,13 +1875,22 @@ class Kind(Enum):
             "out in turn, its error is {error:.3g} % of the torque instead of {before:.3g} %."
         ),
     )
-    LAW_BEST = _NOTE, "Keep the paper's law: it has the lowest BIC ({law} has {gap:.1f} more)."
-    LAW_KEPT = _NOTE, "Keep the paper's law: the BIC of {law} is {gain:.1f} lower, which is less than the 10 asked for."
+    LAW_BEST = (
+        _NOTE,
+        "The data ask for no other law than the paper's: it has the lowest BIC ({law} has {gap:.1f} more).",
+    )
+    LAW_KEPT = (
+        _NOTE,
+        "The data ask for no other law than the paper's: the BIC of {law} is {gain:.1f} lower, less than the 10 asked for.",
+    )
     LAW_NOT_PREDICTING = (
         _NOTE,
-        "Keep the paper's law: the BIC of {law} is {gain:.1f} lower, but it predicts speeds that were left out no better.",
+        "The data ask for no other law than the paper's: the BIC of {law} is {gain:.1f} lower, but it predicts speeds that were left out no better.",
     )
-    LAWS_TOO_FEW = _NOTE, "Keep the paper's law: there are too few points to leave speeds out and predict them."
+    LAWS_TOO_FEW = (
+        _NOTE,
+        "The data cannot ask for another law than the paper's: there are too few points to leave speeds out.",
+    )
     OTHER_LAW = (
         _CAUTION,
         (

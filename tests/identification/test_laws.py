@@ -133,6 +133,25 @@ def test_a_bend_is_found() -> None:
     assert sum(name.endswith("+quadratic") for name in weak) >= 27
 
 
+def test_points_off_the_papers_law_alone_are_not_left_out() -> None:
+    """A strong bend makes strays of the paper's law, which are its evidence: it is found in nearly every set."""
+    p = truth_of(law_named("lorentzian+quadratic"), alpha_3=-0.02)
+    found = [bristle.fit(SPEEDS, torques(p, SPEEDS, 0.005, seed)).joint for seed in range(8)]
+    wanted = [joint.laws.chosen.law for joint in found if joint.laws is not None]
+    assert sum("quadratic" in law for law in wanted) >= 7
+    assert any(joint.static["+"].strays for joint in found)
+
+
+def test_a_point_off_all_laws_is_left_out_of_their_comparison() -> None:
+    """One torque half as large again is a stray of every law: with it left out, the paper's law is kept."""
+    T = torques(GRIPPER.stribeck, SPEEDS, 0.005, 3)
+    T[12] *= 1.5
+    laws = bristle.fit(SPEEDS, T).joint.laws
+    assert laws is not None
+    assert laws.n == SPEEDS.size - 1
+    assert laws.chosen.law == GAUSSIAN.name
+
+
 def test_rows_of_a_comparison_go_together() -> None:
     """Weights add up to one, the lowest BIC is zero, one law is in force, and averages lie between the laws' own values."""
     found = chosen(truth_of(law_named("gaussian+quadratic"), alpha_3=1.5), 0.05, 1)

@@ -261,3 +261,55 @@ def test_names_that_are_taken_are_refused(name: str, own: str, wrong: str) -> No
     with pytest.raises(ValueError, match=wrong):
         register_law(part)
     assert before == registry._PARTS
+
+
+def _half(v: Any, v_s: Any) -> Any:
+    return 1 / (1 + v / v_s)
+
+
+@pytest.mark.parametrize(
+    ("shape", "wrong"),
+    [
+        (lambda v, v_s: 2 / (1 + (v / v_s) ** 2), "of 2 at rest"),
+        (_half, "between v and -v|not finite"),
+        (lambda v, v_s: 1 + 0 * v / v_s, "does not fall"),
+        (lambda v, v_s: 1 / (1 + (v / v_s) ** 2) - 0.5 * (v / v_s) ** 2 / (1 + (v / v_s) ** 2), "does not fall"),
+        (lambda v, v_s: ca.exp(-ca.sqrt(ca.fabs(v) / v_s)), "no derivative"),
+        (lambda v: 1 / (1 + v**2), "CasADi cannot evaluate"),
+    ],
+)
+def test_a_shape_that_is_no_peak_is_refused(shape: Any, wrong: str) -> None:
+    """A peak is even, finite, 1 at rest and falls to 0; any other is refused with what is wrong, and not registered."""
+    before = dict(registry._PARTS)
+    with pytest.raises(ValueError, match=wrong):
+        register_law(Peak(name="no-peak", title="x", shape=shape, reach=3.0))
+    assert before == registry._PARTS
+
+
+def test_a_peak_needs_a_reach_and_ranges_to_search() -> None:
+    """Without them no fit can start: refused."""
+    n = OwnParameter(name="n_9", symbol="n", units=("1", "1"))
+    with pytest.raises(ValueError, match="range to search"):
+        register_law(
+            Peak(name="x", title="x", shape=lambda v, v_s, n: 1 / (1 + (v / v_s) ** 2) ** n, own=(n,), reach=3.0)
+        )
+    with pytest.raises(ValueError, match="reach of 0"):
+        register_law(Peak(name="x", title="x", shape=lambda v, v_s: 1 / (1 + (v / v_s) ** 2), reach=0.0))
+
+
+@pytest.mark.parametrize(
+    ("rate", "wrong"),
+    [
+        (lambda speed: 1 + speed, "of 1 at rest"),
+        (lambda speed: -speed, "rise with speed"),
+        (ca.sqrt, "no derivative"),
+        (lambda speed, other: speed + other, "CasADi cannot evaluate"),
+    ],
+)
+def test_a_rate_that_does_not_rise_from_zero_is_refused(rate: Any, wrong: str) -> None:
+    """A term adds nothing at rest, and its rate rises: any other is refused, and not registered."""
+    before = dict(registry._PARTS)
+    own = OwnParameter(name="c_9", symbol="c", units=("N*m*s/rad", "N*s/m"))
+    with pytest.raises(ValueError, match=wrong):
+        register_law(ViscousTerm(name="no-term", title="x", coefficient=own, rate=rate))
+    assert before == registry._PARTS

@@ -19,7 +19,13 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
-from bristle.identification.law_comparison import law_warnings, laws_of_motion, laws_of_points, with_averages
+from bristle.identification.law_comparison import (
+    law_warnings,
+    laws_of_motion,
+    laws_of_points,
+    with_averages,
+    with_averages_of_motion,
+)
 from bristle.identification.measured import Measured, nothing_to_fit, with_law
 from bristle.identification.model_selection import compare_on_motion, compare_on_points
 from bristle.identification.moving_runs import (
@@ -124,6 +130,7 @@ def _identified(
         stages = DynamicStages(presliding=_presliding(experiment, measured.slow, static))
     if asked_law == AUTO:
         static = with_averages(static, laws)
+        stages = stages._replace(alone=with_averages_of_motion(stages.alone, laws))
     step(progress, "comparing friction models")
     return Joint(
         name=experiment.joint.name,

@@ -8,6 +8,7 @@ out five blocks of speed in turn.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,18 +17,26 @@ from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.covariance import covariance, seen
 from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
-from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.law_ranking import GAIN, FittedLaw, Known, LeftOut, Solve, ranked
 from bristle.identification.measured import Measured
 from bristle.identification.model_criteria import power_of
-from bristle.identification.results import LawComparison
+from bristle.identification.results import Averaged, LawComparison
 from bristle.identification.static.grid import Solution, default_range, solve
-from bristle.identification.static.points import groups, point_regressors, points_problem
+from bristle.identification.static.points import (
+    groups,
+    point_regressors,
+    points_problem,
+    sliding_points,
+    strays_under_all,
+)
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.shape_search import with_best_shape
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import competing
 from bristle.model.parameters import ParameterName
+
+Name = TypeVar("Name", str, ParameterName)
 
 BLOCKS = 5
 """Of speed, each left out in turn."""
@@ -41,13 +50,13 @@ def laws_beside(in_force: Law) -> tuple[Law, ...]:
 
 
 def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
-    """The laws on the points of an experiment, those that do not belong left out; None where there are too few.
+    """The laws on the points of an experiment, those that belong to none left out; None where there are too few.
 
     Raises InputError as the fit of points does.
     """
-    points, asked = measured.points(hold_out=False), point_regressors(measured.experiment)
-    stray = {s.points[k].place for s in measured.searches for k in s.strays}
-    chosen = groups(measured.experiment, [s for s in points if s.place not in stray])
+    asked = point_regressors(measured.experiment)
+    stray = strays_under_all(measured.experiment, measured.searches, laws_beside(in_force))
+    chosen = groups(measured.experiment, [s for s in sliding_points(measured.searches) if s.place not in stray])
 
     def pose(law: Law) -> Sequence[Regression]:
         """The points of each solve."""
@@ -114,17 +123,36 @@ def law_warnings(laws: LawComparison | None) -> tuple[Diagnostic, ...]:
 
 
 def with_averages(fits: Mapping[str, StaticFit], laws: LawComparison | None) -> dict[str, StaticFit]:
-    """The fits of a law that the data chose; each estimate beside which other laws allow more says so."""
-    out = dict(fits)
-    for name, over in (laws.averaged if laws is not None else {}).items():
-        fit = out.get(name.direction)
-        e = (
-            fit.parameters.get(name.name) if fit is not None and not fit.strays else None
-        )  # with strays it is of other points
-        if fit is not None and e is not None and e.interval is not None and _beyond(over.interval, e.interval):
-            why = Kind.OVER_LAWS(low=over.interval[0], high=over.interval[1], unit=e.unit)
-            told = replace(e, warnings=(*e.warnings, why))
-            out[name.direction] = replace(fit, parameters={**fit.parameters, name.name: told})
+    """The fits of points under a law that the data chose; each estimate beside which other laws allow more says so.
+
+    An average is of what was compared: a fit of other points, or without the Stribeck term that every compared law has, is
+    as it was.
+    """
+    same = laws is not None and laws.data == "points" and sum(fit.n for d, fit in fits.items() if d != "shared") == laws.n
+    averaged = laws.averaged if laws is not None and same else {}
+    return {
+        d: replace(fit, parameters=_told(fit.parameters, {n.name: x for n, x in averaged.items() if n.direction == d}))
+        if "v_s" in fit.parameters
+        else fit
+        for d, fit in fits.items()
+    }
+
+
+def with_averages_of_motion(fit: TrackingFit | None, laws: LawComparison | None) -> TrackingFit | None:
+    """The same of moving runs fitted by LuGre itself, as the laws were."""
+    if fit is None or laws is None or laws.data == "points" or not any(n.name == "v_s" for n in fit.parameters):
+        return fit
+    return replace(fit, parameters=_told(fit.parameters, laws.averaged))
+
+
+def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged]) -> dict[Name, Estimate]:
+    """Estimates, of which those say so beside which other laws allow more."""
+    out = dict(estimates)
+    for name, own in estimates.items():
+        over = averaged.get(name)
+        if over is not None and own.interval is not None and _beyond(over.interval, own.interval):
+            why = Kind.OVER_LAWS(low=over.interval[0], high=over.interval[1], unit=own.unit)
+            out[name] = replace(own, warnings=(*own.warnings, why))
     return out
 
 

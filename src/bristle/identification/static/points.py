@@ -10,7 +10,6 @@ from scipy.special import ndtri
 from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.linear import inverse_gram
@@ -58,18 +57,46 @@ class PointSearch:
         return all_but(len(self.points), (*self.resting, *self.strays))
 
 
-def search_points(experiment: Experiment, points: Sequence[Segment]) -> tuple[PointSearch, ...]:
-    """The points of an experiment that do not belong to the law of the others, solve by solve."""
-    asked = point_regressors(experiment)
-    options = experiment.fit
-    return tuple(_search(sides, group, asked, options) for sides, group in groups(experiment, points))
+def sliding_points(searches: Sequence[PointSearch]) -> list[Segment]:
+    """All points but those at rest."""
+    return [s for x in searches for s, slides in zip(x.points, x.sliding.tolist(), strict=True) if slides]
+
+
+def search_points(experiment: Experiment, points: Sequence[Segment], law: Law | None = None) -> tuple[PointSearch, ...]:
+    """The points of an experiment that do not belong to the law of the others, solve by solve; None: the experiment's law."""
+    asked, law = point_regressors(experiment), law or law_named(experiment.fit.law)
+    v_s_range = experiment.fit.v_s_range
+    return tuple(_search(sides, group, asked, v_s_range, law) for sides, group in groups(experiment, points))
+
+
+def strays_under_all(
+    experiment: Experiment, searches: Sequence[PointSearch], laws: Sequence[Law]
+) -> frozenset[tuple[str, int, int]]:
+    """The places of the points that belong to none of some laws, those of `searches` among them.
+
+    What is off one law may be what another has and that one lacks: only a point that is off all of them is none of friction's.
+    """
+    places = _places(searches)
+    for law in laws:
+        if not places:
+            break
+        places &= _places(search_points(experiment, sliding_points(searches), law))
+    return places
+
+
+def _places(searches: Sequence[PointSearch]) -> frozenset[tuple[str, int, int]]:
+    """Of all strays."""
+    return frozenset(x.points[k].place for x in searches if not x.misfit for k in x.strays)
 
 
 def _search(
-    sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence[str], options: FitOptions
+    sides: tuple[str, ...],
+    points: tuple[Segment, ...],
+    asked: Sequence[str],
+    v_s_range: tuple[float, float] | None,
+    law: Law,
 ) -> PointSearch:
-    v_s_range = options.v_s_range
-    problem = points_problem(points, sides, asked, law_named(options.law))
+    problem = points_problem(points, sides, asked, law)
     problem = with_best_shape(problem, v_s_range or default_range(problem.velocity))
     search, n = find_strays(problem, v_s_range), len(points)
     nothing = PointSearch(

@@ -6,6 +6,7 @@ from importlib.metadata import entry_points
 from itertools import product
 
 from bristle.model.laws import exponential, free_exponent, gaussian, lorentzian, quadratic
+from bristle.model.laws.check import fault_of
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
 
@@ -45,7 +46,9 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
         compete: whether `auto`, and the comparison of laws, try it: a peak with and without each term, a term beside each
             peak.
 
-    Raises ValueError where another part has the name already, or a parameter of it is called as one that there is.
+    Raises ValueError where another part has the name already, a parameter of it is called as one that there is, or the
+    part, tried on speeds, is not what the equations take it for: a peak even in v, 1 at rest and falling to 0, a term's
+    rate rising from 0, each of CasADi's operations.
     """
     if not isinstance(part, Peak | ViscousTerm):
         raise ValueError(f"got {type(part).__name__}; expected a Peak or a ViscousTerm")
@@ -63,6 +66,9 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
         raise ValueError(
             f"{part.name}: got a parameter called {taken[0]!r}; expected letters, digits and _, and a name that no other has"
         )
+    fault = None if known == part else fault_of(part)
+    if fault is not None:
+        raise ValueError(f"{part.name}: {fault}")
     _PARTS[part.name] = part
     if compete:
         _COMPETE.add(part.name)

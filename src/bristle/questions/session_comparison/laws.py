@@ -10,7 +10,7 @@ from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate
 from bristle.identification.systematic import shifted
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import ParameterName, peak_parameters
+from bristle.model.parameters import ParameterName, of_curve
 from bristle.questions.session_comparison.results import SessionFit, SessionJoint, usable
 
 BREAKAWAY = "breakaway"
@@ -20,12 +20,12 @@ _MANY = 1e9
 
 
 def alike(name: str, first: Law, second: Law) -> bool:
-    """Whether a parameter means the same in two laws: those of a peak in one peak alone, viscous friction beside the same terms alone."""
-    if name in {*peak_parameters(first), *peak_parameters(second)}:
-        return first.peak == second.peak
-    if name in {"alpha_2", *first.coefficients, *second.coefficients}:
-        return first.terms == second.terms
-    return True
+    """Whether a parameter means the same in two laws: one of friction in sliding in one law alone.
+
+    The tail of one peak, or a term, is the level alpha_0 or the viscous friction of another law: on one curve alpha_0
+    may differ by tens of percent, and no cause is behind it.
+    """
+    return first == second or not of_curve(name)
 
 
 def with_breakaway(joint: SessionJoint) -> SessionJoint:

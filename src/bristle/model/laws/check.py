@@ -1,0 +1,76 @@
+"""Whether a peak or a term from outside is what the equations take it for: tried on speeds, before a law is made of it."""
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.model.laws.parts import Expression, Peak, ViscousTerm
+
+_V_S = 0.1
+"""The Stribeck velocity at which a peak is tried, rad/s."""
+_SPEEDS = np.concatenate([[0.0], _V_S * np.geomspace(1e-6, 300, 200)])
+_CLOSE = 1e-9
+_LEFT = 0.1
+"""Of a peak at the highest of these speeds, at most: one with a slow tail falls by and by."""
+
+
+def fault_of(part: Peak | ViscousTerm) -> str | None:
+    """What is wrong with a part, in words that follow its name; None where nothing is."""
+    if isinstance(part, Peak):
+        own = [value for x in part.own for value in {x.searched[0], x.middle, x.searched[1]}]
+        if part.reach <= 0:
+            return f"got a reach of {part.reach:g}; expected more than 0"
+        if not all(0 < x.searched[0] < x.searched[1] < np.inf for x in part.own):
+            return (
+                "got a parameter of the shape without a range to search; expected searched=(low, high), 0 < low < high"
+            )
+        if not np.isfinite(own).all():
+            return "got a parameter of the shape that is not finite"
+        shapes = [[x.searched[k] if k < 2 else x.middle for x in part.own] for k in range(3)]
+        return next((fault for shape in shapes if (fault := _fault_of_shape(part.shape, shape))), None)
+    return _fault_of_rate(part.rate)
+
+
+def _fault_of_shape(shape: Callable[..., Expression], own: list[float]) -> str | None:
+    values, error = _tried(lambda v: shape(v, _V_S, *own), _SPEEDS)
+    mirrored, _ = _tried(lambda v: shape(v, _V_S, *own), -_SPEEDS)
+    if error or values is None or mirrored is None:
+        return error
+    s, slope = values
+    if not (np.isfinite(s).all() and np.isfinite(slope).all()):
+        return "got a shape that is not finite, or has no derivative, at a speed; expected both from rest on"
+    if abs(s[0] - 1) > _CLOSE:
+        return f"got a shape of {s[0]:.3g} at rest; expected 1"
+    if np.abs(s - mirrored[0]).max() > _CLOSE:
+        return "got a shape that differs between v and -v; expected the same"
+    if (np.diff(s) > _CLOSE).any() or s.min() < -_CLOSE or s[-1] > _LEFT:
+        return "got a shape that does not fall from 1 to 0; expected it to fall with speed"
+    return None
+
+
+def _fault_of_rate(rate: Callable[[Expression], Expression]) -> str | None:
+    values, error = _tried(rate, _SPEEDS)
+    if error or values is None:
+        return error
+    r, slope = values
+    if not (np.isfinite(r).all() and np.isfinite(slope).all()):
+        return "got a rate that is not finite, or has no derivative, at a speed; expected both from rest on"
+    if abs(r[0]) > _CLOSE:
+        return f"got a rate of {r[0]:.3g} at rest; expected 0"
+    if (np.diff(r) < -_CLOSE * np.abs(r).max()).any() or r[-1] <= 0:
+        return "got a rate that does not rise with speed; expected it to rise from 0"
+    return None
+
+
+def _tried(expression: Callable[[Any], Expression], speeds: Array) -> tuple[tuple[Array, Array] | None, str | None]:
+    """An expression and its derivative at some speeds, (n,) each, or what CasADi says of it."""
+    v = ca.SX.sym("v")
+    try:
+        value = ca.SX(expression(v))
+        found = ca.Function("tried", [v], [value, ca.jacobian(value, v)])
+        return tuple(np.array(x).ravel() for x in found.map(speeds.size)(speeds)), None  # type: ignore[return-value]
+    except Exception as error:  # noqa: BLE001  # whatever a function from outside raises, it is no expression
+        return None, f"got a function that CasADi cannot evaluate ({error}); expected CasADi's operations alone"
