@@ -36,7 +36,7 @@ from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import competing
 from bristle.model.parameters import ParameterName
 
-Name = TypeVar("Name", str, ParameterName)
+Name = TypeVar("Name")
 
 BLOCKS = 5
 """Of speed, each left out in turn."""
