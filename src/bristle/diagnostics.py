@@ -2053,6 +2053,13 @@ class Kind(Enum):
         ),
     )
     ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: {first})."
+    ROWS_MOTOR_OFF = (
+        _NOTE,
+        (
+            "{rows} row{rows!e} left out (first: {first}): the drive is off there, the motor is open, and what it is given is no "
+            "torque."
+        ),
+    )
     ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: {first})."
     ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: {first})."
     ROWS_OF_SHORT_SEGMENTS = (

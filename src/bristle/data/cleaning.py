@@ -40,11 +40,14 @@ class _Rows:
     """... which of the two: `line` or `row`."""
     notes: list[Diagnostic]
     warnings: list[Diagnostic] = field(default_factory=list)
+    off_before: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    """How many rows before each one the drive was off in; empty where it never was."""
 
     def keep(self, mask: NDArray[np.bool_]) -> None:
         """Leave only the rows of a mask."""
         self.data = {name: values[mask] for name, values in self.data.items()}
         self.number = self.number[mask]
+        self.off_before = self.off_before[mask] if self.off_before.size else self.off_before
 
 
 def make_record(
@@ -66,6 +69,7 @@ def make_record(
         rows.data["time"] = np.arange(table.rows) / signals.time.rate if table.time is None else table.time
         rows.notes.append(Kind.RATE_DECLARED(rate=signals.time.rate))
     _drop_non_finite(rows, table, cleaning)
+    _drop_motor_off(rows)
     _drop_by_time(rows, cleaning)
     _enough(rows)
     starts = _gaps(rows, cleaning.gap, stamped="time" in keys_of(signals))
@@ -99,6 +103,7 @@ def make_points(
     """
     rows = _scaled(table, signals, context)
     _drop_non_finite(rows, table, cleaning)
+    _drop_motor_off(rows)
     _enough(rows)
     _refuse_constant(rows)
     before = 0 if table.numbers is None else int(table.numbers[0]) - 1 - (table.header or 0)
@@ -169,6 +174,17 @@ def _drop_non_finite(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
     rows.keep(finite)
 
 
+def _drop_motor_off(rows: _Rows) -> None:
+    off = rows.data.pop("enabled", np.ones(0)) == 0
+    if not off.any():
+        return
+    if off.all():
+        raise InputError(f"enabled is 0 in all {off.size} rows: the drive was never on; name another column, or leave enabled out")
+    rows.notes.append(Kind.ROWS_MOTOR_OFF(rows=off.sum(), first=f"{rows.word} {rows.number[np.flatnonzero(off)[0]]}"))
+    rows.off_before = np.cumsum(off)
+    rows.keep(~off)
+
+
 def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     time = rows.data["time"]
     seen = np.maximum.accumulate(time)
@@ -199,13 +215,14 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
         raise InputError(
             f"time spans {rows.data['time'][0]:.9g} s to {rows.data['time'][-1]:.9g} s in steps of {step:.3g} s; check the unit of time, or the rate"
         )
-    wide = intervals > gap * step
-    worst = float(np.abs(intervals[~wide] - step).max(initial=0.0)) / step
+    off = np.diff(rows.off_before) > 0 if rows.off_before.size else np.zeros(intervals.size, dtype=bool)
+    wide = (intervals > gap * step) & ~off
+    worst = float(np.abs(intervals[~(wide | off)] - step).max(initial=0.0)) / step
     if stamped:
         rows.notes.append(Kind.SAMPLING(step=step, rate=1 / step, jitter=100 * worst))
     if wide.any():
         rows.notes.append(Kind.GAPS(gaps=wide.sum(), intervals=gap, seconds=gap * step, longest=intervals.max()))
-    return (0, *(int(k) + 1 for k in np.flatnonzero(wide)))
+    return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))
 
 
 def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool, turn: float | None) -> None:

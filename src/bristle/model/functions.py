@@ -67,6 +67,14 @@ def load_terms_function() -> ca.Function:
 
 
 @cache
+def load_levels_function() -> ca.Function:
+    """(tau_m, tau_l) -> `law.load_levels` in that order, then the derivative of each by tau_l."""
+    s = _symbols("tau_m", "tau_l")
+    levels = law.load_levels(**s)
+    return _function("load_levels", s, levels | {f"{n}_by": ca.jacobian(x, s["tau_l"]) for n, x in levels.items()})
+
+
+@cache
 def periodic_terms_function() -> ca.Function:
     """(q, v, k) -> `law.periodic_terms`, in that order."""
     s = _symbols("q", "v", "k")

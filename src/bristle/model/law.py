@@ -133,6 +133,23 @@ def load_terms(q: Expression, v: Expression, a: Expression, tau: Expression) -> 
     }
 
 
+def load_levels(tau_m: Expression, tau_l: Expression) -> dict[str, Expression]:
+    """What multiplies each coefficient by which the level rises with load, by its name: N*m, and its square.
+
+    Gears lose torque in proportion to what they carry, so g = alpha_0 + alpha_1 s(v) + link_load abs(tau_l) + motor_load
+    abs(tau_m) + gear_load abs(tau_m - tau_l) + gear_load_squared (tau_m - tau_l)**2, of the torque of the motor and that of
+    gravity and links on the joint, N*m (M. Duclusaud, G. Passault, V. Padois and O. Ly, Extended friction models for the
+    physics simulation of servo actuators, 2024). None is split by the sign of power: that rebuilds tau_l, and fits anything.
+    """
+    carried = tau_m - tau_l
+    return {
+        "link_load": ca.fabs(tau_l),
+        "motor_load": ca.fabs(tau_m),
+        "gear_load": ca.fabs(carried),
+        "gear_load_squared": carried**2,
+    }
+
+
 def periodic_terms(q: Expression, v: Expression, k: Expression) -> dict[str, Expression]:
     """What multiplies each parameter of the torque that repeats with the position, at k rad per rad (or per m).
 

@@ -51,7 +51,12 @@ class RolloutJacobian(Rollout):
 
 
 def rollout(
-    velocity: Array, step: float | Array, parameters: _Parameters, z0: float | None = None, coarsening: float = 1.0
+    velocity: Array,
+    step: float | Array,
+    parameters: _Parameters,
+    z0: float | None = None,
+    coarsening: float = 1.0,
+    level: Array | None = None,
 ) -> Rollout:
     """Bristle deflection and friction torque (3)-(5) along a velocity that is linear between its samples.
 
@@ -62,6 +67,8 @@ def rollout(
         z0: deflection at the first sample, rad; by default the steady one for the first velocity, 0 where that is 0.
         coarsening: how many times farther apart than usual nodes may stand between samples; 10 is quick, and good for a
             start.
+        level: what a load adds to alpha_0 at the samples (`law.load_levels`), N*m, (n,), linear between them, never so far
+            below zero that the level is not positive; None: nothing.
 
     Raises:
         ValueError: where velocity is not a finite (n,) array, or step is not positive or of another length.
@@ -72,13 +79,15 @@ def rollout(
         vectorised(functions.step_function(parameters.law)),
         vectorised(functions.torque_function(parameters.law)),
     )
-    z = _start(velocity, parameters)[0] if z0 is None else z0
-    for at, drawn in _chunks(velocity, step, parameters, coarsening):
+    risen = None if level is None else level[None]
+    z = _start(velocity, parameters, risen)[0] if z0 is None else z0
+    for at, drawn in _chunks(velocity, step, parameters, coarsening, risen):
         nodes, signs = _settled(drawn, z, parameters)
         a, b = advance(*nodes.steps, *_acting_over(parameters, signs, nodes))
         inside = scan(a, b, z)
         z_all[at] = inside[nodes.samples]
-        friction(z_all[at], velocity[at], *_acting(parameters, z_all[at], velocity[at]), out=[torque[at]])
+        acting = _with_level(_acting(parameters, z_all[at], velocity[at]), None if level is None else level[at])
+        friction(z_all[at], velocity[at], *acting, out=[torque[at]])
         z = float(inside[-1])
     return Rollout(z=_frozen(z_all), torque=_frozen(torque))
 
@@ -106,11 +115,13 @@ def rollout_into(
     parameters: _Parameters,
     z0: float | None = None,
     coarsening: float = 1.0,
+    level: Array | None = None,
 ) -> Rollout:
     """The rollout, and its derivatives written to `rows`: (n,) for each parameter, 6 or 12 of the paper's law, then for z0.
 
-    A fit gives the rows of its own Jacobian: fresh memory for another costs as much as a fifth of the work. All else as
-    in `rollout_jacobian`.
+    A fit gives the rows of its own Jacobian: fresh memory for another costs as much as a fifth of the work. `level`, (1 +
+    k, n), is that of `rollout`, and its derivatives by k parameters of its own, whose rows stand between those of the law
+    and z0's. All else as in `rollout_jacobian`.
     """
     velocity, step = _checked(velocity, step)
     law, fields = parameters.law, _fields(parameters)
@@ -119,12 +130,13 @@ def rollout_into(
         vectorised(functions.step_sensitivity_function(law)),
         vectorised(functions.torque_sensitivity_function(law)),
     )
-    enters = _positions(names, parameters)
+    enters, rises = _positions(names, parameters), 0 if level is None else len(level) - 1
     z_all, torque = np.empty((2, velocity.size))
-    *by_parameters, by_z0 = rows
-    z, carry = _start(velocity, parameters) if z0 is None else (z0, np.zeros(enters.size))
+    *every, by_z0 = rows
+    by_parameters, by_level = every[: len(every) - rises], every[len(every) - rises :]
+    z, carry = _start(velocity, parameters, level) if z0 is None else (z0, np.zeros(enters.size + rises))
     faded = 1.0
-    for at, drawn in _chunks(velocity, step, parameters, coarsening):
+    for at, drawn in _chunks(velocity, step, parameters, coarsening, level):
         nodes, signs = _settled(drawn, z, parameters)
         slopes = np.empty((2 + 2 * len(names), nodes.v.size - 1))
         advance(*nodes.steps, *_acting_over(parameters, signs, nodes), out=list(slopes))
@@ -133,16 +145,22 @@ def rollout_into(
         source *= inside[:-1]  # dz+/dp at fixed z is da/dp z + db/dp
         source += offset
         source += _FADED
-        z_by = scan(slopes[0], _by_set(source, parameters, signs, nodes.heading, names), carry)
+        shares = _by_set(source, parameters, signs, nodes.heading, names)
+        if rises:  # the level adds to alpha_0
+            shares = np.vstack([shares, nodes.rise[1:] * source[names.index("alpha_0")]])
+        z_by = scan(slopes[0], shares, carry)
         z_all[at] = inside[nodes.samples]
         T_z = np.empty(at.stop - at.start)
         acting, derivatives = _acting(parameters, z_all[at], velocity[at]), [row[at] for row in by_parameters]
+        acting = _with_level(acting, None if level is None else level[0, at])
         friction(z_all[at], velocity[at], *acting, out=[torque[at], T_z, *derivatives[:count]])
+        for row, slope, z_rise in zip(by_level, () if level is None else level[1:], z_by[enters.size :], strict=True):
+            row[at] = derivatives[0] * slope[at] + T_z * z_rise[nodes.samples]
         if isinstance(parameters, Pair):
             shared_out = _by_set(np.array(derivatives[:count]), parameters, z_all[at], velocity[at], fields)
             for row, part in zip(derivatives, shared_out, strict=True):
                 row[:] = part
-        for column, row in zip(enters, z_by, strict=True):
+        for column, row in zip(enters, z_by[: enters.size], strict=True):
             derivatives[column] += T_z * row[nodes.samples]
         by_z0[at] = 0.0
         if faded > _FADED:
@@ -179,8 +197,14 @@ def _acting(parameters: _Parameters, z: Array, v: Array) -> Sequence[float | Arr
 
 
 def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequence[float | Array]:
-    """The set that acts over each step, where z has these signs."""
-    return parameters if isinstance(parameters, Lugre) else _acting(parameters, signs, nodes.heading)
+    """The set that acts over each step, where z has these signs, with the level that a load adds to."""
+    acting = parameters if isinstance(parameters, Lugre) else _acting(parameters, signs, nodes.heading)
+    return _with_level(acting, None if nodes.level is None else nodes.rise[0])
+
+
+def _with_level(acting: Sequence[float | Array], level: Array | None) -> Sequence[float | Array]:
+    """A set with something added to alpha_0, which comes first."""
+    return acting if level is None else (acting[0] + level, *acting[1:])
 
 
 def _by_set(rows: Array, parameters: _Parameters, z: Array, v: Array, names: Sequence[str]) -> Array:
@@ -212,16 +236,20 @@ def _positions(names: Sequence[str], parameters: _Parameters) -> Index:
     return np.array([len(fields) * k + fields.index(name) for k in range(_sets(parameters)) for name in names])
 
 
-def _start(velocity: Array, parameters: _Parameters) -> tuple[float, Array]:
-    """The steady deflection at the first velocity, and its derivatives with respect to the parameters that enter z."""
+def _start(velocity: Array, parameters: _Parameters, level: Array | None = None) -> tuple[float, Array]:
+    """The steady deflection at the first velocity, and its derivatives with respect to the parameters that enter z, then to those of the level."""
     v = velocity[:1] if velocity.size else np.zeros(1)
-    z, *by = evaluate(functions.steady_deflection_function(parameters.law), v, *_acting(parameters, v, v))
+    first = np.zeros((1, 1)) if level is None or not velocity.size else level[:, :1]
+    acting = _with_level(_acting(parameters, v, v), first[0])
+    z, *by = evaluate(functions.steady_deflection_function(parameters.law), v, *acting)
     names, fields = functions.step_parameters(parameters.law), _fields(parameters)
     rows = np.array([by[fields.index(name)] for name in names])
-    return float(z[0]), _by_set(rows, parameters, v, v, names)[:, 0]
+    return float(z[0]), np.append(_by_set(rows, parameters, v, v, names)[:, 0], first[1:, 0] * by[0][0])
 
 
-def _chunks(velocity: Array, step: Array, parameters: _Parameters, coarsening: float) -> Iterator[tuple[slice, Nodes]]:
+def _chunks(
+    velocity: Array, step: Array, parameters: _Parameters, coarsening: float, level: Array | None = None
+) -> Iterator[tuple[slice, Nodes]]:
     """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the end)."""
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
     for start in range(0, velocity.size, _CHUNK):
@@ -229,7 +257,16 @@ def _chunks(velocity: Array, step: Array, parameters: _Parameters, coarsening: f
         h = step[start:stop] if step.ndim else float(step)
         yield (
             slice(start, stop),
-            with_extra_nodes(Nodes(velocity[start : stop + 1], h, slice(0, stop - start)), v_s, coarsening),
+            with_extra_nodes(
+                Nodes(
+                    velocity[start : stop + 1],
+                    h,
+                    slice(0, stop - start),
+                    None if level is None else level[:, start : stop + 1],
+                ),
+                v_s,
+                coarsening,
+            ),
         )
 
 
@@ -243,7 +280,7 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
         return nodes, np.zeros(0)
     advance = vectorised(functions.step_function(parameters.law))
     ahead = np.sign(nodes.heading)
-    above, below = (advance(*nodes.steps, *_acting(parameters, np.array(s), nodes.heading)) for s in (1.0, -1.0))
+    above, below = (advance(*nodes.steps, *_acting_over(parameters, np.array(s), nodes)) for s in (1.0, -1.0))
     cut, old, signs, crossing, side = nodes, np.arange(nodes.v.size), ahead, np.zeros(0, dtype=np.intp), ahead
     before = np.full(nodes.v.size, np.inf)
     still = _STILL * min(p.alpha_0 / p.sigma_0 for p in parameters)
@@ -253,7 +290,8 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
             first = crossing + np.arange(crossing.size)
             parts = np.concatenate([first, first + 1])
             v0, v1, h = cut.v[parts], cut.v[parts + 1], cut.h if isinstance(cut.h, float) else cut.h[parts]
-            new = advance(v0, v1, h, *_acting(parameters, signs[parts], v0 + v1))
+            risen = None if cut.level is None else cut.rise[0, parts]
+            new = advance(v0, v1, h, *_with_level(_acting(parameters, signs[parts], v0 + v1), risen))
             a, b = (np.insert(whole, crossing + 1, 0.0) for whole in (a, b))
             a[parts], b[parts] = new
         z = scan(a, b, z0)[old]
@@ -274,7 +312,9 @@ def _crossing_fraction(nodes: Nodes, steps: Index, z: Array, side: Array, pair: 
     is linear in time.
     """
     v0, v1, h = nodes.v[steps], nodes.v[steps + 1], nodes.h if isinstance(nodes.h, float) else nodes.h[steps]
-    a, b = evaluate(functions.step_function(pair.law), v0, v1, h, *_acting(pair, side[steps], v0 + v1))
+    risen = None if nodes.level is None else nodes.rise[0, steps]
+    acting = _with_level(_acting(pair, side[steps], v0 + v1), risen)
+    a, b = evaluate(functions.step_function(pair.law), v0, v1, h, *acting)
     forgotten = np.clip(1 - a, 1e-9, 1 - 1e-15)
     with np.errstate(divide="ignore"):  # a bristle that hardly moves in the step crosses at its end
         way = np.minimum(np.log1p(np.abs(z[steps] / b) * forgotten) / -np.log1p(-forgotten), 1.0)

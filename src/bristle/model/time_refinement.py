@@ -32,11 +32,18 @@ class Nodes:
     """Time between nodes, s: scalar or (N - 1,)."""
     samples: slice | Index
     """Where the n samples are among the nodes."""
+    level: Array | None = None
+    """What is added to alpha_0 at the nodes, N*m, and derivatives of that, (1 + k, N); None: nothing."""
 
     @property
     def steps(self) -> tuple[Array, Array, float | Array]:
         """v0, v1 and h of every step."""
         return self.v[:-1], self.v[1:], self.h
+
+    @property
+    def rise(self) -> Array:
+        """The mean of `level` over each step, (1 + k, N - 1); one row of zero where there is none."""
+        return np.zeros((1, 1)) if self.level is None else (self.level[:, :-1] + self.level[:, 1:]) / 2
 
     @property
     def heading(self) -> Array:
@@ -82,8 +89,13 @@ def inserted(nodes: Nodes, steps: Index, fractions: Array) -> tuple[Nodes, Index
     v[old], v[new] = nodes.v, nodes.v[steps] + (nodes.v[steps + 1] - nodes.v[steps]) * fractions
     portion[new] -= fractions  # from each new node to the end of the step it is in,
     portion[new - 1] -= portion[new]  # less what follows the next one
+    level = None
+    if nodes.level is not None:
+        level = np.empty((len(nodes.level), is_old.size))
+        before, after = nodes.level[:, steps], nodes.level[:, steps + 1]
+        level[:, old], level[:, new] = nodes.level, before + (after - before) * fractions
     if isinstance(nodes.h, float):
-        return Nodes(v, nodes.h * portion, old[nodes.samples]), old
+        return Nodes(v, nodes.h * portion, old[nodes.samples], level), old
     h = np.empty(portion.size)
     h[old[:-1]], h[new] = nodes.h, nodes.h[steps]
-    return Nodes(v, h * portion, old[nodes.samples]), old
+    return Nodes(v, h * portion, old[nodes.samples], level), old

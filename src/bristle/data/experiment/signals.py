@@ -217,6 +217,22 @@ class Position(Signal):
         return units.to_si("360 deg", "rad") * by if self.wraps else None
 
 
+class Enabled(Signal):
+    """Whether the drive is on: 0 where it is not. There the motor is open and its torque unknown, so those rows are left out."""
+
+    unit: StrictStr = ""
+
+    def factor(self, name: str, context: Context) -> float:  # noqa: ARG002  # a flag has no unit
+        """1: a flag has no unit."""
+        return 1.0
+
+    @model_validator(mode="after")
+    def _has_no_unit(self) -> "Enabled":
+        if self.unit or self.scale != 1.0:
+            raise InputError("enabled: got a unit or a scale; expected a column of zeros, where the drive is off, and others")
+        return self
+
+
 class Signals(StrictModel):
     """What was logged. Of torque, voltage and current a run has exactly one."""
 
@@ -226,6 +242,7 @@ class Signals(StrictModel):
     torque: Signal | None = None
     voltage: Signal | None = None
     current: Signal | None = None
+    enabled: Annotated[Enabled | None, BeforeValidator(_as_column)] = None
 
     @field_validator("position", "velocity", *DRIVE)
     @classmethod
