@@ -731,6 +731,13 @@ class Kind(Enum):
             "look for what changed between the runs (temperature, load, wear)."
         ),
     )
+    RUNS_CLUSTERED = (
+        _NOTE,
+        (
+            "Its error counts what each of {runs} runs leaves as one number, since a load is told by runs together: the standard "
+            "error is multiplied by {widened:.2g}, and the interval has Student's t of {freedom} degree{freedom!e} of freedom."
+        ),
+    )
     INTERVALS_DIFFER = (
         _CAUTION,
         ("The 95 % bounds {sides!j} the estimate differ by more than 1.5x between the methods ({ends!i}): {reason}."),

@@ -179,7 +179,9 @@ def _drop_motor_off(rows: _Rows) -> None:
     if not off.any():
         return
     if off.all():
-        raise InputError(f"enabled is 0 in all {off.size} rows: the drive was never on; name another column, or leave enabled out")
+        raise InputError(
+            f"enabled is 0 in all {off.size} rows: the drive was never on; name another column, or leave enabled out"
+        )
     rows.notes.append(Kind.ROWS_MOTOR_OFF(rows=off.sum(), first=f"{rows.word} {rows.number[np.flatnonzero(off)[0]]}"))
     rows.off_before = np.cumsum(off)
     rows.keep(~off)

@@ -163,6 +163,9 @@ class RunScatter:
     """The same of its 95 % interval: with Student's t of one degree of freedom less than there are runs."""
     by_run: Mapping[str, Number]
     """The estimate of each run that shows the parameter, by its file."""
+    clustered: bool = False
+    """Whether no run was fitted apart: `by_run` are then pseudo-values, the estimate moved by as many times what the run does
+    to it as there are runs, and `before` is the error by their scatter over that of the fit."""
 
     @property
     def significant(self) -> bool:

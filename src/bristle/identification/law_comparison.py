@@ -128,7 +128,9 @@ def with_averages(fits: Mapping[str, StaticFit], laws: LawComparison | None) -> 
     An average is of what was compared: a fit of other points, or without the Stribeck term that every compared law has, is
     as it was.
     """
-    same = laws is not None and laws.data == "points" and sum(fit.n for d, fit in fits.items() if d != "shared") == laws.n
+    same = (
+        laws is not None and laws.data == "points" and sum(fit.n for d, fit in fits.items() if d != "shared") == laws.n
+    )
     averaged = laws.averaged if laws is not None and same else {}
     return {
         d: replace(fit, parameters=_told(fit.parameters, {n.name: x for n, x in averaged.items() if n.direction == d}))

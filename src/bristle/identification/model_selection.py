@@ -93,11 +93,9 @@ def compare_on_motion(
 
     def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
         """The regression of the training runs, and of each held-out one."""
-        made = [
-            regression.from_records(chosen, directions, asked, experiment.fit.decimation, fixed, law)[0]
-            for chosen in (records, *([r] for r in held))
-        ]
-        return made[0], made[1:]
+        options = (directions, asked, experiment.fit.decimation, fixed, law)
+        training = regression.from_records(records, *options)[0]
+        return training, [regression.from_records([r], *options, training.weights)[0] for r in held]
 
     candidates, left = _static_candidates(experiment, variants, pose, press=False)
     candidates += _lugre(experiment, records, held, alone, variants)

@@ -61,6 +61,13 @@ REGRESSORS = {
     "quadratic": Regressor(("quadratic",), ("velocity",)),
     "links": Regressor(("links",), ("link_torque",)),
 }
+LEVELS = {
+    "link_load": Regressor(("link_load",)),
+    "motor_load": Regressor(("motor_load",)),
+    "gear_load": Regressor(("gear_load",)),
+    "gear_load_squared": Regressor(("gear_load", "gear_load_squared")),
+}
+"""By what the friction level rises (`load_levels`)."""
 LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)
 """In the order of `law.load_terms`."""
 _NEEDED = ("position", "velocity", "acceleration", "link_torque")
@@ -73,8 +80,8 @@ _KERNEL_TAIL = 1e-8
 
 def terms_of(regressor: str) -> Regressor:
     """What a regressor is; `cogging_4` is cogging of order 4, `cogging_4/m` of a joint that slides, `cogging` of none yet."""
-    if regressor in REGRESSORS:
-        return REGRESSORS[regressor]
+    if regressor in REGRESSORS or regressor in LEVELS:
+        return (REGRESSORS | LEVELS)[regressor]
     stem, _, order = regressor.removesuffix(_PER_METRE).partition("_")
     names = tuple(f"{stem}_{wave}_{order}" for wave in ("sin", "cos")) if order else ()
     return Regressor(names, ("position", "velocity") if stem == "ripple" else ("position",))
@@ -101,6 +108,7 @@ def declared(experiment: Experiment) -> tuple[str, ...] | None:
 def regressors_of(parameters: Collection[str], kind: JointKind) -> tuple[str, ...]:
     """The regressors that some parameters are of."""
     plain = [name for name, terms in REGRESSORS.items() if not set(terms.names).isdisjoint(parameters)]
+    plain += [name for name, terms in LEVELS.items() if terms.names[-1] in parameters]
     each = [with_orders((x[0],), (x[2],), kind)[0] for name in parameters if (x := periodic(name))]
     return (*plain, *dict.fromkeys(each))
 
@@ -134,7 +142,7 @@ def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: i
         name: terms[name] for regressor in REGRESSORS if regressor in regressors for name in REGRESSORS[regressor].names
     }
     for regressor in regressors:
-        if regressor not in REGRESSORS and (names := terms_of(regressor).names):
+        if regressor not in REGRESSORS | LEVELS and (names := terms_of(regressor).names):
             columns |= zip(names, _periodic_columns(regressor, *signals[:2]), strict=True)
     return columns
 
@@ -151,6 +159,7 @@ def _periodic_columns(regressor: str, position: Array, velocity: Array) -> tuple
 def regressor_line(names: Collection[str], parameters: Collection[str] = ()) -> str:
     """The line that asks for these regressors, and for those that some parameters are of, in their order."""
     wanted = [x for x in REGRESSORS if x in names or not set(parameters).isdisjoint(REGRESSORS[x].names)]
+    wanted += [x for x, terms in LEVELS.items() if x in names or terms.names[-1] in parameters]
     wanted += [x for x in PERIODIC if any(name.partition("_")[0] == x for name in (*names, *parameters))]
     return f"regressors: [{', '.join(wanted)}]"
 

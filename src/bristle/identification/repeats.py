@@ -85,6 +85,52 @@ def scatter_of(
     return found
 
 
+def clustered(
+    names: Sequence[Hashable],
+    parts: Mapping[str, tuple[Array, Array]],
+    of_all: Mapping[Key, Estimate],
+    freedom: float,
+    logarithmic: Container[Key] = (),
+) -> dict[Key, RunScatter]:
+    """Each parameter's scatter over runs that say too little alone to be fitted apart: what one leaves counts as one number.
+
+    The covariance is k / (k - 1) H**-1 (sum of s_i s_i') H**-1 over k runs, H the sum of J_i' J_i, s_i = J_i' r_i (Liang and
+    Zeger, Biometrika 73, 1986); an error of the supply, say, that a whole run has in common is in it.
+
+    Args:
+        names: of the p columns of a Jacobian.
+        parts: of each run J_i, (n, p), the derivative of what is modelled, and what it leaves, r_i, (n,), by file.
+        of_all: the estimates.
+        freedom: degrees of freedom of their intervals.
+        logarithmic: columns that are derivatives by a logarithm.
+    """
+    if len(parts) < 2:
+        return {}
+    J = np.concatenate([jacobian for jacobian, _ in parts.values()])
+    size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    inverse = np.linalg.pinv((J / size).T @ (J / size), hermitian=True)
+    moves = np.array([inverse @ (jacobian / size).T @ left for jacobian, left in parts.values()]) / size
+    count, found = len(parts), dict[Key, RunScatter]()
+    errors = np.sqrt(count / (count - 1) * (moves**2).sum(axis=0))
+    column = {name: k for k, name in enumerate(names)}
+    for name, e in of_all.items():
+        if name not in column or e.value is None or not e.standard_error:
+            continue
+        error, move = float(errors[column[name]]), moves[:, column[name]]
+        as_logarithm = name in logarithmic
+        ratio = error / (e.standard_error / (e.value if as_logarithm else 1.0))
+        values = e.value * np.exp(count * move) if as_logarithm else e.value + count * move
+        found[name] = RunScatter(
+            before=ratio,
+            after=min(ratio, 1.0),
+            widened=max(ratio, 1.0),
+            stretched=max(ratio * student(min(count - 1, freedom)) / student(freedom), 1.0),
+            by_run=dict(zip(parts, values.tolist(), strict=True)),
+            clustered=True,
+        )
+    return found
+
+
 def _compared(run: RunFit[Key], logarithmic: Container[Key], names: Sequence[Key] | None = None) -> RunFit[Key]:
     """The run with these parameters alone, and logarithms where they are compared; errors no smaller than rounding."""
     names = run.names if names is None else tuple(names)
@@ -170,8 +216,12 @@ def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = Fals
 def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
     """The estimate with its error and interval as the runs scatter, and the caution."""
     runs = len(x.by_run)
-    why = Kind.RUNS_SCATTER(
-        runs=runs, scatter=x.before, widened=x.widened, freedom=runs - 1, farthest=_farthest(x.by_run)
+    why = (
+        Kind.RUNS_CLUSTERED(runs=runs, widened=x.widened, freedom=runs - 1)
+        if x.clustered
+        else Kind.RUNS_SCATTER(
+            runs=runs, scatter=x.before, widened=x.widened, freedom=runs - 1, farthest=_farthest(x.by_run)
+        )
     )
     return replace(
         e,

@@ -167,6 +167,11 @@ def of_curve(name: str) -> bool:
     return name in Stribeck._fields or name in friction_names()
 
 
+def of_load(name: str) -> bool:
+    """Whether a parameter says how the level rises with load (`law.load_levels`)."""
+    return name in _OF_LOAD
+
+
 def without_peak(law: Law) -> dict[str, float]:
     """Of a law whose Stribeck term is not there, or not identifiable: it is zero, at any v_s and of any shape."""
     return {"alpha_1": 0.0, "v_s": 1.0} | {own.name: own.searched[0] for own in law.peak.own}
@@ -303,6 +308,10 @@ _UNITS: dict[str, tuple[str, str]] = {
     "gravity_cos": ("N*m", "N"),
     "quadratic": ("N*m*s**2/rad**2", "N*s**2/m**2"),
     "links": ("1", "1"),
+    "link_load": ("1", "1"),
+    "motor_load": ("1", "1"),
+    "gear_load": ("1", "1"),
+    "gear_load_squared": ("1/(N*m)", "1/N"),
     "time": ("s", "s"),
     "position": ("rad", "m"),
     "velocity": ("rad/s", "m/s"),
@@ -311,6 +320,8 @@ _UNITS: dict[str, tuple[str, str]] = {
     "current": ("A", "A"),
     "voltage": ("V", "V"),
 }
+
+_OF_LOAD = frozenset(("link_load", "motor_load", "gear_load", "gear_load_squared"))
 
 BOUNDS: dict[str, tuple[float, float]] = {
     "alpha_0": (0.0, float("inf")),
@@ -336,6 +347,8 @@ def unit(name: str, kind: Kind = "revolute") -> str:
     torque = _UNITS["torque"][slides(kind)]
     if name == "links":
         return f"A/({torque})"
+    if name == "gear_load_squared":
+        return "1/A"
     return _IN_CURRENT.get(own, own.replace(torque, "A", 1))
 
 
@@ -371,7 +384,7 @@ def effort(kind: Kind) -> str:
 
 def least_of(name: str) -> float:
     """What a parameter may be at least, in SI: 0, but -inf for an offset, gravity and a quadratic term, which have a sign."""
-    if name in BOUNDS or name in (INERTIA.name, FASTEST):
+    if name in BOUNDS or name in (INERTIA.name, FASTEST) or of_load(name):
         return 0.0
     own = own_parameter(name)
     return -float("inf") if own is None else own.least

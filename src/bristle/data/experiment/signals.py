@@ -229,7 +229,9 @@ class Enabled(Signal):
     @model_validator(mode="after")
     def _has_no_unit(self) -> "Enabled":
         if self.unit or self.scale != 1.0:
-            raise InputError("enabled: got a unit or a scale; expected a column of zeros, where the drive is off, and others")
+            raise InputError(
+                "enabled: got a unit or a scale; expected a column of zeros, where the drive is off, and others"
+            )
         return self
 
 

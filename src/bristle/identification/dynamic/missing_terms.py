@@ -75,7 +75,7 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
         how = "grows" if grows.value > 0 else "falls"
         warnings.append(Kind.TORQUE_DRIFTS_IN_RUNS(how=how, by=abs(grows.value), share=grows.share))
     weight = [k for k, name in enumerate(problem.extra_names) if name.name.startswith("gravity")]
-    if weight:
+    if weight and all(m.load is None for m in motions):
         force = np.array([solution.values.get(n, problem.fixed.get(n, 0.0)) for n in problem.extra_names])[weight]
         by_load = [np.abs(m.extra[:, weight] @ force) * np.sign(m.velocity) for m in motions]
         loaded = _wanted(solution, _equations(motions, by_load), late[:, None], every)

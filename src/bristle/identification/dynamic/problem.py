@@ -18,6 +18,7 @@ from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.nonlinear import Block
+from bristle.identification.load_levels import Load, levels_of, load_of
 from bristle.identification.moving_runs import decimator, extra_columns, known_torque
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
@@ -69,6 +70,9 @@ class Motion:
     """As in `rollout`."""
     shifts: Mapping[str, Array] = field(default_factory=dict)
     """Change of the torque per standard error of each constant behind it, N*m, (N,)."""
+    load: Load | None = None
+    """What the friction level rises with, (N,); None: nothing. Its coefficients stand among the extra ones, whose columns are
+    then zero."""
 
     @property
     def size(self) -> int:
@@ -233,7 +237,8 @@ def dynamic_problem(
     motions: list[Motion] = []
     names: tuple[str, ...] = ()
     for record in records:
-        extra = extra_columns(regressors, record)
+        load = load_of(record, regressors, decimation)
+        extra = extra_columns(regressors, record) | dict.fromkeys(levels_of(regressors), np.zeros(record.time.size))
         names = tuple(extra)
         columns = np.column_stack(list(extra.values())) if extra else np.zeros((record.time.size, 0))
         if record.velocity is None or record.torque is None or (inertia is not None and record.acceleration is None):
@@ -258,6 +263,7 @@ def dynamic_problem(
                     measured=record.torque[part],
                     position=np.zeros(0) if record.position is None else record.position[part],
                     shifts={name: shift[part] for name, shift in record.torque_shifts.items()},
+                    load=None if load is None else load.at(part),
                 )
             )
     return DynamicProblem(
@@ -326,10 +332,28 @@ def equation_error(
         every: tuple[Unknown, ...] = (*keys, z0)
         own_memory = (memory[k].pop(key, None) for key in every)  # a shared parameter has it once
         rows = [np.empty(m.velocity.size) if row is None else row for row in own_memory]
-        rolled = rollout_into(rows, m.velocity, m.step, p, known[z0], m.coarsening)
+        level, raised = _level(m, known)
+        between = [np.empty(m.velocity.size) for _ in raised]
+        rolled = rollout_into(
+            [*rows[:-1], *between, rows[-1]], m.velocity, m.step, p, known[z0], m.coarsening, level if raised else None
+        )
         slope_of = by_name(problem, rows[:-1])
         slope_of |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {z0: rows[-1]}
+        slope_of |= {name: slope_of[name] + row for name, row in zip(raised, between, strict=True)}
         yield m.torque - rolled.torque - m.extra @ extra, slope_of
+
+
+def _level(motion: Motion, known: Values) -> tuple[Array, tuple[ParameterName, ...]]:
+    """By how much the level rises along a motion, N*m, and the derivatives of that, (1 + k, N); and by which parameters these are."""
+    load = motion.load
+    if load is None:
+        return np.zeros((1, motion.velocity.size)), ()
+    levels, weights = (
+        [ParameterName(name, Direction.SHARED) for name in names] for names in (load.levels, load.weights)
+    )
+    rises, slopes = load.by({name.name: known[name] for name in weights})
+    by = np.array([known[name] for name in levels])
+    return np.vstack([by @ rises, rises, np.tensordot(by, slopes, 1)]), (*levels, *weights)
 
 
 def by_name(problem: DynamicProblem, rows: Iterable[Array]) -> dict[Unknown, Array]:
@@ -347,7 +371,14 @@ def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
     extra = np.array([known[name] for name in problem.extra_names])
     p = parameters(problem, values)
     return [
-        rollout(m.velocity, m.step, p, values[InitialState("z0", k)], m.coarsening).torque
+        rollout(
+            m.velocity,
+            m.step,
+            p,
+            values[InitialState("z0", k)],
+            m.coarsening,
+            _level(m, known)[0][0] if m.load else None,
+        ).torque
         + m.extra @ extra
         + (m.measured - m.torque)
         for k, m in enumerate(problem.motions)

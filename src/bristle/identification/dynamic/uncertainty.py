@@ -161,6 +161,23 @@ def run_fits(solved: DynamicSolution, progress: Progress | None = None) -> list[
     return [run for run in found if run.names]
 
 
+def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tuple[Array, Array]]]:
+    """The unknowns that have an influence; of each run the derivative of what is modelled by these, (n, p), and what it leaves, (n,).
+
+    It is by the logarithm of what the descent sees as its logarithm.
+    """
+    posed, minimum = solved.solution.posed, solved.solution.minimum
+    free = np.flatnonzero(np.isfinite(solved.solution.scaled_errors))
+    unknowns = posed.unknowns
+    slope = np.where(unknowns.logarithmic, 1.0, unknowns.scale)[free]
+    parts = dict[str, tuple[Array, Array]]()
+    for m, block in zip(solved.problem.motions, solved.problem.blocks, strict=True):
+        own = (-minimum.jacobian[block.rows][:, free] / slope, minimum.residuals[block.rows])
+        J, left = parts.get(m.file, (own[0][:0], own[1][:0]))
+        parts[m.file] = (np.concatenate([J, own[0]]), np.concatenate([left, own[1]]))
+    return [solved.solution.names[k] for k in free], parts
+
+
 def _run_fit(file: str, solution: MultistartSolution[Unknown], of_all: TrackingFit) -> RunFit[ParameterName]:
     """What a run shows: parameters with a value in the fit of all runs, within their bounds, and not too unsure."""
     unknowns, x = solution.posed.unknowns, solution.minimum.x

@@ -22,7 +22,7 @@ from bristle.identification.dynamic.problem import (
     parameters,
     residuals,
 )
-from bristle.model.parameters import Lugre, ParameterName, least_of, of_friction
+from bristle.model.parameters import Lugre, ParameterName, least_of, of_friction, of_load
 from bristle.model.rollout import rollout
 
 FEWEST = 2
@@ -41,6 +41,8 @@ _POLISH = 25
 """Steps, each with some evaluations in which windows settle."""
 _MORE = 200
 """Steps more of a predicted torque, where the lowest of its ends ran out of them."""
+_RISES = 0.1
+"""Of a load, that friction rises by: a typical size."""
 _MOST = 10.0
 """Of the largest torque: alpha_1 at most."""
 
@@ -88,8 +90,13 @@ def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: V
 def _thinned(motion: Motion, first: int) -> Motion:
     """Every 8th sample of a motion from that one on, unsmoothed."""
     names = ("time", "velocity", "torque", "extra", "measured")
+    load = motion.load and motion.load.at(slice(first, None, _EVERY))
     return replace(
-        motion, smooth=None, coarsening=_ROUGH, **{name: getattr(motion, name)[first::_EVERY] for name in names}
+        motion,
+        smooth=None,
+        coarsening=_ROUGH,
+        load=load,
+        **{name: getattr(motion, name)[first::_EVERY] for name in names},
     )
 
 
@@ -141,6 +148,11 @@ def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
     table |= {
         n.name: (torque / (top or 1.0), -np.inf, np.inf) for n, top in zip(problem.extra_names, columns, strict=True)
     }
+    table |= {
+        n.name: (_RISES / (torque if n.name == "gear_load_squared" else 1.0), 0.0, np.inf)
+        for n in problem.extra_names
+        if of_load(n.name)
+    }
     bare = [name.name for name in problem.names]
     scale, lower, upper = np.array([table[name] for name in bare]).T
     return Unknowns(
@@ -149,7 +161,7 @@ def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
         scale=scale,
         lower=lower,
         upper=upper,
-        least=np.array([least_of(name) if of_friction(name) else -np.inf for name in bare]),
+        least=np.array([least_of(name) if of_friction(name) or of_load(name) else -np.inf for name in bare]),
     )
 
 

@@ -13,9 +13,9 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings, unexplained
-from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, RunScatter, StaticFit, Uncertainty
 from bristle.identification.moving_runs import with_orders_advised
-from bristle.identification.repeats import RunFit, scatter_of, widened
+from bristle.identification.repeats import clustered, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.huber import huber
@@ -24,7 +24,7 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.set_up import quadratic_left_out
 from bristle.identification.static.solution import StaticSolution, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
-from bristle.identification.static.uncertainty import run_fits, three_ways
+from bristle.identification.static.uncertainty import parts_of_runs, run_fits, three_ways
 from bristle.identification.systematic import with_systematic
 from bristle.model.parameters import (
     Direction,
@@ -106,16 +106,18 @@ def fit_static(
     if options.loss == "huber":
         peaks = core.problem.peaks
         runs = [(file, huber(replace(one, peaks=peaks), v_s_range, options.grid).problem) for file, one in runs]
-    return _finished(core, fits, run_fits(core, runs, v_s_range)), {label: checked}
+    logarithmic = {name for name in core.names if name.name in _LOGARITHMIC}
+    if problem.weights and runs:
+        scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom)
+    else:
+        scatter = scatter_of(run_fits(core, runs, v_s_range), core.parameters, core.freedom, logarithmic)
+    return _finished(core, fits, scatter), {label: checked}
 
 
 def _finished(
-    core: StaticSolution, fits: Mapping[Direction, StaticFit], apart: Sequence[RunFit[ParameterName]]
+    core: StaticSolution, fits: Mapping[Direction, StaticFit], scatter: Mapping[ParameterName, RunScatter]
 ) -> dict[str, StaticFit]:
     """The fits with their intervals as wide as the runs scatter, and then with their systematic errors."""
-    scatter = scatter_of(
-        apart, core.parameters, core.freedom, {name for name in core.names if name.name in _LOGARITHMIC}
-    )
     one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
     for d, fit in fits.items():
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}

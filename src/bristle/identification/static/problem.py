@@ -10,7 +10,7 @@ through the same linear smoothing; points at constant velocity pass as they are.
 (`nonlinear_problem`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import casadi as ca
@@ -20,14 +20,18 @@ from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.data.record import Record
+from bristle.estimation.linear import bounded_least_squares
 from bristle.estimation.nonlinear import LeastSquares, Unknowns
+from bristle.identification.load_levels import WEIGHED, level_columns, levels_of
 from bristle.identification.moving_runs import decimator, extra_columns, known_torque, needed, torque_shifts
 from bristle.model.functions import linear_shapes_function, stribeck_shape_function, stribeck_shape_slope_function
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import Direction, ParameterName, least_of, of_curve
+from bristle.model.parameters import Direction, ParameterName, least_of, of_curve, of_load
 from bristle.model.vectorize import evaluate
 
+_SETTLED, _SETTLED_IN = 1e-9, 60
+"""Of the largest weight, that a step moves them at most once they have settled; and steps."""
 Tables = tuple[Array, ...]
 """Columns over v_s, one table per output of a function, each (n, k)."""
 
@@ -62,6 +66,8 @@ class Regression:
     """Change of `torque` per standard error of each constant behind it, (n,)."""
     known: Array | None = None
     """Torque already taken off `torque` (a fixed inertia's), shape (n,)."""
+    weights: Mapping[str, float] = field(default_factory=dict)
+    """What gravity and links were taken to be, by coefficient, where the level rises with that load; else empty."""
 
     @property
     def names(self) -> tuple[ParameterName, ...]:
@@ -78,7 +84,9 @@ class Regression:
 
         In the order of `names`.
         """
-        return np.array([least_of(name.name) if of_curve(name.name) else -np.inf for name in self.names])
+        return np.array(
+            [least_of(name.name) if of_curve(name.name) or of_load(name.name) else -np.inf for name in self.names]
+        )
 
     @property
     def lower(self) -> Array:
@@ -224,6 +232,7 @@ def from_records(
     decimation: int,
     inertia: float | None = None,
     law: Law = GAUSSIAN,
+    weights: Mapping[str, float] | None = None,
 ) -> tuple[Regression, tuple[Array, Array], int]:
     """The problem for moving data, as robot identification poses it.
 
@@ -238,6 +247,8 @@ def from_records(
         decimation: keep one sample in this many, >= 1 (1: nothing is filtered).
         inertia: where it is known, kg*m**2: its torque is taken off.
         law: of the friction.
+        weights: coefficients of gravity and links, where the level rises with that load; None: as the linear columns alone
+            have them.
 
     Returns:
         The problem; time (s from the start of its run) and position (rad; empty where unknown) of each equation;
@@ -249,10 +260,14 @@ def from_records(
     smooth, dropped = decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
     velocity = np.concatenate([needed(r, "velocity") for r in records])
     torque = np.concatenate([needed(r, "torque") for r in records])
-    columns = [extra_columns(regressors, record) for record in records]
+    if weights is None:
+        weights = _own_weights(records, directions, regressors, decimation, inertia)
+    columns = [
+        extra_columns(regressors, record) | level_columns(record, regressors, decimation, weights) for record in records
+    ]
     extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     shifts = {name: smooth @ shift for name, shift in torque_shifts(records).items()}
-    problem = replace(_build(velocity, torque, directions, extra, smooth, law), shifts=shifts)
+    problem = replace(_build(velocity, torque, directions, extra, smooth, law), shifts=shifts, weights=weights)
     off = [x for r in records if (x := known_torque(r, inertia, regressors)) is not None]
     if off:
         known = smooth @ np.concatenate(off)
@@ -261,6 +276,47 @@ def from_records(
     has_position = all(r.position is not None for r in records)
     position = smooth @ np.concatenate([needed(r, "position") for r in records]) if has_position else np.zeros(0)
     return problem, (time, position), dropped
+
+
+def _own_weights(
+    records: Sequence[Record],
+    directions: tuple[str, ...],
+    regressors: Sequence[str],
+    decimation: int,
+    inertia: float | None,
+) -> dict[str, float]:
+    """What gravity and links are where the level rises with their load, without a Stribeck term; empty where it does not."""
+    if not levels_of(regressors):
+        return {}
+
+    def pose(weights: Mapping[str, float]) -> Regression:
+        """The problem with such a load."""
+        return from_records(records, directions, regressors, decimation, inertia, weights=weights)[0]
+
+    return settled_weights(pose, lambda p: bounded_least_squares(p.linear, p.torque, p.lower), {})
+
+
+def settled_weights(
+    pose: Callable[[Mapping[str, float]], Regression], solve: Callable[[Regression], Array], start: Mapping[str, float]
+) -> dict[str, float]:
+    """What gravity and links are where the level rises with their load: the weights that give themselves.
+
+    Args:
+        pose: the problem with such a load.
+        solve: its solution, of which the linear parameters come first.
+        start: where to begin.
+    """
+    weights = dict(start)
+    for _ in range(_SETTLED_IN):
+        problem = pose(weights)
+        found = dict(zip(problem.linear_names, solve(problem).tolist(), strict=False))
+        new = {n.name: x for n, x in found.items() if n.name in WEIGHED}
+        size = max((abs(x) for x in new.values()), default=0.0)
+        moved = max((abs(x - weights.get(n, 0.0)) for n, x in new.items()), default=0.0)
+        weights = new
+        if moved <= _SETTLED * size:
+            break
+    return weights
 
 
 def with_prior(

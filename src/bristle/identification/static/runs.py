@@ -3,7 +3,7 @@
 From points at constant velocity, direction by direction or of both, or from moving runs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +16,13 @@ from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Crosscheck, StaticFit
+from bristle.identification.load_levels import levels_of
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, refuse_opposing, regressors
 from bristle.identification.static.fit import PointInfo, fit_static
+from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
-from bristle.identification.static.problem import Regression, from_records, with_prior
+from bristle.identification.static.problem import Regression, from_records, settled_weights, with_prior
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import law_named
 from bristle.model.parameters import INERTIA, of_curve
@@ -116,10 +118,16 @@ def fit_moving(
     fixed, prior = inertia(experiment)
     moving, asked = directions(experiment, records), regressors(experiment)
 
+    law, weights = law_named(experiment.fit.law), dict[str, float]()
+
     def problem(chosen: Sequence[Record]) -> tuple[Regression, tuple[Array, Array], int]:
         """The regression of some records, time and position of each equation, samples dropped at ends."""
-        return from_records(chosen, moving, asked, experiment.fit.decimation, fixed, law_named(experiment.fit.law))
+        return from_records(chosen, moving, asked, experiment.fit.decimation, fixed, law, weights)
 
+    if levels_of(asked):
+        weights |= _weights(
+            experiment, lambda at: from_records(records, moving, asked, experiment.fit.decimation, fixed, law, at)[0]
+        )
     every, (time, position), _ = problem(records)
     training, fast = _above(every, experiment.fit.moving_above)
     where = PointInfo(time=time[fast], position=position[fast[: position.size]])
@@ -132,6 +140,20 @@ def fit_moving(
     runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
     fits, checks = fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
     return fits, checks, _left_out(experiment, every, fast, fits)
+
+
+def _weights(experiment: Experiment, pose: Callable[[Mapping[str, float] | None], Regression]) -> dict[str, float]:
+    """What gravity and links are where the level rises with their load, as the fit itself has them."""
+
+    def above(weights: Mapping[str, float] | None) -> Regression:
+        """The equations that are fitted."""
+        return _above(pose(weights), experiment.fit.moving_above)[0]
+
+    def solution(one: Regression) -> Array:
+        """By the grid."""
+        return solve(one, experiment.fit.v_s_range or default_range(one.velocity)).theta
+
+    return settled_weights(above, solution, pose(None).weights)
 
 
 def _faster(problem: Regression, speed: float | None) -> Regression:

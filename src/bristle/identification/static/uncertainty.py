@@ -239,6 +239,17 @@ def run_fits(
     return [run for run in found if run.names]
 
 
+def parts_of_runs(
+    core: StaticSolution, runs: Sequence[tuple[str, Regression]]
+) -> tuple[list[ParameterName], dict[str, tuple[Array, Array]]]:
+    """The parameters at no bound, and of each run the derivative of its torques by these, (n, p), and what it leaves, (n,)."""
+    posed = {file: replace(one, peaks=core.problem.peaks) for file, one in runs}
+    free = [name not in core.solution.at_bound for name in core.problem.names]
+    theta = core.solution.theta
+    parts = {file: (one.jacobian(theta)[:, free], one.residuals(theta)) for file, one in posed.items()}
+    return [name for name, keep in zip(core.problem.names, free, strict=True) if keep], parts
+
+
 def _shown(name: ParameterName, value: float, variance: float, v_s_range: tuple[float, float]) -> bool:
     """Whether a run shows a parameter: friction by its size, v_s inside the range searched."""
     inside = name.name != "v_s" or v_s_range[0] * 1.001 < value < v_s_range[1] / 1.001

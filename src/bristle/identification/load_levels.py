@@ -1,0 +1,105 @@
+"""Friction that rises with load: what a motion says of the load, and what the level rises by (`law.load_levels`).
+
+The motor's torque is the measured one, without what the decimation filter takes off; that of gravity and links is what
+their regressors make of the motion, so it moves with their coefficients, the weights.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy import signal
+
+from bristle.arrays import Array
+from bristle.data.differentiation import between_gaps
+from bristle.data.record import Record
+from bristle.errors import InputError
+from bristle.identification.moving_runs import LEVELS, extra_columns, needed, terms_of
+from bristle.model.functions import load_levels_function
+from bristle.model.vectorize import evaluate
+
+_WEIGHTS = ("gravity", "links")
+"""Regressors that are load."""
+WEIGHED = tuple(name for regressor in _WEIGHTS for name in terms_of(regressor).names)
+"""Their coefficients."""
+_NAMES = tuple(dict.fromkeys(name for terms in LEVELS.values() for name in terms.names))
+"""In the order of `law.load_levels`."""
+
+
+class Load(NamedTuple):
+    """The load along N samples."""
+
+    levels: tuple[str, ...]
+    """Coefficients of the level's rise, m of them."""
+    motor: Array
+    """Torque of the motor, N*m, (N,)."""
+    weights: tuple[str, ...]
+    """Coefficients of what gravity and links ask of the motor, k of them ..."""
+    columns: Array
+    """... what they multiply, (N, k) ..."""
+    known: Array
+    """... and what has none, N*m, (N,)."""
+
+    def at(self, samples: slice) -> "Load":
+        """That of some samples."""
+        return self._replace(motor=self.motor[samples], columns=self.columns[samples], known=self.known[samples])
+
+    def by(self, values: Mapping[str, float]) -> tuple[Array, Array]:
+        """What each coefficient of the level multiplies, and its derivative by each weight: (m, N), (m, k, N)."""
+        weights = np.array([values[name] for name in self.weights])
+        every = np.array(evaluate(load_levels_function(), self.motor, -(self.columns @ weights + self.known)))
+        own = [_NAMES.index(name) for name in self.levels]
+        slopes = every[[len(_NAMES) + k for k in own]]
+        return every[own], -slopes[:, None, :] * self.columns.T
+
+
+def levels_of(regressors: Sequence[str]) -> tuple[str, ...]:
+    """The coefficients of the level's rise among the parameters of some regressors."""
+    asked = {name for regressor in regressors if regressor in LEVELS for name in terms_of(regressor).names}
+    return tuple(name for name in _NAMES if name in asked)
+
+
+def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load | None:
+    """The load of a moving run, (N,); None where no regressor asks for it.
+
+    Raises InputError where the load of the links is asked for and nothing says what it is.
+    """
+    levels, weighing = levels_of(regressors), [name for name in regressors if name in _WEIGHTS]
+    if not levels:
+        return None
+    links = None if "links" in regressors else record.link_torque
+    if not weighing and links is None and levels != ("motor_load",):
+        asked = next(name for name in regressors if name in LEVELS and name != "motor_load")
+        raise InputError(
+            f"fit.regressors: {asked} needs what gravity does to the joint; add gravity beside it, or identify the joint in a robot"
+        )
+    columns = extra_columns(weighing, record)
+    n = record.time.size
+    return Load(
+        levels=levels,
+        motor=_smoothed(record, needed(record, "torque"), decimation),
+        weights=tuple(columns),
+        columns=np.column_stack(list(columns.values())) if columns else np.zeros((n, 0)),
+        known=np.zeros(n) if links is None else links,
+    )
+
+
+def _smoothed(record: Record, torque: Array, decimation: int) -> Array:
+    """Without what the decimation filter takes off, segment by segment, (N,)."""
+    if decimation == 1:
+        return torque
+    sections, smooth = signal.butter(4, 0.8 / decimation, output="sos"), torque.copy()
+    for part in between_gaps(record):
+        smooth[part] = signal.sosfiltfilt(sections, torque[part], padlen=min(part.stop - part.start - 1, 15))
+    return smooth
+
+
+def level_columns(
+    record: Record, regressors: Sequence[str], decimation: int, weights: Mapping[str, float]
+) -> dict[str, Array]:
+    """What multiplies each coefficient of the level's rise in sliding, by name, (N,); none where none is asked for."""
+    load = load_of(record, regressors, decimation)
+    if load is None:
+        return {}
+    rises, _ = load.by({name: weights.get(name, 0.0) for name in load.weights})
+    return dict(zip(load.levels, rises * np.sign(needed(record, "velocity")), strict=True))
