@@ -48,10 +48,12 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
 from bristle.identification.static.set_up import better_for_motion, better_for_points, with_one_advice
 from bristle.identification.static.stray_report import advised
-from bristle.model.laws.registry import AUTO, PAPER, law_named
+from bristle.model.laws.registry import AUTO, PAPER, law_named, loads_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
 
+_CHOICES = 2
+"""Of a law by moving runs: of the load, and of the peak and terms beside it."""
 _OF_THE_DATA = {
     Kind.LACKS_A_TERM, Kind.OFFSET_OR_FRICTION, Kind.DIRECTIONS_DIFFER, Kind.TORQUE_DRIFTS_IN_RUNS, Kind.FRICTION_BY_LOAD,
     Kind.TORQUE_DELAYED,
@@ -86,10 +88,15 @@ def identify_joint(
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
         laws = laws_of_motion(measured, joint.tracking)
-        wanted = laws.chosen.law if asked == AUTO and laws is not None else joint.law.name
-        if laws is not None and wanted != joint.law.name:
-            laws = laws.under_the_chosen()
-            joint = identified(with_law(measured, wanted), laws)
+        for _ in range(_CHOICES if asked == AUTO else 0):
+            if laws is None or laws.chosen.in_force or joint.tracking is None:
+                break
+            measured, laws = with_law(measured, laws.chosen.law), laws.under_the_chosen()
+            joint = identified(measured, laws)
+            if (
+                loads_named(measured.experiment.fit.law) and joint.tracking is not None
+            ):  # which peak and terms beside the load
+                laws = laws_of_motion(measured, joint.tracking) or laws
         joint = replace(joint, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
     return joint.with_subjects()
 

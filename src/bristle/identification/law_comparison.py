@@ -19,8 +19,10 @@ from bristle.estimation.covariance import covariance, seen
 from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.law_ranking import GAIN, FittedLaw, Known, LeftOut, Solve, ranked
+from bristle.identification.load_levels import load_is_known
 from bristle.identification.measured import Measured
 from bristle.identification.model_criteria import power_of
+from bristle.identification.moving_runs import regressors
 from bristle.identification.results import Averaged, LawComparison
 from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.points import (
@@ -32,8 +34,9 @@ from bristle.identification.static.points import (
 )
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.shape_search import with_best_shape
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-from bristle.model.laws.registry import competing
+from bristle.model.laws.registry import LOADS, competing, loads_named
 from bristle.model.parameters import ParameterName
 
 Name = TypeVar("Name")
@@ -75,15 +78,21 @@ def laws_of_motion(measured: Measured, alone: TrackingFit) -> LawComparison | No
     records = measured.moving(hold_out=False)
     if alone.quantity != "torque":
         return None
-    laws = laws_beside(alone.law)
-    found = [fitted_to_motion(measured.experiment, records, alone, law) for law in laws]
-    effective = min((x.effective for x in found if x is not None), default=0.0)
+    own = loads_named(measured.experiment.fit.law)
+    chosen = dict.fromkeys([(GAUSSIAN, ()), *((law, own) for law in laws_beside(alone.law))])
+    if load_is_known(records, regressors(measured.experiment)):
+        chosen |= dict.fromkeys((alone.law, load) for load in [(), *((name,) for name in LOADS)])
+    found = [(load, fitted_to_motion(measured.experiment, records, alone, law, load)) for law, load in chosen]
+    effective = min((x.effective for _, x in found if x is not None), default=0.0)
     return ranked(
-        "moving runs", [None if x is None else _of_motion(x, effective) for x in found], alone.law, sparing=True
+        "moving runs",
+        [None if x is None else _of_motion(x, effective, load) for load, x in found],
+        "+".join((alone.law.name, *own)),
+        sparing=True,
     )
 
 
-def _of_motion(one: MovingLaw, effective: float) -> FittedLaw:
+def _of_motion(one: MovingLaw, effective: float, load: tuple[str, ...]) -> FittedLaw:
     """A law fitted to moving runs, of whose equations so many are independent."""
     power, freedom = power_of(one.problem.measured), one.residuals.size / max(effective, 1.0)
 
@@ -103,8 +112,8 @@ def _of_motion(one: MovingLaw, effective: float) -> FittedLaw:
         pairs = zip(names, errors, strict=True)
         return {n: (one.values[n], e, own_freedom) for n, e in pairs if isinstance(n, ParameterName)}
 
-    solve = Solve(one.residuals, len(one.problem.names), effective, power)
-    return FittedLaw(law=one.law, solves=(solve,), left_out=left_out, known=known)
+    solve = Solve(one.residuals, len(one.problem.names), effective, power, float(np.log(one.not_itself).sum()))
+    return FittedLaw(law=one.law, load=load, solves=(solve,), left_out=left_out, known=known)
 
 
 def law_warnings(laws: LawComparison | None) -> tuple[Diagnostic, ...]:
@@ -174,7 +183,7 @@ def compare_laws(
         in_force: the law of the fits.
         v_s_range: where v_s is searched, rad/s; None: from the speeds.
     """
-    return ranked("points", [_fitted(law, pose(law), v_s_range) for law in laws_beside(in_force)], in_force)
+    return ranked("points", [_fitted(law, pose(law), v_s_range) for law in laws_beside(in_force)], in_force.name)
 
 
 def _fitted(law: Law, problems: Sequence[Regression], v_s_range: tuple[float, float] | None) -> FittedLaw | None:

@@ -4,6 +4,10 @@ The paper's law is left only for one whose BIC is lower by more than 10, and who
 speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
 left out alone what happens to lie at one end.
 
+A level that rises with the motor's torque makes a torque explain part of itself. The likelihood of T - f(T) has the
+factor 1 - df/dT in each equation, so BIC loses 2 n' mean(log(1 - df/dT)), and an error at what was left out is that of
+the torque which solves T = f(T): without both, such a law would win on noise.
+
 With the equations of each solve, n of them of which n' are independent, and k parameters, the noise variance among
 them, a law's BIC is the sum of n' log(RSS / n) + k log(n'). Its weight is exp(-BIC / 2) over the sum of all (Burnham
 and Anderson, Model Selection and Multimodel Inference, 2002), and so is the average of a parameter over laws: its
@@ -48,6 +52,8 @@ class Solve(NamedTuple):
     """How many of the equations are independent."""
     power: float
     """Sum of squares of what is explained."""
+    itself: float = 0.0
+    """Sum of log(1 - s) over the equations, s the share of a change of the torque that its own law makes of it."""
 
 
 LeftOut = tuple[float | None, float | None]
@@ -61,10 +67,17 @@ class FittedLaw:
     """A law fitted to every solve."""
 
     law: Law
+    load: tuple[str, ...] = ()
+    """By what its level rises, of `registry.LOADS`."""
     solves: tuple[Solve, ...]
     left_out: Callable[[], LeftOut]
     """Works out how it predicts what was left out."""
     known: Callable[[], Known]
+
+    @property
+    def name(self) -> str:
+        """As `fit.law` takes it."""
+        return "+".join((self.law.name, *self.load))
 
     @property
     def residuals(self) -> Array:
@@ -73,30 +86,32 @@ class FittedLaw:
 
 
 def ranked(
-    data: Literal["points", "moving runs"], fitted: Sequence[FittedLaw | None], in_force: Law, *, sparing: bool = False
+    data: Literal["points", "moving runs"], fitted: Sequence[FittedLaw | None], in_force: str, *, sparing: bool = False
 ) -> LawComparison | None:
     """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
 
     Args:
         data: what the equations are about.
         fitted: each law; None where there were too few equations.
-        in_force: the law of the fits.
+        in_force: the name of the law of the fits.
         sparing: whether errors at what is left out are worked out only for laws that BIC prefers, and those they are
             compared with.
     """
     found = [x for x in fitted if x is not None]
-    paper = next((k for k, x in enumerate(found) if x.law == GAUSSIAN), None)
+    paper = next((k for k, x in enumerate(found) if x.name == GAUSSIAN.name), None)
     if paper is None or len(found) < 2:
         return None
     marks = np.array([_scores(x) for x in found])
     bic = marks[:, 1] - marks[:, 1].min()
     weights = np.exp(-bic / 2) / np.exp(-bic / 2).sum()
-    wanted = [not sparing or k == paper or x.law == in_force or bic[paper] - bic[k] > GAIN for k, x in enumerate(found)]
+    wanted = [
+        not sparing or k == paper or x.name == in_force or bic[paper] - bic[k] > GAIN for k, x in enumerate(found)
+    ]
     left_out = [x.left_out() if asked else (None, None) for x, asked in zip(found, wanted, strict=True)]
     chosen = _chosen(found, bic, left_out, paper)
     rows = tuple(
         LawRow(
-            law=x.law.name,
+            law=x.name,
             parameters=sum(solve.parameters for solve in x.solves),
             rms=float(np.sqrt(power_of(x.residuals) / x.residuals.size)),
             aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])),
@@ -104,7 +119,7 @@ def ranked(
             left_out=left[0],
             run_left_out=left[1],
             weight=float(weight),
-            in_force=x.law == in_force,
+            in_force=x.name == in_force,
             chosen=k == chosen,
         )
         for k, (x, aicc, above, left, weight) in enumerate(zip(found, marks[:, 0], bic, left_out, weights, strict=True))
@@ -120,8 +135,10 @@ def ranked(
 
 def _scores(x: FittedLaw) -> tuple[float, float]:
     """AICc, nan where there are too few independent equations, and BIC."""
-    marks = [scores(*solve) for solve in x.solves]
-    return sum(np.nan if aicc is None else aicc for aicc, _ in marks), sum(bic for _, bic in marks)
+    marks = [scores(*solve[:4]) for solve in x.solves]
+    more = [-2 * solve.effective / solve.residuals.size * solve.itself for solve in x.solves]
+    aicc = sum(np.nan if aicc is None else aicc + own for (aicc, _), own in zip(marks, more, strict=True))
+    return aicc, sum(bic + own for (_, bic), own in zip(marks, more, strict=True))
 
 
 def _chosen(fitted: Sequence[FittedLaw], bic: Array, left_out: Sequence[LeftOut], paper: int) -> int:

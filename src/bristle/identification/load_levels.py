@@ -26,6 +26,10 @@ _NAMES = tuple(dict.fromkeys(name for terms in LEVELS.values() for name in terms
 """In the order of `law.load_levels`."""
 
 
+LINEAR = tuple(name for name in _NAMES if not name.endswith("squared"))
+"""Those that multiply a load itself."""
+
+
 class Load(NamedTuple):
     """The load along N samples."""
 
@@ -46,17 +50,33 @@ class Load(NamedTuple):
 
     def by(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """What each coefficient of the level multiplies, and its derivative by each weight: (m, N), (m, k, N)."""
+        levels, by_links, _ = self._parts(values)
+        return levels, -by_links[:, None, :] * self.columns.T
+
+    def by_motor(self, values: Mapping[str, float]) -> Array:
+        """The derivative of the level by the motor's torque, (N,): what a measured torque explains of itself while sliding."""
+        _, _, by_motor = self._parts(values)
+        slope: Array = np.array([values[name] for name in self.levels]) @ by_motor
+        return slope
+
+    def _parts(self, values: Mapping[str, float]) -> Array:
+        """The levels, and their derivatives by the links' torque and the motor's, (3, m, N)."""
         weights = np.array([values[name] for name in self.weights])
         every = np.array(evaluate(load_levels_function(), self.motor, -(self.columns @ weights + self.known)))
         own = [_NAMES.index(name) for name in self.levels]
-        slopes = every[[len(_NAMES) + k for k in own]]
-        return every[own], -slopes[:, None, :] * self.columns.T
+        parts: Array = every.reshape(3, len(_NAMES), -1)[:, own]
+        return parts
 
 
 def levels_of(regressors: Sequence[str]) -> tuple[str, ...]:
     """The coefficients of the level's rise among the parameters of some regressors."""
     asked = {name for regressor in regressors if regressor in LEVELS for name in terms_of(regressor).names}
     return tuple(name for name in _NAMES if name in asked)
+
+
+def load_is_known(records: Sequence[Record], regressors: Sequence[str]) -> bool:
+    """Whether something says what gravity and links do to the joint."""
+    return not {"gravity", "links"}.isdisjoint(regressors) or any(r.link_torque is not None for r in records)
 
 
 def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load | None:
@@ -68,10 +88,10 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
     if not levels:
         return None
     links = None if "links" in regressors else record.link_torque
-    if not weighing and links is None and levels != ("motor_load",):
-        asked = next(name for name in regressors if name in LEVELS and name != "motor_load")
+    if levels != ("motor_load",) and not load_is_known([record], regressors):
+        asked = next(name for name in regressors if name in LEVELS)
         raise InputError(
-            f"fit.regressors: {asked} needs what gravity does to the joint; add gravity beside it, or identify the joint in a robot"
+            f"fit.law: {asked} needs what gravity does to the joint; add gravity under fit.regressors, or identify the joint in a robot"
         )
     columns = extra_columns(weighing, record)
     n = record.time.size

@@ -22,6 +22,8 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.identification.fits import Estimate
 from bristle.model.functions import load_terms_function, periodic_terms_function
+from bristle.model.laws import registry
+from bristle.model.laws.registry import loads_named
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import ParameterName, periodic, slides
 from bristle.model.vectorize import evaluate
@@ -61,13 +63,8 @@ REGRESSORS = {
     "quadratic": Regressor(("quadratic",), ("velocity",)),
     "links": Regressor(("links",), ("link_torque",)),
 }
-LEVELS = {
-    "link_load": Regressor(("link_load",)),
-    "motor_load": Regressor(("motor_load",)),
-    "gear_load": Regressor(("gear_load",)),
-    "gear_load_squared": Regressor(("gear_load", "gear_load_squared")),
-}
-"""By what the friction level rises (`load_levels`)."""
+LEVELS = {name: Regressor(coefficients) for name, coefficients in registry.LOADS.items()}
+"""By what the friction level rises (`load_levels`): a part of the law, fitted like regressors."""
 LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)
 """In the order of `law.load_terms`."""
 _NEEDED = ("position", "velocity", "acceleration", "link_torque")
@@ -108,7 +105,6 @@ def declared(experiment: Experiment) -> tuple[str, ...] | None:
 def regressors_of(parameters: Collection[str], kind: JointKind) -> tuple[str, ...]:
     """The regressors that some parameters are of."""
     plain = [name for name, terms in REGRESSORS.items() if not set(terms.names).isdisjoint(parameters)]
-    plain += [name for name, terms in LEVELS.items() if terms.names[-1] in parameters]
     each = [with_orders((x[0],), (x[2],), kind)[0] for name in parameters if (x := periodic(name))]
     return (*plain, *dict.fromkeys(each))
 
@@ -159,7 +155,6 @@ def _periodic_columns(regressor: str, position: Array, velocity: Array) -> tuple
 def regressor_line(names: Collection[str], parameters: Collection[str] = ()) -> str:
     """The line that asks for these regressors, and for those that some parameters are of, in their order."""
     wanted = [x for x in REGRESSORS if x in names or not set(parameters).isdisjoint(REGRESSORS[x].names)]
-    wanted += [x for x, terms in LEVELS.items() if x in names or terms.names[-1] in parameters]
     wanted += [x for x in PERIODIC if any(name.partition("_")[0] == x for name in (*names, *parameters))]
     return f"regressors: [{', '.join(wanted)}]"
 
@@ -190,13 +185,13 @@ def torque_shifts(records: Sequence[Record]) -> dict[str, Array]:
 def regressors(experiment: Experiment) -> tuple[str, ...]:
     """What a moving fit asks for: as declared, or inertia and, where directions are not separate, offset.
 
-    A fixed inertia is not asked for.
+    A fixed inertia is not asked for. By which load the friction rises comes last.
     """
     asked = declared(experiment)
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
     fixed, _ = inertia(experiment)
-    return tuple(r for r in asked if r != "inertia" or fixed is None)
+    return (*(r for r in asked if r != "inertia" or fixed is None), *loads_named(experiment.fit.law))
 
 
 def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str, others: Array | None = None) -> None:

@@ -3,15 +3,16 @@
 from bristle.data.experiment.load import Experiment
 from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.moving_runs import turn_of
-from bristle.model.laws.registry import AUTO, law_named
+from bristle.model.laws.registry import AUTO, law_named, loads_named
 
 
 def settings_of(experiment: Experiment, asked_law: str, *, moving: bool) -> dict[str, str]:
     """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as the file has it, which may leave the choice to the data."""
     fit = experiment.fit
-    law = law_named(fit.law)
+    law, loads = law_named(fit.law), loads_named(fit.law)
+    rising = "".join(f", rising with the {name.replace('-', ' ')}" for name in loads)
     settings = {
-        "law": f"{law.name}{', which the data chose' if asked_law == AUTO else ''}: {law.title}",
+        "law": f"{'+'.join((law.name, *loads))}{', which the data chose' if asked_law == AUTO else ''}: {law.title}{rising}",
         "directions": fit.directions,
         "model": fit.model,
         "loss": fit.loss,

@@ -68,10 +68,11 @@ def load_terms_function() -> ca.Function:
 
 @cache
 def load_levels_function() -> ca.Function:
-    """(tau_m, tau_l) -> `law.load_levels` in that order, then the derivative of each by tau_l."""
+    """(tau_m, tau_l) -> `law.load_levels` in that order, then the derivative of each by tau_l, then by tau_m."""
     s = _symbols("tau_m", "tau_l")
     levels = law.load_levels(**s)
-    return _function("load_levels", s, levels | {f"{n}_by": ca.jacobian(x, s["tau_l"]) for n, x in levels.items()})
+    slopes = {f"{n}_{by}": ca.jacobian(x, s[by]) for by in ("tau_l", "tau_m") for n, x in levels.items()}
+    return _function("load_levels", s, levels | slopes)
 
 
 @cache

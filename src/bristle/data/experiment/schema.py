@@ -15,10 +15,7 @@ from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import Kind, Lugre, of_friction
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
-Regressor = Literal[
-    "inertia", "offset", "gravity", "quadratic", "links", "cogging", "ripple",
-    "link_load", "motor_load", "gear_load", "gear_load_squared",
-]  # fmt: skip  # a list of values
+Regressor = Literal["inertia", "offset", "gravity", "quadratic", "links", "cogging", "ripple"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

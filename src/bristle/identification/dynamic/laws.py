@@ -22,7 +22,8 @@ from bristle.estimation.nonlinear import Unknowns
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem, residuals
 from bristle.identification.dynamic.unknowns import fit, solved, with_deflections
 from bristle.identification.fits import TrackingFit
-from bristle.identification.moving_runs import directions, inertia, regressors
+from bristle.identification.load_levels import LINEAR
+from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors
 from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, ParameterName, in_direction
 
@@ -33,8 +34,10 @@ _WORTH = 0.05
 _ROUGH = 4.0
 """Nodes between samples stand so many times farther apart than usual."""
 _BRISTLE = ("sigma_0", "sigma_1")
-_START = {"alpha_1": 0.1, "v_s": 0.1}
-"""Where a term begins that the law in force does not show: shares of alpha_0, and of the fastest speed."""
+_START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
+"""Where a term begins that the law in force does not show: shares of alpha_0, of the fastest speed, and of the load."""
+_LEAST = 0.05
+"""Of a change of the torque: that much of it is never made by the torque itself."""
 
 
 class MovingLaw(NamedTuple):
@@ -52,19 +55,31 @@ class MovingLaw(NamedTuple):
     """The scaled unknowns, (p,)."""
 
     @property
+    def not_itself(self) -> Array:
+        """The share of a change of each equation's torque that its own law does not make of it, (n,): one without a load."""
+        free = {n.name: x for n, x in self.values.items() if isinstance(n, ParameterName)}
+        known = {n.name: x for n, x in self.problem.fixed.items()} | free
+        rows = [
+            m.smoothed(np.ones(m.velocity.size) if m.load is None else 1 - np.sign(m.velocity) * m.load.by_motor(known))
+            for m in self.problem.motions
+        ]
+        return np.maximum(np.concatenate(rows), _LEAST)
+
+    @property
     def effective(self) -> float:
         """How many equations are independent."""
         return self.residuals.size / inflation(self.residuals)
 
 
 def fitted_to_motion(
-    experiment: Experiment, records: Sequence[Record], alone: TrackingFit, law: Law
+    experiment: Experiment, records: Sequence[Record], alone: TrackingFit, law: Law, load: tuple[str, ...] = ()
 ) -> MovingLaw | None:
     """LuGre of a law on moving runs, from where the fit of another ended; None where that shows nothing, or is too few equations.
 
     What that fit held, its bristle and what the experiment fixes, is held here too; a Stribeck term is free in every direction.
     """
-    sides, asked, (fixed, _) = directions(experiment, records), regressors(experiment), inertia(experiment)
+    sides, (fixed, _) = directions(experiment, records), inertia(experiment)
+    asked = (*(name for name in regressors(experiment) if name not in LEVELS), *load)
     options = experiment.fit
     whole = dynamic_problem(records, sides, asked, options.decimation, fixed, shared=options.shared, law=law)
     held = {
@@ -97,6 +112,9 @@ def _start(problem: DynamicProblem, alone: TrackingFit) -> dict[ParameterName, f
         if name.name == "alpha_1" and not start[name]:
             start[name] = _START["alpha_1"] * known[name._replace(name="alpha_0")]
             start[name._replace(name="v_s")] = _START["v_s"] * fastest
+    for name in problem.extra_names:
+        if name.name in LINEAR and not start[name]:
+            start[name] = _START["load"]
     if INERTIA in start:
         start[INERTIA] = max(start[INERTIA], 0.0)
     return start
@@ -115,7 +133,7 @@ def _predicted(one: MovingLaw, part: NDArray[np.bool_]) -> float | None:
     except InputError:
         return None
     left, _ = residuals(one.problem, {**one.values, **values})
-    return float(np.sum(left[part] ** 2))
+    return float(np.sum((left[part] / one.not_itself[part]) ** 2))
 
 
 def _rows(problem: DynamicProblem, keep: NDArray[np.bool_]) -> DynamicProblem:

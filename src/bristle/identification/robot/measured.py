@@ -18,7 +18,7 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
-from bristle.identification.moving_runs import regressors
+from bristle.identification.moving_runs import LEVELS, regressors
 from bristle.identification.robot.links import (
     Course,
     LinkScale,
@@ -178,7 +178,8 @@ def _with_constant(
     """The joint with the torque constant that was found, or in A where none was: then the links are a regressor, or too small for one."""
     if K is None:
         clear = found.scale > 2 * found.error
-        asked = tuple(dict.fromkeys((*regressors(experiment), "links"))) if clear else experiment.fit.regressors
+        beside = tuple(name for name in regressors(experiment) if name not in LEVELS)
+        asked = tuple(dict.fromkeys((*beside, "links"))) if clear else experiment.fit.regressors
         by = experiment.motor.k_t if experiment.motor else 1.0  # 1 N*m/A, but for a gear
         links = {} if clear else {"link_torque": None}
         bare = tuple(_with(run, torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)

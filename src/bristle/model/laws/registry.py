@@ -14,6 +14,13 @@ PAPER = "paper"
 """Another name of the paper's law."""
 AUTO = "auto"
 """Not a law: the data choose one."""
+LOADS = {
+    "link-load": ("link_load",),
+    "motor-load": ("motor_load",),
+    "gear-load": ("gear_load",),
+    "gear-load-squared": ("gear_load", "gear_load_squared"),
+}
+"""By which load the level rises (`law.load_levels`): what `fit.law` takes after a +, and its coefficients."""
 _GROUP = "bristle.laws"
 _PARTS: dict[str, Peak | ViscousTerm] = {
     part.name: part for part in (gaussian.PEAK, exponential.PEAK, lorentzian.PEAK, free_exponent.PEAK, quadratic.TERM)
@@ -77,18 +84,26 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
 def law_named(name: str) -> Law:
     """The law of a name such as `lorentzian+quadratic`; `paper` is the Gaussian one, and so is `auto` before the data chose.
 
-    Raises KeyError, with the names that there are, where there is none.
+    By which load its level rises, `loads_named` says. Raises KeyError, with the names that there are, where there is none.
     """
     if name in (PAPER, AUTO):
         return GAUSSIAN
-    first, *rest = name.split("+")
+    first, *rest = [x for x in name.split("+") if x not in LOADS] or [""]
+    if name.count("+") > len(rest) + 1:
+        raise KeyError(f"a law with one of {' | '.join(LOADS)} at most")
+    first = GAUSSIAN.peak.name if first == PAPER else first
     if not {first, *rest} <= _PARTS.keys():
         _look()
     peak, terms = _PARTS.get(first), [_PARTS.get(x) for x in rest]
     found = tuple(term for term in terms if isinstance(term, ViscousTerm))
     if not isinstance(peak, Peak) or len(found) < len(rest) or len(set(rest)) < len(rest):
-        raise KeyError(f"{' | '.join(_named(Peak))}, each perhaps with +{' or +'.join(_named(ViscousTerm))}")
+        raise KeyError(f"{' | '.join(_named(Peak))}, each perhaps with +{' or +'.join((*_named(ViscousTerm), *LOADS))}")
     return Law(peak, found)
+
+
+def loads_named(name: str) -> tuple[str, ...]:
+    """The load, of `LOADS`, by which the level of the law of a name rises; none where it does not."""
+    return tuple(x for x in name.split("+") if x in LOADS)
 
 
 def competing() -> tuple[Law, ...]:
