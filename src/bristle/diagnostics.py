@@ -1165,8 +1165,15 @@ class Kind(Enum):
         _CAUTION,
         (
             "Friction changes with the load, by {by:.2g} +/- {error:.1g} of the gravity torque, which would explain {share:.0%} of "
-            "what the fit leaves, as in a gear: the model has none of it. Numbers are of the load on average; unload the joint, or "
-            "fit runs of one load."
+            "what the fit leaves, as in a gear: the model has none of it. Under fit, write `law: {law}+link-load`, or gear-load in "
+            "its place; else numbers are of the load on average."
+        ),
+    )
+    LOAD_COLLINEAR = (
+        _CAUTION,
+        (
+            "{name} and {other} are hardly told apart (variance inflation {inflation:.0f}): as one rises, the other falls. Add runs at "
+            "other angles, or with another weight; the friction under a load of this motion is known better than either."
         ),
     )
     DELAY_OR_PRESLIDING = (
@@ -2534,7 +2541,7 @@ REASONS: Mapping[str, str] = {
         "STATIC_STICK_SLIP PEAK_OF_STICK_SLIP FEW_BELOW_V_S SINGLE_RUN OF_ONE_BREAKAWAY FEW_STARTS DID_NOT_MOVE FEW_VELOCITIES SLOWEST_TOO_FAST"
     ),
     "Only a combination is determined, so that no parameter of it stands alone.": (
-        "ILL_CONDITIONED ONLY_SUM_SEEN ONLY_SUM_SEEN_OF_FIT HARDLY_SEEN ONLY_AGAINST ONLY_AS_SUM"
+        "LOAD_COLLINEAR ILL_CONDITIONED ONLY_SUM_SEEN ONLY_SUM_SEEN_OF_FIT HARDLY_SEEN ONLY_AGAINST ONLY_AS_SUM"
     ),
     "Another minimum is about as good.": "SECOND_MINIMUM LOWER_OUTSIDE_RANGE POLISHING_MOVES LUGRE_UNSETTLED",
     "The fit stands, and the model or what it is used for is physically doubtful.": (
@@ -2586,7 +2593,7 @@ REASONS: Mapping[str, str] = {
     ),
     "Its effect is in the interval already, or in no number.": (
         "CORRELATED TORQUE_UNSURE WHOLE_COUNT REST_EXCLUDES COUNTS_HIDE COARSE_LOOPS COARSE_LOOPS_BETWEEN TORQUE_EXACT TORQUE_UNCERTAIN "
-        "SYSTEMATIC_STAYS SYSTEMATIC_DRAWN COMMON_CONSTANTS OWN_CONSTANTS PROFILE_ROUGH WIDENED_TO_MOVING INTERVAL_WITH_ZERO"
+        "SYSTEMATIC_STAYS SYSTEMATIC_DRAWN COMMON_CONSTANTS OWN_CONSTANTS PROFILE_ROUGH WIDENED_TO_MOVING INTERVAL_WITH_ZERO RUNS_CLUSTERED"
     ),
     "It says what was not computed, and why.": (
         "NO_BOOTSTRAP NO_BLOCKS NOT_FITTED NO_STRIBECK_ASKED NO_SIGMA_1 NO_COUNTS NOTHING_BELOW_G0 STAGE_UNSEEN NONE_COMPARED NO_GRID_FIT "
@@ -2603,6 +2610,7 @@ REASONS: Mapping[str, str] = {
         "LINKS_TAKEN_OFF RATE_DECLARED COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION "
         "ACCELERATION_FROM_VELOCITY TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED "
         "RUN_IN ENCODER_COUNT ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE LIMIT_LINKS "
+        "ROWS_MOTOR_OFF "
         "INERTIA_EXACT NOISE_OF_EQUATIONS NOISE_OF_INDEPENDENT NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD "
         "GRIPPER_FRICTION NOISE_OF_FIT NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED TIME_RECEIVED TOPICS_INTERPOLATED OWN_TIME FILES_JOINED "
         "PART_TAKEN GEAR_TAKEN ORDERS_FOUND NO_ORDERS"

@@ -383,6 +383,10 @@ class TrackingFit:
     measured: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Torque, N*m, or position, rad, (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
+    friction: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
+    """Measured friction, what is no friction taken off as the fit has it, N*m, (n,); empty where no level rises with load."""
+    load: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
+    """The load that it rises with, N*m, (n,); empty as `friction`."""
     starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
     """First equation of each segment between gaps."""
     windows: int = 0

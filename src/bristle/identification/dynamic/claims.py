@@ -17,7 +17,7 @@ from bristle.estimation.linear import NO_SIGN, inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
-from bristle.model.parameters import Direction, ParameterName, peak_parameters
+from bristle.model.parameters import Direction, ParameterName, of_load, peak_parameters
 
 WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
@@ -27,9 +27,31 @@ _LEVEL = 0.01
 """Of the tests: of each Stribeck term, and whether the halves of the record agree, over all parameters of bristles together."""
 _NOTHING = 1e-8
 """Share of its column that a half must have, to say anything of a parameter."""
+_INFLATED = 10.0
+"""A variance inflation beyond which two parameters are told apart badly."""
 _BRISTLE = ("sigma_0", "sigma_1")
 _COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}
 """What means nothing without another parameter, and without which."""
+
+
+def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Diagnostic]:
+    """The coefficients of a load that another parameter makes up for: a variance inflation, 1 / (1 - R**2), above 10."""
+    n = sum(m.size for m in problem.motions)
+    free = np.flatnonzero(np.isfinite(solution.scaled_errors))
+    J = solution.minimum.jacobian[:n, free]
+    J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
+    names, found = [solution.names[k] for k in free], list[Diagnostic]()
+    for j, name in enumerate(names):
+        if not isinstance(name, ParameterName) or not of_load(name.name):
+            continue
+        others = np.delete(J, j, axis=1)
+        made = np.linalg.lstsq(others, J[:, j], rcond=None)[0]
+        left = float(np.sum((J[:, j] - others @ made) ** 2))
+        inflation = 1 / max(left, 1e-12)
+        if inflation > _INFLATED:
+            other = [x for k, x in enumerate(names) if k != j][int(np.argmax(np.abs(made)))]
+            found.append(Kind.LOAD_COLLINEAR(name=str(name), other=str(other), inflation=inflation))
+    return found
 
 
 def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Diagnostic]:

@@ -15,10 +15,17 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.claims import WIDE, bristle_doubts, peak_doubts, warned, without_weak
+from bristle.identification.dynamic.claims import WIDE, bristle_doubts, loads_alike, peak_doubts, warned, without_weak
 from bristle.identification.dynamic.left_out_peak import absent_peaks, takes_up_peak
 from bristle.identification.dynamic.missing_terms import missing_terms, pattern_left
-from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters, residuals
+from bristle.identification.dynamic.problem import (
+    DynamicProblem,
+    Unknown,
+    Values,
+    friction_and_load,
+    parameters,
+    residuals,
+)
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unasked_terms import offset_or_friction, regressor_left_out
 from bristle.identification.dynamic.unknowns import (
@@ -93,12 +100,14 @@ def fit_tracking(
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
     rows = equations_left(problem, solution)
+    friction, load = friction_and_load(problem, solution.values)
     warnings = (
         *_lack_of_fit(problem, rows, kind),
         *_below_zero(estimates.get(INERTIA)),
         *missing_terms(problem, solution, kind),
         *regressor_left_out(problem, solution),
         *offset_or_friction(problem, solution, kind),
+        *loads_alike(problem, solution),
         *_warnings(solution, rows, unseen),
         *_physics(problem, solution.values, unseen),
         *_named(unseen),
@@ -123,6 +132,8 @@ def fit_tracking(
         measured=problem.measured,
         quantity=problem.quantity,
         residuals=rows,
+        friction=friction + rows if friction.size else friction,
+        load=load,
         starts_of_runs=problem.starts,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )

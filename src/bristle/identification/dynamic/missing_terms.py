@@ -80,7 +80,9 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
         by_load = [np.abs(m.extra[:, weight] @ force) * np.sign(m.velocity) for m in motions]
         loaded = _wanted(solution, _equations(motions, by_load), late[:, None], every)
         if loaded.counts:
-            warnings.append(Kind.FRICTION_BY_LOAD(by=loaded.value, error=loaded.error, share=loaded.share))
+            warnings.append(
+                Kind.FRICTION_BY_LOAD(by=loaded.value, error=loaded.error, share=loaded.share, law=problem.law.name)
+            )
     more = _wanted(solution, inert, late[:, None], every)
     if given and more.counts:
         warnings.append(Kind.INERTIA_DOUBTED(more=more.value, error=more.error, unit=unit("inertia", kind)))

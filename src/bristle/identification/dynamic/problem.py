@@ -385,6 +385,20 @@ def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
     ]
 
 
+def friction_and_load(problem: DynamicProblem, values: Values) -> tuple[Array, Array]:
+    """Modelled friction of every equation, N*m, (n,), and the load that its level rises with, (n,); both empty where it does not."""
+    if any(m.load is None for m in problem.motions):
+        return np.zeros(0), np.zeros(0)
+    known: Values = {**problem.fixed, **values}
+    extra = np.array([known[name] for name in problem.extra_names])
+    friction, carried = [], []
+    for m, T in zip(problem.motions, modelled(problem, values), strict=True):
+        _, *rises = _level(m, known)[0]
+        friction.append(m.smoothed(T - (m.measured - m.torque) - m.extra @ extra))
+        carried.append(m.smoothed(rises[0]))
+    return np.concatenate(friction), np.concatenate(carried)
+
+
 def with_priors(problem: DynamicProblem, priors: Sequence[Prior], sigma: float) -> DynamicProblem:
     """The problem with what other stages say; `sigma` is what its residuals scatter by, N*m."""
     return replace(problem, priors=tuple(priors), sigma=sigma)

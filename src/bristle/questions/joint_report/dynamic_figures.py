@@ -1,5 +1,8 @@
 """Moving runs as matplotlib figures: measured and predicted torque over time and over velocity, with the residuals beneath."""
 
+from itertools import pairwise
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -7,8 +10,11 @@ from matplotlib.figure import Figure
 from bristle.arrays import Array
 from bristle.identification.fits import TrackingFit
 from bristle.identification.results import Joint
+from bristle.model.functions import steady_torque_function
+from bristle.model.parameters import of_load, unit
+from bristle.model.vectorize import evaluate
 from bristle.page.style import new_figure, styled, thinned, title
-from bristle.page.wording import axis
+from bristle.page.wording import axis, pretty
 
 SPAN = 3.0
 """Longest piece of a run drawn over time, s."""
@@ -16,6 +22,9 @@ MOST = 400
 """Points of each kind drawn; denser data are thinned evenly, which the caption says."""
 _LEAD = 0.25
 """How long before a reversal a piece may begin, s."""
+_BANDS, _MARKERS, _LINES = ("#0072B2", "#D55E00", "#000000"), ("o", "s", "^"), ("-", "--", ":")
+_LOADS = {"link_load": "gravity and link", "motor_load": "motor", "gear_load": "gear"}
+"""What each load is the torque of."""
 _GREY, _BLUE, _VERMILION = "#999999", "#0072B2", "#D55E00"
 
 
@@ -75,6 +84,46 @@ def velocity_figure(joint: Joint) -> Figure | None:
     below.plot(velocity, residual, ".", color=_VERMILION, markersize=3, label="_residual")
     _finish(joint, figure, "velocity", fit.quantity)
     return figure
+
+
+@styled
+def load_figure(joint: Joint) -> Figure | None:
+    """Friction along the motion vs the load that it rises with, in three bands of speed, each with the model's line; None without such a load."""
+    fit = joint.moving
+    if fit is None or not fit.load.size:
+        return None
+    figure = new_figure(3.6)
+    ax = figure.subplots()
+    title(ax, joint.name, joint.simulated)
+    for (low, high), colour, marker, line in zip(speed_bands(fit), _BANDS, _MARKERS, _LINES, strict=True):
+        inside = (np.abs(fit.velocity) >= low) & (np.abs(fit.velocity) <= high)
+        k = np.flatnonzero(inside)[thinned(int(inside.sum()), MOST // 2)]
+        along = np.sign(fit.velocity[k])
+        told = f"{low:.2g} to {high:.2g} {pretty(unit('velocity', joint.kind))}"
+        style: dict[str, Any] = {"markerfacecolor": "none", "markersize": 3.5, "alpha": 0.6}
+        ax.plot(fit.load[k], fit.friction[k] * along, marker, color=colour, label=told, **style)
+        speed, reach = float(np.median(np.abs(fit.velocity[inside]))), np.linspace(0, float(fit.load.max()), 30)
+        ax.plot(reach, friction_under(fit, speed, reach), line, color=colour, linewidth=1.6, label="_model")
+    ax.set_xlabel(axis("torque", joint.kind, _LOADS[next(n for n in _LOADS if n in {x.name for x in fit.parameters})]))
+    ax.set_ylabel(axis("torque", joint.kind, "friction"))
+    ax.legend(loc="upper left", fontsize="small")
+    return figure
+
+
+def speed_bands(fit: TrackingFit) -> list[tuple[float, float]]:
+    """Three bands of speed that hold the faster three quarters of the equations alike, rad/s."""
+    ends = np.quantile(np.abs(fit.velocity), [0.25, 0.5, 0.75, 1.0]).tolist()
+    return list(pairwise(ends))
+
+
+def friction_under(fit: TrackingFit, speed: float, load: Array) -> Array:
+    """Steady friction of the positive, or the only, direction at a speed (rad/s) under loads, N*m, (k,)."""
+    direction = next(d for d in ("both", "+", "-") if fit.values(d) is not None)
+    p = fit.values(direction)
+    rises = {name.name: value for name, value in fit.known.items() if of_load(name.name)}
+    linear = sum(value for name, value in rises.items() if not name.endswith("squared"))
+    own = 0.0 if p is None else float(evaluate(steady_torque_function(p.law), np.array([speed]), *p.stribeck)[0][0])
+    return own + linear * load + rises.get("gear_load_squared", 0.0) * load**2
 
 
 def _panels(joint: Joint) -> tuple[Figure, Axes, Axes]:

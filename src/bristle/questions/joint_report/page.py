@@ -34,6 +34,7 @@ _DRAW: dict[str, Callable[[Joint], Figure | None]] = {
     "hysteresis": presliding_figures.hysteresis_figure,
     "tracking": dynamic_figures.course_figure,
     "tracking-velocity": dynamic_figures.velocity_figure,
+    "tracking-load": dynamic_figures.load_figure,
 }
 _OF_STATIC = ("small", "curve")
 """Those that there are of a static fit alone; others draw nothing where there is nothing to draw."""

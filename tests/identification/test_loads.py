@@ -1,0 +1,163 @@
+"""Friction that rises with load: equations against differences, the truth recovered, and nothing invented."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle.arrays import Array
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.identification.repeats import clustered
+from bristle.identification.results import Joint
+from bristle.model.laws.registry import LOADS, law_named, loads_named
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
+from bristle.model.rollout import rollout, rollout_into
+
+P = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0)
+J, G, STEP = 0.08, 6.0, 0.002
+LINK_LOAD = ParameterName("link_load", Direction.SHARED)
+TIME = np.arange(0, 4, 1e-3)
+VELOCITY = 0.3 * np.sin(3 * TIME) + 0.1 * np.sin(11 * TIME)
+RISES = np.array([0.1 * np.abs(np.sin(2 * TIME)), 0.2 * (1 + np.cos(5 * TIME))])
+SETS = [P, Pair(P, P._replace(alpha_0=0.3))]
+
+
+@pytest.mark.parametrize("p", SETS)
+def test_a_constant_level_is_coulomb_friction(p: Lugre[float] | Pair[float]) -> None:
+    """A level of 0.01 throughout is an alpha_0 that is 0.01 larger, exactly."""
+    more = [one._replace(alpha_0=one.alpha_0 + 0.01) for one in ([p] if isinstance(p, Lugre) else p)]
+    shifted = more[0] if len(more) == 1 else Pair(*more)
+    level = np.full(VELOCITY.size, 0.01)
+    assert np.array_equal(rollout(VELOCITY, 1e-3, p, level=level).torque, rollout(VELOCITY, 1e-3, shifted).torque)
+
+
+@pytest.mark.parametrize("p", SETS)
+@pytest.mark.parametrize("z0", [None, 1e-4])
+def test_derivatives_by_a_level_are_those_of_differences(p: Lugre[float] | Pair[float], z0: float | None) -> None:
+    """dT/dc of a level c . L is that of central differences, to 1e-8 of the largest.
+
+    Of two different sets to 1e-4: where z changes sign within a step is not differentiated, for no parameter of a pair.
+    """
+    near = 1e-8 if isinstance(p, Lugre) else 1e-4
+    c = np.array([0.05, 0.03])
+
+    def torque(c: Array) -> Array:
+        """The friction torque at coefficients, (n,)."""
+        return rollout(VELOCITY, 1e-3, p, z0, level=c @ RISES).torque
+
+    count = 6 if isinstance(p, Lugre) else 12
+    rows = [np.empty(VELOCITY.size) for _ in range(count + 3)]
+    rollout_into(rows, VELOCITY, 1e-3, p, z0, level=np.vstack([c @ RISES, RISES]))
+    for k in range(2):
+        step = 1e-6 * np.eye(2)[k]
+        by_difference = (torque(c + step) - torque(c - step)) / 2e-6
+        assert rows[count + k] == pytest.approx(by_difference, abs=near * np.abs(by_difference).max())
+
+
+def joint(folder: Path, law: str, rises: float = 0.1, supply: tuple[float, ...] = (0.0,) * 4) -> Joint:
+    """A weight swung about four angles, a log each, with friction that rises with gravity's torque."""
+    folder.mkdir()
+    rng = np.random.default_rng(1)
+    t, w, size = np.arange(0, 12, STEP), 2 * np.pi * np.array([[0.25], [0.7]]), np.array([[0.35], [0.12]])
+    for k, (angle, off) in enumerate(zip((0.15, 0.5, 0.9, 1.3), supply, strict=True)):
+        x = w * t + rng.uniform(0, 2 * np.pi, (2, 1))
+        q, v, a = angle + (size * np.sin(x)).sum(0), (size * w * np.cos(x)).sum(0), -(size * w**2 * np.sin(x)).sum(0)
+        T = rollout(v, STEP, P, level=rises * np.abs(G * np.sin(q))).torque + J * a + G * np.sin(q)
+        T = (1 + off) * T + 0.02 * rng.standard_normal(t.size)
+        rows = np.column_stack([t, q, v, T])
+        np.savetxt(folder / f"{k}.csv", rows, delimiter=",", header="t,q,v,T", comments="")
+    file = folder / "geared.yaml"
+    file.write_text(
+        "joint: {name: geared, kind: revolute}\nsimulated: true\n"
+        "signals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        "  velocity: {column: v, unit: rad/s}\n  torque: {column: T, unit: N*m}\n"
+        f"fit: {{directions: symmetric, regressors: [inertia, gravity], law: {law}}}\n"
+        "runs: [{files: [0.csv, 1.csv, 2.csv, 3.csv], experiment: tracking}]\n"
+    )
+    return bristle.identify(file).joint()
+
+
+@pytest.mark.parametrize("supply", [(0.0, 0.0, 0.0, 0.0), (0.02, -0.02, 0.015, -0.01)])
+def test_ten_percent_of_the_load_is_recovered(tmp_path: Path, supply: tuple[float, ...]) -> None:
+    """0.100 within 0.005, and within its interval, with a supply that errs by 2 % in each log too."""
+    tracking = joint(tmp_path / "logs", "paper+link-load", supply=supply).tracking
+    assert tracking is not None
+    e = tracking.parameters[LINK_LOAD]
+    assert e.value == pytest.approx(0.1, abs=0.005)
+    assert e.interval is not None
+    assert e.interval[0] <= 0.1 <= e.interval[1]
+    assert tracking.load.size == tracking.friction.size == tracking.n
+
+
+def test_the_data_choose_the_load_that_is_there_and_none_that_is_not(tmp_path: Path) -> None:
+    """`auto` takes link-load where friction rises with gravity's torque; without a load it keeps the paper's law."""
+    loaded, bare = joint(tmp_path / "a", "auto"), joint(tmp_path / "b", "auto", rises=0.0)
+    assert loaded.laws is not None
+    assert loaded.laws.chosen.law == "gaussian+link-load"
+    assert loaded.tracking is not None
+    assert LINK_LOAD in loaded.tracking.parameters
+    assert bare.laws is not None
+    assert bare.laws.chosen.law == "gaussian"
+    assert {f"gaussian+{name}" for name in LOADS} <= {row.law for row in bare.laws.rows}
+
+
+def test_under_the_papers_law_a_caution_has_the_line_to_write(tmp_path: Path) -> None:
+    """A load that the law does not have is named, with a law that has it."""
+    tracking = joint(tmp_path / "logs", "paper").tracking
+    assert tracking is not None
+    (told,) = (w for w in tracking.warnings if w.kind is Kind.FRICTION_BY_LOAD)
+    assert "law: gaussian+link-load" in str(told)
+
+
+def test_names_of_loads() -> None:
+    """A load stands after a +, beside any law, one at most; it is no part of the curve."""
+    for name in LOADS:
+        assert law_named(f"paper+{name}") == law_named("gaussian")
+        assert law_named(f"lorentzian+quadratic+{name}") == law_named("lorentzian+quadratic")
+        assert loads_named(f"gaussian+{name}") == (name,)
+    for wrong in ("link-load", "gaussian+link-load+gear-load", "gaussian+heavy-load", "auto+link-load"):
+        with pytest.raises(KeyError):
+            law_named(wrong)
+
+
+def test_a_load_that_nothing_tells_is_refused(tmp_path: Path) -> None:
+    """Without gravity among the regressors nobody knows what the links bring: one sentence."""
+    joint(tmp_path / "logs", "paper")
+    file = tmp_path / "logs" / "geared.yaml"
+    file.write_text(file.read_text().replace("[inertia, gravity], law: paper", "[inertia], law: paper+gear-load"))
+    with pytest.raises(InputError, match="gear-load needs what gravity does"):
+        bristle.identify(file)
+
+
+def test_what_a_run_has_in_common_counts_once() -> None:
+    """Of a mean over k runs with an offset each, the clustered error is the offsets' scatter over the root of k."""
+    rng, offsets = np.random.default_rng(0), np.array([0.3, -0.1, 0.2, -0.4])
+    noise = 1e-3 * rng.standard_normal((4, 500))
+    x = offsets[:, None] + noise
+    left = x - x.mean()
+    parts = {str(k): (np.ones((500, 1)), row) for k, row in enumerate(left)}
+    own = float(np.std(left) / np.sqrt(left.size))
+    e = bristle.identification.fits.Estimate(value=float(x.mean()), unit="1", standard_error=own, interval=(-1.0, 1.0))
+    found = clustered(["m"], parts, {"m": e}, 1999.0)["m"]
+    assert found.widened * own == pytest.approx(np.std(x.mean(axis=1), ddof=1) / 2, rel=1e-9)
+    assert list(found.by_run.values()) == pytest.approx(x.mean(axis=1).tolist())
+
+
+def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
+    """Where `enabled` is 0 the rows are gone, a note counts them, and what is before and after are segments apart."""
+    t = np.arange(0, 10, 0.01)
+    q, on = np.sin(t), ((t < 4) | (t > 4.03)).astype(int)
+    T = 0.1 * np.sign(np.cos(t)) + 0.02 * np.cos(t)
+    np.savetxt(tmp_path / "a.csv", np.column_stack([t, q, T, on]), delimiter=",", header="t,q,T,driven", comments="")
+    (tmp_path / "a.yaml").write_text(
+        "joint: {name: a, kind: revolute}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        "  torque: {column: T, unit: N*m}\n  enabled: driven\nruns: [{files: a.csv, experiment: tracking}]\n"
+    )
+    (run,) = bristle.identification.measured.measure(tmp_path / "a.yaml").runs
+    off = int((on == 0).sum())
+    assert run.record.dropped == off
+    assert run.record.starts == (0, int(np.flatnonzero(on == 0)[0]))
+    (told,) = (n for n in run.record.notes if n.kind is Kind.ROWS_MOTOR_OFF)
+    assert told.numbers["rows"] == off
