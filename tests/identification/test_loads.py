@@ -9,6 +9,8 @@ import bristle
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.identification.fits import Estimate
+from bristle.identification.measured import measure
 from bristle.identification.repeats import clustered
 from bristle.identification.results import Joint
 from bristle.model.laws.registry import LOADS, law_named, loads_named
@@ -139,7 +141,7 @@ def test_what_a_run_has_in_common_counts_once() -> None:
     left = x - x.mean()
     parts = {str(k): (np.ones((500, 1)), row) for k, row in enumerate(left)}
     own = float(np.std(left) / np.sqrt(left.size))
-    e = bristle.identification.fits.Estimate(value=float(x.mean()), unit="1", standard_error=own, interval=(-1.0, 1.0))
+    e = Estimate(value=float(x.mean()), unit="1", standard_error=own, interval=(-1.0, 1.0))
     found = clustered(["m"], parts, {"m": e}, 1999.0)["m"]
     assert found.widened * own == pytest.approx(np.std(x.mean(axis=1), ddof=1) / 2, rel=1e-9)
     assert list(found.by_run.values()) == pytest.approx(x.mean(axis=1).tolist())
@@ -155,7 +157,7 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
         "joint: {name: a, kind: revolute}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
         "  torque: {column: T, unit: N*m}\n  enabled: driven\nruns: [{files: a.csv, experiment: tracking}]\n"
     )
-    (run,) = bristle.identification.measured.measure(tmp_path / "a.yaml").runs
+    (run,) = measure(tmp_path / "a.yaml").runs
     off = int((on == 0).sum())
     assert run.record.dropped == off
     assert run.record.starts == (0, int(np.flatnonzero(on == 0)[0]))
