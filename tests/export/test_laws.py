@@ -294,7 +294,8 @@ def test_what_c_cannot_compute_is_refused(monkeypatch: pytest.MonkeyPatch, hande
     """A law of an operation that C has not is one sentence."""
     monkeypatch.setattr(registry, "_PARTS", dict(registry._PARTS))
     registry.register_law(
-        Peak(name="odd", title="odd", shape=lambda v, v_s: 1 - ca.erfinv(v / v_s), reach=1.0), compete=False
+        Peak(name="odd", title="odd", shape=lambda v, v_s: ca.exp(-ca.erfinv(v**2 / (v**2 + v_s**2))), reach=1.0),
+        compete=False,
     )
     joint = of_law(handed("wrist pitch"), registry.law_named("odd"))
     with pytest.raises(InputError, match="has no C99 counterpart; write the expression without it"):

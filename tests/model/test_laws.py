@@ -302,7 +302,6 @@ def test_a_peak_needs_a_reach_and_ranges_to_search() -> None:
     [
         (lambda speed: 1 + speed, "of 1 at rest"),
         (lambda speed: -speed, "rise with speed"),
-        (ca.sqrt, "no derivative"),
         (lambda speed, other: speed + other, "CasADi cannot evaluate"),
     ],
 )

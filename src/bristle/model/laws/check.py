@@ -56,8 +56,10 @@ def _fault_of_rate(rate: Callable[[Expression], Expression]) -> str | None:
     if error or values is None:
         return error
     r, slope = values
-    if not (np.isfinite(r).all() and np.isfinite(slope).all()):
-        return "got a rate that is not finite, or has no derivative, at a speed; expected both from rest on"
+    if not (
+        np.isfinite(r).all() and np.isfinite(slope[1:]).all()
+    ):  # at rest v r(abs(v)) is flat whatever the slope of r
+        return "got a rate that is not finite, or has no derivative, at a speed; expected both"
     if abs(r[0]) > _CLOSE:
         return f"got a rate of {r[0]:.3g} at rest; expected 0"
     if (np.diff(r) < -_CLOSE * np.abs(r).max()).any() or r[-1] <= 0:
