@@ -24,9 +24,9 @@ from scipy.signal import butter, filtfilt
 import bristle
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.identification.load_levels import levels_of
+from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.static.grid import default_range, solve
-from bristle.identification.static.problem import Regression, from_records, settled_weights
+from bristle.identification.static.problem import Regression, from_records
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.registry import LOADS
 from bristle.model.parameters import Direction, Lugre, ParameterName
@@ -124,8 +124,13 @@ def solution(problem: Regression) -> Array:
 
 def held_out(fitted: Logs, held: Logs, load: tuple[str, ...]) -> tuple[float, int, dict[str, float]]:
     """Error of the torque of some logs by a fit of others, percent, equations, and the coefficients of the load."""
-    start = posed(fitted, load, None).weights
-    weights = settled_weights(lambda at: posed(fitted, load, at), solution, start) if load else {}
+
+    def named(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
+        """The parameters under a load."""
+        problem = posed(fitted, load, weights)
+        return problem.named(solution(problem))
+
+    weights = settled_weights(named, posed(fitted, load, None).weights) if load else {}
     problem, test = posed(fitted, load, weights), posed(held, load, weights)
     theta = solution(problem)
     rises = {n.name: x for n, x in zip(problem.names, theta.tolist(), strict=True) if n.name in levels_of(load)}

@@ -7,13 +7,15 @@ import pytest
 
 import bristle
 from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import measure
 from bristle.identification.repeats import clustered
 from bristle.identification.results import Joint
-from bristle.model.laws.registry import LOADS, law_named, loads_named
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.registry import LOADS, apart, law_named
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout, rollout_into
 
@@ -114,14 +116,29 @@ def test_under_the_papers_law_a_caution_has_the_line_to_write(tmp_path: Path) ->
 
 
 def test_names_of_loads() -> None:
-    """A load stands after a +, beside any law, one at most; it is no part of the curve."""
+    """A load stands last in a law's name, beside any law, one at most; it is no part of the curve."""
     for name in LOADS:
-        assert law_named(f"paper+{name}") == law_named("gaussian")
-        assert law_named(f"lorentzian+quadratic+{name}") == law_named("lorentzian+quadratic")
-        assert loads_named(f"gaussian+{name}") == (name,)
+        assert apart(f"lorentzian+quadratic+{name}") == ("lorentzian+quadratic", (name,))
+        asked = FitOptions(law=f"paper+{name}")
+        assert (asked.friction, asked.load) == (GAUSSIAN, (name,))
     for wrong in ("link-load", "gaussian+link-load+gear-load", "gaussian+heavy-load", "auto+link-load"):
-        with pytest.raises(KeyError):
-            law_named(wrong)
+        with pytest.raises(ValueError, match="expected"):
+            FitOptions(law=wrong)
+
+
+def test_a_stored_law_has_no_load() -> None:
+    """What a results file or an export holds is a curve: a load in its place is refused, not dropped."""
+    with pytest.raises(KeyError):
+        law_named("gaussian+gear-load")
+
+
+def test_a_load_needs_a_motion() -> None:
+    """Points alone, or a simulated position, cannot be fitted with a load: one sentence each, not a fit without it."""
+    v = np.geomspace(0.05, 1, 20)
+    with pytest.raises(InputError, match="gear-load needs a tracking run"):
+        bristle.fit(v, 0.1 + 0.05 * v + 1e-4 * np.sin(1e4 * v), law="paper+gear-load")
+    with pytest.raises(ValueError, match="gear-load is fitted to a torque"):
+        FitOptions(law="paper+gear-load", predict="position")
 
 
 def test_a_load_that_nothing_tells_is_refused(tmp_path: Path) -> None:

@@ -48,7 +48,7 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
 from bristle.identification.static.set_up import better_for_motion, better_for_points, with_one_advice
 from bristle.identification.static.stray_report import advised
-from bristle.model.laws.registry import AUTO, PAPER, law_named, loads_named
+from bristle.model.laws.registry import AUTO, PAPER
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
 
@@ -93,9 +93,7 @@ def identify_joint(
                 break
             measured, laws = with_law(measured, laws.chosen.law), laws.under_the_chosen()
             joint = identified(measured, laws)
-            if (
-                loads_named(measured.experiment.fit.law) and joint.tracking is not None
-            ):  # which peak and terms beside the load
+            if measured.experiment.fit.load and joint.tracking is not None:  # which peak and terms beside the load
                 laws = laws_of_motion(measured, joint.tracking) or laws
         joint = replace(joint, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
     return joint.with_subjects()
@@ -170,7 +168,7 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
     Moving runs choose after they were fitted: until then theirs is the paper's.
     """
     asked = measured.experiment.fit.law
-    laws = laws_of_points(measured, law_named(asked)) if measured.points(hold_out=False) else None
+    laws = laws_of_points(measured, measured.experiment.fit.friction) if measured.points(hold_out=False) else None
     if asked != AUTO:
         return measured, laws
     if laws is None:
@@ -212,6 +210,10 @@ def _training(measured: Measured) -> tuple[Record, ...]:
     if training:
         refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
         refuse_opposing_runs(experiment, training)
+    elif experiment.fit.load:
+        raise InputError(
+            f"{experiment.path.name}: fit.law: {experiment.fit.load[0]} needs a tracking run to fit; add one under runs, or leave the load out"
+        )
     elif experiment.fit.predict == "position":
         raise InputError(
             f"{experiment.path.name}: fit.predict: position needs a tracking run to fit; add one under runs, or leave predict out"
@@ -288,7 +290,7 @@ def _models(
     experiment, started = measured.experiment, perf_counter()
     comparisons: list[ModelComparison | None] = []
     if points:
-        held, law = measured.points(hold_out=True), law_named(experiment.fit.law)
+        held, law = measured.points(hold_out=True), experiment.fit.friction
 
         def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
             """The regression of the points, and of those held out."""

@@ -36,7 +36,7 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.shape_search import with_best_shape
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-from bristle.model.laws.registry import LOADS, competing, loads_named
+from bristle.model.laws.registry import LOADS, competing
 from bristle.model.parameters import ParameterName
 
 Name = TypeVar("Name")
@@ -78,7 +78,7 @@ def laws_of_motion(measured: Measured, alone: TrackingFit) -> LawComparison | No
     records = measured.moving(hold_out=False)
     if alone.quantity != "torque":
         return None
-    own = loads_named(measured.experiment.fit.law)
+    own = measured.experiment.fit.load
     chosen = dict.fromkeys([(GAUSSIAN, ()), *((law, own) for law in laws_beside(alone.law))])
     if load_is_known(records, regressors(measured.experiment)):
         chosen |= dict.fromkeys((alone.law, load) for load in [(), *((name,) for name in LOADS)])

@@ -4,7 +4,7 @@ The motor's torque is the measured one, without what the decimation filter takes
 their regressors make of the motion, so it moves with their coefficients, the weights.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,16 +16,15 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.identification.moving_runs import LEVELS, extra_columns, needed, terms_of
 from bristle.model.functions import load_levels_function
+from bristle.model.parameters import ParameterName
 from bristle.model.vectorize import evaluate
 
 _WEIGHTS = ("gravity", "links")
 """Regressors that are load."""
-WEIGHED = tuple(name for regressor in _WEIGHTS for name in terms_of(regressor).names)
-"""Their coefficients."""
+_SETTLED, _MOST = 1e-9, 60
+"""Of the largest weight, that a step moves them at most once they have settled; and steps."""
 _NAMES = tuple(dict.fromkeys(name for terms in LEVELS.values() for name in terms.names))
 """In the order of `law.load_levels`."""
-
-
 LINEAR = tuple(name for name in _NAMES if not name.endswith("squared"))
 """Those that multiply a load itself."""
 
@@ -123,3 +122,31 @@ def level_columns(
         return {}
     rises, _ = load.by({name: weights.get(name, 0.0) for name in load.weights})
     return dict(zip(load.levels, rises * np.sign(needed(record, "velocity")), strict=True))
+
+
+def settled_weights(
+    fitted: Callable[[Mapping[str, float]], Mapping[ParameterName, float]], start: Mapping[str, float] | None = None
+) -> dict[str, float]:
+    """What gravity and links are where the level rises with their load: the weights that a fit with that load gives again.
+
+    Args:
+        fitted: the parameters under a load of such weights, by name.
+        start: where to begin; None: without a load.
+    """
+    own = {name for regressor in _WEIGHTS for name in terms_of(regressor).names}
+    weights = dict(start or {})
+    for _ in range(_MOST):
+        found = {name.name: x for name, x in fitted(weights).items() if name.name in own}
+        moved = max((abs(x - weights.get(name, 0.0)) for name, x in found.items()), default=0.0)
+        weights = found
+        if moved <= _SETTLED * max(map(abs, found.values()), default=0.0):
+            break
+    return weights
+
+
+def friction_rise(values: Mapping[str, float], load: Array) -> Array:
+    """By how much the coefficients of a level, by name, raise it under a load of the kind that they are of, N*m, (n,) -> (n,)."""
+    rest = np.zeros_like(load)
+    signals = (rest, load) if "link_load" in values else (load, rest)
+    levels = dict(zip(_NAMES, evaluate(load_levels_function(), *signals), strict=False))
+    return np.asarray(sum(value * levels[name] for name, value in values.items()))

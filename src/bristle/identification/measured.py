@@ -18,7 +18,6 @@ from bristle.errors import InputError, short, short_list
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import load_columns, needed, terms_of
 from bristle.identification.static.points import PointSearch, point_regressors, search_points, without_strays
-from bristle.model.laws.registry import law_named
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -120,8 +119,9 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
 
 def with_law(measured: Measured, law: str) -> Measured:
     """The same under another friction law, by which the points are judged anew."""
-    if law_named(law) == law_named(measured.experiment.fit.law):
-        return replace(measured, experiment=_asking(measured.experiment, law=law))
+    asking = _asking(measured.experiment, law=law)
+    if asking.fit.friction == measured.experiment.fit.friction:
+        return replace(measured, experiment=asking)
     return with_options(measured, law=law)
 
 

@@ -34,7 +34,6 @@ from bristle.identification.results import ModelComparison
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
-from bristle.model.laws.registry import law_named
 from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction
 
 _STEPS = 100
@@ -88,7 +87,7 @@ def compare_on_motion(
     """
     if alone.quantity != "torque":
         return None
-    (fixed, _), law = inertia(experiment), law_named(experiment.fit.law)
+    (fixed, _), law = inertia(experiment), experiment.fit.friction
     variants = _variants(np.concatenate([_velocity(r) for r in records]))
 
     def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
@@ -230,7 +229,7 @@ def _refitted(
     def posed(chosen: Sequence[Record]) -> DynamicProblem:
         """The problem of some records, with what the experiment fixes."""
         whole = dynamic_problem(
-            chosen, directions, asked, experiment.fit.decimation, fixed, law=law_named(experiment.fit.law)
+            chosen, directions, asked, experiment.fit.decimation, fixed, law=experiment.fit.friction
         )
         return replace(whole, fixed=_held(_carried(whole, alone.known), alone))
 

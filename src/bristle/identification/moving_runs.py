@@ -23,7 +23,6 @@ from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.identification.fits import Estimate
 from bristle.model.functions import load_terms_function, periodic_terms_function
 from bristle.model.laws import registry
-from bristle.model.laws.registry import loads_named
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import ParameterName, periodic, slides
 from bristle.model.vectorize import evaluate
@@ -77,8 +76,9 @@ _KERNEL_TAIL = 1e-8
 
 def terms_of(regressor: str) -> Regressor:
     """What a regressor is; `cogging_4` is cogging of order 4, `cogging_4/m` of a joint that slides, `cogging` of none yet."""
-    if regressor in REGRESSORS or regressor in LEVELS:
-        return (REGRESSORS | LEVELS)[regressor]
+    known = REGRESSORS.get(regressor) or LEVELS.get(regressor)
+    if known is not None:
+        return known
     stem, _, order = regressor.removesuffix(_PER_METRE).partition("_")
     names = tuple(f"{stem}_{wave}_{order}" for wave in ("sin", "cos")) if order else ()
     return Regressor(names, ("position", "velocity") if stem == "ripple" else ("position",))
@@ -138,7 +138,7 @@ def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: i
         name: terms[name] for regressor in REGRESSORS if regressor in regressors for name in REGRESSORS[regressor].names
     }
     for regressor in regressors:
-        if regressor not in REGRESSORS | LEVELS and (names := terms_of(regressor).names):
+        if regressor.startswith(PERIODIC) and (names := terms_of(regressor).names):
             columns |= zip(names, _periodic_columns(regressor, *signals[:2]), strict=True)
     return columns
 
@@ -191,7 +191,7 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
     fixed, _ = inertia(experiment)
-    return (*(r for r in asked if r != "inertia" or fixed is None), *loads_named(experiment.fit.law))
+    return (*(r for r in asked if r != "inertia" or fixed is None), *experiment.fit.load)
 
 
 def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str, others: Array | None = None) -> None:

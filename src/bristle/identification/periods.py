@@ -22,7 +22,6 @@ from bristle.identification.measured import Measured, with_loads, with_options
 from bristle.identification.moving_runs import directions, turn_of, with_orders
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
-from bristle.model.laws.registry import law_named
 
 _MOST = 200
 """Orders that are tried."""
@@ -131,7 +130,7 @@ def _of_points(measured: Measured, asked: Sequence[str]) -> _Left:
     if not kept:
         return _Left(np.zeros((0, 0)), np.zeros(0), {})
     (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
-    law = law_named(experiment.fit.law)
+    law = experiment.fit.friction
     problem = points_problem(points, sides, point_regressors(experiment), law)
     theta = solve(problem, experiment.fit.v_s_range or default_range(problem.velocity)).theta
     tried = _tried(experiment, np.array([s.position for s in points], dtype=float), len(points) // 2)

@@ -3,13 +3,13 @@
 from bristle.data.experiment.load import Experiment
 from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.moving_runs import turn_of
-from bristle.model.laws.registry import AUTO, law_named, loads_named
+from bristle.model.laws.registry import AUTO
 
 
 def settings_of(experiment: Experiment, asked_law: str, *, moving: bool) -> dict[str, str]:
     """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as the file has it, which may leave the choice to the data."""
     fit = experiment.fit
-    law, loads = law_named(fit.law), loads_named(fit.law)
+    law, loads = fit.friction, fit.load
     rising = "".join(f", rising with the {name.replace('-', ' ')}" for name in loads)
     settings = {
         "law": f"{'+'.join((law.name, *loads))}{', which the data chose' if asked_law == AUTO else ''}: {law.title}{rising}",

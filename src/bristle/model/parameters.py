@@ -14,7 +14,7 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 from bristle.arrays import JsonForm
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
-from bristle.model.laws.registry import friction_names, own_parameter
+from bristle.model.laws.registry import LOADS, friction_names, own_parameter
 
 T = TypeVar("T")
 Kind = Literal["revolute", "prismatic", "revolute in A", "prismatic in A"]
@@ -169,7 +169,7 @@ def of_curve(name: str) -> bool:
 
 def of_load(name: str) -> bool:
     """Whether a parameter says how the level rises with load (`law.load_levels`)."""
-    return name in _OF_LOAD
+    return any(name in names for names in LOADS.values())
 
 
 def without_peak(law: Law) -> dict[str, float]:
@@ -320,8 +320,6 @@ _UNITS: dict[str, tuple[str, str]] = {
     "current": ("A", "A"),
     "voltage": ("V", "V"),
 }
-
-_OF_LOAD = frozenset(("link_load", "motor_load", "gear_load", "gear_load_squared"))
 
 BOUNDS: dict[str, tuple[float, float]] = {
     "alpha_0": (0.0, float("inf")),

@@ -11,7 +11,8 @@ from bristle.data.experiment.orders import check_orders, read_orders
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
-from bristle.model.laws.registry import AUTO, PAPER, law_named
+from bristle.model.laws.parts import Law
+from bristle.model.laws.registry import AUTO, LOADS, PAPER, apart, law_named
 from bristle.model.parameters import Kind, Lugre, of_friction
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
@@ -205,10 +206,15 @@ class ExcludedRows(StrictModel):
 
 def read_law(name: str) -> str:
     """The name of a law, or `auto`; raises InputError where there is none of that name."""
+    law, load = apart(name)
     try:
-        law_named(name)
+        law_named(law)
     except KeyError as error:
-        raise InputError(f"got {short(name)}; expected {PAPER}, {AUTO}, or one of {error.args[0]}") from None
+        raise InputError(
+            f"got {short(name)}; expected {PAPER}, {AUTO}, or one of {error.args[0]}; a load last, +{' or +'.join(LOADS)}"
+        ) from None
+    if load and law == AUTO:
+        raise InputError(f"got {short(name)}; expected {AUTO} alone, which tries the loads as well, or a law by name")
     return name
 
 
@@ -260,8 +266,20 @@ class FitOptions(StrictModel):
     """Length of the windows that are simulated, s."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] = 10
 
+    @property
+    def friction(self) -> Law:
+        """The law of the friction, the paper's before the data chose, without its load."""
+        return law_named(apart(self.law)[0])
+
+    @property
+    def load(self) -> tuple[str, ...]:
+        """By which load, of `LOADS`, its level rises; none where it does not."""
+        return apart(self.law)[1]
+
     @model_validator(mode="after")
     def _consistent(self) -> "FitOptions":
+        if self.load and self.predict == "position":
+            raise InputError(f"fit.law: {self.load[0]} is fitted to a torque; leave it out, or set fit.predict: torque")
         if self.regressors is not None and "offset" in self.regressors and self.directions == "separate":
             raise InputError(
                 "fit.regressors: offset cannot be told from the two Coulomb terms of separate directions; leave it out, or set directions: symmetric"

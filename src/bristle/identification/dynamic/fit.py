@@ -40,7 +40,7 @@ from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.identification.moving_runs import with_orders_advised
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import INERTIA, Lugre, ParameterName, bends_down, least_of, of_friction, of_load, unit
+from bristle.model.parameters import INERTIA, Lugre, ParameterName, bends_down, least_of, of_friction, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress
 
@@ -323,7 +323,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
             se = size * error
             low, high = value - reach * se, value + reach * se
             relative = se / abs(value) if value else np.inf
-            least = least_of(bare) if of_friction(bare) or of_load(bare) or bare == INERTIA.name else -np.inf
+            least = least_of(bare)
             if value >= least:
                 low = max(low, least)
             if value == least and of_friction(bare):

@@ -122,10 +122,11 @@ def _start(problem: DynamicProblem, alone: TrackingFit) -> dict[ParameterName, f
 
 def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[float | None]:
     """The squared error of each part of the equations, a mask (n,), predicted from all others; None where these tell too little."""
-    return [_predicted(one, part) for part in parts]
+    share = one.not_itself
+    return [_predicted(one, part, share) for part in parts]
 
 
-def _predicted(one: MovingLaw, part: NDArray[np.bool_]) -> float | None:
+def _predicted(one: MovingLaw, part: NDArray[np.bool_], share: Array) -> float | None:
     rest = _rows(one.problem, ~part)
     try:
         enough = _WORTH * float(one.residuals @ one.residuals) / one.effective
@@ -133,7 +134,7 @@ def _predicted(one: MovingLaw, part: NDArray[np.bool_]) -> float | None:
     except InputError:
         return None
     left, _ = residuals(one.problem, {**one.values, **values})
-    return float(np.sum((left[part] / one.not_itself[part]) ** 2))
+    return float(np.sum((left[part] / share[part]) ** 2))
 
 
 def _rows(problem: DynamicProblem, keep: NDArray[np.bool_]) -> DynamicProblem:
@@ -148,6 +149,5 @@ def _rows(problem: DynamicProblem, keep: NDArray[np.bool_]) -> DynamicProblem:
 
 def masks_of_runs(problem: DynamicProblem) -> list[NDArray[np.bool_]]:
     """The equations of each run, (n,) each; none where there is but one."""
-    files = np.repeat([m.file for m in problem.motions], [m.size for m in problem.motions])
-    names = dict.fromkeys(files.tolist())
-    return [files == name for name in names] if len(names) > 1 else []
+    names = dict.fromkeys(problem.file.tolist())
+    return [problem.file == name for name in names] if len(names) > 1 else []

@@ -147,8 +147,7 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Diagnostic]:
     share = float(squares[worst].sum()) / total
     if share < _BURST:
         return []
-    file = np.repeat([m.file for m in problem.motions], [m.size for m in problem.motions])
-    places = list[int]()
+    file, places = problem.file, list[int]()
     for k in worst[squares[worst] > _LARGE * squares[worst[0]]].tolist():
         near = (abs(problem.time[k] - problem.time[j]) < _BETWEEN for j in places if file[j] == file[k])
         if len(places) < _PLACES and not any(near):

@@ -32,7 +32,6 @@ from bristle.identification.results import Consistency
 from bristle.identification.systematic import with_systematic
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.laws.registry import law_named
 from bristle.model.parameters import (
     INERTIA,
     Direction,
@@ -198,7 +197,7 @@ def _output_error_problem(
     options, asked = experiment.fit, regressors(experiment)
     if known is not None:
         asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
-    posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared, law_named(options.law))
+    posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared, options.friction)
     posed = replace(posed, count=_count(experiment, records), stribeck=options.model)
     return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
 
@@ -217,7 +216,7 @@ def _equation_error_problem(
         known,
         fixed,
         options.shared,
-        law_named(options.law),
+        options.friction,
     )
     count = _count(experiment, records)
     return replace(posed, count=count, cutoff=options.position_cutoff, stribeck=options.model)

@@ -11,6 +11,7 @@ from itertools import product
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from bristle.arrays import Array
@@ -168,6 +169,11 @@ class DynamicProblem:
             Block(slice(stop - m.size, stop), list(range(first + count * k, first + count * (k + 1))))
             for k, (stop, m) in enumerate(zip(stops, self.motions, strict=True))
         )
+
+    @property
+    def file(self) -> NDArray[np.str_]:
+        """The run that each equation is of, (n,)."""
+        return np.repeat([m.file for m in self.motions], [m.size for m in self.motions])
 
     @property
     def starts(self) -> tuple[int, ...]:
@@ -334,20 +340,21 @@ def equation_error(
         rows = [np.empty(m.velocity.size) if row is None else row for row in own_memory]
         level, raised = _level(m, known)
         between = [np.empty(m.velocity.size) for _ in raised]
-        rolled = rollout_into(
-            [*rows[:-1], *between, rows[-1]], m.velocity, m.step, p, known[z0], m.coarsening, level if raised else None
-        )
+        rolled = rollout_into([*rows[:-1], *between, rows[-1]], m.velocity, m.step, p, known[z0], m.coarsening, level)
         slope_of = by_name(problem, rows[:-1])
         slope_of |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {z0: rows[-1]}
         slope_of |= {name: slope_of[name] + row for name, row in zip(raised, between, strict=True)}
         yield m.torque - rolled.torque - m.extra @ extra, slope_of
 
 
-def _level(motion: Motion, known: Values) -> tuple[Array, tuple[ParameterName, ...]]:
-    """By how much the level rises along a motion, N*m, and the derivatives of that, (1 + k, N); and by which parameters these are."""
+def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[ParameterName, ...]]:
+    """By how much the level rises along a motion, N*m, and the derivatives of that, (1 + k, N); and by which parameters these are.
+
+    None, and none, where it does not rise.
+    """
     load = motion.load
     if load is None:
-        return np.zeros((1, motion.velocity.size)), ()
+        return None, ()
     levels, weights = (
         [ParameterName(name, Direction.SHARED) for name in names] for names in (load.levels, load.weights)
     )
@@ -369,33 +376,25 @@ def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
     """The modelled torque of every sample of each motion, what is known included, N*m, (N,) each."""
     known: Values = {**problem.fixed, **values}
     extra = np.array([known[name] for name in problem.extra_names])
-    p = parameters(problem, values)
-    return [
-        rollout(
-            m.velocity,
-            m.step,
-            p,
-            values[InitialState("z0", k)],
-            m.coarsening,
-            _level(m, known)[0][0] if m.load else None,
-        ).torque
-        + m.extra @ extra
-        + (m.measured - m.torque)
-        for k, m in enumerate(problem.motions)
-    ]
+    p, torques = parameters(problem, values), []
+    for k, m in enumerate(problem.motions):
+        level, _ = _level(m, known)
+        rise = None if level is None else level[0]
+        friction = rollout(m.velocity, m.step, p, values[InitialState("z0", k)], m.coarsening, rise).torque
+        torques.append(friction + m.extra @ extra + (m.measured - m.torque))
+    return torques
 
 
 def friction_and_load(problem: DynamicProblem, values: Values) -> tuple[Array, Array]:
     """Modelled friction of every equation, N*m, (n,), and the load that its level rises with, (n,); both empty where it does not."""
-    if any(m.load is None for m in problem.motions):
-        return np.zeros(0), np.zeros(0)
     known: Values = {**problem.fixed, **values}
     extra = np.array([known[name] for name in problem.extra_names])
-    friction, carried = [], []
+    friction, carried = [np.zeros(0)], [np.zeros(0)]
     for m, T in zip(problem.motions, modelled(problem, values), strict=True):
-        _, *rises = _level(m, known)[0]
-        friction.append(m.smoothed(T - (m.measured - m.torque) - m.extra @ extra))
-        carried.append(m.smoothed(rises[0]))
+        level, _ = _level(m, known)
+        if level is not None:
+            friction.append(m.smoothed(T - (m.measured - m.torque) - m.extra @ extra))
+            carried.append(m.smoothed(level[1]))
     return np.concatenate(friction), np.concatenate(carried)
 
 

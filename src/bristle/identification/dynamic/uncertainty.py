@@ -170,11 +170,9 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
     free = np.flatnonzero(np.isfinite(solved.solution.scaled_errors))
     unknowns = posed.unknowns
     slope = np.where(unknowns.logarithmic, 1.0, unknowns.scale)[free]
-    parts = dict[str, tuple[Array, Array]]()
-    for m, block in zip(solved.problem.motions, solved.problem.blocks, strict=True):
-        own = (-minimum.jacobian[block.rows][:, free] / slope, minimum.residuals[block.rows])
-        J, left = parts.get(m.file, (own[0][:0], own[1][:0]))
-        parts[m.file] = (np.concatenate([J, own[0]]), np.concatenate([left, own[1]]))
+    n, file = sum(m.size for m in solved.problem.motions), solved.problem.file
+    J, left = -minimum.jacobian[:n, free] / slope, minimum.residuals[:n]
+    parts = {name: (J[file == name], left[file == name]) for name in dict.fromkeys(file.tolist())}
     return [solved.solution.names[k] for k in free], parts
 
 

@@ -22,7 +22,7 @@ from bristle.identification.dynamic.problem import (
     parameters,
     residuals,
 )
-from bristle.model.parameters import Lugre, ParameterName, least_of, of_friction, of_load
+from bristle.model.parameters import INERTIA, Lugre, ParameterName, least_of, of_load
 from bristle.model.rollout import rollout
 
 FEWEST = 2
@@ -161,7 +161,7 @@ def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
         scale=scale,
         lower=lower,
         upper=upper,
-        least=np.array([least_of(name) if of_friction(name) or of_load(name) else -np.inf for name in bare]),
+        least=np.array([-np.inf if name == INERTIA.name else least_of(name) for name in bare]),
     )
 
 

@@ -30,6 +30,7 @@ from bristle.model.parameters import (
     Direction,
     ParameterName,
     of_curve,
+    of_load,
     peak_parameters,
     static_fields_of,
     unit,
@@ -106,10 +107,10 @@ def fit_static(
     if options.loss == "huber":
         peaks = core.problem.peaks
         runs = [(file, huber(replace(one, peaks=peaks), v_s_range, options.grid).problem) for file, one in runs]
-    logarithmic = {name for name in core.names if name.name in _LOGARITHMIC}
-    if problem.weights and runs:
+    if any(of_load(name.name) for name in problem.names):
         scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom)
     else:
+        logarithmic = {name for name in core.names if name.name in _LOGARITHMIC}
         scatter = scatter_of(run_fits(core, runs, v_s_range), core.parameters, core.freedom, logarithmic)
     return _finished(core, fits, scatter), {label: checked}
 

@@ -20,7 +20,6 @@ from bristle.identification.static.shape_search import with_best_shape
 from bristle.identification.static.strays import LEVEL, all_but, find_strays, refit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-from bristle.model.laws.registry import law_named
 
 _VANISHING = 1 / 3
 """Of the slowest point that belongs to the law: a stray that is slower may be at rest."""
@@ -64,7 +63,7 @@ def sliding_points(searches: Sequence[PointSearch]) -> list[Segment]:
 
 def search_points(experiment: Experiment, points: Sequence[Segment], law: Law | None = None) -> tuple[PointSearch, ...]:
     """The points of an experiment that do not belong to the law of the others, solve by solve; None: the experiment's law."""
-    asked, law = point_regressors(experiment), law or law_named(experiment.fit.law)
+    asked, law = point_regressors(experiment), law or experiment.fit.friction
     v_s_range = experiment.fit.v_s_range
     return tuple(_search(sides, group, asked, v_s_range, law) for sides, group in groups(experiment, points))
 

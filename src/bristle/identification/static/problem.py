@@ -10,7 +10,7 @@ through the same linear smoothing; points at constant velocity pass as they are.
 (`nonlinear_problem`).
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import casadi as ca
@@ -22,16 +22,14 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.estimation.linear import bounded_least_squares
 from bristle.estimation.nonlinear import LeastSquares, Unknowns
-from bristle.identification.load_levels import WEIGHED, level_columns, levels_of
+from bristle.identification.load_levels import level_columns, levels_of, settled_weights
 from bristle.identification.moving_runs import decimator, extra_columns, known_torque, needed, torque_shifts
 from bristle.model.functions import linear_shapes_function, stribeck_shape_function, stribeck_shape_slope_function
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import Direction, ParameterName, least_of, of_curve, of_load
+from bristle.model.parameters import INERTIA, Direction, ParameterName, least_of, of_curve
 from bristle.model.vectorize import evaluate
 
-_SETTLED, _SETTLED_IN = 1e-9, 60
-"""Of the largest weight, that a step moves them at most once they have settled; and steps."""
 Tables = tuple[Array, ...]
 """Columns over v_s, one table per output of a function, each (n, k)."""
 
@@ -74,19 +72,21 @@ class Regression:
         """Which parameters theta's elements are."""
         return (*self.linear_names, *(ParameterName(name, d) for name in ("alpha_1", "v_s") for d in self.peaks))
 
+    def named(self, theta: Array) -> dict[ParameterName, float]:
+        """Values by name: of theta, or of its linear elements."""
+        return dict(zip(self.names, theta.tolist(), strict=False))
+
     def text(self, name: ParameterName) -> str:
         """How a parameter prints beside a fit of these directions: bare where there is but one."""
         return name.name if len(self.directions) == 1 else str(name)
 
     @property
     def least(self) -> Array:
-        """What each parameter may be at least: 0 for friction, -inf for the extra regressors.
+        """What each parameter may be at least: 0 for friction, -inf for the extra regressors, the inertia among them.
 
         In the order of `names`.
         """
-        return np.array(
-            [least_of(name.name) if of_curve(name.name) or of_load(name.name) else -np.inf for name in self.names]
-        )
+        return np.array([-np.inf if name == INERTIA else least_of(name.name) for name in self.names])
 
     @property
     def lower(self) -> Array:
@@ -286,37 +286,13 @@ def _own_weights(
     inertia: float | None,
 ) -> dict[str, float]:
     """What gravity and links are where the level rises with their load, without a Stribeck term; empty where it does not."""
-    if not levels_of(regressors):
-        return {}
 
-    def pose(weights: Mapping[str, float]) -> Regression:
-        """The problem with such a load."""
-        return from_records(records, directions, regressors, decimation, inertia, weights=weights)[0]
+    def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
+        """The linear parameters."""
+        p = from_records(records, directions, regressors, decimation, inertia, weights=weights)[0]
+        return p.named(bounded_least_squares(p.linear, p.torque, p.lower))
 
-    return settled_weights(pose, lambda p: bounded_least_squares(p.linear, p.torque, p.lower), {})
-
-
-def settled_weights(
-    pose: Callable[[Mapping[str, float]], Regression], solve: Callable[[Regression], Array], start: Mapping[str, float]
-) -> dict[str, float]:
-    """What gravity and links are where the level rises with their load: the weights that give themselves.
-
-    Args:
-        pose: the problem with such a load.
-        solve: its solution, of which the linear parameters come first.
-        start: where to begin.
-    """
-    weights = dict(start)
-    for _ in range(_SETTLED_IN):
-        problem = pose(weights)
-        found = dict(zip(problem.linear_names, solve(problem).tolist(), strict=False))
-        new = {n.name: x for n, x in found.items() if n.name in WEIGHED}
-        size = max((abs(x) for x in new.values()), default=0.0)
-        moved = max((abs(x - weights.get(n, 0.0)) for n, x in new.items()), default=0.0)
-        weights = new
-        if moved <= _SETTLED * size:
-            break
-    return weights
+    return settled_weights(fitted) if levels_of(regressors) else {}
 
 
 def with_prior(

@@ -16,16 +16,15 @@ from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Crosscheck, StaticFit
-from bristle.identification.load_levels import levels_of
+from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, refuse_opposing, regressors
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
-from bristle.identification.static.problem import Regression, from_records, settled_weights, with_prior
+from bristle.identification.static.problem import Regression, from_records, with_prior
 from bristle.model.laws.parts import Law
-from bristle.model.laws.registry import law_named
-from bristle.model.parameters import INERTIA, of_curve
+from bristle.model.parameters import INERTIA, ParameterName, of_curve
 
 
 def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], asked: Sequence[str]) -> None:
@@ -55,7 +54,7 @@ def fit_points(
             f"{experiment.path.name}: fit.regressors: inertia needs acceleration, which constant-velocity points do not have; "
             "leave it out, or give the runs as experiment: tracking"
         )
-    held, law = measured.points(hold_out=True), law_named(experiment.fit.law)
+    held, law = measured.points(hold_out=True), experiment.fit.friction
     static: dict[str, StaticFit] = {}
     checks: dict[str, Crosscheck] = {}
     refuse_opposing_points(experiment, points, asked)
@@ -118,25 +117,24 @@ def fit_moving(
     fixed, prior = inertia(experiment)
     moving, asked = directions(experiment, records), regressors(experiment)
 
-    law, weights = law_named(experiment.fit.law), dict[str, float]()
-
-    def problem(chosen: Sequence[Record]) -> tuple[Regression, tuple[Array, Array], int]:
+    def problem(
+        chosen: Sequence[Record], weights: Mapping[str, float] | None
+    ) -> tuple[Regression, tuple[Array, Array], int]:
         """The regression of some records, time and position of each equation, samples dropped at ends."""
-        return from_records(chosen, moving, asked, experiment.fit.decimation, fixed, law, weights)
+        return from_records(chosen, moving, asked, experiment.fit.decimation, fixed, experiment.fit.friction, weights)
 
-    if levels_of(asked):
-        weights |= _weights(
-            experiment, lambda at: from_records(records, moving, asked, experiment.fit.decimation, fixed, law, at)[0]
-        )
-    every, (time, position), _ = problem(records)
+    weights = _weights(experiment, lambda at: problem(records, at)[0]) if levels_of(asked) else {}
+    every, (time, position), _ = problem(records, weights)
     training, fast = _above(every, experiment.fit.moving_above)
     where = PointInfo(time=time[fast], position=position[fast[: position.size]])
     if prior is not None and "inertia" in asked:
         free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
         sigma = float(np.std(training.torque - free))
         training = with_prior(training, INERTIA, prior.value, float(prior.standard_error or 0.0), sigma)
-    tests = [(r.file, _above(problem([r])[0], experiment.fit.moving_above)[0]) for r in held]
-    apart = [(r.file, _faster(problem([r])[0], experiment.fit.moving_above)) for r in records if len(records) > 1]
+    tests = [(r.file, _above(problem([r], weights)[0], experiment.fit.moving_above)[0]) for r in held]
+    apart = [
+        (r.file, _faster(problem([r], weights)[0], experiment.fit.moving_above)) for r in records if len(records) > 1
+    ]
     runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
     fits, checks = fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
     return fits, checks, _left_out(experiment, every, fast, fits)
@@ -145,15 +143,12 @@ def fit_moving(
 def _weights(experiment: Experiment, pose: Callable[[Mapping[str, float] | None], Regression]) -> dict[str, float]:
     """What gravity and links are where the level rises with their load, as the fit itself has them."""
 
-    def above(weights: Mapping[str, float] | None) -> Regression:
-        """The equations that are fitted."""
-        return _above(pose(weights), experiment.fit.moving_above)[0]
-
-    def solution(one: Regression) -> Array:
+    def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
         """By the grid."""
-        return solve(one, experiment.fit.v_s_range or default_range(one.velocity)).theta
+        one = _above(pose(weights), experiment.fit.moving_above)[0]
+        return one.named(solve(one, experiment.fit.v_s_range or default_range(one.velocity)).theta)
 
-    return settled_weights(above, solution, pose(None).weights)
+    return settled_weights(fitted, pose(None).weights)
 
 
 def _faster(problem: Regression, speed: float | None) -> Regression:

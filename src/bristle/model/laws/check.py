@@ -20,17 +20,14 @@ _LEFT = 0.1
 def fault_of(part: Peak | ViscousTerm) -> str | None:
     """What is wrong with a part, in words that follow its name; None where nothing is."""
     if isinstance(part, Peak):
-        own = [value for x in part.own for value in {x.searched[0], x.middle, x.searched[1]}]
         if part.reach <= 0:
             return f"got a reach of {part.reach:g}; expected more than 0"
         if not all(0 < x.searched[0] < x.searched[1] < np.inf for x in part.own):
             return (
                 "got a parameter of the shape without a range to search; expected searched=(low, high), 0 < low < high"
             )
-        if not np.isfinite(own).all():
-            return "got a parameter of the shape that is not finite"
-        shapes = [[x.searched[k] if k < 2 else x.middle for x in part.own] for k in range(3)]
-        return next((fault for shape in shapes if (fault := _fault_of_shape(part.shape, shape))), None)
+        tried = ([x.searched[0] for x in part.own], [x.middle for x in part.own], [x.searched[1] for x in part.own])
+        return next((fault for own in tried if (fault := _fault_of_shape(part.shape, own))), None)
     return _fault_of_rate(part.rate)
 
 
@@ -56,9 +53,8 @@ def _fault_of_rate(rate: Callable[[Expression], Expression]) -> str | None:
     if error or values is None:
         return error
     r, slope = values
-    if not (
-        np.isfinite(r).all() and np.isfinite(slope[1:]).all()
-    ):  # at rest v r(abs(v)) is flat whatever the slope of r
+    # at rest v r(abs(v)) is flat whatever the slope of r
+    if not (np.isfinite(r).all() and np.isfinite(slope[1:]).all()):
         return "got a rate that is not finite, or has no derivative, at a speed; expected both"
     if abs(r[0]) > _CLOSE:
         return f"got a rate of {r[0]:.3g} at rest; expected 0"

@@ -84,26 +84,28 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
 def law_named(name: str) -> Law:
     """The law of a name such as `lorentzian+quadratic`; `paper` is the Gaussian one, and so is `auto` before the data chose.
 
-    By which load its level rises, `loads_named` says. Raises KeyError, with the names that there are, where there is none.
+    Raises KeyError, with the names that there are, where there is none.
     """
     if name in (PAPER, AUTO):
         return GAUSSIAN
-    first, *rest = [x for x in name.split("+") if x not in LOADS] or [""]
-    if name.count("+") > len(rest) + 1:
-        raise KeyError(f"a law with one of {' | '.join(LOADS)} at most")
-    first = GAUSSIAN.peak.name if first == PAPER else first
+    first, *rest = name.split("+")
     if not {first, *rest} <= _PARTS.keys():
         _look()
     peak, terms = _PARTS.get(first), [_PARTS.get(x) for x in rest]
     found = tuple(term for term in terms if isinstance(term, ViscousTerm))
     if not isinstance(peak, Peak) or len(found) < len(rest) or len(set(rest)) < len(rest):
-        raise KeyError(f"{' | '.join(_named(Peak))}, each perhaps with +{' or +'.join((*_named(ViscousTerm), *LOADS))}")
+        raise KeyError(f"{' | '.join(_named(Peak))}, each perhaps with +{' or +'.join(_named(ViscousTerm))}")
     return Law(peak, found)
 
 
-def loads_named(name: str) -> tuple[str, ...]:
-    """The load, of `LOADS`, by which the level of the law of a name rises; none where it does not."""
-    return tuple(x for x in name.split("+") if x in LOADS)
+def apart(name: str) -> tuple[str, tuple[str, ...]]:
+    """What `fit.law` takes as the name of a law, and the load, of `LOADS`, by which its level rises; none where it does not.
+
+    >>> apart("lorentzian+quadratic+gear-load")
+    ('lorentzian+quadratic', ('gear-load',))
+    """
+    bare, _, last = name.rpartition("+")
+    return (bare, (last,)) if last in LOADS else (name, ())
 
 
 def competing() -> tuple[Law, ...]:

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from bristle.arrays import Array
 from bristle.identification.fits import TrackingFit
+from bristle.identification.load_levels import friction_rise
 from bristle.identification.results import Joint
 from bristle.model.functions import steady_torque_function
 from bristle.model.parameters import of_load, unit
@@ -120,10 +121,8 @@ def friction_under(fit: TrackingFit, speed: float, load: Array) -> Array:
     """Steady friction of the positive, or the only, direction at a speed (rad/s) under loads, N*m, (k,)."""
     direction = next(d for d in ("both", "+", "-") if fit.values(d) is not None)
     p = fit.values(direction)
-    rises = {name.name: value for name, value in fit.known.items() if of_load(name.name)}
-    linear = sum(value for name, value in rises.items() if not name.endswith("squared"))
     own = 0.0 if p is None else float(evaluate(steady_torque_function(p.law), np.array([speed]), *p.stribeck)[0][0])
-    return own + linear * load + rises.get("gear_load_squared", 0.0) * load**2
+    return own + friction_rise({name.name: x for name, x in fit.known.items() if of_load(name.name)}, load)
 
 
 def _panels(joint: Joint) -> tuple[Figure, Axes, Axes]:
