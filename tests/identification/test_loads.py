@@ -11,6 +11,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
+from bristle.identification.known_joint import without_load
 from bristle.identification.measured import measure
 from bristle.identification.repeats import clustered
 from bristle.identification.results import Joint
@@ -180,3 +181,12 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
     assert run.record.starts == (0, int(np.flatnonzero(on == 0)[0]))
     (told,) = (n for n in run.record.notes if n.kind is Kind.ROWS_MOTOR_OFF)
     assert told.numbers["rows"] == off
+
+
+def test_who_takes_the_joint_without_load_says_so(tmp_path: Path) -> None:
+    """What is left out is named with how much it is; a joint without a load has nothing to say."""
+    found = joint(tmp_path / "a", "paper+link-load")
+    (told,) = without_load(found)
+    assert told.numbers["names"] == ("link_load",)
+    assert told.numbers["rise"] == pytest.approx(0.1, abs=0.005)
+    assert not without_load(joint(tmp_path / "b", "paper"))

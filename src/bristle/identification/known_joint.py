@@ -17,6 +17,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
+from bristle.identification.load_levels import friction_rise
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -35,7 +36,9 @@ from bristle.model.parameters import (
     least_of,
     lugre_of,
     of_curve,
+    of_load,
     static_fields_of,
+    unit,
     without_peak,
 )
 from bristle.model.vectorize import evaluate
@@ -135,6 +138,16 @@ def mixed(joint: Joint) -> Iterator[Diagnostic]:
     for d in Direction:
         if len({row.source for row in curve if row.parameter.direction == d}) > 1 and joint.moving is not None:
             yield Kind.CURVE_MIXED(direction=d)
+
+
+def without_load(joint: Joint) -> tuple[Diagnostic, ...]:
+    """What a question that takes the joint without load leaves out; nothing where friction does not rise with load."""
+    known = joint.moving.known if joint.moving is not None else {}
+    rises = {name.name: value for name, value in known.items() if of_load(name.name)}
+    if not any(rises.values()):
+        return ()
+    rise = float(friction_rise(rises, np.ones(1))[0])
+    return (Kind.LOAD_LEFT_OUT(names=tuple(rises), rise=rise, unit=unit("torque", joint.kind)),)
 
 
 def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:

@@ -16,7 +16,15 @@ from bristle.control.pid import Gains
 from bristle.data.experiment.load import AdaptOptions, Experiment
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
-from bristle.identification.known_joint import DEFLECTION, draws_by_constants, draws_of, inertia_of, truth_of, whole
+from bristle.identification.known_joint import (
+    DEFLECTION,
+    draws_by_constants,
+    draws_of,
+    inertia_of,
+    truth_of,
+    whole,
+    without_load,
+)
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -157,7 +165,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         raise InputError(
             f"{joint.name}: no inertia is known, without which no loop can be simulated; give it as inertia, or a tracking run that shows it"
         )
-    assumed: list[Diagnostic] = []
+    assumed = list(without_load(joint))
     fastest = fastest_measured(joint)
     amplitude, frequency = requested_motion(asked, fastest)
     speed = 2 * np.pi * frequency * amplitude

@@ -18,6 +18,7 @@ from bristle.identification.known_joint import (
     guessed_inertia,
     inertia_of,
     known_joint,
+    without_load,
 )
 from bristle.identification.limits import Limits
 from bristle.identification.measured import Measured
@@ -116,7 +117,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     """
     law, one_set = joint.law, known_joint(joint).directions == (Direction.BOTH,)
     directions = (Direction.BOTH,) if one_set else SIGNED
-    assumptions: list[Diagnostic] = []
+    assumptions = list(without_load(joint))
     estimates = {d: _estimates(joint, d) for d in directions}
     if not any("alpha_0" in seen for seen in estimates.values()):
         raise InputError(

@@ -21,6 +21,7 @@ from bristle.identification.known_joint import (
     known_joint,
     moving_fits,
     stage_estimates,
+    without_load,
 )
 from bristle.identification.results import Joint
 from bristle.model import functions
@@ -107,7 +108,8 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
         "moving": _moving(joint.moving),
         "correlations": list(_correlations(joint)),
         "warnings": [
-            f"{w.severity}: {printable(str(w))}" for w in joint.fit_warnings() if w.severity is Severity.CRITICAL
+            f"{w.severity}: {printable(str(w))}"
+            for w in (*(w for w in joint.fit_warnings() if w.severity is Severity.CRITICAL), *without_load(joint))
         ],
         "loop": _plans(loop),
     }

@@ -18,6 +18,7 @@ from bristle.identification.known_joint import (
     chosen,
     inertia_of,
     known_joint,
+    without_load,
 )
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
@@ -174,7 +175,7 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     signed = any(row.parameter.direction in SIGNED for row in chosen(joint) if of_friction(row.parameter.name))
     ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
-    said: list[Diagnostic] = []
+    said = list(without_load(joint))
     rows = [row for d in ways for row in _direction(joint, known, d, J, sources, said)]
     rows += _shared(joint, sources)
     said = _of_both(said)

@@ -8,7 +8,14 @@ from bristle.data.units import to_si
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
-from bristle.identification.known_joint import DEFLECTION, KnownJoint, guessed_inertia, inertia_of, known_joint
+from bristle.identification.known_joint import (
+    DEFLECTION,
+    KnownJoint,
+    guessed_inertia,
+    inertia_of,
+    known_joint,
+    without_load,
+)
 from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
@@ -163,7 +170,7 @@ def _moved(e: Estimate, value: float) -> Estimate:
 def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) -> KnownFriction:
     """The friction of a joint, one set or a pair, with a bristle where none was seen, which is among the assumptions."""
     directions = known.directions
-    assumptions = [joint.torque_scale] if joint.torque_scale else []
+    assumptions = [*without_load(joint), *([joint.torque_scale] if joint.torque_scale else [])]
     if len(directions) == 1 and directions != (Direction.BOTH,):
         assumptions.append(Kind.ONE_DIRECTION_KNOWN(direction=directions[0]))
     identified = inertia_of(measured.experiment, joint)
