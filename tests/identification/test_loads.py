@@ -190,3 +190,22 @@ def test_who_takes_the_joint_without_load_says_so(tmp_path: Path) -> None:
     assert told.numbers["names"] == ("link_load",)
     assert told.numbers["rise"] == pytest.approx(0.1, abs=0.005)
     assert not without_load(joint(tmp_path / "b", "paper"))
+
+
+@pytest.mark.parametrize(
+    ("enabled", "wrong"),
+    [
+        ("{column: driven, unit: V}", "signals.enabled: got a unit or a scale"),
+        ("nothing", "no column named 'nothing'"),
+        ("driven", "enabled is 0 in all 3 rows"),
+    ],
+)
+def test_a_flag_that_is_none_is_refused(tmp_path: Path, enabled: str, wrong: str) -> None:
+    """A flag with a unit, without a column, or of a drive that was never on: one sentence."""
+    (tmp_path / "a.csv").write_text("t,q,T,driven\n0,0,1,0\n0.1,0.2,2,0\n0.2,0.3,1,0\n")
+    (tmp_path / "a.yaml").write_text(
+        "joint: {name: a, kind: revolute}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        f"  torque: {{column: T, unit: N*m}}\n  enabled: {enabled}\nruns: [{{files: a.csv, experiment: tracking}}]\n"
+    )
+    with pytest.raises(InputError, match=wrong):
+        measure(tmp_path / "a.yaml")

@@ -230,7 +230,7 @@ class Enabled(Signal):
     def _has_no_unit(self) -> "Enabled":
         if self.unit or self.scale != 1.0:
             raise InputError(
-                "enabled: got a unit or a scale; expected a column of zeros, where the drive is off, and others"
+                "got a unit or a scale; expected a column that is 0 where the drive is off, and not 0 elsewhere"
             )
         return self
 
