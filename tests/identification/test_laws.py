@@ -19,6 +19,7 @@ from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.shape_search import with_best_shape
 from bristle.model.functions import steady_torque_function
+from bristle.model.laws import registry
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.laws.registry import competing, law_named
@@ -204,6 +205,33 @@ def test_a_file_gets_the_law_that_it_asks_for(tmp_path: Path) -> None:
     again = bristle.read_results(tmp_path / "out" / "results.json").joint()
     assert (again.law, again.laws) == (auto.joint().law, auto.joint().laws)
     assert again.static["+"].values() == auto.joint().static["+"].values()
+
+
+def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A peak registered here alone, with a parameter of its own, wins under `auto`, and is on every page that follows."""
+    monkeypatch.setattr(registry, "_PARTS", dict(registry._PARTS))
+    monkeypatch.setattr(registry, "_COMPETE", set(registry._COMPETE))
+    drop = bristle.OwnParameter(name="drop", symbol="k", units=("1", "1"), searched=(0.5, 3.0))
+    flat = bristle.Peak(
+        name="flat", title="flat-top", shape=lambda v, v_s, drop: (1 + (v / v_s) ** 4) ** -drop, own=(drop,), reach=2.0
+    )
+    bristle.register_law(flat)
+    path = points_file(tmp_path, truth_of(law_named("flat"), drop=0.75), 0.001, "{law: auto}")
+    found = bristle.report(path, folder=tmp_path / "report").joint()
+    assert found.law.name == "flat"
+    assert found.laws is not None
+    assert found.laws.chosen.law == "flat"
+    low, high = found.static["+"].parameters["alpha_0"].interval or (0.0, 0.0)
+    assert low <= GRIPPER.alpha_0 <= high
+    pages = "".join(p.read_text(encoding="utf-8") for p in (tmp_path / "report").rglob("*.html"))
+    assert "flat-top" in pages
+    again = bristle.read_results(tmp_path / "report" / "results.json")
+    assert again.joint().static["+"].values() == found.static["+"].values()
+    rows = {row.parameter.name: row.changed for row in bristle.compare(again, bristle.identify(path)).changes}
+    assert rows["drop"] is False
+    assert "flat" in bristle.explore(again).html
 
 
 def test_laws_are_printed_side_by_side(tmp_path: Path) -> None:
