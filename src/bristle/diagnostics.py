@@ -1735,6 +1735,13 @@ class Kind(Enum):
             "load."
         ),
     )
+    LOAD_OF_REFERENCE = (
+        _CAUTION,
+        (
+            "Friction rises with load ({names!j}): model and plant have it, by up to {rise:.3g} {unit} along the reference about "
+            "position 0; gravity itself is taken as compensated."
+        ),
+    )
     PLANT_IS_MODEL = (
         _CAUTION,
         "The plant is the identified model itself: backlash, flexibility and noise are not in the simulations.",
@@ -2557,7 +2564,7 @@ REASONS: Mapping[str, str] = {
     "Something is assumed that was not measured.": (
         "PRIOR CURVE_HELD DIRECTION_TAKEN INERTIA_GUESSED GUESSED NOISE_OF_HOLDS_GUESSED NOISE_OF_MOTION_GUESSED NOISE_OF_OTHER_POINTS DEFAULT_PID "
         "PEAK_TAKEN_AS_NONE "
-        "LOAD_LEFT_OUT "
+        "LOAD_LEFT_OUT LOAD_OF_REFERENCE "
         "BRISTLE_FILLED PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT PAPER_REFERENCE PAPER_CONTROL PAPER_INERTIA PAPER_RATES PAPER_SAMPLING PAPER_TABLE_2 "
         "ONE_DIRECTION_KNOWN BRISTLE_ASSUMED GRIPPER_INTERVALS GRIPPER_NOISE GRIPPER_REFERENCE BOX_HELD BOX_CUT NOISE_ASSUMED HELD_AS_KNOWN "
         "EXTRAPOLATED LIMIT_SLOWEST_GUESSED LIMIT_HOLD_GUESSED LIMIT_POSITIONS_GUESSED LIMIT_ACCELERATION_GUESSED LIMIT_RATE LIMIT_FREQUENCY "
@@ -2775,7 +2782,7 @@ OWN_ADVICE: Mapping[str, str] = {
     "Use the stiffness at the amplitude that your application has; LuGre holds for one amplitude only.": "SOFTENS",
     "Load both directions to the same ratio of their breakaway, and record a further cycle: the first, from rest, never closes.": "OPEN_CYCLES",
     "Measure up to that speed, or ask for a slower reference.": "EXTRAPOLATED",
-    "Keep it in mind: the real joint does worse than the simulation, so test at low gain first.": "LOAD_LEFT_OUT PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT",
+    "Keep it in mind: the real joint does worse than the simulation, so test at low gain first.": "LOAD_LEFT_OUT LOAD_OF_REFERENCE PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT",
     "Nothing if the file has them so.": "DECIMAL_COMMA HEADER_LINES",
     "Log faster if the faster part of the signal matters.": "CUTOFF_LOWERED",
     "Write `simulated: true` if the data are, else remove `truth`.": "TRUTH_UNDECLARED",

@@ -77,6 +77,53 @@ def follow(compensator: Compensator, v: np.ndarray, e: float = 0.0) -> tuple[Com
     return state, np.array(out)
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_load_is_coulomb_friction(name: str) -> None:
+    """Under a constant load every compensator gives what it gives of a joint whose alpha_0 is larger by the level, to rounding."""
+    compensator, more = Compensator(name=name), Pair(*(law.loaded(p, 0.004) for p in PAIR))  # type: ignore[arg-type]  # a name
+    run, one, other = compiled(compensator), initial_state(compensator, PAIR), initial_state(compensator, more)
+    for k, speed in enumerate((0.3 * np.sin(np.arange(0, 3, 0.01))).tolist()):
+        r, m = Reference(1e-3 * k, speed, 0.0), Measurement(1e-3 * k + 1e-4, speed)
+        one, T = run(one, r._replace(level=0.004), m, H)
+        other, expected = run(other, r, m, H)
+        assert pytest.approx(expected, rel=1e-12, abs=1e-15) == T
+    assert one.parameters == PAIR
+
+
+@pytest.mark.parametrize("how", LAWS)
+def test_a_load_is_not_adapted(how: str) -> None:
+    """A gain scales alpha_0 alone: where that starts at half of the joint's, a gain of 2 gives the joint's torque under any load.
+
+    G by alpha_0 is then that of the joint itself, but where a law's own has the start in it.
+    """
+    a = Adaptation(law=how, gamma=(0.0, 0.0))  # type: ignore[arg-type]  # a law
+    half = P._replace(alpha_0=P.alpha_0 / 2)
+    acting = adapting.effective(half, a, (2.0, 1.0), 0.01)
+    assert number(law.torque(2e-3, 0.2, acting)) == pytest.approx(
+        number(law.torque(2e-3, 0.2, law.loaded(P, 0.01))), rel=1e-14
+    )
+    scale = 2.0 if how == "partial-theta" else 1.0
+    if how != "printed":
+        G = gradient(a, 2e-3, 0.2, half, Learnt((2.0, 1.0), (0.0, 0.0), ()), 0.01)
+        expected = gradient(a, 2e-3, 0.2, P, Learnt((1.0, 1.0), (0.0, 0.0), ()), 0.01)
+        assert scale * number(G[0]) == pytest.approx(number(expected[0]), rel=1e-12)
+
+
+def test_a_load_that_moves_is_followed_as_in_the_rollout() -> None:
+    """Along a level that changes, the feed-forward is the rollout with that level: the mean difference falls in proportion to the period."""
+    off = []
+    for h in (2e-3, 1e-3):
+        t = np.arange(0, 4, h)
+        v, level = 0.3 * np.sin(3 * t), 0.004 * np.abs(np.sin(2 * t))
+        state, run, T = initial_state(Compensator(), PAIR), compiled(Compensator()), []
+        for speed, more in zip(v.tolist(), level.tolist(), strict=True):
+            state, one = run(state, Reference(0.0, speed, 0.0, level=more), Measurement(0.0, speed), h)
+            T.append(one)
+        off.append(float(np.abs(np.array(T) - rollout(v, h, PAIR, 0.0, level=level).torque).mean()))
+    assert off[1] < 1e-3 * P.alpha_0
+    assert off[1] / off[0] < 0.6
+
+
 def motion(n: int = 3000) -> np.ndarray:
     """A velocity from rest, with reversals."""
     t = H * np.arange(n)

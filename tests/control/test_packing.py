@@ -41,6 +41,6 @@ def test_a_period_keeps_what_no_number_changes() -> None:
     for options in (LoopOptions(), LoopOptions(compensator=adapting, drive="voltage", inductance=True, delay=3)):
         m = edro.motor("wrist pitch")._replace(L=1e-3)
         memory = flat(at_rest(options, 0.0))
-        given = [0.0] * 5 + [1.0, 1.0, 0.0]
+        given = [0.0] * 6 + [1.0, 1.0, 0.0]
         new, _ = control_period(options)(memory, given, numbers_of(case("wrist pitch", motor=m), H))
         np.testing.assert_allclose(new.full().ravel(), memory, atol=1e-15)

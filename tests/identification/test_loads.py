@@ -1,5 +1,6 @@
 """Friction that rises with load: equations against differences, the truth recovered, and nothing invented."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,6 +8,10 @@ import pytest
 
 import bristle
 from bristle.arrays import Array
+from bristle.control.closed_loop import simulate
+from bristle.control.compensator import Compensator
+from bristle.control.control_period import LoopOptions
+from bristle.control.running import RunningCompensator
 from bristle.data.experiment.schema import FitOptions
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
@@ -19,6 +24,8 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.registry import LOADS, apart, law_named
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout, rollout_into
+from bristle.questions.compensation.replay import replays
+from bristle.simulation.joint_loop import Carried, of_experiment
 
 P = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0)
 J, G, STEP = 0.08, 6.0, 0.002
@@ -181,6 +188,53 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
     assert run.record.starts == (0, int(np.flatnonzero(on == 0)[0]))
     (told,) = (n for n in run.record.notes if n.kind is Kind.ROWS_MOTOR_OFF)
     assert told.numbers["rows"] == off
+
+
+def test_compensation_sees_the_load(tmp_path: Path) -> None:
+    """Along a reference the level is what gravity there raises it by, in model and plant; a replay with it leaves the noise alone.
+
+    Without it the replay leaves four times as much, and the joint gains nothing by adaptation that it has not by the load.
+    """
+    found = joint(tmp_path / "a", "paper+link-load")
+    measured = measure(tmp_path / "a" / "geared.yaml")
+    loop = of_experiment(measured.experiment, found)
+    reference = loop.sine(0.5, 2.0, amplitude=0.5)
+    assert reference.level == pytest.approx(0.1 * np.abs(G * np.sin(reference.position)), abs=0.01)
+    assert any(w.kind is Kind.LOAD_OF_REFERENCE for w in loop.assumptions)
+    assert not any(w.kind is Kind.LOAD_LEFT_OUT for w in loop.assumptions)
+    run = simulate(LoopOptions(compensator=loop.compensator), [loop.case()], reference, loop.period)
+    bare = simulate(
+        LoopOptions(compensator=loop.compensator), [loop.case()], reference._replace(level=0.0), loop.period
+    )
+    assert np.ptp(run.friction) > np.ptp(bare.friction) + 0.1
+    assert run.rms_error()[0] == pytest.approx(bare.rms_error()[0], rel=0.2)
+    first = replays(loop, found, measured)[0]
+    left = float(np.std((first.measured - first.fixed)[200:]))
+    unloaded = float(np.std((first.measured - rollout(first.velocity, STEP, loop.model, 0.0).torque)[200:]))
+    assert left < 1.5 * 0.02
+    assert unloaded > 2 * left
+
+
+def test_friction_that_is_part_of_its_load(tmp_path: Path) -> None:
+    """A level that rises with the motor's torque, friction included, is the one at which both agree; at a coefficient of 1 there is none."""
+    plain = joint(tmp_path / "a", "paper")
+    loop = of_experiment(measure(tmp_path / "a" / "geared.yaml").experiment, plain)
+    geared = replace(loop, carried=Carried({"gear_load": 0.2}, {"gravity_sin": G}))
+    r = geared.sine(0.5, 2.0)
+    T = rollout(r.velocity, loop.period, loop.model, 0.0, level=r.level).torque
+    assert r.level == pytest.approx(0.2 * np.abs(loop.J * r.acceleration + 2 * G * np.sin(r.position) + T), rel=1e-6)
+    with pytest.raises(InputError, match="no torque moves the joint"):
+        replace(loop, carried=Carried({"gear_load": 1.0}, {"gravity_sin": G})).sine(0.5, 2.0)
+
+
+def test_a_running_compensator_is_told_its_load(tmp_path: Path) -> None:
+    """With (motor, links) the torque in sliding rises by the coefficient times the load; a load that is no number is refused."""
+    pair = Pair(P, P)
+    run = RunningCompensator(Compensator(name="stribeck"), pair, rises={"gear_load": 0.1})
+    bare, loaded = run.step(1e-3, (0.0, 0.3), 0.0), run.step(1e-3, (0.0, 0.3), 0.0, load=(3.0, -2.0))
+    assert loaded - bare == pytest.approx(0.1 * 5.0, rel=1e-12)
+    with pytest.raises(InputError, match="expected the torques of motor and links"):
+        run.step(1e-3, (0.0, 0.3), 0.0, load=(np.nan, 0.0))
 
 
 def test_who_takes_the_joint_without_load_says_so(tmp_path: Path) -> None:

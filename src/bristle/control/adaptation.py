@@ -127,13 +127,20 @@ def nothing_learnt(adaptation: Adaptation) -> Learnt:
     return Learnt((1.0,) * n, (0.0,) * n, rows)
 
 
-def effective(p: Lugre[Any], adaptation: Adaptation, theta: tuple[Expression, ...]) -> Lugre[Any]:
-    """The parameters of (16)-(18): each adapted one times its gain."""
-    return friction.adapted(p, dict(zip(adaptation.parameters, theta, strict=True)))
+def effective(
+    p: Lugre[Any], adaptation: Adaptation, theta: tuple[Expression, ...], level: Expression = 0.0
+) -> Lugre[Any]:
+    """The parameters of (16)-(18): each adapted one times its gain; what a load adds to alpha_0, N*m, is not adapted."""
+    return friction.loaded(friction.adapted(p, dict(zip(adaptation.parameters, theta, strict=True))), level)
 
 
 def gradient(
-    adaptation: Adaptation, z: Expression, v: Expression, p: Lugre[Any], learnt: Learnt
+    adaptation: Adaptation,
+    z: Expression,
+    v: Expression,
+    p: Lugre[Any],
+    learnt: Learnt,
+    level: Expression = 0.0,
 ) -> tuple[Expression, ...]:
     """G of the law for each adapted parameter.
 
@@ -143,10 +150,11 @@ def gradient(
         v: the velocity that drives the model, rad/s.
         p: the set that acts there, as it started.
         learnt: the gains and, for the total law, dz / d theta.
+        level: what a load adds to alpha_0, N*m.
     """
     if adaptation.law == "printed":
-        return tuple(printed(name, z, v, p) for name in adaptation.parameters)
-    T = functions.torque_sensitivity_function(p.law)(z, v, *effective(p, adaptation, learnt.theta))
+        return tuple(printed(name, z, v, friction.loaded(p, level)) for name in adaptation.parameters)
+    T = functions.torque_sensitivity_function(p.law)(z, v, *effective(p, adaptation, learnt.theta, level))
     by = dict(zip(("T", "z", *p._fields), T, strict=True))
     slopes = [by[name] for name in adaptation.parameters]
     if adaptation.law == "partial-theta":

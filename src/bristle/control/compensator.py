@@ -54,6 +54,8 @@ class Reference(NamedTuple):
     """rad/s**2."""
     torque: Expression = 0.0
     """Added to what the controller asks for, N*m: a load that is played open loop."""
+    level: Expression = 0.0
+    """What the load on the way adds to alpha_0, of joint and model alike, N*m (`law.load_levels`)."""
 
 
 class Measurement(NamedTuple):
@@ -133,21 +135,21 @@ def step(
     forward = compensator.inertia * reference.acceleration
     if name == "none":
         return state, forward
-    v = driving(compensator, state, reference, measurement, h)
-    p = law.active(v, v, pair)
+    v, level = driving(compensator, state, reference, measurement, h), reference.level
+    p = law.loaded(law.active(v, v, pair), level)
     seen = state._replace(velocity=v, position=measurement.position)
     if name == "coulomb":
         return seen, forward + compensator.share * p.alpha_0 * ca.tanh(v / compensator.softness)
     if name == "stribeck":
         return seen, forward + compensator.share * law.steady_torque(v, p)
     e = measurement.position - reference.position
-    z, learnt = advanced(compensator.adaptation, state, v, h)
+    z, learnt = advanced(compensator.adaptation, state, v, h, level)
     if name == "lugre-observer":
         z = z - h * compensator.observer_gain * e
     p, a = law.active(z, v, pair), compensator.adaptation
-    T = law.torque(z, v, effective(p, a, learnt.theta) if a else p)
+    T = law.torque(z, v, effective(p, a, learnt.theta, level) if a else law.loaded(p, level))
     if a:
-        learnt = learn(a, learnt, gradient(a, z, v, p, learnt), e, h)
+        learnt = learn(a, learnt, gradient(a, z, v, p, learnt, level), e, h)
     return CompensatorState(pair, z, v, measurement.position, learnt), forward + compensator.share * T
 
 
@@ -162,8 +164,12 @@ def driving(
     return differentiated(state.velocity, state.position, measurement.position, h, compensator.filter_time)
 
 
-def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Expression) -> tuple[Expression, Learnt]:
+def advanced(
+    a: Adaptation | None, state: CompensatorState, v: Expression, h: Expression, level: Expression = 0.0
+) -> tuple[Expression, Learnt]:
     """The model's bristle after h seconds, v linear meanwhile, and dz / d theta beside it for the total law.
+
+    A load adds `level` to alpha_0 meanwhile, N*m.
 
     Two exact-exponential steps: up to where v passes zero, or else to the middle, and from there.
     """
@@ -174,7 +180,7 @@ def advanced(a: Adaptation | None, state: CompensatorState, v: Expression, h: Ex
     z, slopes = state.deflection, learnt.sensitivity
     for first, last, part in ((v0, middle, share * h), (middle, v, (1 - share) * h)):
         p = law.active(z, first + last, state.parameters)
-        acting = effective(p, a, learnt.theta) if a else p
+        acting = effective(p, a, learnt.theta, level) if a else law.loaded(p, level)
         if a and a.law == "total":
             forgotten, rest, *by_p = functions.change_sensitivity_function(p.law)(first, last, part, *acting)
             enter = functions.step_parameters(p.law)
@@ -204,9 +210,10 @@ def compiled(
     gains, count = adapted_count(compensator), len(fields_of(of))
     blank = pair_of([0.0] * 2 * count, of)
     memory, q = ca.SX.sym("memory", len(packed(initial_state(compensator, blank)))), ca.SX.sym("pair", 2 * count)
-    inputs = ca.SX.sym("inputs", 6)
+    inputs = ca.SX.sym("inputs", 7)
     state = unpacked(ca.vertsplit(memory), pair_of(ca.vertsplit(q), of), gains)
-    r, m, h = Reference(*ca.vertsplit(inputs[:3])), ca.vertsplit(inputs[3:5]), inputs[5]
+    y_ref, v_ref, a_ref, level, *m, h = ca.vertsplit(inputs)
+    r = Reference(y_ref, v_ref, a_ref, level=level)
     new, T = step(compensator, state, r, Measurement(m[0], m[1] if velocity else None), h)
     out = [ca.densify(ca.vertcat(*packed(new), T))]
     function = ca.Function("compensate", [memory, q, inputs], out, {"cse": True})
@@ -220,8 +227,8 @@ def compiled(
         """Step with floats."""
         buffers[0][:] = packed(state)
         buffers[1][:count], buffers[1][count:] = state.parameters
-        y_ref, v_ref, a_ref, _ = reference
-        buffers[2][:] = (y_ref, v_ref, a_ref, measurement.position, measurement.velocity or 0.0, h)
+        y_ref, v_ref, a_ref, _, level = reference
+        buffers[2][:] = (y_ref, v_ref, a_ref, level, measurement.position, measurement.velocity or 0.0, h)
         run()
         *memory, T = result.tolist()
         return unpacked(memory, state.parameters, gains), T

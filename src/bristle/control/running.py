@@ -1,19 +1,33 @@
 """A compensator that remembers its state: one call for each control period of a loop in real time."""
 
+from collections.abc import Mapping
+
+import numpy as np
+
 from bristle.control.compensator import Compensator, Measurement, Reference, compiled, initial_state
 from bristle.errors import InputError
 from bristle.model.parameters import Pair
+from bristle.model.rollout import load_level
 
 
 class RunningCompensator:
     """What `compensator.compiled` does, with the state kept inside. One thread at a time."""
 
-    def __init__(self, compensator: Compensator, parameters: Pair[float], position: float = 0.0) -> None:
+    def __init__(
+        self,
+        compensator: Compensator,
+        parameters: Pair[float],
+        position: float = 0.0,
+        rises: Mapping[str, float] | None = None,
+    ) -> None:
         """Of a joint at rest at a position, rad, with its parameters in both directions; nothing is learnt yet.
 
+        `rises` are the coefficients by which its friction rises with load (`law.load_levels`), by name; None: it does not.
         Raises InputError where a parameter is not finite.
         """
-        wrong = [n for p in parameters for n, x in zip(p._fields, p, strict=True) if not abs(x) < float("inf")]
+        self.rises = dict(rises or {})
+        every = [pair for p in parameters for pair in zip(p._fields, p, strict=True)]
+        wrong = [n for n, x in (*every, *self.rises.items()) if not abs(x) < float("inf")]
         if wrong:
             raise InputError(f"compensator: {wrong[0]} is not finite; expected the parameters of an identified joint")
         self.compensator, self.parameters = compensator, parameters
@@ -30,6 +44,7 @@ class RunningCompensator:
         reference: tuple[float, float] | tuple[float, float, float],
         position: float,
         velocity: float | None = None,
+        load: tuple[float, float] | None = None,
     ) -> float:
         """The torque to add to the controller's, N*m, one control period after the last call.
 
@@ -38,14 +53,24 @@ class RunningCompensator:
             reference: position, velocity and, where the inertia is fed forward, acceleration: rad, rad/s, rad/s**2.
             position: measured, rad.
             velocity: measured, rad/s; None: from the position, where it is needed.
+            load: what friction rises with, where it does: the torque that the motor gives, and that of gravity and links
+                on the joint (of gravity alone, the torque that holds the joint, with the other sign), N*m; None: no load.
 
-        Raises InputError where dt is no time.
+        Raises InputError where dt is no time, or the load not finite.
         """
         if not 0 < dt < float("inf"):
             raise InputError(f"dt: got {dt!r}; expected seconds since the last call, more than 0")
         run = self._seen[velocity is not None]
-        self._state, torque = run(self._state, Reference(*(*reference, 0.0)[:3]), Measurement(position, velocity), dt)
+        level = self._level(*load) if load and self.rises else 0.0
+        asked = Reference(*(*reference, 0.0)[:3], level=level)
+        self._state, torque = run(self._state, asked, Measurement(position, velocity), dt)
         return torque
+
+    def _level(self, motor: float, links: float) -> float:
+        """What a load adds to alpha_0, N*m."""
+        if not abs(motor) + abs(links) < float("inf"):
+            raise InputError(f"load: got {motor!r} and {links!r}; expected the torques of motor and links, N*m")
+        return float(load_level(self.rises, np.array([motor]), np.array([links]))[0])
 
     @property
     def gains(self) -> dict[str, float]:

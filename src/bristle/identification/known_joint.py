@@ -140,11 +140,17 @@ def mixed(joint: Joint) -> Iterator[Diagnostic]:
             yield Kind.CURVE_MIXED(direction=d)
 
 
-def without_load(joint: Joint) -> tuple[Diagnostic, ...]:
-    """What a question that takes the joint without load leaves out; nothing where friction does not rise with load."""
+def rises_of(joint: Joint) -> dict[str, float]:
+    """The coefficients by which friction rises with load (`law.load_levels`), by name; none where it does not."""
     known = joint.moving.known if joint.moving is not None else {}
     rises = {name.name: value for name, value in known.items() if of_load(name.name)}
-    if not any(rises.values()):
+    return rises if any(rises.values()) else {}
+
+
+def without_load(joint: Joint) -> tuple[Diagnostic, ...]:
+    """What a question that takes the joint without load leaves out; nothing where friction does not rise with load."""
+    rises = rises_of(joint)
+    if not rises:
         return ()
     rise = float(friction_rise(rises, np.ones(1))[0])
     return (Kind.LOAD_LEFT_OUT(names=tuple(rises), rise=rise, unit=unit("torque", joint.kind)),)

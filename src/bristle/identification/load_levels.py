@@ -17,6 +17,7 @@ from bristle.errors import InputError
 from bristle.identification.moving_runs import LEVELS, extra_columns, needed, terms_of
 from bristle.model.functions import load_levels_function
 from bristle.model.parameters import ParameterName
+from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
 
 _WEIGHTS = ("gravity", "links")
@@ -144,9 +145,7 @@ def settled_weights(
     return weights
 
 
-def friction_rise(values: Mapping[str, float], load: Array) -> Array:
+def friction_rise(rises: Mapping[str, float], load: Array) -> Array:
     """By how much the coefficients of a level, by name, raise it under a load of the kind that they are of, N*m, (n,) -> (n,)."""
     rest = np.zeros_like(load)
-    signals = (rest, load) if "link_load" in values else (load, rest)
-    levels = dict(zip(_NAMES, evaluate(load_levels_function(), *signals), strict=False))
-    return np.asarray(sum(value * levels[name] for name, value in values.items()))
+    return load_level(rises, rest, load) if "link_load" in rises else load_level(rises, load, rest)

@@ -150,6 +150,11 @@ def load_levels(tau_m: Expression, tau_l: Expression) -> dict[str, Expression]:
     }
 
 
+def loaded(p: Lugre[Any], level: Expression) -> Lugre[Any]:
+    """The parameters where a load raises the level by so much (`load_levels`), N*m: alpha_0 and that."""
+    return p._replace(alpha_0=p.alpha_0 + level)
+
+
 def periodic_terms(q: Expression, v: Expression, k: Expression) -> dict[str, Expression]:
     """What multiplies each parameter of the torque that repeats with the position, at k rad per rad (or per m).
 

@@ -4,7 +4,7 @@ For a `Pair` a node also stands where z changes sign, because sigma_0 switches t
 dropped from the result. The work goes by chunks of samples that stay in the cache.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -48,6 +48,19 @@ class RolloutJacobian(Rollout):
     negative one."""
     by_z0: Array
     """dT_f/dz0 at given parameters, N*m/rad, (n,)."""
+
+
+def load_level(rises: Mapping[str, float], motor: Array, links: Array) -> Array:
+    """By how much the coefficients of a level (`law.load_levels`), by name, raise it, N*m, (n,).
+
+    Args:
+        rises: the coefficients.
+        motor: torque of the motor, N*m, (n,).
+        links: torque of gravity and links on the joint, N*m, (n,).
+    """
+    function = functions.load_levels_function()
+    columns = dict(zip(function.name_out(), evaluate(function, motor, links), strict=True))
+    return np.asarray(sum((rises[name] * columns[name] for name in rises), np.zeros_like(motor)))
 
 
 def rollout(

@@ -5,7 +5,7 @@ What a user's experiment file does not give of the loop is derived, and said amo
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,15 +21,18 @@ from bristle.identification.known_joint import (
     draws_by_constants,
     draws_of,
     inertia_of,
+    rises_of,
     truth_of,
     whole,
     without_load,
 )
+from bristle.identification.moving_runs import LOADS
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, effort, unit
 from bristle.model.parameters import Kind as JointKind
+from bristle.model.rollout import load_level, rollout
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
@@ -50,6 +53,18 @@ _NOTHING = 1e-3
 """Of the torque: a parameter that makes no more of it in steady sliding, where its law has a gradient, is not seen there."""
 _HALF = 0.5
 """Share of a parameter's error that is corrected in a second, where no rates are given."""
+
+_SETTLED, _MOST = 1e-9, 60
+"""Share of the level that a step changes it by once it has settled, where friction is part of its own load; and steps."""
+
+
+class Carried(NamedTuple):
+    """What a joint carries along a motion, where its friction rises with it."""
+
+    rises: Mapping[str, float]
+    """The coefficients (`law.load_levels`), by name."""
+    others: Mapping[str, float]
+    """Those of the torque that is neither friction nor inertia (`law.load_terms`), by name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,6 +101,8 @@ class JointLoop:
     """The total law, by which replays tell parameters apart; None: none."""
     compensator: Compensator = field(default_factory=Compensator)
     """The paper's, if no other was asked for: LuGre driven by the reference velocity."""
+    carried: Carried | None = None
+    """The load, where friction rises with it."""
 
     def case(self, plant: Pair[float] | None = None, model: Pair[float] | None = None, J: float | None = None) -> Case:
         """Numbers of a run; what is not given is the joint's own."""
@@ -117,7 +134,34 @@ class JointLoop:
 
     def sine(self, frequency: float, duration: float, amplitude: float | None = None) -> Reference:
         """A reference: amplitude sin(2 pi frequency t), the joint's own amplitude if no other is given."""
-        return Sine(self.amplitude if amplitude is None else amplitude, frequency).sampled(duration, self.period)
+        sine = Sine(self.amplitude if amplitude is None else amplitude, frequency)
+        return self.under_load(sine.sampled(duration, self.period))
+
+    def under_load(self, motion: Reference) -> Reference:
+        """A reference, (n,), with the level that friction rises to under the load along it, as the model has it.
+
+        The motor's torque is what it takes to follow the reference, friction included, and that of the links gravity's.
+        Raises InputError where friction would rise by more than the load it rises with.
+        """
+        if self.carried is None:
+            return motion
+        signals = (motion.position, motion.velocity, motion.acceleration, np.zeros_like(motion.position))
+        columns = dict(zip(LOADS, evaluate(functions.load_terms_function(), *signals), strict=True))
+        others = self.carried.others
+        gravity = sum(others.get(name, 0.0) * columns[name] for name in LOADS if name.startswith("gravity"))
+        own = self.J * motion.acceleration + sum(others[name] * columns[name] for name in others)
+        level = np.zeros_like(motion.position)
+        for _ in range(_MOST):
+            friction = rollout(motion.velocity, self.period, self.model, 0.0, level=level).torque
+            before, level = level, load_level(self.carried.rises, own + friction, -np.asarray(gravity))
+            if not np.isfinite(level).all():
+                break
+            if np.abs(level - before).max() <= _SETTLED * np.abs(level).max():
+                return motion._replace(level=level)
+        raise InputError(
+            f"{self.name}: friction rises by more than the load does ({', '.join(self.carried.rises)}), so no torque moves the joint; "
+            "expected coefficients well below 1: fit without the load"
+        )
 
 
 def of_paper(joints: Sequence[Joint]) -> tuple[JointLoop, ...]:
@@ -165,7 +209,8 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         raise InputError(
             f"{joint.name}: no inertia is known, without which no loop can be simulated; give it as inertia, or a tracking run that shows it"
         )
-    assumed = list(without_load(joint))
+    carried = _carried(joint)
+    assumed = [] if carried else list(without_load(joint))
     fastest = fastest_measured(joint)
     amplitude, frequency = requested_motion(asked, fastest)
     speed = 2 * np.pi * frequency * amplitude
@@ -207,7 +252,20 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
         start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), diagnostic_law=diagnostic_law,
     )  # fmt: skip  # a list of values
+    if carried:
+        rise = float(np.max(replace(loop, carried=carried).sine(frequency, 1 / frequency).level))
+        told = Kind.LOAD_OF_REFERENCE(names=tuple(carried.rises), rise=rise, unit=unit("torque", joint.kind))
+        loop = replace(loop, carried=carried, assumptions=(told, *loop.assumptions))
     return replace(loop, compensator=replace(compensator, observer_gain=loop.observer_gain))
+
+
+def _carried(joint: Joint) -> Carried | None:
+    """The load along a motion; None where friction does not rise with it, or nothing tells it of the position alone."""
+    rises = rises_of(joint)
+    known = {name.name: x for name, x in joint.moving.known.items()} if joint.moving is not None else {}
+    others = {name: known[name] for name in LOADS if name in known and name not in ("inertia", "links")}
+    told = "gravity_sin" in others or set(rises) == {"motor_load"}
+    return Carried(rises, others) if rises and told and joint.link_inertia is None else None
 
 
 def _filled(p: Lugre[float], name: str, direction: str, kind: JointKind, by_deflection: Diagnostic) -> Diagnostic:

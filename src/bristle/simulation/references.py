@@ -220,5 +220,11 @@ class SlowLoads(NamedTuple):
 
 
 def stacked(references: Sequence[Reference]) -> Reference:
-    """References of one length, one for each case: position, velocity and acceleration, (cases, n)."""
-    return Reference(*(np.stack([getattr(r, part) for r in references]) for part in Reference._fields[:3]))
+    """References of one length, one for each case, (cases, n)."""
+    parts = zip(*references, strict=True)
+    return Reference(
+        *(
+            np.stack([np.broadcast_to(x, r.position.shape) for x, r in zip(part, references, strict=True)])
+            for part in parts
+        )
+    )

@@ -18,7 +18,7 @@ from bristle.errors import InputError, short
 from bristle.estimation.covariance import LEVEL, student
 from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.identify import identify_joint
-from bristle.identification.known_joint import inertia_of, known_joint, whole
+from bristle.identification.known_joint import inertia_of, known_joint, rises_of, whole
 from bristle.identification.measured import Measured, measured_of
 from bristle.identification.moving_runs import load_columns, regressors_of, terms_of
 from bristle.identification.results import Joint
@@ -163,7 +163,9 @@ class Fit:
                 "compensator: the damping of the bristle is not known; fit a motion that shows it, or the inertia"
             )
         pair = known.pair(travel or 1.0, J or 1.0)
-        return RunningCompensator(Compensator(name=name, adaptation=adaptation, **settings), pair)
+        return RunningCompensator(
+            Compensator(name=name, adaptation=adaptation, **settings), pair, rises=rises_of(self.joint)
+        )
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each parameter: value, standard error, ends of the 95 % interval, unit and warnings."""

@@ -117,7 +117,7 @@ def _back_and_forth(loop: JointLoop) -> tuple[Reference, NDArray[np.bool_]]:
         np.asarray(on * half * x, dtype=np.float64)
         for x in (1 - np.cos(w * t), w * np.sin(w * t), w**2 * np.cos(w * t))
     )
-    reference = Reference(y, v, acceleration)
+    reference = loop.under_load(Reference(y, v, acceleration))
     return reference, np.abs(v) > 0.2 * half * w
 
 

@@ -149,7 +149,8 @@ def compare_controllers(loop: JointLoop) -> tuple[Controlled, ...]:
     """
     reference, gains = loop.sine(loop.frequency, paper.SHORT), loop.gains
     fastest, hardest = float(np.abs(reference.velocity).max()), float(np.abs(reference.acceleration).max())
-    needed = max(p.alpha_0 + p.alpha_1 + p.alpha_2 * fastest for p in loop.plant) + loop.J * hardest
+    steady = max(p.alpha_0 + p.alpha_1 + p.alpha_2 * fastest for p in loop.plant) + float(np.max(reference.level))
+    needed = steady + loop.J * hardest
     K_d = gains.K_d or gains.K_p / 10
     ways = {
         "PID alone": (LoopOptions(compensator=paper.BARE), loop.case()),

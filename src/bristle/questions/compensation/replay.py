@@ -5,7 +5,7 @@ proportional gain: e = (T_model - T_measured) / K_p, rad, which has the sign of 
 So the rates are those of the loop. A run with gaps is replayed segment by segment, the gains continuing from one to the next.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -18,8 +18,9 @@ from bristle.control.compensator import Compensator, CompensatorState, advanced,
 from bristle.control.control_period import flat, no_friction, symbols
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.dynamic.problem import Motion, dynamic_problem
+from bristle.identification.known_joint import rises_of
 from bristle.identification.measured import Measured
-from bristle.identification.moving_runs import REGRESSORS, inertia, regressors, regressors_of
+from bristle.identification.moving_runs import LEVELS, REGRESSORS, inertia, regressors, regressors_of
 from bristle.identification.results import Joint
 from bristle.model import law
 from bristle.model.laws.parts import Law
@@ -110,26 +111,45 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
     ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
     fitted = regressors_of([name.name for name in known], joint.kind)  # with the orders that were found
     asked = tuple(dict.fromkeys((*regressors(measured.experiment), *(x for x in fitted if x not in REGRESSORS))))
+    rises = rises_of(joint)
+    asked += tuple(name for name, terms in LEVELS.items() if {*terms.names} == {*rises})
     found = []
     for record in (run.record for run in measured.runs if run.kind == "tracking"):
         problem = dynamic_problem([record], ("both",), asked, 1, fixed)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
-        found += [_replay(loop, record.file, problem.motions, extra, *way) for way in ways]
+        weights = {name.name: x for name, x in zip(problem.extra_names, extra.tolist(), strict=True)}
+        levels = [_level(m, rises, weights) for m in problem.motions]
+        found += [_replay(loop, record.file, problem.motions, levels, extra, *way) for way in ways]
     return tuple(found)
 
 
+def _level(motion: Motion, rises: Mapping[str, float], weights: Mapping[str, float]) -> Array:
+    """What the load along a motion adds to alpha_0, N*m, (n,)."""
+    if motion.load is None:
+        return np.zeros(motion.velocity.size)
+    columns, _ = motion.load.by(weights)
+    return np.array([rises[name] for name in motion.load.levels]) @ columns
+
+
 def _replay(
-    loop: JointLoop, file: str, motions: Sequence[Motion], extra: Array, begun: str, model: Pair[float], a: Adaptation
+    loop: JointLoop,
+    file: str,
+    motions: Sequence[Motion],
+    levels: Sequence[Array],
+    extra: Array,
+    begun: str,
+    model: Pair[float],
+    a: Adaptation,
 ) -> Replay:
     parts, state = [], initial_state(Compensator(adaptation=a), model)
     numbers = flat((model, loop.gains.K_p))
-    for m in motions:
+    for m, level in zip(motions, levels, strict=True):
         friction = m.torque - m.extra @ extra
         state = state._replace(deflection=0.0, velocity=m.velocity[0])
-        inputs = np.vstack([m.velocity, friction, np.append(0.0, m.step)])
+        inputs = np.vstack([m.velocity, friction, np.append(0.0, m.step), level])
         ends, log = _run(a, model.law, m.velocity.size)(packed(state), inputs, numbers)
         state = unpacked(np.asarray(ends).ravel().tolist(), model, len(a.parameters))
-        fixed = rollout(m.velocity, m.step, model, 0.0).torque
+        fixed = rollout(m.velocity, m.step, model, 0.0, level=level).torque
         parts.append((m.time, m.velocity, friction, fixed, np.asarray(log)))
     shares = np.array([1.0 if begun == "identified" else loop.start.get(name, 1.0) for name in a.parameters])
     time, velocity, friction, fixed, log = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
@@ -141,16 +161,16 @@ def _replay(
 
 @lru_cache(maxsize=8)
 def _run(a: Adaptation, of: Law, samples: int) -> ca.Function:
-    """(memory, (velocity, friction, step), (pair, K_p)) -> (memory, (torque, gains))."""
+    """(memory, (velocity, friction, step, level), (pair, K_p)) -> (memory, (torque, gains))."""
     blank = no_friction(of)
     memory, own = symbols("memory", tuple(packed(initial_state(Compensator(adaptation=a), blank))))
-    u, (v, friction, h) = symbols("u", (0.0, 0.0, 0.0))
+    u, (v, friction, h, level) = symbols("u", (0.0,) * 4)
     q, (model, K_p) = symbols("q", (blank, 0.0))
     state = unpacked(own, model, len(a.parameters))
-    z, learnt = advanced(a, state, v, h)
+    z, learnt = advanced(a, state, v, h, level)
     p = law.active(z, v, state.parameters)
-    T = law.torque(z, v, effective(p, a, learnt.theta))
-    learnt = learn(a, learnt, gradient(a, z, v, p, learnt), (T - friction) / K_p, h)
+    T = law.torque(z, v, effective(p, a, learnt.theta, level))
+    learnt = learn(a, learnt, gradient(a, z, v, p, learnt, level), (T - friction) / K_p, h)
     new = CompensatorState(state.parameters, z, v, state.position, learnt)
     tick = ca.Function("tick", [memory, u, q], [ca.vertcat(*packed(new)), ca.vertcat(T, *learnt.theta)], {"cse": True})
     return chained(tick, samples)

@@ -111,7 +111,7 @@ def of_joint(
     moved = within(motion_of(joint.kind, amplitude, frequency, default), joint.kind, limits)
     model = _model(measured, joint, known, limits)
     try:
-        return model, moved, of_experiment(experiment, joint)
+        return model, moved, replace(of_experiment(experiment, joint), carried=None)
     except InputError as error:
         return model, moved, str(error)
 
