@@ -2782,7 +2782,9 @@ OWN_ADVICE: Mapping[str, str] = {
     "Use the stiffness at the amplitude that your application has; LuGre holds for one amplitude only.": "SOFTENS",
     "Load both directions to the same ratio of their breakaway, and record a further cycle: the first, from rest, never closes.": "OPEN_CYCLES",
     "Measure up to that speed, or ask for a slower reference.": "EXTRAPOLATED",
-    "Keep it in mind: the real joint does worse than the simulation, so test at low gain first.": "LOAD_LEFT_OUT LOAD_OF_REFERENCE PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT",
+    "Keep it in mind: the real joint does worse than the simulation, so test at low gain first.": (
+        "LOAD_LEFT_OUT LOAD_OF_REFERENCE PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT"
+    ),
     "Nothing if the file has them so.": "DECIMAL_COMMA HEADER_LINES",
     "Log faster if the faster part of the signal matters.": "CUTOFF_LOWERED",
     "Write `simulated: true` if the data are, else remove `truth`.": "TRUTH_UNDECLARED",

@@ -16,17 +16,19 @@ from hypothesis import strategies as st
 
 from bristle.control.adaptation import LAWS, STEPS, Adaptation, effective
 from bristle.control.compensator import NAMES, Compensator, Measurement, Reference, initial_state, step
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.model import functions, law
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Direction, Lugre, ParameterName, unit
 from bristle.questions.export import c_code
 from bristle.questions.export.artefact import Artefact, Request
 from bristle.questions.export.c_check import FLAGS, compiled, motion, python_torque
 from bristle.questions.export.c_header import TARGET, header, kind_of
 from bristle.questions.export.c_numbers import identifier, ranges
 from bristle.questions.export.c_step import printed_step
-from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.export import export_joints
+from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.simulation import edro
 
 from .conftest import OTHERS, Handed, of_law
@@ -122,7 +124,8 @@ def built(tmp_path: Path) -> Build:
 
 def check_flags(joint: ExportedJoint, compensator: Compensator, single: bool, built: Build) -> None:
     """No step of the C, of numbers from everywhere in their ranges, is refused or raises a flag."""
-    printed, adapts = printed_step(kind_of(compensator), joint.law), compensator.adaptation is not None
+    printed = printed_step(kind_of(compensator), joint.law, tuple(joint.rises))
+    adapts = compensator.adaptation is not None
 
     def drawn(owner: str, name: str, *of: Law) -> str:
         """An assignment."""
@@ -161,6 +164,51 @@ def test_no_flag_is_raised_within_the_ranges_of_a_law(
 ) -> None:
     """The same of laws with terms, whatever their sign, and of a free exponent."""
     check_flags(of_law(handed(), of), compensator, single, built)
+
+
+RISES = [{"link_load": 0.1}, {"motor_load": 0.1}, {"gear_load": 0.08}, {"gear_load": 0.05, "gear_load_squared": 0.6}]
+"""Coefficients of each load that a law may have."""
+
+
+def under(joint: ExportedJoint, rises: dict[str, float]) -> ExportedJoint:
+    """The joint with friction that rises with load."""
+    rows = [
+        ExportedParameter(
+            parameter=ParameterName(name, Direction.SHARED), value=value, unit=unit(name, joint.kind), standard_error=None,
+            interval=None, source="tracking",
+        )
+        for name, value in rises.items()
+    ]  # fmt: skip  # a list of values
+    told = Kind.LOAD_LEFT_OUT(names=tuple(rises), rise=0.1, unit="N*m")
+    return replace(joint, parameters=(*joint.parameters, *rows), said=(*joint.said, told))
+
+
+@needs_gcc
+@pytest.mark.parametrize("rises", RISES, ids="+".join)
+@pytest.mark.parametrize("compensator", [*PLAIN, ADAPTING[0], FEEDBACK], ids=called)
+def test_c_takes_the_load(compensator: Compensator, rises: dict[str, float], handed: Handed) -> None:
+    """Told the torques of motor and links, the C gives what Python gives under that load; nothing says that it is without."""
+    joint = under(handed("wrist pitch"), rises)
+    export = export_joints([joint], "c", Request(compensator=compensator))
+    text, inputs = export.content.decode("ascii"), motion(joint)
+    torque = python_torque(joint, compensator, inputs)
+    bare = python_torque(handed("wrist pitch"), compensator, inputs)
+    assert np.abs(torque - bare).max() > 0.01 * np.abs(torque).max()
+    for real, most in ((np.float64, 1e-12), (np.float32, 5e-6)):
+        with compiled(text, joint, compensator, real) as code:
+            assert np.abs(code(inputs) - torque).max() <= most * np.abs(torque).max()
+            assert code.self_test() == 0
+    assert ("link_torque;" in text) == (rises.keys() != {"motor_load"})
+    assert "without load" not in " ".join(text.split()).replace(" * ", " ")
+    assert not any("load" in str(told) for told in export.artefact.said)
+
+
+@needs_gcc
+@pytest.mark.parametrize("single", [False, True], ids=["double", "single"])
+@pytest.mark.parametrize("compensator", [*PLAIN, *ADAPTING, FEEDBACK], ids=called)
+def test_no_flag_is_raised_under_load(compensator: Compensator, single: bool, handed: Handed, built: Build) -> None:
+    """Parameters, inputs and loads from everywhere in their ranges, of the law with the largest: no flag, no step refused."""
+    check_flags(under(handed(), RISES[-1]), compensator, single, built)
 
 
 BAD = """

@@ -227,7 +227,7 @@ def test_friction_that_is_part_of_its_load(tmp_path: Path) -> None:
         replace(loop, carried=Carried({"gear_load": 1.0}, {"gravity_sin": G})).sine(0.5, 2.0)
 
 
-def test_a_running_compensator_is_told_its_load(tmp_path: Path) -> None:
+def test_a_running_compensator_is_told_its_load() -> None:
     """With (motor, links) the torque in sliding rises by the coefficient times the load; a load that is no number is refused."""
     pair = Pair(P, P)
     run = RunningCompensator(Compensator(name="stribeck"), pair, rises={"gear_load": 0.1})

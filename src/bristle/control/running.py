@@ -62,7 +62,7 @@ class RunningCompensator:
             raise InputError(f"dt: got {dt!r}; expected seconds since the last call, more than 0")
         run = self._seen[velocity is not None]
         level = self._level(*load) if load and self.rises else 0.0
-        asked = Reference(*(*reference, 0.0)[:3], level=level)
+        asked = Reference(*(*reference, 0.0)[:3])._replace(level=level)
         self._state, torque = run(self._state, asked, Measurement(position, velocity), dt)
         return torque
 

@@ -142,7 +142,11 @@ def course(lines: Multisine, limits: Limits, duration: float, step: float) -> Re
 
 def limited(lines: Multisine, limits: Limits, duration: float, step: float) -> Multisine:
     """The same sines scaled down by one factor where they would leave a limit of position, velocity or acceleration: as they are played."""
-    most, (*moved, _) = (limits.travel / 2, limits.velocity, limits.acceleration), _faded(lines, duration, step)
+    run = _faded(lines, duration, step)
+    most, moved = (
+        (limits.travel / 2, limits.velocity, limits.acceleration),
+        (run.position, run.velocity, run.acceleration),
+    )
     share = min(_GOOD * x / max(float(np.abs(own).max()), 1e-300) for x, own in zip(most, moved, strict=True))
     return lines._replace(amplitude=lines.amplitude * min(1.0, share))
 

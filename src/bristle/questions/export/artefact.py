@@ -56,6 +56,8 @@ class ExportTarget:
     """Whether its values are the best along a motion that can be asked for."""
     merges: bool = False
     """Whether it can be merged into a given model."""
+    loaded: bool = False
+    """Whether it takes the load that friction rises with."""
 
 
 class Failed(str):

@@ -104,16 +104,20 @@ def motion(joint: ExportedJoint) -> dict[str, Array]:
         "position": amplitude * np.sin(w * t - 0.05) + noise * _PERIOD,
         "velocity": amplitude * w * np.cos(w * t - 0.05) + 0.5 * noise,
         "dt": np.full(t.size, _PERIOD),
+        "motor_torque": 2 * joint.curves[0].alpha_0 * np.sin(3 * t) + noise,
+        "link_torque": joint.curves[0].alpha_0 * np.cos(2 * t),
     }
     return {name: x.astype(np.float32).astype(np.float64) for name, x in moved.items()}
 
 
 def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[str, Array]) -> Array:
     """What the compensator in Python makes of it from rest, N*m, (n,)."""
-    running = RunningCompensator(compensator, numbers_of(joint))
-    columns = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
-    rows = np.array([inputs[name] for name in columns]).T.tolist()
-    return np.array([running.step(h, (y_ref, v_ref, a_ref), y, v) for h, y_ref, v_ref, a_ref, y, v in rows])
+    running = RunningCompensator(compensator, numbers_of(joint), rises=joint.rises)
+    motion = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
+    rows = np.array([inputs[name] for name in (*motion, "motor_torque", "link_torque")]).T.tolist()
+    return np.array(
+        [running.step(h, (y_ref, v_ref, a_ref), y, v, (m, l)) for h, y_ref, v_ref, a_ref, y, v, m, l in rows]
+    )
 
 
 class RefusedCodeError(Exception):
@@ -157,7 +161,7 @@ def compiled(text: str, joint: ExportedJoint, compensator: Compensator, real: ty
     compiler = c_compiler()
     if compiler is None:
         raise NotInstalled("there is no C compiler here; install gcc or clang")
-    names = printed_step(compensator, joint.law).inputs
+    names = printed_step(compensator, joint.law, tuple(joint.rises)).inputs
     assign = "\n".join(f"        in.{name} = inputs[{len(names)} * k + {j}];" for j, name in enumerate(names))
     source = _DRIVER.replace("NAME", identifier(joint)).replace("ASSIGN", assign)
     with tempfile.TemporaryDirectory(prefix="bristle-") as folder:

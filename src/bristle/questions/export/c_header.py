@@ -45,11 +45,13 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
         raise InputError(
             "compensator: none has no code; expected coulomb, stribeck, lugre, lugre-feedback or lugre-observer"
         )
-    printed, given = printed_step(kind_of(compensator), joint.law), settings_of(compensator)
+    rises = tuple(joint.rises)
+    printed = printed_step(kind_of(compensator), joint.law, rises)
+    given = settings_of(compensator) | joint.rises
     _refuse_out_of_range(joint, printed.fields, {name: given[name] for name in printed.settings})
     rows = test_vector(joint, compensator, printed)
     peak = float(np.abs(rows[:, -1]).max())
-    code = _code(kind_of(compensator), joint.law)
+    code = _code(kind_of(compensator), joint.law, rises)
     told = f"{joint.name}{joint.pair if joint.has_bristle else joint.curves}{sorted(given.items())}"
     guard = hashlib.sha256(told.encode("utf-8", "surrogatepass")).hexdigest()[:12].upper()
     text: str = _template().render(
@@ -80,6 +82,8 @@ def test_vector(joint: ExportedJoint, compensator: Compensator, printed: Printed
         "position": speeds / w * np.sin(w * t - 0.1),
         "velocity": speeds * np.cos(w * t - 0.1),
         "dt": np.full(k.size, _DT),
+        "motor_torque": 2 * joint.curves[0].alpha_0 * np.sin(0.3 * w * t),
+        "link_torque": joint.curves[0].alpha_0 * np.cos(0.2 * w * t),
     }
     given = {name: x.astype(np.float32).astype(np.float64) for name, x in columns.items()}
     torque = python_torque(joint, compensator, given)
@@ -113,9 +117,9 @@ def _about(compensator: Compensator, joint: ExportedJoint) -> Iterator[str]:
 
 
 @cache
-def _code(compensator: Compensator, law: Law) -> dict[str, Any]:
-    """What the template names that is the same for all compensators of a kind, of joints of a law."""
-    printed = printed_step(compensator, law)
+def _code(compensator: Compensator, law: Law, rises: tuple[str, ...]) -> dict[str, Any]:
+    """What the template names that is the same for all compensators of a kind, of joints of a law and of load."""
+    printed = printed_step(compensator, law, rises)
     gradient = printed.gradient
     field = partial(c_field, adapts=compensator.adaptation is not None)
     parts: dict[str, Any] = {
@@ -179,7 +183,7 @@ def _write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
         content=header(joint, request.compensator).encode("ascii"),
         holds=_HOLDS[request.compensator.name],
         losses=lost,
-        said=(*large_losses("c", lost), *left_out(joint, "c")),
+        said=(*large_losses("c", lost), *left_out(joint, "c", [*joint.rises])),
     )
 
 
@@ -204,4 +208,4 @@ def _alone(joint: ExportedJoint, compensator: Compensator) -> Friction:
     return torque
 
 
-TARGET = ExportTarget(write=_write, check=check_header, single=True)
+TARGET = ExportTarget(write=_write, check=check_header, single=True, loaded=True)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter
-from bristle.model.parameters import Lugre, unit
+from bristle.model.parameters import Lugre, of_load, unit
 from bristle.page.wording import PARAMETERS
 from bristle.questions.export.artefact import slug
 from bristle.questions.export.c_code import escaped
@@ -34,6 +34,12 @@ RANGES = {
     "position": (-1e6, 1e6),
     "velocity": (-1e3, 1e3),
     "dt": (1e-6, 1.0),
+    "motor_torque": (-1e4, 1e4),
+    "link_torque": (-1e4, 1e4),
+    "link_load": (0.0, 10.0),
+    "motor_load": (0.0, 10.0),
+    "gear_load": (0.0, 10.0),
+    "gear_load_squared": (0.0, 1e3),
 }
 """Within which nothing overflows."""
 SINGLE_ADAPTING = {
@@ -65,6 +71,12 @@ _WHAT = {
     "position": "measured",
     "velocity": "that drives the model",
     "dt": "since the last step",
+    "motor_torque": "that the motor gives",
+    "link_torque": "of gravity and links on the joint: minus what holds it",
+    "link_load": "friction per load of gravity and links",
+    "motor_load": "friction per torque of the motor",
+    "gear_load": "friction per torque that the gear carries, motor_torque - link_torque",
+    "gear_load_squared": "the same per its square",
 }
 _SECONDS = {"dt": "s", "observer_gain": "1/s", "leakage": "1/s", "forgetting": "1/s"}
 _LIKE = {
@@ -74,6 +86,8 @@ _LIKE = {
     "reference_position": "position",
     "reference_velocity": "velocity",
     "reference_acceleration": "acceleration",
+    "motor_torque": "torque",
+    "link_torque": "torque",
 }
 _LARGEST = 1e30
 """Of what has no range of its own."""
@@ -143,6 +157,8 @@ def _unit(name: str, stem: str) -> str:
     if stem == "inertia":
         return unit("inertia")
     if stem in (*Lugre._fields, FASTEST, "position", "velocity"):
+        return unit(stem)
+    if of_load(stem):
         return unit(stem)
     if stem == "sensitivity":
         return unit("position")

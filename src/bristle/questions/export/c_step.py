@@ -35,6 +35,8 @@ _INPUTS = (
     "position",
     "velocity",
     "dt",
+    "motor_torque",
+    "link_torque",
 )
 JOINT = ("position", "velocity", "deflection")
 """What a simulated joint remembers."""
@@ -81,18 +83,24 @@ def sets_of(of: Law) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=64)
-def printed_step(compensator: Compensator, of: Law = GAUSSIAN) -> PrintedStep:
-    """What is printed of a compensator for joints of a law: what its torque depends on, and no more."""
+def printed_step(compensator: Compensator, of: Law = GAUSSIAN, rises: tuple[str, ...] = ()) -> PrintedStep:
+    """What is printed of a compensator for joints of a law: what its torque depends on, and no more.
+
+    `rises` are the coefficients by which friction rises with load (`law.load_levels`); they are among the settings.
+    """
     n, sets = adapted_count(compensator), sets_of(of)
-    names = setting_names(n)
+    names = (*setting_names(n), *rises)
     q, s, w = ca.SX.sym("q", len(sets)), ca.SX.sym("s", len(names)), ca.SX.sym("w", len(_INPUTS))
     pair = pair_of(ca.vertsplit(q), of)
-    symbolic = with_settings(compensator, dict(zip(names, ca.vertsplit(s), strict=True)), ChangingAdaptation)
+    own = dict(zip(names, ca.vertsplit(s), strict=True))
+    symbolic = with_settings(compensator, own, ChangingAdaptation)
     at_rest = packed(initial_state(symbolic, pair))
     m = ca.SX.sym("m", len(at_rest))
     state = unpacked(ca.vertsplit(m), pair, n)
-    y_ref, v_ref, a_ref, y, v, h = ca.vertsplit(w)
-    new, T = step(symbolic, state, Reference(y_ref, v_ref, a_ref), Measurement(y, v), h)
+    y_ref, v_ref, a_ref, y, v, h, tau_m, tau_l = ca.vertsplit(w)
+    levels = law.load_levels(tau_m, tau_l)
+    level = sum(own[name] * levels[name] for name in rises)
+    new, T = step(symbolic, state, Reference(y_ref, v_ref, a_ref, level=level), Measurement(y, v), h)
     out = ca.densify(ca.vertcat(*packed(new), T))
     kept = _kept(out, m)
     remembered = _remembered(compensator)

@@ -68,6 +68,7 @@ def export_joints(
     Raises InputError where the target is unknown, holds one joint and several are given, merges into nothing, or a joint lacks what it needs.
     """
     chosen = target(to)
+    joints = [x.under_load() for x in joints] if chosen.loaded else joints
     if chosen.single and len(joints) > 1:
         raise InputError(
             f"{to} holds one joint, and the results have {len(joints)}: say which with joint, one of {', '.join(x.name for x in joints)}"

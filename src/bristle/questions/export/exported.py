@@ -37,6 +37,7 @@ from bristle.model.parameters import (
     in_direction,
     lugre_of,
     of_friction,
+    of_load,
     peak_parameters,
     static_fields_of,
     static_of,
@@ -128,6 +129,16 @@ class ExportedJoint:
     def quadratic(self) -> float:
         """What multiplies v abs(v) beside the friction of the pair, N*m*s**2/rad**2; 0 where no such term was fitted."""
         return next((x.value for x in self.parameters if x.parameter.name == "quadratic"), 0.0)
+
+    @property
+    def rises(self) -> dict[str, float]:
+        """The coefficients by which friction rises with load (`law.load_levels`), by name; none where it does not."""
+        rises = {x.parameter.name: x.value for x in self.parameters if of_load(x.parameter.name)}
+        return rises if any(rises.values()) else {}
+
+    def under_load(self) -> "ExportedJoint":
+        """The joint for a target that takes its load: it is not said that it was left out."""
+        return replace(self, said=tuple(x for x in self.said if x.kind is not Kind.LOAD_LEFT_OUT))
 
     @property
     def has_bristle(self) -> bool:
