@@ -116,7 +116,10 @@ def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[s
     motion = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
     rows = np.array([inputs[name] for name in (*motion, "motor_torque", "link_torque")]).T.tolist()
     return np.array(
-        [running.step(h, (y_ref, v_ref, a_ref), y, v, (m, l)) for h, y_ref, v_ref, a_ref, y, v, m, l in rows]
+        [
+            running.step(h, (y_ref, v_ref, a_ref), y, v, (tau_m, tau_l))
+            for h, y_ref, v_ref, a_ref, y, v, tau_m, tau_l in rows
+        ]
     )
 
 
