@@ -1,14 +1,23 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.identification.identify import identify_joint
+from bristle.identification.measured import measure
+from bristle.identification.moving_runs import decimator, longest_decimation
 from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_records, with_prior
 from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.rollout import rollout
+from bristle.questions.joint_report.static_figures import curves_to_use
 
 from ..names import parse
 from .conftest import curve
@@ -100,6 +109,56 @@ def test_too_short_a_segment_names_the_length_it_needs() -> None:
     short = Record(file="short.csv", time=whole.time[few], velocity=whole.velocity[few], torque=whole.torque[few])
     with pytest.raises(ValueError, match=r"short\.csv: no segment between gaps is longer than \d+ samples"):
         from_records([short], ("both",), ("offset",), 10)
+
+
+@pytest.mark.parametrize("samples", [5, 37, 100, 368, 369, 10_000])
+def test_the_decimation_is_the_largest_that_a_run_is_long_enough_for(samples: int) -> None:
+    """Of 10 at most: it leaves an equation of such a run, and one more leaves none."""
+    found = longest_decimation(10, samples)
+    assert decimator([np.array([samples])], found, "a.csv")[0].shape[0] >= 1
+    if found < 10:
+        with pytest.raises(InputError, match="no segment between gaps is longer"):
+            decimator([np.array([samples])], found + 1, "a.csv")
+
+
+def moving_file(folder: Path, fit: str = "") -> Path:
+    """Two tracking runs with presliding, of 20 s and of 0.3 s: SIMULATED."""
+    t = np.arange(0, 20, 2e-3)
+    v = np.sum([a * np.sin(2 * np.pi * f * t + a) for a, f in ((0.3, 0.3), (0.1, 1.3), (0.05, 3.1))], axis=0)
+    T = rollout(v, 2e-3, Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0)).torque
+    rows = np.column_stack([t, v, T + 0.005 * np.random.default_rng(0).standard_normal(t.size)])
+    for name, own in (("long.csv", rows), ("short.csv", rows[:150])):
+        np.savetxt(folder / name, own, delimiter=",", header="t,v,T", comments="")
+    file = folder / "a.yaml"
+    file.write_text(
+        "joint: {name: a, kind: revolute}\nsimulated: true\nsignals:\n  time: {column: t, unit: s}\n"
+        "  velocity: {column: v, unit: rad/s}\n  torque: {column: T, unit: N*m}\n"
+        f"fit: {{directions: symmetric{fit}}}\n"
+        "runs: [{files: [long.csv, short.csv], experiment: tracking}]\n"
+    )
+    return file
+
+
+def test_a_short_run_lowers_the_decimation_and_says_so(tmp_path: Path) -> None:
+    """With one run of 150 samples the filter is the longest that leaves something of it; a decimation that was asked for stays, and is refused."""
+    measured = measure(moving_file(tmp_path))
+    assert measured.experiment.fit.decimation == longest_decimation(10, 150) < 10
+    (note,) = (n for run in measured.runs for n in run.record.notes if n.kind is Kind.DECIMATION_LOWERED)
+    assert (note.numbers["file"], note.numbers["usual"]) == ("short.csv", 10)
+    with pytest.raises(InputError, match=r"short.csv: no segment .* below 10"):
+        identify_joint(measure(moving_file(tmp_path, ", decimation: 10")))
+
+
+def test_a_shape_that_motion_does_not_show_is_assumed_and_said(tmp_path: Path) -> None:
+    """A free exponent without points at constant velocity is held in the middle of its range, which is a caution; a given one is not."""
+    for given, said in (("", ["1.41"]), (", fixed: {delta: 2.0}", [])):
+        joint = identify_joint(measure(moving_file(tmp_path, f", law: free-exponent{given}")))
+        fit = joint.moving
+        assert fit is not None
+        told = [w for w in fit.warnings if w.kind is Kind.SHAPE_HELD]
+        assert [f"{w.numbers['value']:.3g}" for w in told] == said
+        (p,) = curves_to_use(joint).values()
+        assert p.alpha_0 == fit.known[parse("alpha_0")]
 
 
 def test_missing_acceleration_is_named() -> None:

@@ -16,7 +16,7 @@ from bristle.data.signal_checks import merged
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, short, short_list
 from bristle.identification.fits import Estimate
-from bristle.identification.moving_runs import load_columns, needed, terms_of
+from bristle.identification.moving_runs import load_columns, longest_decimation, needed, terms_of
 from bristle.identification.static.points import PointSearch, point_regressors, search_points, without_strays
 
 if TYPE_CHECKING:
@@ -110,11 +110,30 @@ def measure(experiment: Experiment | Path | str) -> Measured:
 
 def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
     """Runs that were read, the constant-velocity ones cut into segments. Raises InputError as `measure`."""
+    experiment, runs = _filtered(experiment, runs)
     whole = Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs))
     searches = search_points(experiment, whole.points(hold_out=False))
     left_out = {s.place: s for s in without_strays(experiment, searches)}
     segments = tuple(tuple(left_out.get(s.place, s) for s in candidates) for candidates in whole.segments)
     return replace(whole, segments=segments, searches=searches)
+
+
+def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment, tuple[Run, ...]]:
+    """With a decimation that every moving run is long enough for, where none is asked for; the shortest run notes it."""
+    if "decimation" in experiment.fit.model_fields_set:
+        return experiment, runs
+    moving = {k: run.record for k, run in enumerate(runs) if run.kind == "tracking"}
+    longest = {k: int(np.diff([*r.starts, r.time.size]).max()) for k, r in moving.items()}
+    if not longest:
+        return experiment, runs
+    k, usual = min(longest, key=lambda k: longest[k]), experiment.fit.decimation
+    decimation = longest_decimation(usual, longest[k])
+    if decimation == usual:
+        return experiment, runs
+    short = runs[k].record
+    note = Kind.DECIMATION_LOWERED(decimation=decimation, usual=usual, file=short.file, samples=longest[k])
+    noted = replace(runs[k], record=replace(short, notes=(*short.notes, note)))
+    return _asking(experiment, decimation=decimation), (*runs[:k], noted, *runs[k + 1 :])
 
 
 def with_law(measured: Measured, law: str) -> Measured:

@@ -365,6 +365,12 @@ def decimator(segments: Sequence[Array], decimation: int, file: str) -> tuple[sp
     return smooth, int(np.minimum(lengths, 2 * half).sum())
 
 
+def longest_decimation(usual: int, samples: int) -> int:
+    """The largest decimation, at most the usual one, whose transients so many samples between gaps are longer than."""
+    fitting = (d for d in range(usual, 1, -1) if samples > _kernel(d).size - 1)
+    return next(fitting, 1)
+
+
 def _kernel(decimation: int) -> Array:
     """Impulse response of the zero-phase decimation filter, cut where it has died out; odd length, sum 1."""
     sections = signal.butter(4, 0.8 / decimation, output="sos")

@@ -28,6 +28,11 @@ def interval(ends: tuple[float, float] | None) -> str:
     return "none" if ends is None else span(ends).translate(_SIGNS)
 
 
+def in_unit(value: str, si: str) -> str:
+    """A number in print with its unit, where it has one."""
+    return value if si == "1" else f"{value} {si}"
+
+
 def wrapped(lines: Iterable[str], width: int = WIDTH) -> Iterator[str]:
     """Each line, broken where it is too long for the terminal: never inside a number, an interval or a word.
 

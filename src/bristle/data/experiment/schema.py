@@ -1,6 +1,7 @@
 """The parts of an experiment file: joint, motor, thresholds, fit options, runs; quantities are in SI once validated."""
 
 from dataclasses import dataclass
+from math import inf
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BeforeValidator, Field, StrictStr, ValidationInfo, model_validator
@@ -12,7 +13,7 @@ from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, moto
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
 from bristle.model.laws.parts import Law
-from bristle.model.laws.registry import AUTO, LOADS, PAPER, apart, law_named
+from bristle.model.laws.registry import AUTO, LOADS, PAPER, apart, law_named, own_parameter
 from bristle.model.parameters import Kind, Lugre, of_friction
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
@@ -84,12 +85,20 @@ def read_fixed(value: object, info: ValidationInfo) -> object:
     """Read `{sigma_1: 0.02 N*m*s/rad, ...}`, each with its unit, and perhaps a direction's sign at its name's end."""
     if not isinstance(value, dict):
         raise InputError(f"got {short(value)}; expected names with values, as {{sigma_1: 0.02 N*m*s/rad}}")
-    wrong = [name for name in value if _bare(name) not in _SIGNS]
+    wrong = [name for name in value if _bare(name) not in _SIGNS and own_parameter(_bare(name)) is None]
     if wrong:
-        raise InputError(f"got {short(wrong[0])}; expected one of {', '.join(_SIGNS)}, with + or - for one direction")
+        raise InputError(
+            f"got {short(wrong[0])}; expected one of {', '.join(_SIGNS)}, or what the law has of its own, with + or - for one direction"
+        )
     if not isinstance(info.context, Context):
         return value
-    return {name: units.to_si(x, si(_bare(name), info.context)) for name, x in value.items()}
+    return {name: _fixed_value(x, si(_bare(name), info.context)) for name, x in value.items()}
+
+
+def _fixed_value(value: object, unit: str) -> float:
+    """In SI; a number alone where it has no unit."""
+    plain = unit == "1" and isinstance(value, int | float) and not isinstance(value, bool)
+    return units.to_si(f"{value} {unit}" if plain else value, unit)
 
 
 def _bare(name: object) -> str:
@@ -100,7 +109,11 @@ def _bare(name: object) -> str:
 def _physical(fixed: dict[str, float]) -> dict[str, float]:
     """The values; raises InputError where one has a sign that it cannot have, or is given twice over."""
     for name, value in fixed.items():
-        sign = _SIGNS.get(_bare(name), "")
+        sign, own = _SIGNS.get(_bare(name), ""), own_parameter(_bare(name))
+        if own is not None:
+            low, high = own.searched if own.searched[1] else (own.least, inf)
+            if not low <= value <= high:
+                raise InputError(f"{name}: got {value:g}; expected a value from {low:g} to {high:g}")
         if (sign and value < 0) or (sign == "> 0" and value == 0):
             raise InputError(f"{name}: got {value:g}; expected a value {sign}")
         if name != _bare(name) and _bare(name) in fixed:

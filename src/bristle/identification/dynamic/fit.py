@@ -3,7 +3,7 @@
 Starts, intervals that know of correlated residuals, what the data do not see, hold-out runs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from math import sqrt
 from typing import NamedTuple
@@ -104,6 +104,7 @@ def fit_tracking(
     warnings = (
         *_lack_of_fit(problem, rows, kind),
         *_below_zero(estimates.get(INERTIA)),
+        *_shape_held(problem),
         *missing_terms(problem, solution, kind),
         *regressor_left_out(problem, solution),
         *offset_or_friction(problem, solution, kind),
@@ -264,6 +265,15 @@ def _below_zero(inertia: Estimate | None) -> list[Diagnostic]:
     if inertia is None or inertia.value is None or inertia.interval is None or inertia.interval[1] >= 0:
         return []
     return [Kind.INERTIA_BELOW_ZERO(value=inertia.value, error=inertia.standard_error, unit=inertia.unit)]
+
+
+def _shape_held(problem: DynamicProblem) -> Iterator[Diagnostic]:
+    """What the peak has beside v_s, where nothing but the range that is searched tells it."""
+    for own in problem.law.peak.own:
+        held = {d: problem.key(own.name, d) for d in problem.directions}
+        names = tuple(dict.fromkeys(str(n) for n in held.values() if problem.fixed.get(n) == own.middle))
+        if names:
+            yield Kind.SHAPE_HELD(names=names, value=own.middle)
 
 
 def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:

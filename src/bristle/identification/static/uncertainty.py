@@ -200,7 +200,7 @@ def _stepped(
         return residual_bootstrap(J, left, problem.velocity, seed=seed)
     sigma = float(np.sqrt(solution.cost / max(left.size - size.size, 1)))
     drawn = block_bootstrap(-J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed)
-    return drawn, np.sqrt(np.diag(covariance)) / size
+    return drawn, np.sqrt(np.diag(covariance)[: size.size]) / size  # what the shape has beside stands after them
 
 
 def run_fits(

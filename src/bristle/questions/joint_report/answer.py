@@ -11,6 +11,7 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import SIGNED, Direction, ParameterName, fields_of, in_direction, of_friction
 from bristle.page.page import Drawn
+from bristle.page.plain import in_unit
 from bristle.page.wording import FITS, direction, in_symbols, measured, number, pretty, span, symbol
 from bristle.questions.joint_report.text import total_error
 
@@ -59,7 +60,7 @@ def answer(
         }
         for joint, slug in zip(joints, slugs, strict=True)
     ]
-    columns = [(name, shared.get(name, "")) for name in names]
+    columns = [(name, in_unit("", shared.get(name, "1")).strip()) for name in names]
     labels = [f"{symbol(name)} ({unit})" if unit else symbol(name) for name, unit in columns]
     cells = [cell for row in rows for _, own in row["directions"] for cell in own]
     return {
@@ -129,6 +130,6 @@ def _also(rows: Mapping[ParameterName, Known]) -> str:
     """What was identified beside friction, such as the inertia."""
     told = [row for p, row in rows.items() if not of_friction(p.name) and row.estimate.value is not None]
     return ", ".join(
-        f"{in_symbols(str(row.parameter.name)).replace('_', ' ')} {_value(row.estimate)} {pretty(row.estimate.unit)}"
+        f"{in_symbols(str(row.parameter.name)).replace('_', ' ')} {in_unit(_value(row.estimate), pretty(row.estimate.unit))}"
         for row in told
     )

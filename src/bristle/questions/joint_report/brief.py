@@ -10,7 +10,7 @@ from bristle.identification.known_joint import Known, Source, chosen, known_join
 from bristle.identification.results import Joint
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, effort, of_curve, of_friction, unit
-from bristle.page.plain import columns, interval, pair, shortened_lines, wrapped
+from bristle.page.plain import columns, in_unit, interval, pair, shortened_lines, wrapped
 from bristle.page.wording import FITS, counted, printable, shortened
 from bristle.questions.joint_report.text import total_error
 
@@ -85,7 +85,9 @@ def _values(joint: Joint) -> Iterator[str]:
         if row is not None and (row.estimate.value is not None or _bounded(row.estimate)):
             cells.append(_cells(row))
         elif name in fixed:
-            cells.append((str(name), f"{fixed[name].value:.6g} {unit(name.name, joint.kind)}", "", "experiment file"))
+            cells.append(
+                (str(name), in_unit(f"{fixed[name].value:.6g}", unit(name.name, joint.kind)), "", "experiment file")
+            )
         else:
             missing.setdefault(name.direction, {}).setdefault(_why_none(name, row), []).append(str(name))
     yield from columns(cells) if len(cells) > 1 else ()
@@ -142,8 +144,8 @@ def _bounded(e: Estimate) -> bool:
 def _cells(row: Known) -> tuple[str, ...]:
     e, source = row.estimate, _SOURCES.get(row.source) or FITS[row.source]
     if e.value is None:
-        return str(row.parameter), "not identifiable", f"{interval(e.interval)} {e.unit}", source
-    return str(row.parameter), f"{pair(e.value, total_error(e))} {e.unit}", interval(e.interval), source
+        return str(row.parameter), "not identifiable", in_unit(interval(e.interval), e.unit), source
+    return str(row.parameter), in_unit(pair(e.value, total_error(e)), e.unit), interval(e.interval), source
 
 
 def _count(joint: Joint) -> str:

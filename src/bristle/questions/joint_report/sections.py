@@ -10,6 +10,7 @@ from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import band, curve
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import ParameterName, of_curve, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import Drawn, Section, versions
@@ -106,6 +107,9 @@ def _joint(joint: Joint, slug: str, drawn: Mapping[str, Drawn]) -> dict[str, Any
         "next": [(_about(x), x) for x in next_measurements(joint)],
         "thinned": max((fit.velocity.size for fit in joint.static.values()), default=0) > MOST_POINTS,
         "most_points": MOST_POINTS,
+        "of_paper": joint.law == GAUSSIAN,
+        "to_use": bool(static_figures.curves_to_use(joint)),
+        "held_shape": " and ".join(own.symbol for own in joint.law.peak.own),
         "banded": any(band(fit.velocity[:1], fit) is not None for d, fit in joint.static.items() if d != "shared"),
     }
 

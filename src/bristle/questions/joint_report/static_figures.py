@@ -11,10 +11,11 @@ from matplotlib.patches import Patch
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.identification.fits import Profile, StaticFit
+from bristle.identification.known_joint import known_joint
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import band, curve
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import Kind, Lugre, Stribeck, bends_down, unit
+from bristle.model.parameters import Kind, Lugre, Stribeck, bends_down, static_of, unit
 from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, thinned, title
 from bristle.page.wording import axis, direction, pretty, shortened
 
@@ -65,6 +66,8 @@ def curve_figure(joint: Joint) -> Figure:
             _curve(slow, fit, look, sign, magnitude=True)
         _fitted_points(whole, fit, look, direction(d))
         _fitted_points(slow, fit, look, direction(d), magnitude=True)
+    _to_use(whole, joint, magnitude=False)
+    _to_use(slow, joint, magnitude=True)
     _strays(whole, joint)
     _strays(slow, joint, magnitude=True)
     decimal_log(slow)
@@ -123,6 +126,33 @@ def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool
         label = "95 % band" if half.max() > _SEEN * np.ptp(fit.torque) else "95 % band (within the line)"
         named = f"_{label} {of}" if label in ax.get_legend_handles_labels()[1] else label
         ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
+
+
+def curves_to_use(joint: Joint) -> dict[str, Stribeck[float]]:
+    """By direction the law of the values to use, where these are of a fit of all parameters and not of the curve that is drawn."""
+    if joint.moving is None or not joint.static:
+        return {}
+    known = known_joint(joint)
+    fields = static_of(known.law)._fields
+    sets = {str(d): known.values(d) for d in known.directions}
+    return {d: static_of(known.law)(*(values[name] for name in fields)) for d, values in sets.items()}
+
+
+def _to_use(ax: Axes, joint: Joint, *, magnitude: bool) -> None:
+    """The law of the values to use, in black beside what is drawn."""
+    speeds = np.concatenate([fit.velocity for _, fit in _directions(joint)])
+    label = "values to use, from moving runs"
+    for d, p in curves_to_use(joint).items():
+        for sign in (1.0, -1.0) if d == "both" else (float(f"{d}1"),):
+            along = np.abs(speeds[speeds * sign > 0])
+            if not along.size:
+                continue
+            v = sign * np.geomspace(
+                max(float(along.min()) / 2, 1e-3 * float(along.max())), 1.02 * float(along.max()), 200
+            )
+            x, y = (np.abs(v), np.abs(curve(v, p))) if magnitude else (v, curve(v, p))
+            named = f"_{label} {sign}" if label in ax.get_legend_handles_labels()[1] else label
+            ax.plot(x, y, "-.", color="black", linewidth=1.1, label=named)
 
 
 def _is_held(fit: StaticFit) -> bool:

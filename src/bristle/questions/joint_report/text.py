@@ -21,7 +21,7 @@ from bristle.identification.fits import (
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
-from bristle.page.plain import columns, interval, pair, wrapped
+from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.wording import FITS, WORK, counted, percent, printable, shortened
 from bristle.questions.joint_report.sentences import (
     bias,
@@ -134,12 +134,12 @@ def _parameters(title: str, parameters: Mapping[Any, Estimate], said: set[str]) 
 def _cells(e: Estimate) -> tuple[str, ...]:
     """Value with its error and unit, the error in percent, the part that constants have in it, and the interval."""
     if e.value is None:
-        return "not estimated", "", "" if e.interval is None else f"{interval(e.interval)} {e.unit}"
+        return "not estimated", "", "" if e.interval is None else in_unit(interval(e.interval), e.unit)
     share = percent(e.value, e.standard_error)
     relative = "" if share is None else f"{share:.2g} %" if share < 99.5 else f"{share:.0f} %"
     beside = systematic(e, "systematic +/- {}")
     ends = "no interval" if e.interval is None else interval(e.interval)
-    return f"{pair(e.value, e.standard_error)} {e.unit}", relative, *([beside] if beside else []), ends
+    return in_unit(pair(e.value, e.standard_error), e.unit), relative, *([beside] if beside else []), ends
 
 
 def _repeats(repeats: Mapping[Any, RunScatter]) -> Iterator[str]:
