@@ -32,7 +32,7 @@ from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, effort, unit
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.rollout import load_level, rollout
+from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
@@ -54,7 +54,7 @@ _NOTHING = 1e-3
 _HALF = 0.5
 """Share of a parameter's error that is corrected in a second, where no rates are given."""
 
-_SETTLED, _MOST = 1e-9, 60
+_SETTLED, _MOST = 1e-9, 200
 """Share of the level that a step changes it by once it has settled, where friction is part of its own load; and steps."""
 
 
@@ -140,8 +140,8 @@ class JointLoop:
     def under_load(self, motion: Reference) -> Reference:
         """A reference, (n,), with the level that friction rises to under the load along it, as the model has it.
 
-        The motor's torque is what it takes to follow the reference, friction included, and that of the links gravity's.
-        Raises InputError where friction would rise by more than the load it rises with.
+        The motor's torque is what it takes to follow the reference, steady friction (9) included, and that of the links
+        gravity's. Raises InputError where friction would rise by more than the load that it rises with.
         """
         if self.carried is None:
             return motion
@@ -150,13 +150,14 @@ class JointLoop:
         others = self.carried.others
         gravity = sum(others.get(name, 0.0) * columns[name] for name in LOADS if name.startswith("gravity"))
         own = self.J * motion.acceleration + sum(others[name] * columns[name] for name in others)
-        level = np.zeros_like(motion.position)
+        v, level = motion.velocity, np.zeros_like(motion.position)
+        curve = functions.steady_torque_function(self.model.law)
+        own += np.where(v < 0, *(evaluate(curve, v, *p.stribeck)[0] for p in reversed(self.model)))
         for _ in range(_MOST):
-            friction = rollout(motion.velocity, self.period, self.model, 0.0, level=level).torque
-            before, level = level, load_level(self.carried.rises, own + friction, -np.asarray(gravity))
+            before, level = level, load_level(self.carried.rises, own + level * np.sign(v), -np.asarray(gravity))
             if not np.isfinite(level).all():
                 break
-            if np.abs(level - before).max() <= _SETTLED * np.abs(level).max():
+            if np.abs(level - before).max() <= _SETTLED * level.max():
                 return motion._replace(level=level)
         raise InputError(
             f"{self.name}: friction rises by more than the load does ({', '.join(self.carried.rises)}), so no torque moves the joint; "
