@@ -310,6 +310,7 @@ RESIDUALS = ("samples", "wrist", "static/+/residuals")
         (("experiments",), [{"file": "a", "folder": "b\0", "text": "", "beside": {}, "joints": []}], "control character"),
         (("experiments",), [{"file": "a", "folder": None, "text": "x" * 2_000_000, "beside": {}, "joints": []}], "expected at most"),
         (("joints", "wrist", "static", "+", "n"), "x", "Input should be"),
+        (("joints", "wrist", "static", "+", "parameters"), {}, "is none of the fit's parameters"),
         (("schema",), "bristle-results/9", "schema"),
     ],
 )  # fmt: skip  # a row, one line

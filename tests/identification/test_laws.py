@@ -245,6 +245,13 @@ def test_laws_are_printed_side_by_side(tmp_path: Path) -> None:
     assert "The data want lorentzian: its BIC is" in " ".join(table.split())
 
 
+def test_paper_is_another_name_of_the_gaussian_peak() -> None:
+    """Alone, with a term, and with a load."""
+    assert FitOptions(law="paper+quadratic").friction == FitOptions(law="gaussian+quadratic").friction
+    assert FitOptions(law="paper+quadratic+gear-load").load == ("gear-load",)
+    assert law_named("paper") == GAUSSIAN
+
+
 @pytest.mark.parametrize(
     ("fit", "said"),
     [
@@ -252,6 +259,7 @@ def test_laws_are_printed_side_by_side(tmp_path: Path) -> None:
         ("{law: gaussian+gaussian}", "each perhaps with +quadratic"),
         ("{law: 3}", "law"),
         ("{law: lorentzian+quadratic, regressors: [quadratic]}", "the same term"),
+        ("{law: auto, model: coulomb-viscous}", "chooses the peak, and fit.model: coulomb-viscous has none"),
     ],
 )
 def test_what_is_no_law_is_refused(tmp_path: Path, fit: str, said: str) -> None:

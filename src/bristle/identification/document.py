@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from bristle.errors import InputError, check_regular, one_line, short
+from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.results import Document, Joint, adapter, first_reason
 from bristle.identification.samples import with_samples
 
@@ -85,7 +86,16 @@ def joints_of(document: Document) -> tuple[Joint, ...]:
     samples = document.samples or {}
     if odd := samples.keys() - document.joints.keys():
         raise InputError(f"samples: {short(min(odd))} is no joint")
+    for joint in document.joints.values():
+        for fit in (*joint.static.values(), *(x for x in (joint.tracking, joint.joint_fit) if x is not None)):
+            _check_compared(joint.name, fit)
     return tuple(with_samples(joint, samples.get(name, {})) for name, joint in document.joints.items())
+
+
+def _check_compared(joint: str, fit: StaticFit | TrackingFit) -> None:
+    """InputError where a fit has intervals of a parameter that it does not have."""
+    if odd := {*map(str, fit.uncertainty)} - {*map(str, fit.parameters)}:
+        raise InputError(f"{joint}: uncertainty: {short(min(odd))} is none of the fit's parameters")
 
 
 def check_most(what: str, count: int) -> None:

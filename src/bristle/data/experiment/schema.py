@@ -301,6 +301,10 @@ class FitOptions(StrictModel):
             raise InputError(
                 f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
             )
+        if self.law == AUTO and self.model == "coulomb-viscous":
+            raise InputError(
+                f"fit.law: {AUTO} chooses the peak, and fit.model: coulomb-viscous has none; leave one of the two out"
+            )
         check_orders(self.regressors or (), self.orders, self.predict)
         if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
             raise InputError(

@@ -82,13 +82,14 @@ def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
 
 
 def law_named(name: str) -> Law:
-    """The law of a name such as `lorentzian+quadratic`; `paper` is the Gaussian one, and so is `auto` before the data chose.
+    """The law of a name such as `lorentzian+quadratic`; `paper` is the Gaussian peak, and so is `auto` before the data chose.
 
     Raises KeyError, with the names that there are, where there is none.
     """
-    if name in (PAPER, AUTO):
+    if name == AUTO:
         return GAUSSIAN
     first, *rest = name.split("+")
+    first = gaussian.PEAK.name if first == PAPER else first
     if not {first, *rest} <= _PARTS.keys():
         _look()
     peak, terms = _PARTS.get(first), [_PARTS.get(x) for x in rest]
