@@ -1,7 +1,11 @@
 """Friction that rises with load: equations against differences, the truth recovered, and nothing invented."""
 
+import atexit
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 
 import casadi as ca
 import numpy as np
@@ -70,9 +74,11 @@ def test_derivatives_by_a_level_are_those_of_differences(p: Lugre[float] | Pair[
         assert rows[count + k] == pytest.approx(by_difference, abs=near * np.abs(by_difference).max())
 
 
-def joint(folder: Path, law: str, rises: float = 0.1, supply: tuple[float, ...] = (0.0,) * 4) -> Joint:
-    """A weight swung about four angles, a log each, with friction that rises with gravity's torque."""
-    folder.mkdir()
+@cache
+def geared(law: str, rises: float = 0.1, supply: tuple[float, ...] = (0.0,) * 4) -> tuple[Path, Joint]:
+    """A weight swung about four angles, a log each, with friction that rises with gravity's torque: its file, and what it is identified as."""
+    folder = Path(mkdtemp(prefix="bristle-geared-"))
+    atexit.register(rmtree, folder, ignore_errors=True)
     rng = np.random.default_rng(1)
     t, w, size = np.arange(0, 12, STEP), 2 * np.pi * np.array([[0.25], [0.7]]), np.array([[0.35], [0.12]])
     for k, (angle, off) in enumerate(zip((0.15, 0.5, 0.9, 1.3), supply, strict=True)):
@@ -90,13 +96,13 @@ def joint(folder: Path, law: str, rises: float = 0.1, supply: tuple[float, ...] 
         f"fit: {{directions: symmetric, regressors: [inertia, gravity], law: {law}}}\n"
         "runs: [{files: [0.csv, 1.csv, 2.csv, 3.csv], experiment: tracking}]\n"
     )
-    return bristle.identify(file).joint()
+    return file, bristle.identify(file).joint()
 
 
 @pytest.mark.parametrize("supply", [(0.0, 0.0, 0.0, 0.0), (0.02, -0.02, 0.015, -0.01)])
-def test_ten_percent_of_the_load_is_recovered(tmp_path: Path, supply: tuple[float, ...]) -> None:
+def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None:
     """0.100 within 0.005, and within its interval, with a supply that errs by 2 % in each log too."""
-    tracking = joint(tmp_path / "logs", "paper+link-load", supply=supply).tracking
+    tracking = geared("paper+link-load", supply=supply)[1].tracking
     assert tracking is not None
     e = tracking.parameters[LINK_LOAD]
     assert e.value == pytest.approx(0.1, abs=0.005)
@@ -105,9 +111,9 @@ def test_ten_percent_of_the_load_is_recovered(tmp_path: Path, supply: tuple[floa
     assert tracking.load.size == tracking.friction.size == tracking.n
 
 
-def test_the_data_choose_the_load_that_is_there_and_none_that_is_not(tmp_path: Path) -> None:
+def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
     """`auto` takes link-load where friction rises with gravity's torque; without a load it keeps the paper's law."""
-    loaded, bare = joint(tmp_path / "a", "auto"), joint(tmp_path / "b", "auto", rises=0.0)
+    (_, loaded), (_, bare) = geared("auto"), geared("auto", rises=0.0)
     assert loaded.laws is not None
     assert loaded.laws.chosen.law == "gaussian+link-load"
     assert loaded.tracking is not None
@@ -117,9 +123,9 @@ def test_the_data_choose_the_load_that_is_there_and_none_that_is_not(tmp_path: P
     assert {f"gaussian+{name}" for name in LOADS} <= {row.law for row in bare.laws.rows}
 
 
-def test_under_the_papers_law_a_caution_has_the_line_to_write(tmp_path: Path) -> None:
+def test_under_the_papers_law_a_caution_has_the_line_to_write() -> None:
     """A load that the law does not have is named, with a law that has it."""
-    tracking = joint(tmp_path / "logs", "paper").tracking
+    tracking = geared("paper")[1].tracking
     assert tracking is not None
     (told,) = (w for w in tracking.warnings if w.kind is Kind.FRICTION_BY_LOAD)
     assert "law: gaussian+link-load" in str(told)
@@ -151,11 +157,12 @@ def test_a_load_needs_a_motion() -> None:
         FitOptions(law="paper+gear-load", predict="position")
 
 
-def test_a_load_that_nothing_tells_is_refused(tmp_path: Path) -> None:
+def test_a_load_that_nothing_tells_is_refused() -> None:
     """Without gravity among the regressors nobody knows what the links bring: one sentence."""
-    joint(tmp_path / "logs", "paper")
-    file = tmp_path / "logs" / "geared.yaml"
-    file.write_text(file.read_text().replace("[inertia, gravity], law: paper", "[inertia], law: paper+gear-load"))
+    whole, _ = geared("paper")
+    told = whole.read_text().replace("[inertia, gravity], law: paper", "[inertia], law: paper+gear-load")
+    file = whole.with_name("untold.yaml")
+    file.write_text(told)
     with pytest.raises(InputError, match="gear-load needs what gravity does"):
         bristle.identify(file)
 
@@ -192,13 +199,13 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
     assert told.numbers["rows"] == off
 
 
-def test_compensation_sees_the_load(tmp_path: Path) -> None:
+def test_compensation_sees_the_load() -> None:
     """Along a reference the level is what gravity there raises it by, in model and plant; a replay with it leaves the noise alone.
 
     Without it the replay leaves four times as much, and the joint gains nothing by adaptation that it has not by the load.
     """
-    found = joint(tmp_path / "a", "paper+link-load")
-    measured = measure(tmp_path / "a" / "geared.yaml")
+    file, found = geared("paper+link-load")
+    measured = measure(file)
     loop = of_experiment(measured.experiment, found)
     reference = loop.sine(0.5, 2.0, amplitude=0.5)
     assert reference.level == pytest.approx(0.1 * np.abs(G * np.sin(reference.position)), abs=0.01)
@@ -217,12 +224,12 @@ def test_compensation_sees_the_load(tmp_path: Path) -> None:
     assert unloaded > 2 * left
 
 
-def test_friction_that_is_part_of_its_load(tmp_path: Path) -> None:
+def test_friction_that_is_part_of_its_load() -> None:
     """A level that rises with the motor's torque, friction included, is the one at which both agree; at a coefficient of 1 there is none."""
-    plain = joint(tmp_path / "a", "paper")
-    loop = of_experiment(measure(tmp_path / "a" / "geared.yaml").experiment, plain)
-    geared = replace(loop, carried=Carried({"gear_load": 0.2}, {"gravity_sin": G}))
-    r = geared.sine(0.5, 2.0)
+    file, plain = geared("paper")
+    loop = of_experiment(measure(file).experiment, plain)
+    loaded = replace(loop, carried=Carried({"gear_load": 0.2}, {"gravity_sin": G}))
+    r = loaded.sine(0.5, 2.0)
     sets = [loop.model.positive if v > 0 else loop.model.negative for v in r.velocity]
     T = np.array(
         [
@@ -245,13 +252,13 @@ def test_a_running_compensator_is_told_its_load() -> None:
         run.step(1e-3, (0.0, 0.3), 0.0, load=(np.nan, 0.0))
 
 
-def test_who_takes_the_joint_without_load_says_so(tmp_path: Path) -> None:
+def test_who_takes_the_joint_without_load_says_so() -> None:
     """What is left out is named with how much it is; a joint without a load has nothing to say."""
-    found = joint(tmp_path / "a", "paper+link-load")
+    _, found = geared("paper+link-load")
     (told,) = without_load(found)
     assert told.numbers["names"] == ("link_load",)
     assert told.numbers["rise"] == pytest.approx(0.1, abs=0.005)
-    assert not without_load(joint(tmp_path / "b", "paper"))
+    assert not without_load(geared("paper")[1])
 
 
 @pytest.mark.parametrize(

@@ -299,9 +299,7 @@ def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
     assert fit.parameters[sigma_0].value is None or fit.repeats[sigma_0].widened > 1
 
 
-@pytest.mark.parametrize(
-    "text", [KINOVA, EMPS.replace("DIRECTIONS", "symmetric"), SERVO], ids=["kinova", "emps", "servo"]
-)
+@pytest.mark.parametrize("text", [KINOVA, SERVO], ids=["kinova", "servo"])
 def test_no_sentence_decides_on_measured_joints(
     known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
 ) -> None:

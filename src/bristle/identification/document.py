@@ -87,7 +87,9 @@ def joints_of(document: Document) -> tuple[Joint, ...]:
     if odd := samples.keys() - document.joints.keys():
         raise InputError(f"samples: {short(min(odd))} is no joint")
     for joint in document.joints.values():
-        for fit in (*joint.static.values(), *(x for x in (joint.tracking, joint.joint_fit) if x is not None)):
+        fits: list[StaticFit | TrackingFit] = [*joint.static.values()]
+        fits += [fit for fit in (joint.tracking, joint.joint_fit) if fit is not None]
+        for fit in fits:
             _check_compared(joint.name, fit)
     return tuple(with_samples(joint, samples.get(name, {})) for name, joint in document.joints.items())
 
