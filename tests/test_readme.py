@@ -83,14 +83,18 @@ def test_python_does_what_it_says(desk: Path, monkeypatch: pytest.MonkeyPatch) -
     assert list(json.loads(results.to_json())["joints"]) == ["wrist"]
 
 
-def test_the_loop_in_the_docs_compensates() -> None:
-    """The real-time loop of docs/compensation.md runs as it stands: at 0.1 rad/s without error its torque is the gripper's steady friction (9)."""
-    (code,) = blocks("python", (DOCS / "compensation.md").read_text(encoding="utf-8"))
-    names: dict[str, Any] = {}
-    exec(compile(code, "compensation.md", "exec"), names)  # noqa: S102  # our own docs, run as a user would
+def test_the_loops_in_the_docs_compensate() -> None:
+    """The real-time loops of docs/compensation.md run as they stand: at 0.1 rad/s the torque is the gripper's steady friction (9).
+
+    Under load it is a tenth of what the gear carries, 0.07 N*m, more.
+    """
+    codes = blocks("python", (DOCS / "compensation.md").read_text(encoding="utf-8"))
     p = TABLE_1["gripper rotation"].positive
     (steady,) = evaluate(steady_torque_function(), 0.1, *p[:4])
-    assert names["torque"] == pytest.approx(float(steady), rel=1e-3)
+    for code, more in zip(codes, (0.0, 0.007), strict=True):
+        names: dict[str, Any] = {}
+        exec(compile(code, "compensation.md", "exec"), names)  # noqa: S102  # our own docs, run as a user would
+        assert names["torque"] == pytest.approx(float(steady) + more, rel=1e-3)
 
 
 def test_the_arrays_in_the_docs_are_fitted() -> None:

@@ -129,13 +129,25 @@ def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool
 
 
 def curves_to_use(joint: Joint) -> dict[str, Stribeck[float]]:
-    """By direction the law of the values to use, where these are of a fit of all parameters and not of the curve that is drawn."""
+    """By direction the law of the values to use, where these are of a fit of all parameters, and seen beside the curve that is drawn."""
     if joint.moving is None or not joint.static:
         return {}
     known = known_joint(joint)
     fields = static_of(known.law)._fields
     sets = {str(d): known.values(d) for d in known.directions}
-    return {d: static_of(known.law)(*(values[name] for name in fields)) for d, values in sets.items()}
+    curves = {d: static_of(known.law)(*(values[name] for name in fields)) for d, values in sets.items()}
+    return {
+        d: p
+        for d, p in curves.items()
+        if any(_parts(fit, p) for of, fit in _directions(joint) if "both" in (of, d) or of == d)
+    }
+
+
+def _parts(fit: StaticFit, p: Stribeck[float]) -> bool:
+    """Whether a law is seen beside the curve of a fit."""
+    own = fit.values()
+    apart = np.inf if own is None else np.abs(curve(fit.velocity, own) - curve(fit.velocity, p)).max(initial=0.0)
+    return bool(apart > _SEEN * np.ptp(fit.torque))
 
 
 def _to_use(ax: Axes, joint: Joint, *, magnitude: bool) -> None:
