@@ -199,7 +199,7 @@ def test_c_takes_the_load(compensator: Compensator, rises: dict[str, float], han
             assert np.abs(code(inputs) - torque).max() <= most * np.abs(torque).max()
             assert code.self_test() == 0
     assert ("link_torque;" in text) == (rises.keys() != {"motor_load"})
-    assert "without load" not in " ".join(text.split()).replace(" * ", " ")
+    assert "taken without load" not in " ".join(text.split()).replace(" * ", " ")
     assert not any("load" in str(told) for told in export.artefact.said)
 
 

@@ -123,6 +123,7 @@ def _code(compensator: Compensator, law: Law, rises: tuple[str, ...]) -> dict[st
     gradient = printed.gradient
     field = partial(c_field, adapts=compensator.adaptation is not None)
     parts: dict[str, Any] = {
+        "loaded": bool(rises),
         "fields": [field(name, law) for name in printed.fields],
         "parameters": [*map(field, printed.settings)],
         "memory": [*map(field, printed.memory)],

@@ -174,7 +174,7 @@ static inline int br_step(const br_params *p, br_state *s, const br_input *in, b
 }
 {% if gradient %}
 
-/* dT/dp of the friction torque by the parameters of the set that acts, in the order of br_set, at the state's deflection: for an adaptation of your own. */
+/* dT/dp of the friction torque by the parameters of the set that acts, in the order of br_set, at the state's deflection{{ ", without load" if loaded }}: for an adaptation of your own. */
 static inline void br_gradient(const br_params *p, const br_state *s, br_real out[{{ fields | length }}])
 {
 {% for line in gradient %}
@@ -193,7 +193,7 @@ typedef struct {
     br_real friction;   /* {{ units.torque }}: at the end of the last step */
 } br_joint;
 
-/* The joint dt seconds later, under a constant torque. Second order in dt where the motion is smooth, stable for any dt and any stiffness. */
+/* The joint dt seconds later, under a constant torque{{ ", its friction without load" if loaded }}. Second order in dt where the motion is smooth, stable for any dt and any stiffness. */
 static inline void br_joint_step(const br_params *p, br_real inertia, br_joint *j, br_real torque, br_real dt)
 {
 {% for line in simulate %}
