@@ -1,5 +1,10 @@
 """Small experiments of velocity-torque points, and the command line run in this process."""
 
+import os
+
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):  # as many workers as cores, a thread each
+    os.environ.setdefault(_name, "1")
+
 import contextlib
 import io
 import json
