@@ -248,6 +248,10 @@ def test_a_running_compensator_is_told_its_load() -> None:
     run = RunningCompensator(Compensator(name="stribeck"), pair, rises={"gear_load": 0.1})
     bare, loaded = run.step(1e-3, (0.0, 0.3), 0.0), run.step(1e-3, (0.0, 0.3), 0.0, load=(3.0, -2.0))
     assert loaded - bare == pytest.approx(0.1 * 5.0, rel=1e-12)
+    with pytest.raises(InputError, match="has no coefficients of a load"):
+        RunningCompensator(Compensator(), pair).step(1e-3, (0.0, 0.3), 0.0, load=(3.0, -2.0))
+    with pytest.raises(InputError, match="got gear; expected coefficients among link_load"):
+        RunningCompensator(Compensator(), pair, rises={"gear": 0.1})
     with pytest.raises(InputError, match="expected the torques of motor and links"):
         run.step(1e-3, (0.0, 0.3), 0.0, load=(np.nan, 0.0))
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from bristle.control.compensator import Compensator, Measurement, Reference, compiled, initial_state
 from bristle.errors import InputError
+from bristle.model import law
 from bristle.model.parameters import Pair
 from bristle.model.rollout import load_level
 
@@ -23,9 +24,12 @@ class RunningCompensator:
         """Of a joint at rest at a position, rad, with its parameters in both directions; nothing is learnt yet.
 
         `rises` are the coefficients by which its friction rises with load (`law.load_levels`), by name; None: it does not.
-        Raises InputError where a parameter is not finite.
+        Raises InputError where a parameter is not finite, or a coefficient unknown.
         """
         self.rises = dict(rises or {})
+        known = law.load_levels(0.0, 0.0)
+        if unknown := self.rises.keys() - known.keys():
+            raise InputError(f"rises: got {min(unknown)}; expected coefficients among {', '.join(known)}")
         every = [pair for p in parameters for pair in zip(p._fields, p, strict=True)]
         wrong = [n for n, x in (*every, *self.rises.items()) if not abs(x) < float("inf")]
         if wrong:
@@ -56,12 +60,16 @@ class RunningCompensator:
             load: what friction rises with, where it does: the torque that the motor gives, and that of gravity and links
                 on the joint (of gravity alone, the torque that holds the joint, with the other sign), N*m; None: no load.
 
-        Raises InputError where dt is no time, or the load not finite.
+        Raises InputError where dt is no time, the load is not finite, or the joint's friction does not rise with it.
         """
         if not 0 < dt < float("inf"):
             raise InputError(f"dt: got {dt!r}; expected seconds since the last call, more than 0")
         run = self._seen[velocity is not None]
-        level = self._level(*load) if load and self.rises else 0.0
+        if load is not None and not self.rises:
+            raise InputError(
+                "load: this compensator has no coefficients of a load; give it rises, or leave load out where friction does not rise with it"
+            )
+        level = 0.0 if load is None else self._level(*load)
         asked = Reference(*(*reference, 0.0)[:3])._replace(level=level)
         self._state, torque = run(self._state, asked, Measurement(position, velocity), dt)
         return torque

@@ -117,7 +117,7 @@ def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[s
     rows = np.array([inputs[name] for name in (*motion, "motor_torque", "link_torque")]).T.tolist()
     return np.array(
         [
-            running.step(h, (y_ref, v_ref, a_ref), y, v, (tau_m, tau_l))
+            running.step(h, (y_ref, v_ref, a_ref), y, v, (tau_m, tau_l) if joint.rises else None)
             for h, y_ref, v_ref, a_ref, y, v, tau_m, tau_l in rows
         ]
     )

@@ -72,7 +72,7 @@ _WHAT = {
     "velocity": "that drives the model",
     "dt": "since the last step",
     "motor_torque": "that the motor gives",
-    "link_torque": "of gravity and links on the joint: minus what holds it",
+    "link_torque": "of gravity and links on the joint, minus what holds it: -(gravity_sin sin q + gravity_cos cos q)",
     "link_load": "friction per load of gravity and links",
     "motor_load": "friction per torque of the motor",
     "gear_load": "friction per torque that the gear carries, motor_torque - link_torque",
