@@ -1,6 +1,7 @@
 """Friction that rises with load: equations against differences, the truth recovered, and nothing invented."""
 
 import atexit
+import json
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -254,6 +255,30 @@ def test_a_running_compensator_is_told_its_load() -> None:
         RunningCompensator(Compensator(), pair, rises={"gear": 0.1})
     with pytest.raises(InputError, match="expected the torques of motor and links"):
         run.step(1e-3, (0.0, 0.3), 0.0, load=(np.nan, 0.0))
+
+
+SPOILT: list[tuple[dict[str, float], str]] = [
+    ({}, "has none as coefficients"),
+    ({"foo_load": 0.1}, "has none as coefficients"),
+    ({"gear_load_squared": 0.1}, "has gear_load_squared as coefficients"),
+    ({"link_load": 0.1, "motor_load": 0.1}, "expected those of one of link-load, motor-load"),
+    ({"link_load": -0.5}, "link_load: got -0.5; expected at least 0"),
+]
+"""Coefficients in the place of those that were fitted, and what is said of them."""
+
+
+def test_results_with_another_load_are_refused(tmp_path: Path) -> None:
+    """Coefficients that were edited into those of no load, or of two, or below zero: one sentence, not a page without them."""
+    file, _ = geared("paper+link-load")
+    document = json.loads(bristle.identify(file).to_json())
+    parameters = document["joints"]["geared"]["tracking"]["parameters"]
+    known, path = parameters.pop("link_load"), tmp_path / "results.json"
+    for wrong, said in SPOILT:
+        own = parameters | {name: {**known, "value": value} for name, value in wrong.items()}
+        document["joints"]["geared"]["tracking"]["parameters"] = own
+        path.write_text(json.dumps(document))
+        with pytest.raises(InputError, match=said):
+            bristle.read_results(path)
 
 
 def test_who_takes_the_joint_without_load_says_so() -> None:

@@ -13,6 +13,8 @@ from bristle.errors import InputError, check_regular, one_line, short
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.results import Document, Joint, adapter, first_reason
 from bristle.identification.samples import with_samples
+from bristle.model.laws.registry import LOADS
+from bristle.model.parameters import of_load
 
 LARGEST = 100_000_000
 """Bytes that a results file may have: about two million equations; the four embedded joints have a few millions."""
@@ -91,13 +93,31 @@ def joints_of(document: Document) -> tuple[Joint, ...]:
         fits += [fit for fit in (joint.tracking, joint.joint_fit) if fit is not None]
         for fit in fits:
             _check_compared(joint.name, fit)
-    return tuple(with_samples(joint, samples.get(name, {})) for name, joint in document.joints.items())
+    joints = tuple(with_samples(joint, samples.get(name, {})) for name, joint in document.joints.items())
+    for joint in joints:
+        for moving in (joint.tracking, joint.joint_fit):
+            if moving is not None:
+                _check_load(joint.name, moving)
+    return joints
 
 
 def _check_compared(joint: str, fit: StaticFit | TrackingFit) -> None:
     """InputError where a fit has intervals of a parameter that it does not have."""
     if odd := {*map(str, fit.uncertainty)} - {*map(str, fit.parameters)}:
         raise InputError(f"{joint}: uncertainty: {short(min(odd))} is none of the fit's parameters")
+
+
+def _check_load(joint: str, fit: TrackingFit) -> None:
+    """InputError where the coefficients of a load are not those of one, or below zero."""
+    rises = {n.name: e.value for n, e in fit.parameters.items() if of_load(n.name)}
+    whole = any({*rises} == {*names} for names in LOADS.values())
+    if (rises or fit.load.size) and not whole:
+        told = " and ".join(rises) or "none"
+        raise InputError(
+            f"{joint}: has {told} as coefficients of its load; expected those of one of {', '.join(LOADS)}"
+        )
+    if below := [name for name, value in rises.items() if value is not None and value < 0]:
+        raise InputError(f"{joint}: {below[0]}: got {rises[below[0]]:g}; expected at least 0")
 
 
 def check_most(what: str, count: int) -> None:

@@ -119,8 +119,7 @@ def speed_bands(fit: TrackingFit) -> list[tuple[float, float]]:
 
 def friction_under(fit: TrackingFit, speed: float, load: Array) -> Array:
     """Steady friction of the positive, or the only, direction at a speed (rad/s) under loads, N*m, (k,)."""
-    direction = next(d for d in ("both", "+", "-") if fit.values(d) is not None)
-    p = fit.values(direction)
+    p = next((p for d in ("both", "+", "-") if (p := fit.values(d)) is not None), None)
     own = 0.0 if p is None else float(evaluate(steady_torque_function(p.law), np.array([speed]), *p.stribeck)[0][0])
     return own + friction_rise({name.name: x for name, x in fit.known.items() if of_load(name.name)}, load)
 
