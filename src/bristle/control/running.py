@@ -2,13 +2,10 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from bristle.control.compensator import Compensator, Measurement, Reference, compiled, initial_state
 from bristle.errors import InputError
 from bristle.model import law
 from bristle.model.parameters import Pair
-from bristle.model.rollout import load_level
 
 
 class RunningCompensator:
@@ -78,7 +75,7 @@ class RunningCompensator:
         """What a load adds to alpha_0, N*m."""
         if not abs(motor) + abs(links) < float("inf"):
             raise InputError(f"load: got {motor!r} and {links!r}; expected the torques of motor and links, N*m")
-        return float(load_level(self.rises, np.array([motor]), np.array([links]))[0])
+        return float(law.load_rise(self.rises, motor, links))
 
     @property
     def gains(self) -> dict[str, float]:

@@ -150,6 +150,12 @@ def load_levels(tau_m: Expression, tau_l: Expression) -> dict[str, Expression]:
     }
 
 
+def load_rise(rises: Mapping[str, Expression], tau_m: Expression, tau_l: Expression) -> Expression:
+    """By how much a load raises the level, N*m: each coefficient, by name, times its load (`load_levels`)."""
+    levels = load_levels(tau_m, tau_l)
+    return sum(value * levels[name] for name, value in rises.items())
+
+
 def loaded(p: Lugre[Any], level: Expression) -> Lugre[Any]:
     """The parameters where a load raises the level by so much (`load_levels`), N*m: alpha_0 and that."""
     return p._replace(alpha_0=p.alpha_0 + level)

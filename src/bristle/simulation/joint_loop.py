@@ -26,7 +26,7 @@ from bristle.identification.known_joint import (
     whole,
     without_load,
 )
-from bristle.identification.moving_runs import LOADS
+from bristle.identification.moving_runs import load_columns, terms_of
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -54,6 +54,8 @@ _NOTHING = 1e-3
 _HALF = 0.5
 """Share of a parameter's error that is corrected in a second, where no rates are given."""
 
+_BESIDE = ("offset", "gravity", "quadratic")
+"""What takes torque along a motion beside friction, inertia and the links of a robot."""
 _SETTLED, _MOST = 1e-9, 200
 """Share of the level that a step changes it by once it has settled, where friction is part of its own load; and steps."""
 
@@ -145,16 +147,17 @@ class JointLoop:
         """
         if self.carried is None:
             return motion
-        signals = (motion.position, motion.velocity, motion.acceleration, np.zeros_like(motion.position))
-        columns = dict(zip(LOADS, evaluate(functions.load_terms_function(), *signals), strict=True))
-        others = self.carried.others
-        gravity = sum(others.get(name, 0.0) * columns[name] for name in LOADS if name.startswith("gravity"))
-        own = self.J * motion.acceleration + sum(others[name] * columns[name] for name in others)
+        columns = load_columns(_BESIDE, lambda name: getattr(motion, name), motion.position.size)
+        torques = {name: value * columns[name] for name, value in self.carried.others.items()}
+        gravity = np.asarray(
+            sum(torques.get(name, np.zeros(motion.position.size)) for name in terms_of("gravity").names)
+        )
+        own = self.J * motion.acceleration + sum(torques.values())
         v, level = motion.velocity, np.zeros_like(motion.position)
         curve = functions.steady_torque_function(self.model.law)
         own += np.where(v < 0, *(evaluate(curve, v, *p.stribeck)[0] for p in reversed(self.model)))
         for _ in range(_MOST):
-            before, level = level, load_level(self.carried.rises, own + level * np.sign(v), -np.asarray(gravity))
+            before, level = level, load_level(self.carried.rises, own + level * np.sign(v), -gravity)
             if not np.isfinite(level).all():
                 break
             if np.abs(level - before).max() <= _SETTLED * level.max():
@@ -264,7 +267,7 @@ def _carried(joint: Joint) -> Carried | None:
     """The load along a motion; None where friction does not rise with it, or nothing tells it of the position alone."""
     rises = rises_of(joint)
     known = {name.name: x for name, x in joint.moving.known.items()} if joint.moving is not None else {}
-    others = {name: known[name] for name in LOADS if name in known and name not in ("inertia", "links")}
+    others = {name: known[name] for beside in _BESIDE for name in terms_of(beside).names if name in known}
     told = "gravity_sin" in others or set(rises) == {"motor_load"}
     return Carried(rises, others) if rises and told and joint.link_inertia is None else None
 

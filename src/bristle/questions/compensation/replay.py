@@ -110,9 +110,10 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
     ]
     ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
     fitted = regressors_of([name.name for name in known], joint.kind)  # with the orders that were found
-    asked = tuple(dict.fromkeys((*regressors(measured.experiment), *(x for x in fitted if x not in REGRESSORS))))
     rises = rises_of(joint)
-    asked += tuple(name for name, terms in LEVELS.items() if {*terms.names} == {*rises})
+    loads = (name for name, terms in LEVELS.items() if {*terms.names} == {*rises})
+    own = (*regressors(measured.experiment), *(x for x in fitted if x not in REGRESSORS), *loads)
+    asked = tuple(dict.fromkeys(own))
     found = []
     for record in (run.record for run in measured.runs if run.kind == "tracking"):
         problem = dynamic_problem([record], ("both",), asked, 1, fixed)

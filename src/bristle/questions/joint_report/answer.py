@@ -60,7 +60,7 @@ def answer(
         }
         for joint, slug in zip(joints, slugs, strict=True)
     ]
-    columns = [(name, in_unit("", shared.get(name, "1")).strip()) for name in names]
+    columns = [(name, "" if shared.get(name) == "1" else shared.get(name, "")) for name in names]
     labels = [f"{symbol(name)} ({unit})" if unit else symbol(name) for name, unit in columns]
     cells = [cell for row in rows for _, own in row["directions"] for cell in own]
     return {

@@ -1,6 +1,6 @@
 """Results as matplotlib figures. Every axis carries quantity and unit; directions differ in colour, marker and line."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -66,8 +66,9 @@ def curve_figure(joint: Joint) -> Figure:
             _curve(slow, fit, look, sign, magnitude=True)
         _fitted_points(whole, fit, look, direction(d))
         _fitted_points(slow, fit, look, direction(d), magnitude=True)
-    _to_use(whole, joint, magnitude=False)
-    _to_use(slow, joint, magnitude=True)
+    to_use = curves_to_use(joint)
+    _to_use(whole, joint, to_use, magnitude=False)
+    _to_use(slow, joint, to_use, magnitude=True)
     _strays(whole, joint)
     _strays(slow, joint, magnitude=True)
     decimal_log(slow)
@@ -150,11 +151,11 @@ def _parts(fit: StaticFit, p: Stribeck[float]) -> bool:
     return bool(apart > _SEEN * np.ptp(fit.torque))
 
 
-def _to_use(ax: Axes, joint: Joint, *, magnitude: bool) -> None:
+def _to_use(ax: Axes, joint: Joint, curves: Mapping[str, Stribeck[float]], *, magnitude: bool) -> None:
     """The law of the values to use, in black beside what is drawn."""
     speeds = np.concatenate([fit.velocity for _, fit in _directions(joint)])
     label = "values to use, from moving runs"
-    for d, p in curves_to_use(joint).items():
+    for d, p in curves.items():
         for sign in (1.0, -1.0) if d == "both" else (float(f"{d}1"),):
             along = np.abs(speeds[speeds * sign > 0])
             if not along.size:
