@@ -734,8 +734,9 @@ class Kind(Enum):
     RUNS_CLUSTERED = (
         _NOTE,
         (
-            "Its error counts what each of {runs} runs leaves as one number, since a load is told by runs together: the standard "
-            "error is multiplied by {widened:.2g}, and the interval has Student's t of {freedom} degree{freedom!e} of freedom."
+            "Its error counts what each of {runs} runs leaves as one number, since a load is told by runs together: it is "
+            "{widened:.2g} times that of independent samples, and the interval has Student's t of {freedom} degree{freedom!e} of "
+            "freedom."
         ),
     )
     INTERVALS_DIFFER = (
@@ -1753,7 +1754,7 @@ class Kind(Enum):
         _CAUTION,
         (
             "Friction rises with load ({names!j}): model and plant have it, by up to {rise:.3g} {unit} along the reference about "
-            "position 0; gravity itself is taken as compensated."
+            "position {centre:.3g} {at} (set adapt.centre to override); gravity itself is taken as compensated."
         ),
     )
     PLANT_IS_MODEL = (

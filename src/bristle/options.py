@@ -81,10 +81,17 @@ def check_output_absent(output: Path | None) -> None:
         check_absent(output)
 
 
+def _called(experiment: Path) -> str:
+    """The name of an experiment file, or of the folder that a results.json lies in."""
+    from bristle.page.output_folder import resolved
+
+    return (resolved(experiment).parent.name if experiment.name == "results.json" else "") or experiment.stem
+
+
 def output_folder(output: Path | None, experiment: Path | None, what: str = "") -> Path:
     """The folder asked for, or reports/NAME and what it is of, which can be written there."""
     from bristle.page.output_folder import check_folder
 
-    folder = output or Path("reports") / f"{experiment.stem if experiment else 'edro'}{what}"
+    folder = output or Path("reports") / f"{_called(experiment) if experiment else 'edro'}{what}"
     check_folder(folder)
     return folder

@@ -179,8 +179,7 @@ def under(joint: ExportedJoint, rises: dict[str, float]) -> ExportedJoint:
         )
         for name, value in rises.items()
     ]  # fmt: skip  # a list of values
-    told = Kind.LOAD_LEFT_OUT(names=tuple(rises), rise=0.1, unit="N*m")
-    return replace(joint, parameters=(*joint.parameters, *rows), said=(*joint.said, told))
+    return replace(joint, parameters=(*joint.parameters, *rows))
 
 
 @needs_gcc
@@ -201,6 +200,9 @@ def test_c_takes_the_load(compensator: Compensator, rises: dict[str, float], han
     assert ("link_torque;" in text) == (rises.keys() != {"motor_load"})
     assert "taken without load" not in " ".join(text.split()).replace(" * ", " ")
     assert not any("load" in str(told) for told in export.artefact.said)
+    assert f"friction law: gaussian+{'-'.join(max(rises, key=len).split('_'))}" in text
+    plain = export_joints([joint], "latex", Request())
+    assert [x.kind for x in plain.joints[0].said].count(Kind.LOAD_LEFT_OUT) == 1
 
 
 @needs_gcc

@@ -302,6 +302,29 @@ def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
     assert any(warning.kind is Kind.COUNT_BIAS for warning in better.warnings)
 
 
+def test_counts_too_fine_to_matter_take_nothing_off() -> None:
+    """With a count of a micro-radian, however the filters end, no estimate moves by a tenth of its standard error."""
+    t, v = motion()
+    position, quantum = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)]), 1e-6
+    counted = Record(
+        file="run.csv",
+        time=t,
+        position=quantum * np.round(position / quantum),
+        torque=record(GRIPPER, noise=2e-4).torque,
+    )
+
+    def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
+        return dynamic_problem(records, ("both",), ("inertia",), 5, None, fixed)
+
+    run = estimate_motion(counted, 40.0)
+    found = fit_tracking(pose([run], {}), values_of(GRIPPER), "revolute", starts=1)
+    better = without_count_bias(found, [run], pose, 40.0, quantum)
+    for name, bias in better.count_bias.items():
+        error = found.fit.parameters[name].standard_error
+        assert error is not None
+        assert abs(bias) < 0.1 * error, name
+
+
 def test_the_motion_between_the_counts_is_nearer_to_the_truth() -> None:
     """Its position is off by no more than the readings, its velocity by a third at most; beside a noise above the count nothing changes."""
     t, v = motion()

@@ -260,6 +260,7 @@ def test_paper_is_another_name_of_the_gaussian_peak() -> None:
         ("{law: 3}", "law"),
         ("{law: lorentzian+quadratic, regressors: [quadratic]}", "the same term"),
         ("{law: auto, model: coulomb-viscous}", "chooses the peak, and fit.model: coulomb-viscous has none"),
+        ("{law: lorentzian, model: coulomb-viscous}", "has a peak of its own, and fit.model: coulomb-viscous has none"),
     ],
 )
 def test_what_is_no_law_is_refused(tmp_path: Path, fit: str, said: str) -> None:

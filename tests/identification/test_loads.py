@@ -210,6 +210,8 @@ def test_compensation_sees_the_load() -> None:
     loop = of_experiment(measured.experiment, found)
     reference = loop.sine(0.5, 2.0, amplitude=0.5)
     assert reference.level == pytest.approx(0.1 * np.abs(G * np.sin(reference.position)), abs=0.01)
+    there = replace(loop, centre=1.2).sine(0.5, 2.0, amplitude=0.5)
+    assert there.level == pytest.approx(0.1 * np.abs(G * np.sin(1.2 + reference.position)), abs=0.01)
     assert any(w.kind is Kind.LOAD_OF_REFERENCE for w in loop.assumptions)
     assert not any(w.kind is Kind.LOAD_LEFT_OUT for w in loop.assumptions)
     run = simulate(LoopOptions(compensator=loop.compensator), [loop.case()], reference, loop.period)

@@ -100,11 +100,18 @@ def test_json_holds_no_infinity_and_no_nan(moved: Joint) -> None:
 # tables
 
 
-def test_frame_gains_rows_and_a_last_column(moved: Joint, joint: Joint) -> None:
-    """The joint fit (without one, the moving runs) stands after the other stages, named in `source`; static fits alone have their old columns."""
+def test_frame_gains_rows_and_last_columns(moved: Joint, joint: Joint) -> None:
+    """The joint fit (without one, the moving runs) stands after the other stages, named in `source`; static fits alone have their old columns.
+
+    `use` marks one row of each parameter, that of `chosen`.
+    """
     frame = results_file.to_frame([moved])
     old = list(results_file.to_frame([joint]).columns)
-    assert list(frame.columns) == [*old, "source"]
+    assert list(frame.columns) == [*old, "source", "use"]
+    used = frame[frame["use"]]
+    assert not used.duplicated(["direction", "parameter"]).any()
+    assert set(used["source"]) == {"joint"}
+    assert set(used["parameter"]) == set(frame["parameter"])
     assert old[-1] == "warnings"
     assert list(frame["source"]) == 2 * (4 * ["static"] + 2 * ["presliding"]) + 13 * ["joint"]
     assert list(frame["direction"])[12:] == 6 * ["+"] + 6 * ["-"] + ["shared"]

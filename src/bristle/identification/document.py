@@ -13,8 +13,9 @@ from bristle.errors import InputError, check_regular, one_line, short
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.results import Document, Joint, adapter, first_reason
 from bristle.identification.samples import with_samples
+from bristle.model.laws.parts import FASTEST
 from bristle.model.laws.registry import LOADS
-from bristle.model.parameters import of_load
+from bristle.model.parameters import ParameterName, fields_of, of_friction, of_load, static_fields_of, unit
 
 LARGEST = 100_000_000
 """Bytes that a results file may have: about two million equations; the four embedded joints have a few millions."""
@@ -93,6 +94,7 @@ def joints_of(document: Document) -> tuple[Joint, ...]:
         fits += [fit for fit in (joint.tracking, joint.joint_fit) if fit is not None]
         for fit in fits:
             _check_compared(joint.name, fit)
+            _check_parameters(joint, fit)
     joints = tuple(with_samples(joint, samples.get(name, {})) for name, joint in document.joints.items())
     for joint in joints:
         for moving in (joint.tracking, joint.joint_fit):
@@ -105,6 +107,19 @@ def _check_compared(joint: str, fit: StaticFit | TrackingFit) -> None:
     """InputError where a fit has intervals of a parameter that it does not have."""
     if odd := {*map(str, fit.uncertainty)} - {*map(str, fit.parameters)}:
         raise InputError(f"{joint}: uncertainty: {short(min(odd))} is none of the fit's parameters")
+
+
+def _check_parameters(joint: Joint, fit: StaticFit | TrackingFit) -> None:
+    """InputError where a fit lacks a parameter of its law, or one is in another unit than the joint's."""
+    found = {ParameterName.parse(str(name)): e for name, e in fit.parameters.items()}
+    fixed = fit.fixed if isinstance(fit, TrackingFit) else {}
+    there = {name.name for name in (*found, *fixed) if of_friction(name.name)}
+    asked = fields_of(fit.law) if isinstance(fit, TrackingFit) else static_fields_of(fit.law)
+    if there and (lacking := [name for name in asked if name not in there and name != FASTEST]):
+        raise InputError(f"{joint.name}: has no {lacking[0]}, and its law, {fit.law.name}, has one")
+    for name, e in found.items():
+        if of_friction(name.name) and e.unit != (expected := unit(name.name, joint.kind)):
+            raise InputError(f"{joint.name}: {name}: got the unit {short(e.unit)}; expected {expected}")
 
 
 def _check_load(joint: str, fit: TrackingFit) -> None:

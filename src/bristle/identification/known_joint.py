@@ -41,6 +41,7 @@ from bristle.model.parameters import (
     unit,
     without_peak,
 )
+from bristle.model.parameters import Kind as JointKind
 from bristle.model.vectorize import evaluate
 
 DRAWS = 60
@@ -142,18 +143,26 @@ def mixed(joint: Joint) -> Iterator[Diagnostic]:
 
 def rises_of(joint: Joint) -> dict[str, float]:
     """The coefficients by which friction rises with load (`law.load_levels`), by name; none where it does not."""
-    known = joint.moving.known if joint.moving is not None else {}
-    rises = {name.name: value for name, value in known.items() if of_load(name.name)}
+    return rises_among(joint.moving.known if joint.moving is not None else {})
+
+
+def rises_among(values: Mapping[ParameterName, float]) -> dict[str, float]:
+    """Those coefficients among the values of parameters; none where all of them are zero."""
+    rises = {name.name: value for name, value in values.items() if of_load(name.name)}
     return rises if any(rises.values()) else {}
 
 
 def without_load(joint: Joint) -> tuple[Diagnostic, ...]:
     """What a question that takes the joint without load leaves out; nothing where friction does not rise with load."""
-    rises = rises_of(joint)
+    return load_left_out(rises_of(joint), joint.kind)
+
+
+def load_left_out(rises: Mapping[str, float], kind: JointKind) -> tuple[Diagnostic, ...]:
+    """That friction of a joint of this kind rises by these coefficients, and is taken without; nothing where there are none."""
     if not rises:
         return ()
     rise = float(friction_rise(rises, np.ones(1))[0])
-    return (Kind.LOAD_LEFT_OUT(names=tuple(rises), rise=rise, unit=unit("torque", joint.kind)),)
+    return (Kind.LOAD_LEFT_OUT(names=tuple(rises), rise=rise, unit=unit("torque", kind)),)
 
 
 def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:

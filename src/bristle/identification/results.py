@@ -13,7 +13,8 @@ from bristle.errors import one_line
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import Kind, Lugre, ParameterName, units_of
+from bristle.model.laws.registry import with_load
+from bristle.model.parameters import Kind, Lugre, ParameterName, of_load, units_of
 
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
@@ -219,6 +220,12 @@ class Joint:
         """Of its friction: one for all its fits."""
         laws = (*(fit.law for fit in self.static.values()), *(fit.law for fit in self._moving_fits()))
         return next(iter(laws), GAUSSIAN)
+
+    @property
+    def law_name(self) -> str:
+        """Of that law and the load by which friction rises, as `fit.law` takes it."""
+        known = self.moving.parameters if self.moving is not None else {}
+        return with_load(self.law, {name.name for name in known if of_load(name.name)})
 
     @property
     def moving(self) -> TrackingFit | None:

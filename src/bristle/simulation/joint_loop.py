@@ -105,6 +105,8 @@ class JointLoop:
     """The paper's, if no other was asked for: LuGre driven by the reference velocity."""
     carried: Carried | None = None
     """The load, where friction rises with it."""
+    centre: float = 0.0
+    """The position about which references swing, rad: the load is that there."""
 
     def case(self, plant: Pair[float] | None = None, model: Pair[float] | None = None, J: float | None = None) -> Case:
         """Numbers of a run; what is not given is the joint's own."""
@@ -140,14 +142,15 @@ class JointLoop:
         return self.under_load(sine.sampled(duration, self.period))
 
     def under_load(self, motion: Reference) -> Reference:
-        """A reference, (n,), with the level that friction rises to under the load along it, as the model has it.
+        """A reference, (n,), from the centre, with the level that friction rises to under the load along it, as the model has it.
 
         The motor's torque is what it takes to follow the reference, steady friction (9) included, and that of the links
         gravity's. Raises InputError where friction would rise by more than the load that it rises with.
         """
         if self.carried is None:
             return motion
-        columns = load_columns(_BESIDE, lambda name: getattr(motion, name), motion.position.size)
+        there = motion._replace(position=motion.position + self.centre)
+        columns = load_columns(_BESIDE, lambda name: getattr(there, name), motion.position.size)
         torques = {name: value * columns[name] for name, value in self.carried.others.items()}
         gravity = np.asarray(
             sum(torques.get(name, np.zeros(motion.position.size)) for name in terms_of("gravity").names)
@@ -257,9 +260,13 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), diagnostic_law=diagnostic_law,
     )  # fmt: skip  # a list of values
     if carried:
-        rise = float(np.max(replace(loop, carried=carried).sine(frequency, 1 / frequency).level))
-        told = Kind.LOAD_OF_REFERENCE(names=tuple(carried.rises), rise=rise, unit=unit("torque", joint.kind))
-        loop = replace(loop, carried=carried, assumptions=(told, *loop.assumptions))
+        loop = replace(loop, carried=carried, centre=asked.centre)
+        rise = float(np.max(loop.sine(frequency, 1 / frequency).level))
+        told = Kind.LOAD_OF_REFERENCE(
+            names=tuple(carried.rises), rise=rise, unit=unit("torque", joint.kind),
+            centre=asked.centre, at=unit("position", joint.kind),
+        )  # fmt: skip  # a list of values
+        loop = replace(loop, assumptions=(told, *loop.assumptions))
     return replace(loop, compensator=replace(compensator, observer_gain=loop.observer_gain))
 
 

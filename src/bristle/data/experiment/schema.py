@@ -12,6 +12,7 @@ from bristle.data.experiment.orders import check_orders, read_orders
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import AUTO, LOADS, PAPER, apart, law_named, own_parameter
 from bristle.model.parameters import Kind, Lugre, of_friction
@@ -301,9 +302,10 @@ class FitOptions(StrictModel):
             raise InputError(
                 f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
             )
-        if self.law == AUTO and self.model == "coulomb-viscous":
+        if self.model == "coulomb-viscous" and (self.law == AUTO or self.friction.peak != GAUSSIAN.peak):
+            what = "chooses the peak" if self.law == AUTO else "has a peak of its own"
             raise InputError(
-                f"fit.law: {AUTO} chooses the peak, and fit.model: coulomb-viscous has none; leave one of the two out"
+                f"fit.law: {self.law} {what}, and fit.model: coulomb-viscous has none; leave one of the two out"
             )
         check_orders(self.regressors or (), self.orders, self.predict)
         if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
@@ -338,6 +340,8 @@ class AdaptOptions(StrictModel):
 
     amplitude: Annotated[float, quantity("position"), Field(gt=0)] | None = None
     """Of the sinusoidal reference, rad."""
+    centre: Annotated[float, quantity("position")] = 0.0
+    """The position about which the reference swings, rad; it matters where friction rises with gravity's load."""
     frequency: Hertz | None = None
     """Of the reference of the adaptation, Hz; the other experiments have 0.4 of it."""
     period: Seconds = 1e-3

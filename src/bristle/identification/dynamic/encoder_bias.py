@@ -23,7 +23,7 @@ from bristle.data.differentiation import LOWEST, derivative, estimate_motion, sm
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.dynamic.claims import warned, without_weak
-from bristle.identification.dynamic.fit import DynamicSolution
+from bristle.identification.dynamic.fit import OF_PHYSICS, DynamicSolution, physics
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import TrackingFit
@@ -54,7 +54,8 @@ def without_count_bias(
 
     The smoothest motion that the counts allow stands for the true one: at the estimate it gives a torque without noise;
     counted anew, with the joint resting elsewhere in a count, and differentiated as the data were, it gives other
-    estimates. Their mean distance from the estimate is the bias. What counts hide loses its value.
+    estimates. Their mean distance from that without counts, differentiated alike, is the bias: what filters alone do,
+    at the ends of runs above all, is not that of counts. What counts hide loses its value.
 
     Args:
         solved: the fit.
@@ -81,20 +82,21 @@ def without_count_bias(
     minimum = solved.solution.minimum
     enough = _EXACT**2 * minimum.cost / minimum.residuals.size
     ends = []
-    for _ in range(REPETITIONS):
-        counted = [_counted(r, T, cutoff, resolution, rng.uniform()) for r, T in zip(true, torques, strict=True)]
+    for count in (0.0, *[resolution] * REPETITIONS):
+        counted = [_counted(r, T, cutoff, count, rng.uniform()) for r, T in zip(true, torques, strict=True)]
         posed = pose(counted, solved.problem.fixed)
         pairs = zip(posed.motions, solved.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
         problem = replace(posed, motions=motions, priors=priors, sigma=solved.problem.sigma)
         values, moved = fit(problem, solved.values, _STEPS, enough)
         ratio = float(np.sqrt(moved.cost / max(minimum.cost, 1e-300)))
-        if ratio > _LOST:
+        if count and ratio > _LOST:
             return _of_counts(solved, ratio)
         ends.append([values[name] for name in known])
-    bias = np.mean(ends, axis=0) - np.array([solved.values[name] for name in known])
+    uncounted, *ends = ends
+    bias = np.mean(ends, axis=0) - np.array(uncounted)
     by_name = {name: both for name, *both in zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)}
-    return _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name))
+    return _judged(solved, _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name)))
 
 
 def between_counts(record: Record, cutoff: float, resolution: float) -> Record:
@@ -134,7 +136,10 @@ def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
 
 
 def _counted(record: Record, torque: Array, cutoff: float, resolution: float, phase: float) -> Record:
-    position = np.asarray(quantise(np.asarray(record.position) + phase * resolution, resolution)).ravel()
+    """The record as an encoder of these counts, 0 for one without, resting at this phase, has it, differentiated."""
+    position = np.asarray(record.position)
+    if resolution:
+        position = np.asarray(quantise(position + phase * resolution, resolution)).ravel()
     return replace(
         estimate_motion(replace(record, position=position, velocity=None, acceleration=None), cutoff), torque=torque
     )
@@ -161,6 +166,13 @@ def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[Paramete
     named = (Kind.UNSEEN(names=tuple(unseen)),) if unseen else ()
     rest = tuple(w for w in fit.warnings if w.kind is not Kind.UNSEEN)
     return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *named))
+
+
+def _judged(solved: DynamicSolution, fit: TrackingFit) -> TrackingFit:
+    """The fit whose verdicts that need no data are about the values without the bias."""
+    unseen = {name: e for name, e in fit.parameters.items() if e.value is None}
+    rest = tuple(w for w in fit.warnings if w.kind not in OF_PHYSICS)
+    return replace(fit, warnings=(*rest, *physics(solved.problem, {**solved.values, **fit.known}, unseen)))
 
 
 def _corrected(biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> TrackingFit:

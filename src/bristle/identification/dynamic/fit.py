@@ -110,7 +110,7 @@ def fit_tracking(
         *offset_or_friction(problem, solution, kind),
         *loads_alike(problem, solution),
         *_warnings(solution, rows, unseen),
-        *_physics(problem, solution.values, unseen),
+        *physics(problem, solution.values, unseen),
         *_named(unseen),
     )
     result = TrackingFit(
@@ -408,7 +408,11 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
     return Kind.ONLY_AS_SUM(all=(*up, *down), up=tuple(up), down=tuple(down))
 
 
-def _physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
+OF_PHYSICS = frozenset({Kind.NOT_PASSIVE, Kind.CURVE_HELD, Kind.ODD_DAMPING})
+"""Verdicts of `physics`."""
+
+
+def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
     """Verdicts that need no data: passivity, and damping in presliding.
 
     None that rests on what the motion does not show.

@@ -2,6 +2,7 @@
 
 import logging
 import re
+from collections.abc import Collection
 from importlib.metadata import entry_points
 from itertools import product
 
@@ -107,6 +108,15 @@ def apart(name: str) -> tuple[str, tuple[str, ...]]:
     """
     bare, _, last = name.rpartition("+")
     return (bare, (last,)) if last in LOADS else (name, ())
+
+
+def with_load(law: Law, coefficients: Collection[str]) -> str:
+    """The name of a law whose level rises by these coefficients, as `fit.law` takes it; that of the law where there are none.
+
+    >>> with_load(GAUSSIAN, ["link_load"])
+    'gaussian+link-load'
+    """
+    return "+".join((law.name, *(load for load, names in LOADS.items() if {*names} == {*coefficients})))
 
 
 def competing() -> tuple[Law, ...]:

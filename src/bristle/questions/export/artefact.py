@@ -57,7 +57,7 @@ class ExportTarget:
     merges: bool = False
     """Whether it can be merged into a given model."""
     loaded: bool = False
-    """Whether it takes the load that friction rises with."""
+    """Whether it has the load that friction rises with."""
 
 
 class Failed(str):

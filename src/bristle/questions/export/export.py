@@ -68,7 +68,7 @@ def export_joints(
     Raises InputError where the target is unknown, holds one joint and several are given, merges into nothing, or a joint lacks what it needs.
     """
     chosen = target(to)
-    joints = [x.under_load() for x in joints] if chosen.loaded else joints
+    joints = joints if chosen.loaded else [x.without_load() for x in joints]
     if chosen.single and len(joints) > 1:
         raise InputError(
             f"{to} holds one joint, and the results have {len(joints)}: say which with joint, one of {', '.join(x.name for x in joints)}"
@@ -109,8 +109,8 @@ def _lines(export: Export) -> Iterator[str]:
     for joint in export.joints:
         if joint.simulated:
             yield f"  {joint.name}: identified from SIMULATED data"
-        if joint.law != GAUSSIAN:
-            yield f"  {joint.name}: friction law {joint.law.name}"
+        if joint.law_name != GAUSSIAN.name:
+            yield f"  {joint.name}: friction law {joint.law_name}"
         if joint.trust is not Trust.USE:
             yield f"  {joint.name}: {joint.trust}" + (f": {joint.reason}" if joint.reason else "")
         if found := export.artefact.losses.get(joint.name):

@@ -18,13 +18,15 @@ from bristle.identification.known_joint import (
     chosen,
     inertia_of,
     known_joint,
-    without_load,
+    load_left_out,
+    rises_among,
 )
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.law import DAMPING_RATIO, is_passive
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
+from bristle.model.laws.registry import with_load
 from bristle.model.parameters import (
     INERTIA,
     SIGNED,
@@ -37,7 +39,6 @@ from bristle.model.parameters import (
     in_direction,
     lugre_of,
     of_friction,
-    of_load,
     peak_parameters,
     static_fields_of,
     static_of,
@@ -105,7 +106,7 @@ class ExportedJoint:
     rotor_inertia: float | None
     """The same without the links of a robot, kg*m**2: what a simulator that has the links takes as armature; None: nothing tells it."""
     law: LawByName = GAUSSIAN
-    """Of the friction."""
+    """Of the friction, without the load, whose coefficients are among the parameters."""
     fastest: float
     """The fastest measured speed, rad/s: up to there the model was identified."""
     said: tuple[Diagnostic, ...]
@@ -133,12 +134,16 @@ class ExportedJoint:
     @property
     def rises(self) -> dict[str, float]:
         """The coefficients by which friction rises with load (`law.load_levels`), by name; none where it does not."""
-        rises = {x.parameter.name: x.value for x in self.parameters if of_load(x.parameter.name)}
-        return rises if any(rises.values()) else {}
+        return rises_among({x.parameter: x.value for x in self.parameters})
 
-    def under_load(self) -> "ExportedJoint":
-        """The joint for a target that takes its load: it is not said that it was left out."""
-        return replace(self, said=tuple(x for x in self.said if x.kind is not Kind.LOAD_LEFT_OUT))
+    @property
+    def law_name(self) -> str:
+        """Of the law and the load by which friction rises, as `fit.law` takes it."""
+        return with_load(self.law, self.rises)
+
+    def without_load(self) -> "ExportedJoint":
+        """The joint for a target that takes it without load: what that leaves out is said."""
+        return replace(self, said=(*load_left_out(self.rises, self.kind), *self.said))
 
     @property
     def has_bristle(self) -> bool:
@@ -186,7 +191,7 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     signed = any(row.parameter.direction in SIGNED for row in chosen(joint) if of_friction(row.parameter.name))
     ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
-    said = list(without_load(joint))
+    said: list[Diagnostic] = []
     rows = [row for d in ways for row in _direction(joint, known, d, J, sources, said)]
     rows += _shared(joint, sources)
     said = _of_both(said)

@@ -68,4 +68,4 @@ def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
         ) from error
 
 
-TARGET = ExportTarget(write=write_json, check=check_json)
+TARGET = ExportTarget(write=write_json, check=check_json, loaded=True)

@@ -12,8 +12,8 @@ def notes(joint: ExportedJoint, found: Sequence[Loss] = ()) -> Iterator[str]:
     """One line each, unescaped: provenance, trust, parameters with their intervals, what was assumed, and losses."""
     origin = joint.origin
     yield f"joint {joint.name} ({joint.kind}), identified by bristle {origin.bristle}"
-    if joint.law != GAUSSIAN:
-        yield f"friction law: {ascii(joint.law.name)[1:-1]}"
+    if joint.law_name != GAUSSIAN.name:
+        yield f"friction law: {ascii(joint.law_name)[1:-1]}"
     if joint.simulated:
         yield "SIMULATED: the joint was identified from simulated data"
     yield f"results.json: sha256 {origin.results_sha256 or 'none, exported without a file'}"

@@ -30,4 +30,4 @@ def check_yaml(artefact: Artefact, joints: Sequence[ExportedJoint], request: Req
     return validated(values), told_back(joints_in(json.dumps(values)), joints)
 
 
-TARGET = ExportTarget(write=write_yaml, check=check_yaml)
+TARGET = ExportTarget(write=write_yaml, check=check_yaml, loaded=True)

@@ -13,6 +13,7 @@ from bristle.model.parameters import SIGNED, Direction, ParameterName, fields_of
 from bristle.page.page import Drawn
 from bristle.page.plain import in_unit
 from bristle.page.wording import FITS, direction, in_symbols, measured, number, pretty, span, symbol
+from bristle.questions.joint_report.brief import law_in_force
 from bristle.questions.joint_report.text import total_error
 
 _WORDS = {
@@ -53,7 +54,7 @@ def answer(
             "held_out": _held_out(joint),
             "about": about.get(joint.name),
             "also": _also(known[joint.name]),
-            "law": "" if joint.law == GAUSSIAN else joint.law.title,
+            "law": "".join(law_in_force(joint)).removeprefix("  law: "),
             "mixed": list(mixed(joint)),
             "curve": curves.get(joint.name),
             **trusted(joint),
@@ -68,6 +69,7 @@ def answer(
         "labels": labels,
         "joints": rows,
         "open": any(c["value"] == _NONE for c in cells),
+        "loaded": any(joint.law_name != joint.law.name for joint in joints),
         "other_law": any(joint.law != GAUSSIAN for joint in joints),
     }
 

@@ -9,6 +9,7 @@ from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.known_joint import Known, Source, chosen, known_joint, mixed, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, effort, of_curve, of_friction, unit
 from bristle.page.plain import columns, in_unit, interval, pair, shortened_lines, wrapped
 from bristle.page.wording import FITS, counted, printable, shortened
@@ -50,9 +51,17 @@ def _joint(joint: Joint) -> Iterator[str]:
     lines = list(wrapped([f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}"]))
     if found.reason is not None:
         lines += shortened_lines(_sentence(joint, found.reason), _LONGEST)
+    lines += wrapped(law_in_force(joint))
     lines += [*shortened_lines(list(wrapped(_errors(joint))), _LONGEST), *_values(joint), *wrapped([_count(joint)])]
     yield from lines
     yield from _rest(joint, found.reason, LINES - len(lines) - 2)
+
+
+def law_in_force(joint: Joint) -> Iterator[str]:
+    """The law and the load of the fits, and whether the data chose them; nothing of the paper's law where that was asked for."""
+    told = joint.settings.get("law", joint.law_name)
+    if not told.startswith(f"{GAUSSIAN.name}:") and told != GAUSSIAN.name:
+        yield f"  law: {printable(told)}"
 
 
 def _errors(joint: Joint) -> Iterator[str]:

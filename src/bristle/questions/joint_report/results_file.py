@@ -8,6 +8,7 @@ from bristle import __version__
 from bristle.identification.known_joint import Known, chosen, moving_estimates, moving_fits, stage_estimates
 from bristle.identification.results import Document, Joint, WrittenExperiment, adapter
 from bristle.identification.samples import samples_of
+from bristle.model.parameters import Direction, ParameterName
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -49,11 +50,19 @@ def to_frame(joints: Sequence[Joint]) -> "pd.DataFrame":
     """One row per joint, direction, parameter and source: value, unit, standard_error, lower, upper, warnings (joined by `; `).
 
     What does not exist is nan; a bound that is open is infinite. Where a constant has an error, `systematic` stands behind `standard_error`.
-    Where anything but the static fits was found, a last column `source` says which stage a row comes from: `static`, `presliding`, and `joint`
-    (all runs at once) or, without a joint fit, `tracking` (the moving runs alone).
+    Where anything but the static fits was found, `source` says which stage a row comes from: `static`, `presliding`, and `joint` (all runs at
+    once) or, without a joint fit, `tracking` (the moving runs alone); and `use` which row of several of a parameter has the value to use.
     """
     frame = estimates(joints)
-    return frame if (frame["source"] != "static").any() else frame.drop(columns="source")
+    used = {(joint.name, str(row.source), row.parameter) for joint in joints for row in chosen(joint)}
+    keys = zip(
+        frame["joint"],
+        frame["source"],
+        map(ParameterName, frame["parameter"], map(Direction, frame["direction"])),
+        strict=True,
+    )
+    frame["use"] = [key in used for key in keys]
+    return frame if (frame["source"] != "static").any() else frame.drop(columns=["source", "use"])
 
 
 def estimates(joints: Sequence[Joint]) -> "pd.DataFrame":

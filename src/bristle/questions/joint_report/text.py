@@ -76,7 +76,7 @@ def _joint(joint: Joint) -> Iterator[str]:
     if joint.consistency:
         yield from _consistency(joint)
     if joint.laws is not None:
-        yield f"  [[laws on {joint.laws.data}]] fitted: {printable(joint.law.name)}. {printable(str(joint.laws.sentence))}"
+        yield f"  [[laws on {joint.laws.data}]] fitted: {printable(joint.law_name)}. {printable(str(joint.laws.sentence))}"
     yield from (f"  [[models on {x.data}]] {printable(str(x.sentence))}" for x in joint.models)
 
 
