@@ -26,6 +26,7 @@ from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError
 from bristle.identification.measured import measure
 from bristle.model.rollout import rollout
+from bristle.options import output_folder
 from bristle.page import output_folder as report_files
 from bristle.page.plain import interval
 from bristle.page.wording import measured
@@ -924,3 +925,14 @@ def test_a_sentence_is_one_short_line() -> None:
             assert said.startswith("file: ")
             assert said.endswith("; name another")
     assert _sentence(OSError("x" * 500)) == "x" * 500
+
+
+@pytest.mark.parametrize(
+    ("file", "called"), [("wrist.yaml", "wrist"), ("june/results.json", "june"), ("a/b.json", "b")]
+)
+def test_a_page_is_called_after_its_joint(
+    file: str, called: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without -o the folder has the name of the experiment file, or, of a results.json, of the folder that it lies in."""
+    monkeypatch.chdir(tmp_path)
+    assert output_folder(None, Path(file), "-adapt") == Path("reports") / f"{called}-adapt"

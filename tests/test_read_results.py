@@ -311,7 +311,8 @@ RESIDUALS = ("samples", "wrist", "static/+/residuals")
         (("experiments",), [{"file": "a", "folder": None, "text": "x" * 2_000_000, "beside": {}, "joints": []}], "expected at most"),
         (("joints", "wrist", "static", "+", "n"), "x", "Input should be"),
         (("joints", "wrist", "static", "+", "parameters"), {}, "is none of the fit's parameters"),
-        (("joints", "wrist", "static", "+", "parameters", "alpha_0", "unit"), "N", r"alpha_0: got the unit N; expected N\*m"),
+        (("joints", "wrist", "static", "+", "law"), "free-exponent", "has no "),
+        (("joints", "wrist", "static", "+", "parameters", "alpha_0", "unit"), "N", r"alpha_0: got the unit .N.; expected N\*m"),
         (("schema",), "bristle-results/9", "schema"),
     ],
 )  # fmt: skip  # a row, one line

@@ -32,6 +32,8 @@ from bristle.model.laws.registry import LOADS, apart, law_named
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout, rollout_into
 from bristle.questions.compensation.replay import replays
+from bristle.questions.joint_report.brief import brief_report
+from bristle.questions.joint_report.text import fit_report
 from bristle.simulation.joint_loop import Carried, of_experiment
 
 P = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0)
@@ -309,3 +311,13 @@ def test_a_flag_that_is_none_is_refused(tmp_path: Path, enabled: str, wrong: str
     )
     with pytest.raises(InputError, match=wrong):
         measure(tmp_path / "a.yaml")
+
+
+def test_the_load_is_named_where_the_joint_is_shown() -> None:
+    """The short report says which law and load the fits have; that of the paper's law says none. A document names both, and their coefficients."""
+    _, found = geared("paper+link-load")
+    _, plain = geared("paper")
+    assert found.law_name == "gaussian+link-load"
+    assert "law: gaussian+link-load: Gaussian peak" in " ".join(brief_report([found]).split())
+    assert not any(line.startswith("  law:") for line in brief_report([plain]).splitlines())
+    assert "fitted: gaussian+link-load." in " ".join(fit_report([found]).split())
