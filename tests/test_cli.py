@@ -283,11 +283,6 @@ BAD = [
     *bad("presliding without loading", FIT, "data.csv: the torque never grows slowly from zero", slow(SLIDING, 0.1 + 0.001 * np.sin(STEPS))),
     *bad("tracking at rest", FIT, "data.csv: velocity is 0", moving(np.zeros(STEPS.size))),
     *bad("inertia of the wrong unit", READ, "e.yaml: inertia", yaml_with("signals:", "inertia: 3 kg\nsignals:")),
-    *bad(
-        "runs with different sampling", FIT, "tracking runs are sampled at different rates",
-        {**moving(np.sin(STEPS)), "other.csv": moving(np.sin(2 * STEPS), 0.02)["data.csv"],
-         "e.yaml": moving(STEPS)["e.yaml"] + "  - {files: other.csv, experiment: tracking}\n"},
-    ),
     *bad("figure of no kind", [("inspect", "e.yaml", "-o", "out.tiff")], "out.tiff"),
     *bad("output two lines long", [("report", "e.yaml", "-o", "a\nb/out")], "a b/out", {"a\nb": "mine"}, patch=undrawn),
     *bad("draft in the way", [("new", "data.csv", "-o", "e.yaml")], "e.yaml: is there already"),

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import decimator, longest_decimation
@@ -15,7 +17,7 @@ from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_records, with_prior
-from bristle.model.parameters import Lugre, ParameterName
+from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
 from bristle.questions.joint_report.static_figures import curves_to_use
 
@@ -65,6 +67,28 @@ def test_filtering_both_sides_is_unbiased() -> None:
     assert found[parse("inertia")] == pytest.approx(INERTIA, rel=1e-5)
     for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
         assert [found[parse(name + sign)] for sign in "+-"] == pytest.approx([getattr(STRONG, name)] * 2, rel=1e-4)
+
+
+def test_runs_of_several_rates_are_fitted_together() -> None:
+    """A run at 500 Hz beside one at 200 Hz: equations as far apart, and without noise the exact parameters, by both routes."""
+    fast, slow = moving(noise=0.0), thinned(moving(noise=0.0), slice(None, None, 5), "slow.csv")
+    between = thinned(fast, slice(None, None, 2), "fast.csv")
+    both = [replace(between, oversampled=2.5), slow]  # 500 Hz beside 200 Hz
+    problem, (time, _), _ = from_records(both, ("both",), ("inertia",), 4, None)
+    assert np.diff(time)[np.diff(time) > 0] == pytest.approx(0.02)
+    found = dict(zip(problem.names, solve(problem, default_range(problem.velocity)).theta, strict=True))
+    assert found[parse("inertia")] == pytest.approx(INERTIA, rel=1e-5)
+    for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
+        assert found[parse(name)] == pytest.approx(getattr(STRONG, name), rel=1e-3)
+    posed = dynamic_problem(both, (Direction.BOTH,), ("inertia",), 4, None, {})
+    steps = [np.diff(m.smoothed(m.time)) for m in posed.motions]
+    assert all(step == pytest.approx(0.02) for step in steps)
+
+
+def thinned(record: Record, samples: slice, file: str) -> Record:
+    """The record at some of its samples."""
+    kept = {name: getattr(record, name)[samples] for name in ("time", "velocity", "acceleration", "torque")}
+    return replace(record, file=file, **kept)
 
 
 def test_a_known_inertia_is_taken_off() -> None:

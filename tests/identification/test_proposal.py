@@ -5,10 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import bristle
 from bristle import api
 from bristle.arrays import Array
 from bristle.data.experiment.draft import Told
 from bristle.data.experiment.load import load_experiment
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.measured import measure
 
@@ -81,8 +83,8 @@ def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
     assert "experiment: points}" in api.draft(pairs, folder=tmp_path)[0]
 
 
-def test_tracking_runs_of_another_rate_are_left_out(tmp_path: Path) -> None:
-    """Of logs sampled at different rates those of the most common one are drafted, so that the draft runs; the others are comments, and said."""
+def test_tracking_runs_of_another_rate_are_drafted_together(tmp_path: Path) -> None:
+    """Logs sampled at different rates are one experiment, which runs, and notes how much faster each was than the slowest."""
     logs = [swung(tmp_path, f"{name}.csv", seed=k) for k, name in enumerate(("first", "other", "third"))]
     np.savetxt(
         logs[1],
@@ -91,10 +93,16 @@ def test_tracking_runs_of_another_rate_are_left_out(tmp_path: Path) -> None:
         comments="",
         header="time_s,pos_deg,motor_current_A",
     )
-    text, said = api.draft(*logs, told=MOTOR, folder=tmp_path)
+    text, _ = api.draft(*logs, told=MOTOR, folder=tmp_path)
     (tmp_path / "draft.yaml").write_text(text)
-    assert [run.files for run in load_experiment(tmp_path / "draft.yaml").runs] == ["first.csv", "third.csv"]
-    assert any(sentence.startswith("runs: other.csv is left out") for sentence in said)
+    assert [run.files for run in load_experiment(tmp_path / "draft.yaml").runs] == [
+        "first.csv",
+        "other.csv",
+        "third.csv",
+    ]
+    found = bristle.identify(tmp_path / "draft.yaml")
+    told = [d for x in found.joint().inputs for d in x.notes if d.kind is Kind.SAMPLED_FASTER]
+    assert [d.numbers["ratio"] for d in told] == pytest.approx([2.0, 2.0], rel=1e-6)
 
 
 def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:

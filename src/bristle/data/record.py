@@ -42,6 +42,8 @@ class Record:
     """rad/s**2, estimated."""
     link_torque: Array | None = None
     """N*m: what the links of a robot ask of the joint, as computed from its URDF and the motion of all joints."""
+    oversampled: float = 1.0
+    """How many times as fast as the slowest moving run of its experiment it was sampled."""
     starts: tuple[int, ...] = (0,)
     """First sample of each segment between gaps; nothing is ever differentiated, filtered or simulated across a gap."""
     rows: int = 0
@@ -92,6 +94,10 @@ class Record:
     def step(self) -> float:
         """Median sampling interval, s; nan for a single sample."""
         return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")
+
+    def decimation(self, asked: int) -> int:
+        """One sample of how many makes an equation, where it is one in so many of the slowest run: all are as far apart in time."""
+        return 1 if asked == 1 else round(asked * self.oversampled)
 
 
 def _frozen(values: Array) -> Array:

@@ -31,7 +31,6 @@ from bristle.identification.model_selection import compare_on_motion, compare_on
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     loads_slowly,
-    refuse_mixed_rates,
     refuse_noise,
     refuse_opposing_runs,
     smeared_by_counts,
@@ -208,7 +207,6 @@ def _training(measured: Measured) -> tuple[Record, ...]:
             nothing = np.zeros((q.size, 0))
             refuse_noise(experiment, q - q.mean(), torque, f"of {record.file}, taken as presliding", nothing)
     if training:
-        refuse_mixed_rates([*training, *measured.moving(hold_out=True)])
         refuse_opposing_runs(experiment, training)
     elif experiment.fit.load:
         raise InputError(

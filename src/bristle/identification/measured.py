@@ -16,7 +16,7 @@ from bristle.data.signal_checks import merged
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, short, short_list
 from bristle.identification.fits import Estimate
-from bristle.identification.moving_runs import load_columns, longest_decimation, needed, terms_of
+from bristle.identification.moving_runs import ONE_RATE, load_columns, longest_decimation, needed, terms_of
 from bristle.identification.static.points import PointSearch, point_regressors, search_points, without_strays
 
 if TYPE_CHECKING:
@@ -120,10 +120,11 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
 
 def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment, tuple[Run, ...]]:
     """With a decimation that every moving run is long enough for, where none is asked for; the shortest run notes it."""
+    runs = _beside_the_slowest(runs)
     if "decimation" in experiment.fit.model_fields_set:
         return experiment, runs
     moving = {k: run.record for k, run in enumerate(runs) if run.kind == "tracking"}
-    longest = {k: int(np.diff([*r.starts, r.time.size]).max()) for k, r in moving.items()}
+    longest = {k: int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for k, r in moving.items()}
     if not longest:
         return experiment, runs
     k, usual = min(longest, key=lambda k: longest[k]), experiment.fit.decimation
@@ -134,6 +135,24 @@ def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment
     note = Kind.DECIMATION_LOWERED(decimation=decimation, usual=usual, file=short.file, samples=longest[k])
     noted = replace(runs[k], record=replace(short, notes=(*short.notes, note)))
     return _asking(experiment, decimation=decimation), (*runs[:k], noted, *runs[k + 1 :])
+
+
+def _beside_the_slowest(runs: tuple[Run, ...]) -> tuple[Run, ...]:
+    """With how much faster than the slowest each moving run was sampled, which its notes then say."""
+    moving = [run.record for run in runs if run.kind == "tracking" and run.record.time.size > 1]
+    if not moving:
+        return runs
+    slowest = max(moving, key=lambda record: record.step)
+
+    def told(run: Run) -> Run:
+        """The run, where it is faster with the note."""
+        ratio = slowest.step / run.record.step
+        if run.kind != "tracking" or not ratio > ONE_RATE or run.record.oversampled != 1:
+            return run
+        notes = (*run.record.notes, Kind.SAMPLED_FASTER(ratio=ratio, slowest=slowest.file))
+        return replace(run, record=replace(run.record, oversampled=ratio, notes=notes))
+
+    return tuple(map(told, runs))
 
 
 def with_law(measured: Measured, law: str) -> Measured:

@@ -290,17 +290,6 @@ def _motion(record: Record) -> Array:
     return np.column_stack(list(load_columns(("inertia", "gravity", "links"), signal, n).values()))
 
 
-def refuse_mixed_rates(records: Sequence[Record]) -> None:
-    """Raise InputError where moving runs were sampled at different rates: one decimation filter serves them all."""
-    steps = {r.file: r.step for r in records}
-    first, last = min(steps, key=lambda f: steps[f]), max(steps, key=lambda f: steps[f])
-    if steps[last] > ONE_RATE * steps[first]:
-        raise InputError(
-            f"runs: tracking runs are sampled at different rates ({first} at {1 / steps[first]:.4g} Hz, {last} at {1 / steps[last]:.4g} Hz); "
-            "fit them in experiments of their own, or resample one"
-        )
-
-
 def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, ...]:
     """`both`, or those in which the records move."""
     moving = (d for d, sign in DIRECTIONS.items() if any((_of(r, "velocity") * sign > 0).any() for r in records))

@@ -103,7 +103,7 @@ def _resolved(experiment: Experiment, records: Sequence[Record]) -> int:
     """The highest order of which a typical step between two equations of some runs covers no more than half a period."""
     every = experiment.fit.decimation
     steps = np.concatenate(
-        [np.zeros(0), *(np.abs(np.diff(r.position[::every])) for r in records if r.position is not None)]
+        [np.zeros(0), *(np.abs(np.diff(r.position[:: r.decimation(every)])) for r in records if r.position is not None)]
     )
     typical = float(np.median(steps[steps > 0])) if steps.any() else 0.0
     return int(turn_of(experiment.joint.kind)[0] / 2 / typical) if typical else np.iinfo(np.int64).max

@@ -15,7 +15,7 @@ from bristle.data.robot.robot_file import robot_of
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
 from bristle.diagnostics import Severity
 from bristle.identification.measured import Measured, measure
-from bristle.identification.moving_runs import ONE_RATE, refuse_opposing_runs, regressor_line
+from bristle.identification.moving_runs import refuse_opposing_runs, regressor_line
 from bristle.identification.robot.measured import against_urdf
 from bristle.identification.static.runs import refuse_opposing_points
 from bristle.identification.static.set_up import (
@@ -85,26 +85,14 @@ def _sorted(draft: Draft, experiment: Experiment, read: Sequence[Run]) -> tuple[
     """What each log is of, and sentences on that."""
     found = _stretches(experiment, read)
     kinds = kinds_of(found)
-    rate = _usual_rate([run.record.step for run, kind in zip(read, kinds, strict=True) if kind == "tracking"])
     runs, said = [], []
-    for file, run, kind, (_, does) in zip(draft.files, read, kinds, found, strict=True):
-        used = kind != "tracking" or rate[0] <= run.record.step <= rate[1]
-        runs.append(DraftedRun(kind, f"{does}" if used else "another sampling rate: in an experiment of its own", used))
-        if not used:
-            said.append(
-                f"runs: {file} is left out: tracking runs of one experiment have one sampling rate; draft it by itself"
-            )
-        elif does.unused(kind) > (_BETWEEN if kind == "ramp" else _MIXED):
+    for file, kind, (_, does) in zip(draft.files, kinds, found, strict=True):
+        runs.append(DraftedRun(kind, f"{does}"))
+        if does.unused(kind) > (_BETWEEN if kind == "ramp" else _MIXED):
             said.append(
                 f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
             )
     return runs, [f"experiment: {_counted(kinds)}, by what the signals do", *said]
-
-
-def _usual_rate(steps: Sequence[float]) -> tuple[float, float]:
-    """The shortest and the longest sampling interval of the most runs that can be fitted together, s."""
-    first = max(steps, key=lambda low: sum(low <= step <= ONE_RATE * low for step in steps), default=0.0)
-    return first, ONE_RATE * first
 
 
 def completed(path: Path) -> tuple[str, str]:

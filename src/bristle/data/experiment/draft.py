@@ -61,8 +61,6 @@ class DraftedRun(NamedTuple):
 
     kind: RunKind
     why: str = ""
-    used: bool = True
-    """Whether it goes with the others; else it is a comment."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +99,7 @@ class Draft:
         ]
         for file, run in zip(self.files, runs, strict=True):
             entry = f"- {{files: {quoted(file)}, experiment: {run.kind}}}{f'   # {run.why}' if run.why else ''}"
-            lines.append(f"  {'' if run.used else '# '}{entry}")
+            lines.append(f"  {entry}")
         return "\n".join([*lines, "", fit or "# fit: {directions: separate, loss: least-squares}   # all optional", ""])
 
 

@@ -122,7 +122,11 @@ def simulation(
     plant = Simulated(constants if constants and by_voltage else _NO_MOTOR, drive, posed.law)
     parts = [(r, part) for r in records for part in between_gaps(r)]
     pairs = zip(parts, posed.motions, strict=True)
-    windows = (w for (r, part), m in pairs for w in _windows(r, part, m, horizon, decimation, by_voltage=by_voltage))
+    windows = (
+        w
+        for (r, part), m in pairs
+        for w in _windows(r, part, m, horizon, r.decimation(decimation), by_voltage=by_voltage)
+    )
     return replace(
         posed, motions=tuple(windows), quantity="position", initial_states=("y0", "v0", "z0"), equations=plant
     )

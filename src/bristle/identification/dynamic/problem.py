@@ -243,7 +243,8 @@ def dynamic_problem(
     motions: list[Motion] = []
     names: tuple[str, ...] = ()
     for record in records:
-        load = load_of(record, regressors, decimation)
+        every = record.decimation(decimation)
+        load = load_of(record, regressors, every)
         extra = extra_columns(regressors, record) | dict.fromkeys(levels_of(regressors), np.zeros(record.time.size))
         names = tuple(extra)
         columns = np.column_stack(list(extra.values())) if extra else np.zeros((record.time.size, 0))
@@ -257,7 +258,7 @@ def dynamic_problem(
             )
         known = known_torque(record, inertia, regressors)
         for part in between_gaps(record):
-            smooth, _ = decimator([np.array([part.stop - part.start])], decimation, record.file)
+            smooth, _ = decimator([np.array([part.stop - part.start])], every, record.file)
             motions.append(
                 Motion(
                     file=record.file,
@@ -265,7 +266,7 @@ def dynamic_problem(
                     velocity=record.velocity[part],
                     torque=(record.torque if known is None else record.torque - known)[part],
                     extra=columns[part],
-                    smooth=None if decimation == 1 else smooth,
+                    smooth=None if every == 1 else smooth,
                     measured=record.torque[part],
                     position=np.zeros(0) if record.position is None else record.position[part],
                     shifts={name: shift[part] for name, shift in record.torque_shifts.items()},

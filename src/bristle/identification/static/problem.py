@@ -257,13 +257,15 @@ def from_records(
     Raises:
         InputError: where a segment is too short for the filter, with the length it needs.
     """
-    smooth, dropped = decimator([np.diff([*r.starts, r.time.size]) for r in records], decimation, records[0].file)
+    filters = [decimator([np.diff([*r.starts, r.time.size])], r.decimation(decimation), r.file) for r in records]
+    smooth = sparse.csr_array(sparse.block_diag([matrix for matrix, _ in filters], format="csr"))
+    dropped = sum(lost for _, lost in filters)
     velocity = np.concatenate([needed(r, "velocity") for r in records])
     torque = np.concatenate([needed(r, "torque") for r in records])
     if weights is None:
         weights = _own_weights(records, directions, regressors, decimation, inertia)
     columns = [
-        extra_columns(regressors, record) | level_columns(record, regressors, decimation, weights) for record in records
+        extra_columns(regressors, r) | level_columns(r, regressors, r.decimation(decimation), weights) for r in records
     ]
     extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     shifts = {name: smooth @ shift for name, shift in torque_shifts(records).items()}
