@@ -144,13 +144,13 @@ def test_what_stays_open_is_said_first(gripper: Plan) -> None:
 def test_a_planned_motion_that_loses_is_said(gripper: Plan) -> None:
     """From the largest gain to the worst loss, where all are losses too; what one of both motions alone shows is named; of an aim only that."""
     motion, names = gripper.motions[0], gripper.start.names
-    factor = np.full(len(names), 1.5)
+    factor = np.full(len(names), 2.0)  # exact in binary: both ratios of alpha_1 are one
     factor[names.index(ParameterName("v_s", Direction.POSITIVE))] = 1.3
     factor[names.index(ParameterName("sigma_1", Direction.NEGATIVE))] = 2.5
     worse = replace(gripper, motions=(motion, replace(motion, name=MEASURED, errors=motion.errors / factor)))
     gained = "Standard errors, planned motion vs measured so far: 1.3 times for vₛ (+) to 2.5 times for σ₁ (−)"
     assert said(worse, "motions") == f"{gained}."
-    assert said(replace(worse, aim="alpha_1"), "motions").endswith(": 1.5 times for α₁ (+) to 1.5 times for α₁ (−).")
+    assert said(replace(worse, aim="alpha_1"), "motions").endswith(": 2.0 times for α₁ (+) to 2.0 times for α₁ (−).")
     blind = np.where(np.arange(len(names)) == 0, np.inf, motion.errors)
     other = replace(motion, name=MEASURED, errors=blind)
     assert said(replace(gripper, motions=(motion, other)), "motions").endswith(", only the planned one shows α₀ (+).")

@@ -292,7 +292,7 @@ def test_a_script_for_matlab_has_every_value(handed: Handed) -> None:
     joints[0] = replace(joints[0], parameters=rows)
     text = write_matlab(joints, ASK).content.decode()
     assert (
-        "robot.gripper_rotation.positive.alpha_0 = struct('value', 0.01944251424989716, 'unit', 'N*m', 'standard_error', [], "
+        f"robot.gripper_rotation.positive.alpha_0 = struct('value', {rows[0].value!r}, 'unit', 'N*m', 'standard_error', [], "
         in text
     )
     assert "'interval', [0.0, Inf], 'source', 'assumed', 'assumed', true);" in text
