@@ -710,6 +710,7 @@ def test_bristle_alone_shows_its_help() -> None:
         "validate",
         "adapt",
         "compare",
+        "fleet",
         "sensitivity",
         "explore",
         "export",

@@ -33,6 +33,8 @@ fit: {directions: symmetric}
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It prints what it says."""
+    if name == "fleet":
+        pytest.importorskip("distributed", reason="needs the extra fleet")
     (tmp_path / "points.csv").write_text(POINTS, encoding="utf-8")
     (tmp_path / "wrist.yaml").write_text(WRIST, encoding="utf-8")
     monkeypatch.chdir(tmp_path)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from bristle.api import (
+        Fleet,
         Results,
         adapt,
         compare,
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
         fit,
         fit_dynamic,
         fit_presliding,
+        fleet,
         friction,
         identify,
         inspect,
@@ -46,6 +48,7 @@ __version__ = "0.1.0"
 __all__ = [
     "Export",
     "Fit",
+    "Fleet",
     "InputError",
     "Lugre",
     "OwnParameter",
@@ -65,6 +68,7 @@ __all__ = [
     "fit",
     "fit_dynamic",
     "fit_presliding",
+    "fleet",
     "friction",
     "identify",
     "inspect",

@@ -10,6 +10,8 @@ import typer
 from bristle.errors import InputError
 from bristle.options import (
     ExperimentFile,
+    FleetCatalog,
+    FleetOutput,
     OfRobot,
     Strict,
     Uncertainty,
@@ -17,6 +19,7 @@ from bristle.options import (
     asked,
     check_output,
     check_output_absent,
+    fleet_folder,
     lands,
     optional,
     output_folder,
@@ -361,6 +364,51 @@ def compare(
     _tell([compared.text()])
     if output is not None:
         print_lines([f"Page: {compared.write(output)}"], done=True)
+
+
+@app.command()
+def fleet(
+    catalog: FleetCatalog,
+    output: FleetOutput = None,
+    scheduler: Annotated[
+        str | None,
+        asked("ADDRESS", "Of a running Dask cluster, as tcp://host:8786 [default: the cores of this machine]."),
+    ] = None,
+    workers: Workers = None,
+    memory: Annotated[str | None, asked("SIZE", "Of each of these processes, as '2 GiB'.")] = None,
+    verify: Annotated[bool, typer.Option("--verify", help="Hash every file anew, changed or not.")] = False,
+    rate: Annotated[float, asked("X", "False discovery rate among the joints that changed.")] = 0.05,
+    baseline: Annotated[int, asked("N", "First sessions of a joint, against which it is compared.")] = 3,
+    tls_ca_file: Annotated[
+        Path | None, asked("FILE", "Of a scheduler by TLS: certificate of the authority, PEM.")
+    ] = None,
+    tls_cert: Annotated[Path | None, asked("FILE", "The same: the client's certificate.")] = None,
+    tls_key: Annotated[Path | None, asked("FILE", "The same: the client's key.")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="Exit with 3 where a joint changed.")] = False,
+) -> None:
+    """Watch a fleet: which joints changed, which units differ.
+
+    Identifies each joint of each session on Dask, only what is new or changed, into a Parquet dataset in the folder.
+
+    Example: bristle fleet catalog.csv -o reports/robots --strict
+    """
+    with shown() as progress:
+        from bristle.api.fleets import check_cluster, connected, fleet_on
+        from bristle.questions.fleet.catalog import called
+
+        certificates = {"ca": tls_ca_file, "cert": tls_cert, "key": tls_key}
+        check_cluster(scheduler, workers, memory, certificates)
+        folder = fleet_folder(output, called(catalog))
+        cluster = connected(scheduler, workers, memory, certificates)
+        found = fleet_on(
+            cluster, catalog, folder, verify=verify, rate=rate, baseline=baseline, progress=progress,
+            begun=lambda address: print_lines([f"Dashboard: {address}"] if address else []),
+        )  # fmt: skip  # a list of values
+    _tell([found.text(), found.counts])
+    print_lines([f"Page: {found.write(folder)}"], done=True)
+    if strict and found.changed:
+        complain(f"{found.changed} joint{'' if found.changed == 1 else 's'} changed (--strict)")
+        raise typer.Exit(3)
 
 
 @app.command()

@@ -2032,6 +2032,73 @@ class Kind(Enum):
     )
     IN_BOTH_DIRECTIONS = _NOTE, " in both directions"
 
+    # a fleet of joints
+    FLEET_CHANGED = (
+        _NOTE,
+        (
+            "{changed} of {tested} joints changed, at a false discovery rate of {rate:.3g} %; the clearest: {first}{more}."
+        ),
+    )
+    JOINT_CHANGED = _NOTE, "{joint}, {name} by {percent:+.3g} % since {since}"
+    AND_JOINTS = _NOTE, "; {count} others changed as well"
+    FLEET_UNCHANGED = (
+        _NOTE,
+        "None of {tested} joints changed beyond the scatter between sessions, at a false discovery rate of {rate:.3g} %.",
+    )
+    FLEET_UNTESTED = (
+        _NOTE,
+        "No joint was tested for a change: that needs more than {baseline} sessions of a joint that have values with errors.",
+    )
+    COMMON_SHIFT = (
+        _CAUTION,
+        (
+            "{names!l} of all {joints} joints of type {type} shifted together, by up to {percent:.2g} %: the cause is common to the type. "
+            "The shift is taken off, and no joint is accused of it. {cause}"
+        ),
+    )
+    SHIFT_UNLOGGED = _NOTE, "Temperature is not in the catalog; log it, for it does this."
+    SHIFT_LOGGED = (
+        _NOTE,
+        "Temperature is taken off already; look for a new lot of grease, new firmware or another torque constant.",
+    )
+    WARNED_SINCE = (
+        _CAUTION,
+        (
+            "{count} of the joints that changed have warnings since that they did not have before: {codes!l}. Look at their logs first; "
+            "a failing sensor is not wear."
+        ),
+    )
+    MIXED_VALUE_UNITS = (
+        _CAUTION,
+        (
+            "Type {type} has values in {unit} and in {other}; the {count} values in {other} are left out. "
+            "Give these joints a type of their own."
+        ),
+    )
+    OF_OTHER_FITS = (
+        _NOTE,
+        (
+            "{count} values come from another fit than most values of the same parameter of their joint, and are left out of the findings: "
+            "two fits may differ without any change of the joint."
+        ),
+    )
+    SCATTER_OF_FEW = (
+        _CAUTION,
+        (
+            "The scatter between sessions of type {type} rests on {count} pairs of successive sessions, so only large changes are told from it; "
+            "more joints of the type, or more sessions, narrow it."
+        ),
+    )
+    JOINTS_UNTESTED = _NOTE, "{count} joints were not tested: {why!l}."
+    UNTESTED_BY_SESSIONS = _NOTE, "{count} have no parameter with values in more than {baseline} sessions"
+    UNTESTED_BY_SCATTER = _NOTE, "for {count} the scatter between sessions of their type is not known"
+    SESSIONS_FAILED = _NOTE, "{failed} of {total} joint sessions were not identified; the first: {first}"
+    SESSIONS_LEFT_OUT = _NOTE, "{count} joint sessions are left out of the findings; the first: {first}"
+    VALUES_CRITICAL = (
+        _NOTE,
+        "{count} values with a critical warning are left out of the findings; most have {codes!l}.",
+    )
+
     # two sessions compared: what limits it
     IN_ONE_SESSION = _CAUTION, "In the {which} session alone: {names!l}."
     FILES_ALL_SHARED = (
@@ -2594,7 +2661,8 @@ REASONS: Mapping[str, str] = {
         "UNKNOWN UNIT_DIFFERS"
     ),
     "The sessions are not alike, so a change may not be one of the joint.": (
-        "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER LAWS_DIFFER"
+        "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER LAWS_DIFFER COMMON_SHIFT WARNED_SINCE "
+        "MIXED_VALUE_UNITS SCATTER_OF_FEW"
     ),
     "What was simulated shows a use of the model that does harm or fails.": (
         "ERROR_INCREASED GAIN_AT_LIMIT MODEL_UNFIT ADAPTATION_WORSE ADAPTATION_HARMS PLANTS_REFUSED LOOP_DIVERGES MOTION_WORSE"
@@ -2605,10 +2673,11 @@ REASONS: Mapping[str, str] = {
     # note
     "It says why a segment, a point or a run is left out, and no number rests on it.": (
         "TOO_SHORT TRANSIENT AT_REST ACCELERATING HUNTING UNSTEADY UNSETTLED SATURATED SETTLING POINT_AT_REST POINT_TOO_SLOW BELOW_BREAKAWAY "
-        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT"
+        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT SESSIONS_FAILED SESSIONS_LEFT_OUT "
+        "VALUES_CRITICAL OF_OTHER_FITS"
     ),
     "A part of another sentence, whose severity counts.": (
-        "PLAN_OPENS OR_MINIMUM_DURATION G0_BY_BEND "
+        "PLAN_OPENS OR_MINIMUM_DURATION G0_BY_BEND JOINT_CHANGED AND_JOINTS SHIFT_UNLOGGED SHIFT_LOGGED UNTESTED_BY_SESSIONS UNTESTED_BY_SCATTER "
         "TERM_EXPLAINS DURATION_ASKED DEPENDENT_TORQUE SAMPLES_ASKED USUAL_ASKED NOISE_FLOOR MINIMUM_VELOCITY "
         "OR_MINIMUM_VELOCITY OR_VELOCITY_TOLERANCE LIMIT_GIVEN LIMIT_SEEN POINTS_FOR_PARAMETERS RESIDUAL_BLOCKS SAMPLE_BLOCKS EDGE_BLOCKS "
         "STRAY_POINT BELIEVE_MOVING MOVING_IN_DOUBT POINT_NAMED TO_LEAVE_OUT TERM_FIRST WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE "
@@ -2632,7 +2701,7 @@ REASONS: Mapping[str, str] = {
     "It says what was not computed, and why.": (
         "NO_BOOTSTRAP NO_BLOCKS NOT_FITTED NO_STRIBECK_ASKED NO_SIGMA_1 NO_COUNTS NOTHING_BELOW_G0 STAGE_UNSEEN NONE_COMPARED NO_GRID_FIT "
         "NOTHING_TRIED SOBOL_NOT_ASKED SOBOL_WITHOUT_INTERVALS NO_SOBOL NO_FORMULAS TOO_FEW_FOR_MODELS LUGRE_IS_ITS_CURVE NOT_COMPARABLE "
-        "BIAS_UNKNOWN NO_INDICES NOTHING_CHANGES_IT NO_STARTS SEE_MOVING"
+        "BIAS_UNKNOWN NO_INDICES NOTHING_CHANGES_IT NO_STARTS SEE_MOVING FLEET_UNTESTED JOINTS_UNTESTED"
     ),
     "It says how the fit ended, or that two routes agree.": (
         "STATIC_CONVERGED STATIC_SUPERSEDED STATIC_AS_ASKED CONVERGED REFITTED_FROM_GRID REFITTED WITHOUT_STICK_SLIP GRID_LOWER ROUTES_AGREE "
@@ -2659,7 +2728,7 @@ REASONS: Mapping[str, str] = {
         "ALPHA_2_ROSE ALPHA_2_FELL SIGMA_0_ROSE SIGMA_0_FELL INERTIA_ROSE INERTIA_FELL CLAIM_HOLDS CLAIM_FAILS OTHER_AT_FIXED_Z CLAIM_ON_MAP "
         "ALL_TOLD SOBOL_INDICES PRINTED_IS PRINTED_IS_NONE TOTAL_DERIVATIVES "
         "FORMULAS_AS_MEASURED ERRORS_COMPENSATED ERROR_REDUCED ADAPTED_TO ABLATED ADAPTATION_HELPS "
-        "ADAPTATION_IDLE PLAN_NARROWS STRIBECK_AS_GOOD CURVE_MIXED"
+        "ADAPTATION_IDLE PLAN_NARROWS STRIBECK_AS_GOOD CURVE_MIXED FLEET_CHANGED FLEET_UNCHANGED"
     ),
 }
 """Reason -> the kinds that have their severity for it, by name: each kind stands at one, and the kinds of one have one severity (a test)."""

@@ -55,6 +55,24 @@ OfRobot = Annotated[
     str | None,
     typer.Option("--joint", metavar="NAME", help="Which joint, where the file is of a robot.", show_default=False),
 ]
+FleetCatalog = Annotated[
+    str,
+    typer.Argument(
+        metavar="CATALOG",
+        help="A table (CSV, Parquet) with the columns file, unit and session, or a pattern such as 'logs/{unit}/{session}/{type}.yaml'.",
+        show_default=False,
+    ),
+]
+FleetOutput = Annotated[
+    str | None,
+    typer.Option(
+        "-o",
+        "--output",
+        metavar="DIR",
+        help="Where dataset and page land [default: reports/NAME-fleet].",
+        show_default=False,
+    ),
+]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a warning is critical or calls for caution.")]
 
 
@@ -94,4 +112,16 @@ def output_folder(output: Path | None, experiment: Path | None, what: str = "") 
 
     folder = output or Path("reports") / f"{_called(experiment) if experiment else 'edro'}{what}"
     check_folder(folder)
+    return folder
+
+
+def fleet_folder(output: str | None, catalog: str) -> str:
+    """Where a fleet's dataset and page land: a folder, or a URL of one. Raises InputError where the page cannot be written."""
+    from bristle.page.output_folder import check_folder
+
+    if output is not None and not output:
+        raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
+    folder = output or str(Path("reports") / f"{catalog}-fleet")
+    if "://" not in folder:
+        check_folder(Path(folder))
     return folder

@@ -59,7 +59,7 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
     from multiprocessing import active_children
 
     others = set(active_children())
-    with _pinned(), ProcessPoolExecutor(workers, prepared(*modules), _begin) as pool:
+    with pinned(), ProcessPoolExecutor(workers, prepared(*modules), _begin) as pool:
         try:
             yield pool.map
         except BaseException as error:
@@ -89,7 +89,7 @@ def prepared(*modules: str) -> Any:
 
 
 @contextmanager
-def _pinned() -> Iterator[None]:
+def pinned() -> Iterator[None]:
     """`pin` for the processes that begin meanwhile; the caller's environment is as it was afterwards."""
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     pin()

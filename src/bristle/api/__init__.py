@@ -13,6 +13,7 @@ from bristle.api.experiments import (
 from bristle.api.exploring import explore
 from bristle.api.exporting import export, read_export
 from bristle.api.files import complete, draft, inspect
+from bristle.api.fleets import Fleet, fleet
 from bristle.api.identifying import identify
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
@@ -26,6 +27,7 @@ from bristle.questions.export.export import Export
 __all__ = [
     "Export",
     "Fit",
+    "Fleet",
     "InputError",
     "Lugre",
     "OwnParameter",
@@ -44,6 +46,7 @@ __all__ = [
     "fit",
     "fit_dynamic",
     "fit_presliding",
+    "fleet",
     "friction",
     "identify",
     "inspect",

@@ -56,6 +56,17 @@ def value_warnings(joint: Joint) -> tuple[Diagnostic, ...]:
     return _serious(_about_values(joint))
 
 
+def row_warnings(joint: Joint, row: Known) -> tuple[Diagnostic, ...]:
+    """What is said about one of the values that `chosen` names, notes too, each once: about the joint as a whole, its fit, and itself.
+
+    How a fit ended, and what a second route says, counts where it is no note; what a fit repeats of its values stands beside these alone.
+    """
+    ended, said, checked = _of_fit(joint, *_fit_of(row)) if row.estimate.value is not None else ((), (), ())
+    serious = (x for x in (*ended, *checked) if x.severity is not Severity.NOTE)
+    fit = (x for x in (*serious, *said) if x.kind not in _REPEATED)
+    return tuple(dict.fromkeys((*joint.warnings, *fit, *row.estimate.warnings)))
+
+
 def other_warnings(joint: Joint) -> tuple[Diagnostic, ...]:
     """The same about all else that was found: fits that no value comes from, and single segments."""
     counted = value_warnings(joint)
@@ -92,13 +103,25 @@ def _fit_of(row: Known) -> tuple[Source, str]:
 
 
 def _about_fit(joint: Joint, source: Source, direction: str) -> Iterator[Diagnostic]:
+    for part in _of_fit(joint, source, direction):
+        yield from part
+
+
+_Said = tuple[Diagnostic, ...]
+
+
+def _of_fit(joint: Joint, source: Source, direction: str) -> tuple[_Said, _Said, _Said]:
     """How it ended, what is said of it as a whole, and whether a second route agrees."""
     if source is Source.STATIC:
         fit = joint.static[direction]
-        yield from (fit.outcome, *fit.warnings)
-        yield from (check.verdict for d, check in joint.crosscheck.items() if d == direction)
-    elif source is Source.PRESLIDING and joint.presliding is not None:
-        yield from (*joint.presliding.fits[direction].warnings, *joint.presliding.warnings)
-    elif (moving := moving_fits(joint).get(source)) is not None:
-        yield from (moving.outcome, *moving.warnings)
-        yield from () if moving.crosscheck is None else (moving.crosscheck.verdict,)
+        return (
+            (fit.outcome,),
+            fit.warnings,
+            tuple(check.verdict for d, check in joint.crosscheck.items() if d == direction),
+        )
+    if source is Source.PRESLIDING and joint.presliding is not None:
+        return (), (*joint.presliding.fits[direction].warnings, *joint.presliding.warnings), ()
+    moving = moving_fits(joint).get(source)
+    if moving is None:
+        return (), (), ()
+    return (moving.outcome,), moving.warnings, () if moving.crosscheck is None else (moving.crosscheck.verdict,)

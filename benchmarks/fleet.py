@@ -1,0 +1,135 @@
+"""What `bristle fleet` says of simulated fleets of estimates whose truth is known: `python benchmarks/fleet.py [FLEETS]` (default 100).
+
+200 robots of six joints, eight sessions over a year; 10 % between robots, 3 % between sessions, errors of 0.5 to 2 %; 5 % of the joints
+wear by a step of alpha_0 in both directions, from a session from the fourth on. Rates are means over the fleets, with standard errors.
+"""
+
+import sys
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from bristle.diagnostics import Kind
+from bristle.estimation.multiple_tests import false_discovery
+from bristle.questions.fleet.findings import Findings, findings
+from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
+from bristle.workers import pin
+
+SEED = 20
+
+
+class Setting(NamedTuple):
+    """One simulated kind of fleet, and how it is judged."""
+
+    name: str
+    design: FleetDesign
+    one: bool = False
+    """Whether alpha_0 in direction + alone is known: one test a joint."""
+    logged: bool = True
+    """Whether temperature is in the catalog."""
+
+
+SETTINGS = (
+    Setting("one test a joint, 15 %", FleetDesign(change=0.15), one=True),
+    Setting("one test a joint, 20 %", FleetDesign(change=0.20), one=True),
+    Setting("all tests, 15 %", FleetDesign(change=0.15)),
+    Setting("all tests, 20 %", FleetDesign(change=0.20)),
+    Setting("one test, 10 K, logged, 15 %", FleetDesign(change=0.15, swing=10.0), one=True),
+    Setting("all tests, 10 K, logged, 15 %", FleetDesign(change=0.15, swing=10.0)),
+    Setting("one test, 10 K, not logged, 15 %", FleetDesign(change=0.15, swing=10.0), one=True, logged=False),
+    Setting("all tests, 10 K, not logged, 15 %", FleetDesign(change=0.15, swing=10.0), logged=False),
+    Setting("all tests, 10 K, not logged, no wear", FleetDesign(worn=0.0, swing=10.0), logged=False),
+    Setting("all tests, no wear", FleetDesign(worn=0.0)),
+)
+
+
+class Score(NamedTuple):
+    """What came of one fleet."""
+
+    false: float
+    """Share of the joints said to have changed that had not."""
+    power: float
+    """Share of the worn joints that were found; nan where none is."""
+    tests_false: float
+    """Share of the parameters said to have changed that had not."""
+    plain_false: float
+    """The joints' false share, were Benjamini and Hochberg's procedure over all tests to accuse them."""
+    accused: float
+    """Joints wrongly said to have changed."""
+    shift: float
+    """Whether a shift common to a type is named."""
+    error: float
+    """Of the place of the step, sessions, mean over the worn joints that were found."""
+
+
+def played(setting: Setting, seed: int) -> Score:
+    """One fleet, simulated and judged."""
+    rng = np.random.default_rng([SEED, seed])
+    truth = fleet_truth(setting.design, rng)
+    frame = fleet_estimates(setting.design, truth, rng)
+    if setting.one:
+        frame = frame[(frame["parameter"] == "alpha_0") & (frame["direction"] == "+")].reset_index(drop=True)
+    if not setting.logged:
+        frame = frame.assign(temperature=np.nan)
+    return scored(findings(frame), truth)
+
+
+def scored(found: Findings, truth: FleetTruth) -> Score:
+    """The findings beside the truth."""
+    robot, joint = np.nonzero(truth.worn)
+    worn = {(f"robot-{r + 1:03d}", f"J{j + 1}"): int(truth.since[r, j]) for r, j in zip(robot, joint, strict=True)}
+    said = found.joints[found.joints["changed"]]
+    names = list(zip(said["unit"], said["joint"], strict=True))
+    hits = [name for name in names if name in worn]
+    tests = found.changes
+    right = [pair in worn for pair in zip(tests["unit"], tests["joint"], strict=True)]
+    real = np.array(right, dtype=bool) & (tests["parameter"] == "alpha_0").to_numpy()
+    named = tests["changed"].to_numpy(bool)
+    plain = tests[false_discovery(tests["p"].to_numpy(float)) <= found.rate]
+    accused = set(zip(plain["unit"], plain["joint"], strict=True))
+    first = found.joints["sessions"] - found.joints["sessions_after"]
+    place = dict(zip(zip(found.joints["unit"], found.joints["joint"], strict=True), first, strict=True))
+    return Score(
+        false=(len(names) - len(hits)) / max(len(names), 1),
+        power=len(hits) / len(worn) if worn else float("nan"),
+        tests_false=float((named & ~real).sum() / max(named.sum(), 1)),
+        plain_false=len(accused - worn.keys()) / max(len(accused), 1),
+        accused=len(names) - len(hits),
+        shift=float(any(x.kind is Kind.COMMON_SHIFT for x in found.notes)),
+        error=float(np.mean([abs(place[x] - worn[x]) for x in hits])) if hits else float("nan"),
+    )
+
+
+def row(setting: Setting, scores: list[Score]) -> dict[str, str]:
+    """The means over fleets, with standard errors."""
+    table = pd.DataFrame(scores)
+    mean, error = table.mean(), table.std() / np.sqrt(table.notna().sum())
+
+    def percent(name: str) -> str:
+        return "-" if np.isnan(mean[name]) else f"{100 * mean[name]:.1f} ± {100 * error[name]:.1f}"
+
+    return {
+        "fleet": setting.name, "false discoveries (%)": percent("false"), "found (%)": percent("power"),
+        "of parameters (%)": percent("tests_false"), "plain BH, joints (%)": percent("plain_false"),
+        "joints accused": f"{mean['accused']:.2f}", "fleets with a wrong one (%)": f"{100 * (table['accused'] > 0).mean():.0f}",
+        "shift named (%)": f"{100 * mean['shift']:.0f}", "step off by (sessions)": f"{mean['error']:.2f}",
+    }  # fmt: skip  # a table
+
+
+def main(fleets: int) -> None:
+    """Print the table of settings."""
+    print(
+        f"{fleets} simulated fleets each, seeds {SEED}, 0 to {fleets - 1}; false discovery rate asked: 5 %", flush=True
+    )
+    pin()  # for processes that load NumPy anew: one thread each
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        rows = [row(setting, list(pool.map(partial(played, setting), range(fleets)))) for setting in SETTINGS]
+    print(pd.DataFrame(rows).to_string(index=False))
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)

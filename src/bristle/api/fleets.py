@@ -1,0 +1,231 @@
+"""A fleet: many joints over many sessions, identified on Dask; which joints changed, and which units differ from their type."""
+
+import re
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from bristle.api.joints import asked_joint
+from bristle.errors import InputError, short
+from bristle.identification.measured import Measured
+from bristle.identification.results import Joint
+from bristle.progress import Progress, step
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from bristle.questions.fleet.findings import Findings
+
+_ADDRESS = re.compile(r"([a-z]+://)?[^\s/]+:\d{1,5}")
+
+
+class Fleet(NamedTuple):
+    """What is known of a fleet."""
+
+    frame: "pd.DataFrame"
+    """The dataset: a row per unit, joint, session, direction and parameter."""
+    findings: "Findings"
+    """Which joints changed, and which units differ."""
+    identified: int
+    """Joint sessions that this run identified; of those with equal content one."""
+    unchanged: int
+    """Joint sessions that were known."""
+    failed: int
+    """Joint sessions without a result; each has a row with its sentence."""
+    output: str | None
+    """The folder of the dataset; None where none was asked for."""
+    base: str
+    """The folder that the catalog's files are relative to."""
+
+    @property
+    def counts(self) -> str:
+        """What the run did, in a line."""
+        return f"{self.identified} joint sessions identified, {self.unchanged} unchanged, {self.failed} failed"
+
+    @property
+    def changed(self) -> int:
+        """Joints that changed."""
+        return int(self.findings.joints["changed"].sum())
+
+    def text(self) -> str:
+        """What was found, in lines of 80 columns."""
+        return self.findings.text()
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def write(self, folder: Path | str) -> str:
+        """Write the page and its tables into a folder, or a URL of one; returns the place of index.html.
+
+        In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with nothing half-written.
+        """
+        from bristle.questions.fleet.files import is_remote, joined_path, write_whole
+        from bristle.questions.fleet.page import fleet_files, write_fleet
+
+        if not is_remote(str(folder)):
+            return str(write_fleet(self.findings, Path(folder), base=self.base))
+        for name, data in fleet_files(self.findings).items():
+            write_whole(joined_path(str(folder), name), data)
+        return joined_path(str(folder), "index.html")
+
+
+def fleet(
+    catalog: "str | Path | pd.DataFrame",
+    output: str | Path | None = None,
+    *,
+    client: Any = None,
+    workers: int | None = None,
+    memory: str | None = None,
+    verify: bool = False,
+    rate: float = 0.05,
+    baseline: int = 3,
+    progress: Progress | None = None,
+) -> Fleet:
+    """Identify the joints of many units over many sessions on Dask, and find which changed, and which units differ from their type.
+
+    >>> import bristle, pandas as pd
+    >>> from distributed import Client
+    >>> catalog = pd.DataFrame({"file": ["wrist.yaml"], "unit": ["robot-1"], "session": ["2026-05-04"]})
+    >>> with Client(processes=False, dashboard_address=None) as client:
+    ...     found = bristle.fleet(catalog, client=client)
+    >>> found.frame[["unit", "joint", "parameter"]].head(1)
+          unit   joint parameter
+    0  robot-1  points   alpha_0
+    >>> print(found.findings.headline)
+    No joint was tested for a change: that needs more than 3 sessions of a joint that have values with errors.
+
+    Args:
+        catalog: a CSV or Parquet file or a DataFrame with the columns file, unit, session and, as far as they are known, joint, type,
+            temperature (deg C), load and tags; or a pattern such as `logs/{unit}/{session}/{type}.yaml`. Any of them may be a URL of fsspec.
+        output: the folder of the dataset, or a URL of one: what it has is not identified again. None: nothing is kept.
+        client: a `distributed.Client`; None: the one of this process, or else a cluster of this machine.
+        workers: processes of that cluster; in a script they need `if __name__ == "__main__":` around the call.
+        memory: of each of them, as `2 GiB`.
+        verify: whether files are hashed anew whose size and time of modification are as they were.
+        rate: the false discovery rate among the joints that are said to have changed.
+        baseline: the first sessions of a joint, against which it is compared.
+        progress: called with what is being done, how many steps are done, and how many there are.
+
+    Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing at all could be identified, and
+    OSError where the output is full or the scheduler is lost; what was identified by then is not identified again.
+    """
+    return fleet_on(
+        _client(client, workers, memory),
+        catalog,
+        output,
+        verify=verify,
+        rate=rate,
+        baseline=baseline,
+        progress=progress,
+    )
+
+
+def fleet_on(
+    cluster: AbstractContextManager[Any],
+    catalog: "str | Path | pd.DataFrame",
+    output: str | Path | None = None,
+    *,
+    verify: bool = False,
+    rate: float = 0.05,
+    baseline: int = 3,
+    progress: Progress | None = None,
+    begun: Callable[[str], None] = lambda _: None,
+) -> Fleet:
+    """`fleet` on the cluster whose client `cluster` gives; `begun` is told the address of its dashboard. Raises as that does."""
+    from bristle.questions.fleet.catalog import read_catalog
+    from bristle.questions.fleet.cluster import check_installed, dashboard_of
+    from bristle.questions.fleet.engine import run_fleet
+    from bristle.questions.fleet.findings import check_rate, findings
+
+    check_installed()
+    check_rate(rate, baseline)
+    step(progress, "reading the catalog")
+    rows = read_catalog(catalog)
+    step(progress, "starting the cluster")
+    with _folder(output) as folder, cluster as client:
+        begun(dashboard_of(client))
+        run = run_fleet(rows, folder, client, identified_joint, verify=verify, progress=progress)
+    step(progress, "comparing sessions")
+    frame = run.table.to_pandas()
+    found = findings(frame, rate, baseline)
+    base = next((x.path.removesuffix(x.file) for x in rows if x.path.endswith(f"/{x.file}")), "")
+    where = None if output is None else str(output)
+    return Fleet(frame, found, run.identified, run.unchanged, run.failed, where, base)
+
+
+def identified_joint(path: Path, joint: str) -> tuple[Measured, Joint]:
+    """Measure and identify one joint of a file, as a task of a fleet does. Raises InputError where that cannot be."""
+    return asked_joint(path, joint).identified(None)
+
+
+@contextmanager
+def connected(
+    scheduler: str | None, workers: int | None, memory: str | None, certificates: Mapping[str, Path | None]
+) -> Iterator[Any]:
+    """A client of the cluster that the command line asks for: of a scheduler, or else of this machine.
+
+    Raises InputError where what is asked for does not go together, or no scheduler answers.
+    """
+    from bristle.questions.fleet.cluster import local_client, remote_client
+
+    given = {name: str(path) for name, path in certificates.items() if path is not None}
+    if scheduler is None:
+        with local_client(workers, memory) as client:
+            yield client
+        return
+    with remote_client(scheduler, given) as client:
+        yield client
+
+
+def check_cluster(
+    scheduler: str | None, workers: int | None, memory: str | None, certificates: Mapping[str, Path | None]
+) -> None:
+    """Raise InputError where options of the command line about the cluster do not go together."""
+    own = {"--workers": workers, "--memory": memory}
+    if scheduler is not None and (odd := [name for name, value in own.items() if value is not None]):
+        raise InputError(
+            f"{odd[0]}: is for a cluster of this machine, and {scheduler} has its own workers; leave it out"
+        )
+    given = [name for name, path in certificates.items() if path is not None]
+    if scheduler is None and given:
+        raise InputError(
+            f"--tls-{given[0].replace('ca', 'ca-file')}: is for a --scheduler; name its address, as tls://host:8786"
+        )
+    if given and len(given) < len(certificates):
+        raise InputError("TLS: expected --tls-ca-file, --tls-cert and --tls-key together")
+    for path in certificates.values():
+        if path is not None and not path.is_file():
+            raise InputError(f"{path}: no such file; expected a certificate or key of TLS, PEM")
+    if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
+        raise InputError(f"--scheduler: got {short(scheduler)}; expected an address such as tcp://host:8786")
+
+
+@contextmanager
+def _folder(output: str | Path | None) -> Iterator[str]:
+    """The output from anywhere; a temporary folder where none is asked for."""
+    if output is not None:
+        name = str(output)
+        yield name if "://" in name else str(Path(name).absolute())
+        return
+    with tempfile.TemporaryDirectory(prefix="bristle-") as folder:
+        yield folder
+
+
+@contextmanager
+def _client(client: Any, workers: int | None, memory: str | None) -> Iterator[Any]:
+    """The client that is given, else the one of this process, else of a cluster of its own."""
+    from bristle.questions.fleet.cluster import checked_client, local_client, running_client
+
+    known = running_client() if client is None else checked_client(client)
+    if known is not None and (workers is not None or memory is not None):
+        name = "workers" if workers is not None else "memory"
+        raise InputError(
+            f"{name}: is for a cluster of this machine, and there is a client of a running one; leave it out"
+        )
+    if known is not None:
+        yield known
+        return
+    with local_client(workers, memory) as own:
+        yield own

@@ -1,0 +1,186 @@
+"""Robust estimates where each observation has a known variance and all share an unknown one: Huber's M-estimates (1964, 1981).
+
+The common variance solves mean(min(r**2 / s**2, c**2)) = E[min(Z**2, c**2)], s**2 = m variance + known (his Proposal 2):
+what lies further out than c counts as c, so that a few observations of another kind hardly move it.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import chdtr, chdtri
+
+from bristle.arrays import Array
+
+SCALE = 2.0
+"""c of the variance, standard deviations."""
+BEND = 1.345
+"""c of the coefficients: 95 % efficiency with normal errors."""
+SCALE_EFFICIENCY = 0.88
+"""Of the variance's estimate with normal errors, at `SCALE`."""
+_PASSES = 60
+_SETTLED = 1e-7
+_MANY = 20
+"""Groups from which on the covariance is that of their scores, not of the model."""
+
+
+def expected_square(bend: float) -> float:
+    """E[min(Z**2, bend**2)] of a standard normal Z."""
+    return float(chdtr(3, bend**2) + bend**2 * (1 - chdtr(1, bend**2)))
+
+
+def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: int = 0) -> float:
+    """The variance that all residuals share beside their known ones; 0 where these explain them.
+
+    Args:
+        residuals: (n,).
+        known: variances, (n,).
+        times: how often the common variance is in each: 1, or 2 in a difference of two observations.
+        lost: number of coefficients that were fitted.
+    """
+    squares, free = residuals**2, residuals.size - lost
+    if free < 1:
+        return 0.0
+    goal = expected_square(SCALE) * free
+
+    def excess(variance: float) -> float:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(squares == 0, 0.0, squares / (times * variance + known))
+        return float(np.minimum(ratio, SCALE**2).sum()) - goal
+
+    if excess(0.0) <= 0:
+        return 0.0
+    top = float(squares.max()) / times
+    while excess(top) > 0:  # where strays are most of all
+        top *= 4
+    return float(brentq(excess, 0.0, top, xtol=1e-12 * top, rtol=1e-8))
+
+
+def variance_interval(variance: float, known: float, freedom: float, level: float = 0.95) -> tuple[float, float]:
+    """95 % interval of a common variance beside a typical known one, by chi-squared of the sum; the lower end is 0 where the data allow it."""
+    total, tail = variance + known, (1 - level) / 2
+    if freedom <= 0 or total <= 0:
+        return 0.0, float("inf")
+    low, high = total * freedom / float(chdtri(freedom, tail)), total * freedom / float(chdtri(freedom, 1 - tail))
+    return max(low - known, 0.0), max(high - known, 0.0)
+
+
+class RobustFit(NamedTuple):
+    """Coefficients, and the variance that all observations share."""
+
+    coefficients: Array
+    """(p,)."""
+    covariance: Array
+    """(p, p)."""
+    variance: float
+    """Of one observation, beside its known variance."""
+    freedom: float
+    """Degrees of freedom of the variance."""
+    freedom_of_coefficients: float
+
+
+class Differences(NamedTuple):
+    """Successive observations of the same thing, subtracted: y[second] - y[first]."""
+
+    first: NDArray[np.intp]
+    """Which observation, (m,)."""
+    second: NDArray[np.intp]
+    """(m,)."""
+
+
+def differences_of(owner: NDArray[np.intp]) -> Differences:
+    """Neighbours that belong together, of observations (n,) sorted by their owner."""
+    first = np.flatnonzero(owner[1:] == owner[:-1])
+    return Differences(first, first + 1)
+
+
+def fit_differences(
+    y: Array, known: Array, regressors: Array, pairs: Differences, groups: NDArray[np.intp]
+) -> RobustFit:
+    """Fits y = level of its owner + regressors @ coefficients + error, of variance common + known, by successive differences.
+
+    A level that steps is wrong in one difference alone, which counts little. The covariance is of the scores summed over
+    groups where there are `_MANY`, else of the model, in which neighbouring differences share an observation.
+
+    Args:
+        y: observations, sorted by owner and time, (n,).
+        known: their variances, (n,).
+        regressors: (n, p); p may be 0.
+        pairs: as `differences_of`.
+        groups: what may move together, by observation, (n,).
+    """
+    d, X = y[pairs.second] - y[pairs.first], regressors[pairs.second] - regressors[pairs.first]
+    v = known[pairs.first] + known[pairs.second]
+    n, p = X.shape
+    b: Array = np.zeros(p)
+    variance = common_variance(d, v, 2.0, p)
+    for _ in range(_PASSES if p else 0):
+        s2 = np.maximum(2 * variance + v, np.finfo(float).tiny)
+        r = d - X @ b
+        w = np.minimum(1.0, BEND / np.maximum(np.abs(r) / np.sqrt(s2), 1e-300)) / s2
+        moved: Array = np.linalg.lstsq(X * np.sqrt(w)[:, None], d * np.sqrt(w), rcond=None)[0].astype(float)
+        change, b = float(np.abs(X @ (moved - b)).max(initial=0.0)), moved
+        variance = common_variance(d - X @ b, v, 2.0, p)
+        if change < _SETTLED * np.sqrt(float(np.median(s2))):
+            break
+    freedom = max(n * 2 / 3 * SCALE_EFFICIENCY - p, 0.0)  # neighbours share an observation: 2/3 of independent ones
+    cov, free = _covariance(d - X @ b, X, v, variance, (y.size, known, pairs, groups))
+    return RobustFit(b, cov, variance, freedom, free if free else freedom)
+
+
+def _covariance(
+    r: Array, X: Array, v: Array, variance: float, of: tuple[int, Array, Differences, NDArray[np.intp]]
+) -> tuple[Array, float]:
+    """Of the coefficients, (p, p), and its degrees of freedom where the groups gave it, else 0."""
+    count, known, pairs, groups = of
+    p = X.shape[1]
+    if p == 0:
+        return np.zeros((0, 0)), 0.0
+    s2 = np.maximum(2 * variance + v, np.finfo(float).tiny)
+    u = r / np.sqrt(s2)
+    inner = (X * ((np.abs(u) < BEND) / s2)[:, None]).T @ X
+    inverse = np.linalg.pinv(inner, hermitian=True)
+    owner = groups[pairs.first]
+    names, owner = np.unique(owner, return_inverse=True)
+    if names.size >= _MANY:
+        scores = np.zeros((names.size, p))
+        np.add.at(scores, owner, X * (np.clip(u, -BEND, BEND) / np.sqrt(s2))[:, None])
+        outer, free = scores.T @ scores * (names.size / (names.size - 1)), names.size - 1.0
+    else:
+        pull = np.zeros((count, p))
+        np.add.at(pull, pairs.second, X / s2[:, None])
+        np.add.at(pull, pairs.first, -X / s2[:, None])
+        outer, free = (pull * (variance + known)[:, None]).T @ pull, 0.0
+        inverse = np.linalg.pinv((X / s2[:, None]).T @ X, hermitian=True)
+    cov: Array = inverse @ outer @ inverse
+    return cov, free
+
+
+class Population(NamedTuple):
+    """Things of one kind, each measured with a known variance."""
+
+    mean: float
+    mean_error: float
+    variance: float
+    """Between them."""
+    freedom: float
+
+
+def population(values: Array, known: Array) -> Population:
+    """Random effects, robust: mean and variance of a population of which each value (n,) has a known variance (n,)."""
+    mean = float(np.median(values))
+    variance = 0.0
+    for _ in range(_PASSES):
+        variance = common_variance(values - mean, known, 1.0, 1)
+        s2 = np.maximum(variance + known, np.finfo(float).tiny)
+        w = np.minimum(1.0, BEND / np.maximum(np.abs(values - mean) / np.sqrt(s2), 1e-300)) / s2
+        before, mean = mean, float((w * values).sum() / w.sum())
+        if abs(mean - before) < _SETTLED * float(np.sqrt(np.median(s2))):
+            break
+    s2 = np.maximum(variance + known, np.finfo(float).tiny)
+    u = (values - mean) / np.sqrt(s2)
+    bread = float(((np.abs(u) < BEND) / s2).sum())
+    meat = float((np.clip(u, -BEND, BEND) ** 2 / s2).sum())
+    error = np.sqrt(meat) / bread if bread > 0 else float("inf")
+    return Population(mean, float(error), variance, max((values.size - 1) * SCALE_EFFICIENCY, 0.0))

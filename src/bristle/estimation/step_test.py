@@ -1,0 +1,139 @@
+"""A level that may step once, after an unknown one of its observations: the likelihood-ratio scan, and what chance alone makes of it.
+
+The largest of correlated |Z_k| has a p-value by Hunter's and Worsley's bound, the sum of P(|Z_k| > c) less that of
+P(|Z_k| > c, |Z_k+1| > c) (Worsley, Biometrika 70, 1983), which is close because Z_k is a Markov chain.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, ndtr, ndtri_exp, roots_laguerre, stdtr
+
+from bristle.arrays import Array
+
+_NODES, _WEIGHTS = roots_laguerre(24)
+_AT_ONCE = 200_000
+"""Pairs of neighbours whose probability is computed at once."""
+
+
+class Steps(NamedTuple):
+    """The most significant step of each series."""
+
+    after: NDArray[np.intp]
+    """Index of the first observation after it, (m,)."""
+    size: Array
+    """Mean after it less mean before, (m,)."""
+    error: Array
+    """Standard error of that, the step's place taken as known, (m,)."""
+    z: Array
+    """(m,)."""
+    p: Array
+    """How often chance alone makes the largest of all steps as significant, (m,)."""
+    before: Array
+    """Mean before it, (m,)."""
+
+
+class Levels(NamedTuple):
+    """Series of observations, a row each, padded at the end."""
+
+    y: Array
+    """(m, n); what is no observation is anything."""
+    variance: Array
+    """(m, n); inf where there is none."""
+    regressors: Array
+    """What was taken off y, by coefficient, (m, n, p)."""
+    covariance: Array
+    """Of these coefficients, (p, p)."""
+
+
+def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
+    """The most significant step of each series, after at least `baseline` observations, of all places where it may be.
+
+    Args:
+        levels: with more than `baseline` observations in each row.
+        baseline: observations before the first place, at least 1.
+        freedom: degrees of freedom of the variances; Student's t is taken for them.
+    """
+    weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
+    y = np.where(weight > 0, levels.y, 0.0)
+    X = np.where(weight[..., None] > 0, levels.regressors, 0.0)
+    before, after = _split(weight, baseline)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        means = _means(weight * y, before, after, baseline)
+        moved = [_means(weight * X[..., k], before, after, baseline) for k in range(X.shape[2])]
+        size = means[1] - means[0]
+        contrast = np.stack([b - a for a, b in moved], axis=-1) if moved else np.zeros((*size.shape, 0))
+        extra = np.einsum("mkp,pq,mkq->mk", contrast, levels.covariance, contrast) if moved else 0.0
+        error = np.sqrt(1 / before + 1 / after + extra)
+        z = np.where(after > 0, size / error, 0.0)
+    best = np.abs(z).argmax(axis=1)
+    row = np.arange(best.size)
+    largest = np.abs(z[row, best])
+    return Steps(
+        after=best + baseline,
+        size=size[row, best],
+        error=error[row, best],
+        z=z[row, best],
+        p=largest_p(_as_normal(largest, freedom), before, after),
+        before=means[0][row, best],
+    )
+
+
+def _split(weight: Array, baseline: int) -> tuple[Array, Array]:
+    """Weight before and after each place of a step, (m, n - baseline); none after it where a row has ended."""
+    total = weight.cumsum(axis=1)
+    before = total[:, baseline - 1 : -1]
+    after = np.where(weight[:, baseline:] > 0, total[:, -1:] - before, 0.0)
+    return before, after
+
+
+def _means(weighted: Array, before: Array, after: Array, baseline: int) -> tuple[Array, Array]:
+    total = weighted.cumsum(axis=1)
+    first = total[:, baseline - 1 : -1]
+    return first / before, (total[:, -1:] - first) / after
+
+
+def _as_normal(t: Array, freedom: float) -> Array:
+    """The standard normal deviate with the tail of a Student's t, both >= 0."""
+    if not np.isfinite(freedom) or freedom > 1e6:
+        return t
+    with np.errstate(divide="ignore"):
+        tail = np.log(stdtr(freedom, -t))
+    normal: Array = np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), t)
+    return normal
+
+
+def largest_p(c: Array, before: Array, after: Array) -> Array:
+    """P(max |Z_k| > c) of each row, (m,), at most; weights before and after each place, (m, k), 0 after where there is none."""
+    there = after > 0
+    alone = 2 * ndtr(-c)
+    both = there[:, 1:] & there[:, :-1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = before / (before + after)
+        odds = share / (1 - share)
+        correlation = np.sqrt(np.where(both, odds[:, :-1] / odds[:, 1:], 0.0))
+    row, _ = np.nonzero(both)
+    joint = np.bincount(row, _both_beyond(c[row], np.minimum(correlation[both], 1.0)), minlength=c.size)
+    p: Array = np.clip(there.sum(axis=1) * alone - joint, alone, 1.0)
+    return p
+
+
+def _both_beyond(c: Array, correlation: Array) -> Array:
+    """P(|Z_1| > c and |Z_2| > c) of standard normal variables, (k,), by Gauss-Laguerre quadrature over the first."""
+    out = np.empty(c.size)
+    for begin in range(0, c.size, _AT_ONCE):
+        part = slice(begin, begin + _AT_ONCE)
+        out[part] = _beyond(c[part][:, None], correlation[part][:, None])
+    return out
+
+
+def _beyond(c: Array, rho: Array) -> Array:
+    rate = np.maximum(c, 1.0)
+    t = _NODES / rate
+    rest = np.sqrt(np.maximum(1 - rho**2, 1e-14))
+    log_first = -((c + t) ** 2) / 2 + _NODES - 0.5 * np.log(2 * np.pi) - np.log(rate)
+    upper = log_ndtr(-(c - rho * (c + t)) / rest)
+    lower = log_ndtr((-c - rho * (c + t)) / rest)
+    values: Array = 2 * (_WEIGHTS * np.exp(np.minimum(log_first + np.logaddexp(upper, lower), 0.0))).sum(axis=1)
+    return values

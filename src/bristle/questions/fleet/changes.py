@@ -1,0 +1,135 @@
+"""Which joints of a fleet changed: a step test of every parameter in every direction, and the false discovery rate over the joints."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.estimation.covariance import student
+from bristle.estimation.multiple_tests import false_discovery, false_discovery_within, simes
+from bristle.estimation.step_test import Levels, Steps, step_scan
+from bristle.questions.fleet.quantities import Adjusted, padded
+from bristle.questions.fleet.roster import Roster
+
+
+class StepTests(NamedTuple):
+    """The step tests of one quantity, a joint each."""
+
+    one: Adjusted
+    which: NDArray[np.intp]
+    """Which of the quantity's joints, (t,)."""
+    steps: Steps
+
+
+def step_tests(one: Adjusted, baseline: int) -> StepTests:
+    """The tests of the joints that have more than `baseline` sessions."""
+    counts = np.bincount(one.of.joint)
+    which = np.flatnonzero(counts > baseline)
+    levels = padded(one)
+    part = Levels(levels.y[which], levels.variance[which], levels.regressors[which], levels.covariance)
+    empty = np.zeros(0)
+    if not which.size:
+        return StepTests(one, which, Steps(which, empty, empty, empty, empty, empty))
+    return StepTests(one, which, step_scan(part, baseline, one.fit.freedom))
+
+
+class Decided(NamedTuple):
+    """All tests of a fleet, and what they come to at a false discovery rate; t tests of m joints."""
+
+    joint: NDArray[np.intp]
+    """Number of the joint of each test, (t,)."""
+    p: Array
+    """(t,)."""
+    z: Array
+    """(t,)."""
+    named: NDArray[np.bool_]
+    """Whether the parameter of each test changed, (t,)."""
+    adjusted: Array
+    """Of each joint of the fleet, nan where it was not tested, (m,)."""
+    changed: NDArray[np.bool_]
+    """(m,)."""
+
+
+def decide(tests: Sequence[StepTests], joints: int, rate: float) -> Decided:
+    """Which joints changed, of so many, and in which parameters."""
+    number = _joined([x.one.of.joints[x.which] for x in tests]).astype(np.intp)
+    p, z = _joined([x.steps.p for x in tests]), _joined([x.steps.z for x in tests])
+    adjusted, changed, named = np.full(joints, np.nan), np.zeros(joints, dtype=bool), np.zeros(p.size, dtype=bool)
+    if p.size:
+        own, group = np.unique(number, return_inverse=True)
+        adjusted[own] = false_discovery(simes(p, group))
+        changed[own] = adjusted[own] <= rate
+        share = changed.sum() / own.size
+        named = changed[number] & (false_discovery_within(p, group) <= rate * share)
+    return Decided(number, p, z, named, adjusted, changed)
+
+
+def _joined(parts: Sequence[Array | NDArray[np.intp]]) -> Array:
+    return np.concatenate([np.zeros(0), *parts])
+
+
+def change_rows(tests: Sequence[StepTests], decided: Decided, frame: pd.DataFrame) -> pd.DataFrame:
+    """A row per test, and the number of its joint."""
+    rows = pd.concat([_rows(x, frame) for x in tests], ignore_index=True) if tests else _rows_of_none()
+    return rows.assign(number=decided.joint, z=decided.z, p=decided.p, changed=decided.named)
+
+
+_COLUMNS = (
+    "type", "parameter", "direction", "sessions", "value_unit", "before", "after", "percent", "percent_lower", "percent_upper",
+    "since", "sessions_after",
+)  # fmt: skip  # a row
+
+
+def _rows_of_none() -> pd.DataFrame:
+    return pd.DataFrame(columns=list(_COLUMNS))
+
+
+def _rows(x: StepTests, frame: pd.DataFrame) -> pd.DataFrame:
+    one, steps, q = x.one, x.steps, x.one.of
+    counts = np.bincount(q.joint)
+    row = q.rows[np.searchsorted(q.joint, x.which) + steps.after]
+    reach = student(one.fit.freedom) * steps.error
+    type_, parameter, direction = q.key
+    return pd.DataFrame(
+        {
+            "type": type_, "parameter": parameter, "direction": direction, "sessions": counts[x.which], "value_unit": q.value_unit,
+            "before": q.shown(steps.before), "after": q.shown(steps.before + steps.size), "percent": q.percent(steps.size),
+            "percent_lower": q.percent(steps.size - reach), "percent_upper": q.percent(steps.size + reach),
+            "since": frame["session"].to_numpy()[row], "sessions_after": counts[x.which] - steps.after,
+        },
+        columns=list(_COLUMNS),
+    )  # fmt: skip  # a table
+
+
+def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFrame:
+    """A row per joint with its clearest test, those that changed first, by p-value; the index is the joint's number."""
+    first = changes.assign(size=-changes["z"].abs()).sort_values(["number", "p", "size"], kind="stable")
+    first = first.drop_duplicates("number").set_index("number")
+    table = people.table.join(
+        first[
+            [
+                "parameter",
+                "direction",
+                "percent",
+                "percent_lower",
+                "percent_upper",
+                "since",
+                "sessions_after",
+                "p",
+                "size",
+            ]
+        ]
+    )
+    table = table.assign(adjusted_p=decided.adjusted, changed=decided.changed)
+    table = table.sort_values(["adjusted_p", "p", "size", "unit", "joint"], kind="stable", na_position="last")
+    return table.assign(rank=np.arange(1, len(table) + 1)).drop(columns=["p", "size"])
+
+
+def settled_sessions(tests: StepTests, named: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Of each joint of the quantity how many of its sessions are before a change that was named: all where there was none, (m,)."""
+    most = np.bincount(tests.one.of.joint)
+    most[tests.which[named]] = tests.steps.after[named]
+    return most

@@ -1,0 +1,290 @@
+"""Dask's cluster: one of this machine, or one that runs already; whether its workers can do the work, and work that is spread over them."""
+
+import logging
+import secrets
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from itertools import islice
+from typing import Any, NamedTuple
+
+from bristle.errors import InputError, one_line, short
+from bristle.questions.fleet.files import digest_of, joined_path, read_bytes, remove, write_whole
+from bristle.questions.fleet.tasks import version_difference, versions
+from bristle.workers import cores, pinned
+
+Client = Any
+"""A `distributed.Client`."""
+_LOOPBACK = "127.0.0.1"
+_DASHBOARD = 8787
+_WAIT = 60.0
+"""Seconds that a scheduler or its first worker is waited for."""
+_UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
+"""What a worker of our own does first: it leaves an interrupt to the client, which ends it."""
+_LOGGERS = (
+    "distributed",
+    "distributed.worker",
+    "distributed.nanny",
+    "distributed.scheduler",
+    "distributed.client",
+    "distributed.core",
+    "bokeh",
+)
+
+
+class Call(NamedTuple):
+    """A function that is to be called on a worker."""
+
+    key: str
+    function: Callable[..., Any]
+    arguments: tuple[Any, ...]
+
+
+class Reach(NamedTuple):
+    """What all workers reach."""
+
+    output: bool
+    inputs: bool
+
+
+class SchedulerLostError(OSError):
+    """The scheduler cannot be reached any more."""
+
+
+def check_installed() -> None:
+    """Raise InputError where what a fleet needs is not installed."""
+    try:
+        import distributed  # noqa: F401
+        import fsspec  # noqa: F401
+        import pyarrow  # noqa: F401
+    except ImportError as error:
+        raise InputError(f"a fleet needs {error.name}; install it with pip install 'bristle[fleet]'") from error
+
+
+def running_client() -> Client | None:
+    """The Dask client of this process, where there is one. Raises InputError where it is asynchronous."""
+    from distributed import get_client
+
+    with suppress(ValueError):
+        return checked_client(get_client())
+    return None
+
+
+def checked_client(client: Client) -> Client:
+    """A client that can be used. Raises InputError where it is none, or asynchronous."""
+    from distributed import Client as DaskClient
+
+    if not isinstance(client, DaskClient):
+        raise InputError(f"client: got {short(client)}; expected a distributed.Client")
+    if client.asynchronous:
+        raise InputError("client: got an asynchronous client; expected one of Client(asynchronous=False)")
+    return client
+
+
+@contextmanager
+def local_client(workers: int | None = None, memory: str | None = None) -> Iterator[Client]:
+    """A client of a cluster of this machine, whose processes have one thread each; it and its dashboard listen on loopback.
+
+    Args:
+        workers: processes; None: as many as there are cores.
+        memory: of each, as `2 GiB`; a process that needs more is ended. None: its share of the machine's.
+
+    Raises InputError where the memory is no size.
+    """
+    from distributed import Client as DaskClient
+    from distributed import LocalCluster
+
+    count = workers or cores()
+    limit = _bytes_of(memory)
+    with quiet(), pinned():
+        cluster = LocalCluster(
+            n_workers=count, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
+            dashboard_address=f"{_LOOPBACK}:{_free_port()}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
+        )  # fmt: skip  # a list of values
+        try:
+            with DaskClient(cluster, set_as_default=False) as client:
+                yield client
+        finally:
+            cluster.close(timeout=10)
+
+
+def _bytes_of(memory: str | None) -> int | None:
+    from dask.utils import parse_bytes
+
+    if memory is None:
+        return None
+    try:
+        found = int(parse_bytes(memory))
+    except (ValueError, TypeError, OverflowError) as error:
+        raise InputError(f"memory: got {short(memory)}; expected a size such as 2 GiB") from error
+    if not 2**26 <= found <= 2**50:
+        raise InputError(f"memory: got {short(memory)}; expected at least 64 MiB, such as 2 GiB")
+    return found
+
+
+def _free_port() -> int:
+    """8787 for the dashboard, or 0, which is any that is free."""
+    import socket
+
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            one.bind((_LOOPBACK, _DASHBOARD))
+        except OSError:
+            return 0
+    return _DASHBOARD
+
+
+@contextmanager
+def remote_client(scheduler: str, certificates: Mapping[str, str] | None = None) -> Iterator[Client]:
+    """A client of a scheduler, by its address; with certificates (`ca`, `cert`, `key`) by TLS alone.
+
+    Raises InputError where there is none at the address, or a certificate cannot be used.
+    """
+    from distributed import Client as DaskClient
+
+    with quiet():
+        try:
+            client = DaskClient(scheduler, security=_security(certificates), timeout=_WAIT / 4, set_as_default=False)
+        except (OSError, ValueError, RuntimeError, TypeError) as error:
+            why = one_line(str(error), 150)
+            raise InputError(
+                f"{scheduler}: no Dask scheduler answers ({why}); expected an address such as tcp://host:8786"
+            ) from error
+        with client:
+            yield client
+
+
+def _security(certificates: Mapping[str, str] | None) -> Any:
+    from distributed import Security
+
+    if not certificates:
+        return None
+    by = {"ca": "tls_ca_file", "cert": "tls_client_cert", "key": "tls_client_key"}
+    return Security(require_encryption=True, **{by[name]: file for name, file in certificates.items()})
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """Dask's own log lines are not shown meanwhile: what matters of them is a sentence of ours."""
+    loggers = [logging.getLogger(name) for name in _LOGGERS]
+    before = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.setLevel(logging.CRITICAL + 1)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)
+
+
+def dashboard_of(client: Client) -> str:
+    """The address of the dashboard; empty where there is none."""
+    try:
+        return str(client.dashboard_link or "") if "dashboard" in client.scheduler_info()["services"] else ""
+    except (AttributeError, KeyError, ValueError, OSError):
+        return ""
+
+
+def threads_of(client: Client) -> int:
+    """Threads of all workers."""
+    return int(max(1, sum(client.nthreads().values())))
+
+
+def check_workers(client: Client) -> None:
+    """Raise InputError where there is no worker, or one has another version of what results depend on, or no bristle."""
+    from distributed import TimeoutError as DaskTimeoutError
+
+    try:
+        client.wait_for_workers(1, timeout=_WAIT)
+    except (DaskTimeoutError, TimeoutError) as error:
+        raise InputError(
+            f"the scheduler has no worker after {_WAIT:.0f} s; start one with dask worker ADDRESS"
+        ) from error
+    here = versions()
+    for worker, found in client.get_versions(check=False)["workers"].items():
+        python = str(found["packages"].get("python", "")) if "packages" in found else str(dict(found["host"])["python"])
+        known = (*(x for x in here if x[0] != "Python"), ("Python", ".".join(python.split(".")[:2])))
+        if wrong := version_difference(here, known, worker):  # before anything is sent that another Python cannot read
+            raise InputError(wrong)
+
+    def theirs() -> Any:  # sent by value: bristle need not be there
+        try:
+            from bristle.questions.fleet.tasks import versions as its
+        except ImportError as error:
+            return str(error)
+        return its()
+
+    for worker, found in client.run(theirs, on_error="return").items():
+        if isinstance(found, BaseException | str):
+            raise InputError(
+                f"the worker {worker} cannot import bristle ({one_line(str(found), 120)}); install bristle[fleet] {dict(here)['bristle']} on all"
+            )
+        if wrong := version_difference(here, found, worker):
+            raise InputError(wrong)
+
+
+def reach_of(client: Client, output: str, inputs: Iterable[str]) -> Reach:
+    """Whether all workers see what is written to an output, and read the same in some inputs. Raises OSError where nothing can be written."""
+    token = secrets.token_hex(16).encode()
+    probe = joined_path(output, f".probe-{token.decode()[:8]}")
+    write_whole(probe, token)
+    try:
+        seen = client.run(_reads, probe, on_error="return")
+    finally:
+        remove(probe)
+    known = [(name, digest_of(name)) for name in inputs]
+    same = (client.run(_digests, [name for name, _ in known], on_error="return") if known else {}).values()
+    return Reach(all(found == token for found in seen.values()), all(found == [x for _, x in known] for found in same))
+
+
+def _reads(name: str) -> bytes | None:
+    try:
+        return read_bytes(name)
+    except (OSError, InputError):
+        return None
+
+
+def _digests(names: list[str]) -> list[str] | None:
+    try:
+        return [digest_of(name) for name in names]
+    except (OSError, InputError):
+        return None
+
+
+def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple[Call, Any]]:
+    """Call functions on workers, at most `window` of them under way, and give each with its result or exception as it ends.
+
+    Raises SchedulerLostError where the scheduler cannot be reached any more.
+    """
+    from distributed import as_completed
+
+    todo, ended = iter(calls), as_completed(loop=client.loop, with_results=True, raise_errors=False)
+    waiting: dict[Any, tuple[Call, Any]] = {}
+
+    def begin() -> None:
+        """Fill the window."""
+        for call in islice(todo, window - len(waiting)):
+            future = client.submit(call.function, *call.arguments, key=call.key, pure=False)
+            waiting[call.key] = call, future
+            ended.add(future)
+
+    try:
+        begin()
+        while waiting:
+            for future, result in ended.next_batch():
+                call, _ = waiting.pop(future.key)
+                if future.status == "finished":
+                    yield call, result
+                elif future.status == "error":
+                    yield call, future.exception()
+                else:
+                    raise SchedulerLostError(
+                        f"the scheduler {client.scheduler.address if client.scheduler else ''} was lost".replace(
+                            "  ", " "
+                        )
+                    )
+                future.release()
+            begin()
+    finally:
+        with suppress(Exception):  # a scheduler that is gone has nothing to cancel
+            client.cancel([future for _, future in waiting.values()])

@@ -1,0 +1,288 @@
+"""The dataset of a fleet: Parquet, a row per unit, joint, session, direction and parameter; written per task, then compacted into parts.
+
+The columns are `COLUMNS`. Equal results give equal bytes: rows have one order, a part is named by its place and content, and
+nothing in it tells when it was written.
+"""
+
+import hashlib
+import io
+import re
+from collections.abc import Collection, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from bristle.errors import InputError, one_line
+from bristle.identification.known_joint import Known, chosen
+from bristle.identification.results import Joint
+from bristle.identification.verdict import row_warnings, verdict
+from bristle.questions.fleet.files import joined_path, make_folder, names_in, read_bytes, remove, write_whole
+from bristle.questions.fleet.survey import SCHEMA
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+_TEXT, _NUMBER = "text", "number"
+COLUMNS = {
+    "unit": _TEXT, "joint": _TEXT, "type": _TEXT, "session": "time", "direction": _TEXT, "parameter": _TEXT, "value": _NUMBER,
+    "value_unit": _TEXT, "standard_error": _NUMBER, "lower": _NUMBER, "upper": _NUMBER, "source": _TEXT, "severity": _TEXT,
+    "warnings": _TEXT, "use": _TEXT, "kind": _TEXT, "simulated": "truth", "temperature": _NUMBER, "load": _NUMBER, "tags": _TEXT,
+    "file": _TEXT, "key": _TEXT, "failure": _TEXT, "left_out": _TEXT,
+}  # fmt: skip  # a table
+"""Columns of the dataset and what each holds: text (a dictionary), a number (float64), a time (UTC, microseconds), or a truth."""
+OF_TASK = (
+    "direction", "parameter", "value", "value_unit", "standard_error", "lower", "upper", "source", "severity", "warnings", "use", "kind",
+    "simulated", "key", "failure",
+)  # fmt: skip  # a list
+"""Columns that a task gives; the others are the catalog's."""
+ORDER = ("unit", "joint", "session", "direction", "parameter", "file", "failure")
+RESULTS, TASKS = "results", "tasks"
+"""Folders of the output."""
+PART = re.compile(r"part-\d{5}-[0-9a-f]{8}\.parquet")
+ROWS = 200_000
+"""Of a part."""
+_SEVERITIES = ("note", "caution", "critical")
+_READERS = 16
+
+
+def schema_of(columns: Sequence[str], *, coded: bool) -> "pa.Schema":
+    """The Arrow schema of some columns, text as a dictionary where it is `coded`."""
+    import pyarrow as pa
+
+    text = pa.dictionary(pa.int32(), pa.string()) if coded else pa.string()
+    types = {_TEXT: text, _NUMBER: pa.float64(), "time": pa.timestamp("us"), "truth": pa.bool_()}
+    return pa.schema([(name, types[COLUMNS[name]]) for name in columns], metadata={"bristle": SCHEMA})
+
+
+def task_bytes(key: str, joint: Joint) -> bytes:
+    """The rows of a joint that was identified, as Parquet. Raises InputError where it has none."""
+    use = verdict(joint)
+    rows = [_task_row(key, joint, str(use.trust), row) for row in chosen(joint)]
+    if not rows:
+        reason = f": {use.reason}" if use.reason else ""
+        raise InputError(f"{joint.name}: nothing was identified{reason}")
+    return _written(rows)
+
+
+def failure_bytes(key: str, failure: str) -> bytes:
+    """The row of a joint session that cannot be identified, as Parquet."""
+    return _written([{**dict.fromkeys(OF_TASK), "key": key, "failure": one_line(failure)}])
+
+
+def _written(rows: list[dict[str, Any]]) -> bytes:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    sink = io.BytesIO()
+    table = pa.Table.from_pylist(rows, schema=schema_of(OF_TASK, coded=False))
+    pq.write_table(table, sink, compression="none", use_dictionary=False, write_statistics=False, store_schema=False)
+    return sink.getvalue()
+
+
+def _task_row(key: str, joint: Joint, use: str, row: Known) -> dict[str, Any]:
+    estimate, said = row.estimate, row_warnings(joint, row)
+    lower, upper = (None, None) if estimate.interval is None else estimate.interval
+    worst = max((_SEVERITIES.index(x.severity) for x in said), default=None)
+    return {
+        "direction": str(row.parameter.direction), "parameter": row.parameter.name, "value": estimate.value, "value_unit": estimate.unit,
+        "standard_error": estimate.standard_error, "lower": lower, "upper": upper, "source": str(row.source),
+        "severity": "none" if worst is None else _SEVERITIES[worst], "warnings": " ".join(dict.fromkeys(x.kind.code for x in said)),
+        "use": use, "kind": joint.kind.partition(" ")[0], "simulated": joint.simulated, "key": key, "failure": None,
+    }  # fmt: skip  # a row
+
+
+def task_file(folder: str, key: str) -> str:
+    """Where the rows of a task lie."""
+    return joined_path(folder, f"{TASKS}/{key}.parquet")
+
+
+def task_keys(folder: str) -> set[str]:
+    """The keys of the tasks whose rows lie in an output."""
+    names = names_in(joined_path(folder, TASKS))
+    return {name.removesuffix(".parquet") for name in names if name.endswith(".parquet") and not name.startswith(".")}
+
+
+def read_tasks(folder: str, keys: Collection[str]) -> tuple["pa.Table", set[str]]:
+    """The rows of some tasks, and the keys of those whose file is damaged or gone."""
+    import pyarrow as pa
+
+    ordered = sorted(keys)
+    with ThreadPoolExecutor(_READERS) as pool:
+        tables = list(pool.map(lambda key: _task_table(task_file(folder, key)), ordered))
+    good = [table for table in tables if table is not None]
+    empty = schema_of(OF_TASK, coded=False).empty_table()
+    return pa.concat_tables([empty, *good]), {key for key, table in zip(ordered, tables, strict=True) if table is None}
+
+
+def _task_table(name: str) -> "pa.Table | None":
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.ParquetFile(pa.BufferReader(read_bytes(name))).read(use_threads=False)
+        return table.cast(schema_of(OF_TASK, coded=False))
+    except (pa.ArrowException, ValueError, OSError):
+        return None
+
+
+def parts_of(folder: str) -> list[str]:
+    """The part files of an output, sorted."""
+    return [name for name in names_in(joined_path(folder, RESULTS)) if PART.fullmatch(name)]
+
+
+def read_parts(folder: str) -> "pa.Table":
+    """The dataset of an output; rows that an interrupted run left twice are there once.
+
+    Raises InputError where a part is damaged, or none of bristle's.
+    """
+    import pyarrow as pa
+
+    with ThreadPoolExecutor(4) as pool:
+        tables = list(pool.map(lambda name: _part(joined_path(folder, f"{RESULTS}/{name}")), parts_of(folder)))
+    table = pa.concat_tables([schema_of(tuple(COLUMNS), coded=True).empty_table(), *tables]).unify_dictionaries()
+    return table if len(tables) < 2 else _once(table, ORDER)
+
+
+def _part(name: str) -> "pa.Table":
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.ParquetFile(pa.BufferReader(read_bytes(name))).read()
+        known = (table.schema.metadata or {}).get(b"bristle")
+    except (pa.ArrowException, ValueError) as error:
+        raise InputError(f"{name}: is damaged ({one_line(str(error), 100)}); remove it, and run again") from error
+    if known is None:
+        raise InputError(f"{name}: is no part of a fleet's dataset; move it, or name another folder")
+    same = known == SCHEMA.encode()
+    return (
+        table.cast(schema_of(tuple(COLUMNS), coded=True))
+        if same
+        else schema_of(tuple(COLUMNS), coded=True).empty_table()
+    )
+
+
+def _codes(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:
+    """The rank of each entry among those of its column, -1 where there is none."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    whole = column.combine_chunks()
+    if pa.types.is_dictionary(whole.type):
+        ranks = pc.rank(whole.dictionary, tiebreaker="min").to_numpy(zero_copy_only=False).astype(np.int64)
+        places = pc.fill_null(whole.indices, -1).to_numpy(zero_copy_only=False)
+        return np.where(places < 0, -1, ranks[np.maximum(places, 0)] if ranks.size else -1)
+    if pa.types.is_string(whole.type):
+        return _codes(pa.chunked_array([whole.dictionary_encode()]))
+    return np.asarray(pc.fill_null(pc.cast(whole, pa.int64()), -(2**62)).to_numpy(zero_copy_only=False))
+
+
+def _once(table: "pa.Table", columns: Sequence[str]) -> "pa.Table":
+    """The first of rows that are equal in some columns."""
+    import pandas as pd
+
+    codes = pd.DataFrame({name: _codes(table[name]) for name in columns})
+    kept = np.flatnonzero(~codes.duplicated().to_numpy())
+    return table if kept.size == len(table) else table.take(kept)
+
+
+def known_results(folder: str) -> "pa.Table":
+    """What the dataset of the last run knows by key, as the tasks gave it, each once."""
+    import pyarrow.compute as pc
+
+    table = read_parts(folder)
+    table = table.filter(pc.is_valid(table["key"])).select(OF_TASK)
+    return _once(table, ("key", "direction", "parameter", "failure"))
+
+
+def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
+    """The dataset: to each joint session (columns of `JointSession`) the rows of its key, or its failure; in the order of `ORDER`."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    results = results.cast(schema_of(OF_TASK, coded=True)).unify_dictionaries()
+    key = results["key"].cast(pa.string()).combine_chunks()
+    distinct = key.unique()
+    place = pc.index_in(key, distinct).to_numpy(zero_copy_only=False).astype(np.int64)
+    order = np.argsort(place, kind="stable")
+    counts = np.bincount(place, minlength=len(distinct)) if place.size else np.zeros(len(distinct), int)
+    starts = np.cumsum(counts) - counts
+    wanted = pa.array(sessions["key"].where(sessions["failure"] == "", "").astype(object), pa.string())
+    of = pc.fill_null(pc.index_in(wanted, distinct), -1).to_numpy(zero_copy_only=False).astype(np.int64)
+    many = np.where(of >= 0, counts[of] if counts.size else 0, 1)  # a failure is a row of its own
+    owner = np.repeat(np.arange(len(sessions)), many)
+    within = np.arange(owner.size) - np.repeat(np.cumsum(many) - many, many)
+    taken = np.where(of[owner] >= 0, (starts[of[owner]] if starts.size else 0) + within, -1)
+    rows = pa.array(np.where(taken >= 0, order[taken] if order.size else 0, 0), mask=taken < 0)
+    columns = {name: results[name].take(rows) for name in OF_TASK} | _of_catalog(sessions, owner)
+    own = pa.array(sessions["failure"].to_numpy(object)[owner], pa.string(), mask=of[owner] >= 0)
+    failure = pc.coalesce(columns["failure"].cast(pa.string()).combine_chunks(), own)
+    table = pa.table({name: (pa.chunked_array([failure]) if name == "failure" else columns[name]) for name in COLUMNS})
+    return _coded(table.take(np.lexsort([_last(table[name]) for name in reversed(ORDER)])))
+
+
+def _coded(table: "pa.Table") -> "pa.Table":
+    """The table whose text has dictionaries of its own words alone, sorted."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    columns = []
+    for name, holds in COLUMNS.items():
+        column = table[name].combine_chunks()
+        if holds == _TEXT:
+            whole = column.cast(pa.string()).dictionary_encode()
+            order = pc.sort_indices(whole.dictionary)
+            rank = np.empty(len(order), np.int32)
+            rank[order.to_numpy()] = np.arange(len(order), dtype=np.int32)
+            column = pa.DictionaryArray.from_arrays(pa.array(rank).take(whole.indices), whole.dictionary.take(order))
+        columns.append(column)
+    return pa.table(columns, schema=schema_of(tuple(COLUMNS), coded=True))
+
+
+def _last(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:
+    codes = _codes(column)
+    return np.where(codes < 0, codes.max(initial=0) + 1, codes) if column.null_count else codes
+
+
+def _of_catalog(sessions: "pd.DataFrame", owner: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, "pa.ChunkedArray"]:
+    """The columns that the catalog gives, each joint session as often as it has rows; what is empty is null."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    made = {}
+    for name, holds in COLUMNS.items():
+        if name in OF_TASK:
+            continue
+        if holds == _TEXT:
+            text = pa.array(sessions[name].astype(object), pa.string())
+            column = pc.if_else(pc.equal(text, ""), None, text).dictionary_encode()
+        else:
+            column = pa.array(sessions[name].to_numpy(), from_pandas=True)
+        made[name] = pa.chunked_array([column.take(owner)])
+    return made
+
+
+def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:
+    """Write the dataset of an output in parts; then those of before are removed. Raises OSError where a part cannot be written."""
+    make_folder(joined_path(folder, RESULTS))
+    names = []
+    for name, data in part_files(table):
+        names.append(name)
+        if name not in before:
+            write_whole(joined_path(folder, f"{RESULTS}/{name}"), data)
+    for name in set(before) - set(names):
+        remove(joined_path(folder, f"{RESULTS}/{name}"))
+
+
+def part_files(table: "pa.Table") -> Iterator[tuple[str, bytes]]:
+    """The parts of a dataset, each with its name."""
+    import pyarrow.parquet as pq
+
+    text = [name for name, holds in COLUMNS.items() if holds == _TEXT]
+    for k, start in enumerate(range(0, max(len(table), 1), ROWS)):
+        sink = io.BytesIO()
+        pq.write_table(_coded(table.slice(start, ROWS)), sink, compression="zstd", use_dictionary=text)
+        data = sink.getvalue()
+        yield f"part-{k:05d}-{hashlib.sha256(data).hexdigest()[:8]}.parquet", data

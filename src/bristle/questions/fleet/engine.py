@@ -1,0 +1,352 @@
+"""A run of a fleet on Dask: what is new or changed is identified, and the dataset of the output brought up to date.
+
+What is finished stays whatever ends the run: the rows of each task lie in the output, and the next run goes on from them.
+"""
+
+import io
+import secrets
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from time import monotonic
+from typing import TYPE_CHECKING, NamedTuple
+
+from bristle.errors import InputError, one_line, short
+from bristle.progress import Progress, step
+from bristle.questions.fleet.catalog import CatalogRow
+from bristle.questions.fleet.cluster import (
+    Call,
+    Client,
+    Reach,
+    SchedulerLostError,
+    check_workers,
+    reach_of,
+    spread,
+    threads_of,
+)
+from bristle.questions.fleet.dataset import (
+    TASKS,
+    assembled,
+    known_results,
+    parts_of,
+    read_tasks,
+    task_file,
+    task_keys,
+    write_parts,
+)
+from bristle.questions.fleet.files import (
+    exists,
+    is_remote,
+    joined_path,
+    local_path,
+    make_folder,
+    names_in,
+    read_bytes,
+    remove,
+    write_whole,
+)
+from bristle.questions.fleet.sessions import joint_sessions
+from bristle.questions.fleet.survey import Surveyed, surveyed_of
+from bristle.questions.fleet.tasks import FleetTask, Identify, TaskEnd, identify_task, survey_files, versions
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import pyarrow as pa
+
+LEDGER, LOCK = "ledger.parquet", ".lock"
+BATCH = 50
+"""Files that one task looks at."""
+LEAST_WINDOW, WINDOW = 200, 20
+"""Tasks under way: so many, or so many a thread."""
+SENT_WINDOW = 2
+"""The same a thread where each carries its logs."""
+_MEMORY = "its worker died {count} times, perhaps for want of memory; give each worker more with --memory"
+
+
+class FleetRun(NamedTuple):
+    """What a run came to."""
+
+    table: "pa.Table"
+    """The dataset."""
+    identified: int
+    """Tasks that were run and have rows."""
+    unchanged: int
+    """Joint sessions whose results were known."""
+    failed: int
+    """Those without a result."""
+
+
+class _Ended(NamedTuple):
+    """What the tasks came to."""
+
+    identified: set[str]
+    failures: dict[str, str]
+    """By key, of tasks that are to be tried again."""
+
+
+class _Telling:
+    """Tells how far a work is, how fast it goes and how long it will take."""
+
+    def __init__(self, progress: Progress | None, what: str, total: int) -> None:
+        self._progress, self._what, self._total = progress, what, total
+        self._begun = monotonic()
+
+    def tell(self, done: int) -> None:
+        """So many are done."""
+        if self._progress is None or not self._total:
+            return
+        rate = done / max(monotonic() - self._begun, 1e-3)
+        pace = f", {rate:.3g}/s, {in_words((self._total - done) / rate)} left" if done else ""
+        self._progress(f"{self._what}{pace}", done, self._total)
+
+
+def in_words(seconds: float) -> str:
+    """A time in two units at most."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def run_fleet(
+    rows: Sequence[CatalogRow],
+    output: str,
+    client: Client,
+    identify: Identify,
+    *,
+    verify: bool = False,
+    progress: Progress | None = None,
+) -> FleetRun:
+    """Identify what is new or changed of a fleet, and bring the dataset in the folder `output` up to date.
+
+    Args:
+        rows: of the catalog.
+        output: a folder, or a URL of one.
+        client: of Dask.
+        identify: identifies a joint of a file, by a function that can be pickled.
+        verify: whether every input is hashed anew.
+        progress: told of every step.
+
+    Raises InputError where the output or the workers cannot be used, or another run writes there, and OSError where the
+    output is full, or the scheduler is lost. What is finished by then stays.
+    """
+    with _output(output):
+        step(progress, "checking the workers")
+        check_workers(client)
+        ledger = _ledger(output)
+        reach = reach_of(client, output, _samples(rows))
+        files = _survey(client, rows, ledger, reach, progress, verify=verify)
+        _write_ledger(output, files)
+        sessions = joint_sessions(rows, files)
+        return _run(client, sessions, files, output, reach, identify, progress)
+
+
+@contextmanager
+def _output(output: str) -> Iterator[None]:
+    """The folder, to be written by this run alone."""
+    if not is_remote(output) and local_path(output).exists() and not local_path(output).is_dir():
+        raise InputError(f"{output}: is a file; name a folder")
+    try:
+        make_folder(joined_path(output, TASKS))
+    except PermissionError as error:
+        raise InputError(f"{output}: cannot be written; name another folder, or change its permissions") from error
+    if is_remote(output):
+        yield
+        return
+    with local_path(output).joinpath(LOCK).open("wb") as file:
+        _lock(file.fileno(), output)
+        yield
+
+
+def _lock(number: int, output: str) -> None:
+    try:
+        import fcntl
+    except ImportError:  # a system without advisory locks
+        return
+    try:
+        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise InputError(
+            f"{output}: another run writes there; wait until it has ended, or name another folder"
+        ) from error
+    except OSError:  # a file system without them
+        return
+
+
+def _samples(rows: Iterable[CatalogRow]) -> list[str]:
+    """Files by which it is seen whether workers read what the client does: the first of each file system that is there."""
+    found: dict[str, str] = {}
+    for row in rows:
+        system = row.path.partition("://")[0] if is_remote(row.path) else ""
+        if system not in found and not row.failure:
+            with suppress(OSError, InputError):
+                if exists(row.path):
+                    found[system] = row.path
+    return list(found.values())
+
+
+def _ledger(output: str) -> dict[str, str]:
+    """By path, what the last run found of a file; nothing where there is no ledger, or none that can be read."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.ParquetFile(pa.BufferReader(read_bytes(joined_path(output, LEDGER)))).read(columns=["path", "found"])
+    except (OSError, pa.ArrowException, ValueError, KeyError):
+        return {}
+    return dict(zip(table["path"].to_pylist(), table["found"].to_pylist(), strict=True))
+
+
+def _write_ledger(output: str, files: Mapping[str, Surveyed]) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    paths = sorted(files)
+    table = pa.table(
+        {"path": pa.array(paths, pa.string()), "found": pa.array([files[x].written() for x in paths], pa.string())}
+    )
+    sink = io.BytesIO()
+    pq.write_table(table, sink, compression="zstd", use_dictionary=False)
+    write_whole(joined_path(output, LEDGER), sink.getvalue())
+
+
+def _survey(
+    client: Client,
+    rows: Iterable[CatalogRow],
+    ledger: Mapping[str, str],
+    reach: Reach,
+    progress: Progress | None,
+    *,
+    verify: bool,
+) -> dict[str, Surveyed]:
+    """What each file of the catalog goes back to; by the workers, where they reach the inputs."""
+    paths = list(dict.fromkeys(row.path for row in rows if not row.failure))
+    telling, found = _Telling(progress, "looking at files", len(paths)), dict[str, Surveyed]()
+    batches = [[(path, ledger.get(path)) for path in paths[k : k + BATCH]] for k in range(0, len(paths), BATCH)]
+    if reach.inputs:
+        token = secrets.token_hex(4)
+        calls = (Call(f"bristle-survey-{token}-{k}", survey_files, (batch, verify)) for k, batch in enumerate(batches))
+        ends = ((call.arguments[0], end) for call, end in spread(client, calls, 4 * threads_of(client)))
+    else:
+        ends = ((batch, survey_files(batch, verify)) for batch in batches)
+    for batch, end in ends:
+        for k, (path, _) in enumerate(batch):
+            failed = Surveyed(path, failure=_of_worker(end)) if isinstance(end, BaseException) else None
+            found[path] = failed or surveyed_of(end[k]) or Surveyed(path, failure="its worker has another version")
+        telling.tell(len(found))
+    return found
+
+
+def _of_worker(error: BaseException) -> str:
+    """Why a task has no result although it raises nothing."""
+    from distributed import KilledWorker
+
+    if isinstance(error, KilledWorker):
+        return _MEMORY.format(count=getattr(error, "allowed_failures", 3) + 1)
+    return one_line(f"a defect of bristle: {type(error).__name__}: {error}")
+
+
+def _run(
+    client: Client,
+    sessions: "pd.DataFrame",
+    files: Mapping[str, Surveyed],
+    output: str,
+    reach: Reach,
+    identify: Identify,
+    progress: Progress | None,
+) -> FleetRun:
+    import pyarrow.compute as pc
+
+    before = parts_of(output)
+    known = known_results(output)
+    good = sessions[sessions["failure"] == ""]
+    wanted = good.drop_duplicates("key").set_index("key")
+    cached, written = set(known["key"].to_pylist()) & set(wanted.index), task_keys(output)
+    todo = wanted[~wanted.index.isin(list(cached | written))]
+    tasks = _tasks(todo, files, output, reach)
+    ended = _identified(client, tasks, len(todo), output, identify, progress, sent=not reach.inputs)
+    step(progress, "writing the dataset")
+    read, damaged = read_tasks(output, set(wanted.index) - cached - set(ended.failures))
+    failures = ended.failures | dict.fromkeys(damaged, "its rows in the output are damaged; run again")
+    for key in damaged:
+        remove(task_file(output, key))
+    failed = sessions["key"].isin(list(failures)) & (sessions["failure"] == "")
+    sessions.loc[failed, "failure"] = sessions.loc[failed, "key"].map(failures)
+    sessions.loc[sessions["failure"] != "", "key"] = ""
+    table = _compacted(sessions, known, read, output, before)
+    refused = set(table.filter(pc.is_valid(table["failure"]))["key"].to_pylist())
+    unchanged = int(good["key"].isin(list((cached | written) - refused)).sum())
+    lost = table["failure"].length() - table["failure"].null_count
+    return FleetRun(table, len(ended.identified - refused - damaged), unchanged, lost)
+
+
+def _tasks(todo: "pd.DataFrame", files: Mapping[str, Surveyed], output: str, reach: Reach) -> Iterator[FleetTask]:
+    for key, path, joint in zip(todo.index, todo["path"], todo["name"], strict=True):
+        one, sent = files[path], None
+        if not reach.inputs:
+            with suppress(OSError):  # then the worker says what is missing
+                sent = {x.name: read_bytes(x.path) for x in one.inputs}
+        yield FleetTask(str(key), joint, one, output if reach.output else None, sent, versions())
+
+
+def _identified(
+    client: Client,
+    tasks: Iterable[FleetTask],
+    total: int,
+    output: str,
+    identify: Identify,
+    progress: Progress | None,
+    *,
+    sent: bool,
+) -> _Ended:
+    """Run tasks on the workers, and write the rows that these do not write themselves."""
+    token, threads = secrets.token_hex(4), threads_of(client)
+    window = SENT_WINDOW * threads if sent else max(LEAST_WINDOW, WINDOW * threads)
+    calls = (Call(f"bristle-identify-{task.key}-{token}", identify_task, (task, identify)) for task in tasks)
+    telling, found, done = _Telling(progress, "identifying", total), _Ended(set(), {}), 0
+    telling.tell(0)
+    try:
+        for call, end in spread(client, calls, window):
+            _take(found, call.arguments[0].key, end, output)
+            done += 1
+            telling.tell(done)
+    except SchedulerLostError as error:
+        raise OSError(f"{error}; {done} of {total} are finished and stay; run again to go on") from error
+    return found
+
+
+def _take(found: _Ended, key: str, end: TaskEnd | BaseException, output: str) -> None:
+    """Take up how one task ended. Raises InputError where its worker cannot take part, and OSError where the output is full."""
+    if isinstance(end, BaseException):
+        found.failures[key] = _of_worker(end)
+        return
+    if end.refused:
+        raise InputError(end.refused)
+    if end.rows is not None:
+        write_whole(task_file(output, key), end.rows)
+    if end.failure:
+        found.failures[key] = end.failure
+    else:
+        found.identified.add(key)
+
+
+def _compacted(
+    sessions: "pd.DataFrame", known: "pa.Table", read: "pa.Table", output: str, before: Sequence[str]
+) -> "pa.Table":
+    """The dataset, written in parts; what tasks and older parts wrote is then removed.
+
+    Raises InputError where nothing at all is identified: then what was known stays.
+    """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
+    if not pc.any(pc.is_null(table["failure"])).as_py():
+        file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
+        raise InputError(
+            f"none of {len(table)} joint sessions could be identified; the first is {short(file)}: {reason}"
+        )
+    write_parts(output, table, before)
+    for name in names_in(joined_path(output, TASKS)):
+        remove(joined_path(output, f"{TASKS}/{name}"))
+    return table

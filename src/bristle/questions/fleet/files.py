@@ -1,0 +1,226 @@
+"""Files of a fleet, on a disk of this machine or wherever fsspec reaches: looked at, read, and written whole or not at all."""
+
+import hashlib
+import os
+import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from bristle.errors import InputError, check_regular, one_line
+
+_LOCAL = ("file://", "local://")
+_MODIFIED = (
+    "mtime",
+    "LastModified",
+    "last_modified",
+    "updated",
+    "modified",
+    "created",
+    "ETag",
+    "etag",
+    "md5",
+    "version",
+)
+"""What file systems call that by which a file is known to be the same."""
+_WHOLE = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oci", "memory", "github", "http", "https"})
+"""Protocols where a file that is put is there whole or not at all."""
+_PIECE = 2**20
+
+
+class Stamp(NamedTuple):
+    """By what a file is taken to be the same without being read."""
+
+    size: int
+    modified: str
+    """The time of its last modification, or what the file system has instead."""
+
+
+def is_remote(name: str) -> bool:
+    """Whether a name is a URL of another file system than this machine's."""
+    return "://" in name and not name.startswith(_LOCAL)
+
+
+def local_path(name: str) -> Path:
+    """The path of a file of this machine."""
+    for prefix in _LOCAL:
+        name = name.removeprefix(prefix)
+    return Path(name)
+
+
+def joined_path(folder: str, name: str) -> str:
+    """A file by its name from a folder; a URL or an absolute path stands for itself."""
+    if is_remote(name) or name.startswith(_LOCAL):
+        return name
+    if is_remote(folder):
+        return f"{folder.rstrip('/')}/{name.lstrip('/')}"
+    return str(local_path(folder) / name)
+
+
+def folder_of(name: str) -> str:
+    """The folder that a file is in."""
+    return name.rpartition("/")[0] if is_remote(name) else str(local_path(name).parent)
+
+
+def name_of(name: str) -> str:
+    """The last part of a path or URL."""
+    return name.rstrip("/").rpartition("/")[2]
+
+
+def system_of(name: str) -> tuple[Any, str]:
+    """The file system of a URL, and its path there. Raises InputError where fsspec knows none, or it is not installed."""
+    from fsspec.core import url_to_fs
+
+    try:
+        system, path = url_to_fs(name)
+    except ImportError as error:
+        raise InputError(
+            f"{name}: {one_line(str(error), 150)}; install it on this machine and on the workers"
+        ) from error
+    except ValueError as error:
+        raise InputError(f"{name}: {one_line(str(error), 150)}; expected a path, or a URL that fsspec knows") from error
+    return system, path
+
+
+@contextmanager
+def _remote(name: str) -> Iterator[tuple[Any, str]]:
+    """The file system of a URL and the path there; what its library raises is an OSError that names the URL."""
+    found = system_of(name)
+    try:
+        yield found
+    except (OSError, InputError):
+        raise
+    except Exception as error:  # each library has exceptions of its own
+        raise OSError(f"{name}: {one_line(str(error), 200)}") from error
+
+
+def stamp(name: str) -> Stamp:
+    """Size and time of modification of a file. Raises OSError where there is none, and InputError where it is no file."""
+    if not is_remote(name):
+        path = local_path(name)
+        check_regular(path)
+        found = path.stat()
+        return Stamp(found.st_size, str(found.st_mtime_ns))
+    with _remote(name) as (system, place):
+        about = system.info(place)
+    if about.get("type") == "directory":
+        raise InputError(f"{name}: is a folder; expected a file")
+    return Stamp(int(about.get("size") or 0), " ".join(str(about[key]) for key in _MODIFIED if about.get(key)))
+
+
+def read_bytes(name: str, most: int | None = None) -> bytes:
+    """The bytes of a file. Raises OSError where it cannot be read, and InputError where it has more than `most`."""
+    if is_remote(name):
+        with _remote(name) as (system, place):
+            data = bytes(system.cat_file(place, end=None if most is None else most + 1))
+    else:
+        check_regular(local_path(name))
+        with local_path(name).open("rb") as file:
+            data = file.read() if most is None else file.read(most + 1)
+    if most is not None and len(data) > most:
+        raise InputError(f"{name}: larger than {most} bytes")
+    return data
+
+
+def digest_of(name: str) -> str:
+    """SHA-256 of a file, which is read once, in pieces. Raises OSError where it cannot be read."""
+    digest = hashlib.sha256()
+    if is_remote(name):
+        with _remote(name) as (system, place), system.open(place, "rb") as file:
+            for piece in iter(lambda: file.read(_PIECE), b""):
+                digest.update(piece)
+        return digest.hexdigest()
+    check_regular(local_path(name))
+    with local_path(name).open("rb") as file:
+        for piece in iter(lambda: file.read(_PIECE), b""):
+            digest.update(piece)
+    return digest.hexdigest()
+
+
+def exists(name: str) -> bool:
+    """Whether there is a file or a folder."""
+    if not is_remote(name):
+        return local_path(name).exists()
+    with _remote(name) as (system, path):
+        return bool(system.exists(path))
+
+
+def is_folder(name: str) -> bool:
+    """Whether there is a folder."""
+    if not is_remote(name):
+        return local_path(name).is_dir()
+    with _remote(name) as (system, path):
+        return bool(system.isdir(path))
+
+
+def names_in(folder: str) -> list[str]:
+    """The names in a folder, sorted; none where there is no such folder."""
+    if not is_remote(folder):
+        with suppress(FileNotFoundError, NotADirectoryError):
+            return sorted(os.listdir(local_path(folder)))  # noqa: PTH208  # a hundred thousand names, no paths
+        return []
+    with _remote(folder) as (system, path):
+        system.invalidate_cache()
+        try:
+            return sorted(name_of(found) for found in system.ls(path, detail=False))
+        except FileNotFoundError:
+            return []
+
+
+def glob_of(pattern: str) -> list[str]:
+    """The files that a pattern matches, sorted: absolute paths, or URLs. `**` stands for any number of folders."""
+    with _remote(pattern) as (system, path):
+        found = sorted(map(str, system.glob(path)))
+    inside = path.lstrip("/")
+    if not is_remote(pattern):
+        return found
+    if not pattern.endswith(inside):  # as in a chain of file systems
+        return [str(system.unstrip_protocol(one)) for one in found]
+    return [f"{pattern.removesuffix(inside)}{one.lstrip('/')}" for one in found]
+
+
+def make_folder(folder: str) -> None:
+    """Make a folder, and those above it. Raises OSError where it cannot be made."""
+    if not is_remote(folder):
+        local_path(folder).mkdir(parents=True, exist_ok=True)
+        return
+    with _remote(folder) as (system, path), suppress(FileExistsError):
+        system.makedirs(path, exist_ok=True)
+
+
+def write_whole(name: str, data: bytes) -> None:
+    """Write a file whole or not at all, in place of an older one. Raises OSError where it cannot be written."""
+    if is_remote(name):
+        with _remote(name) as (system, place):
+            _put(system, place, data)
+        return
+    path = local_path(name)
+    aside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    try:
+        aside.write_bytes(data)
+        aside.replace(path)
+    except OSError as error:  # a full disk names no file, and other errors the temporary one
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from error
+    finally:
+        aside.unlink(missing_ok=True)
+
+
+def _put(system: Any, path: str, data: bytes) -> None:
+    protocols = {system.protocol} if isinstance(system.protocol, str) else set(system.protocol)
+    if protocols & _WHOLE:
+        system.pipe_file(path, data)
+        return
+    folder, _, last = path.rpartition("/")
+    aside = f"{folder}/.{last}.{secrets.token_hex(4)}"
+    system.pipe_file(aside, data)
+    system.mv(aside, path)
+
+
+def remove(name: str) -> None:
+    """Remove a file, where it is there. Raises OSError where it cannot be removed."""
+    if not is_remote(name):
+        local_path(name).unlink(missing_ok=True)
+        return
+    with _remote(name) as (system, path), suppress(FileNotFoundError):
+        system.rm_file(path)

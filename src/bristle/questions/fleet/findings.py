@@ -1,0 +1,242 @@
+"""What the estimates of a fleet tell: which joints changed, which units differ from their type, and how the quality of the data went.
+
+A joint's p-value is Simes's over the step tests of all its parameters and directions; Benjamini and Hochberg's procedure over
+all joints of the fleet says which changed, and within one of these, at the rate times the share of joints that changed, which
+parameters did (Benjamini and Bogomolov, 2014). docs/fleet.md has the rest of the method.
+"""
+
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
+from bristle.estimation.covariance import student
+from bristle.estimation.robust import variance_interval
+from bristle.questions.fleet.changes import change_rows, decide, ranked, settled_sessions, step_tests
+from bristle.questions.fleet.notes import headline, notes
+from bristle.questions.fleet.quality import failures, new_warnings, quality
+from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, padded, quantity_of
+from bristle.questions.fleet.roster import Roster, named_rows, roster
+from bristle.questions.fleet.units import population_of, unit_rows
+
+RATE = 0.05
+"""Of false discoveries among the joints that are said to have changed, on average."""
+BASELINE = 3
+"""First sessions of a joint, in which it is taken not to have changed."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Findings:
+    """Tables of what was found: one row per joint, per test, and so on; docs/fleet.md lists their columns."""
+
+    headline: Diagnostic
+    notes: tuple[Diagnostic, ...]
+    joints: pd.DataFrame
+    changes: pd.DataFrame
+    series: pd.DataFrame
+    types: pd.DataFrame
+    units: pd.DataFrame
+    quality: pd.DataFrame
+    failures: pd.DataFrame
+    rate: float
+    baseline: int
+    simulated: bool
+
+    @property
+    def changed(self) -> int:
+        """Joints that changed."""
+        return int(self.joints["changed"].sum())
+
+    def text(self) -> str:
+        """As `bristle fleet` prints it."""
+        from bristle.questions.fleet.text import text
+
+        return text(self)
+
+    def write(self, folder: Path | str) -> Path:
+        """Write the page and the tables into a folder; returns the path of index.html.
+
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
+        half-written.
+        """
+        from bristle.questions.fleet.page import write_fleet
+
+        return write_fleet(self, Path(folder))
+
+
+def check_rate(rate: float, baseline: int) -> None:
+    """Raises InputError where these are no options of findings."""
+    if not 0 < rate < 1:
+        raise InputError(f"rate: got {rate:g}; expected a false discovery rate between 0 and 1, as 0.05")
+    if baseline < 1:
+        raise InputError(f"baseline: got {baseline}; expected at least 1 session")
+
+
+def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) -> Findings:
+    """What a dataset of `bristle fleet` tells.
+
+    Args:
+        frame: the columns of the dataset.
+        rate: of false discoveries, between 0 and 1.
+        baseline: sessions of a joint before the first that may be changed.
+
+    Raises InputError as `check_rate` does.
+    """
+    check_rate(rate, baseline)
+    whole, frame = frame, named_rows(frame)
+    people, said = roster(frame), list[Diagnostic]()
+    every = list(_quantities(frame, people, said))
+    known = [x for x in every if x.tested]
+    tests = [step_tests(x, baseline) for x in known]
+    decided = decide(tests, len(people.table), rate)
+    changes = change_rows(tests, decided, frame)
+    joints = ranked(people, changes, decided)
+    parts = np.split(decided.named, np.cumsum([x.which.size for x in tests], dtype=int))  # and an empty one at the end
+    settled = [settled_sessions(x, part) for x, part in zip(tests, parts[: len(tests)], strict=True)]
+    units = unit_rows(known, settled, people, rate)
+    joints = _completed(joints, frame, people, units, baseline)
+    return Findings(
+        headline=headline(joints, rate, baseline), notes=notes(whole, every, joints, said, baseline),
+        joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=_named(changes, people), series=_series(known, settled, frame),
+        types=_types(known, settled), units=units, quality=quality(frame), failures=failures(whole), rate=rate, baseline=baseline,
+        simulated=bool((frame["simulated"] == True).any()),  # noqa: E712  # where it is known
+    )  # fmt: skip  # a list of values
+
+
+_JOINTS = (
+    "rank", "unit", "joint", "type", "sessions", "changed", "adjusted_p", "parameter", "direction", "percent", "percent_lower",
+    "percent_upper", "since", "sessions_after", "new_warnings", "outside", "latest", "file", "untested",
+)  # fmt: skip  # a row
+
+
+def _quantities(frame: pd.DataFrame, people: Roster, said: list[Diagnostic]) -> Iterator[Adjusted]:
+    """Each parameter in each direction of each type; `said` gets what is said of values that are left out."""
+    where = np.flatnonzero(people.usable)
+    columns = ["parameter", "direction", "source", "value", "standard_error", "value_unit", *COVARIATES]
+    used = frame.iloc[where][columns].reset_index(drop=True)
+    used["joint"], used["type"] = people.joint[where], people.table["type"].to_numpy()[people.joint[where]]
+    same = _of_one_source(used)
+    if not same.all():
+        said.append(Kind.OF_OTHER_FITS(count=int((~same).sum())))
+    found = []
+    for key, rows in used[same].groupby(["type", "parameter", "direction"], observed=True, sort=True):
+        at = _of_one_unit(rows, str(key[0]), said)
+        own = where[at]
+        one = quantity_of(QuantityKey(*map(str, key)), rows.loc[at], own, people)
+        if one is not None:
+            found.append(one)
+    yield from (adjusted(one, len(found)) for one in found)
+
+
+def _of_one_source(used: pd.DataFrame) -> NDArray[np.bool_]:
+    """The values that come from the fit from which most values of their joint's parameter come: two fits may differ without any wear."""
+    series = ["joint", "parameter", "direction"]
+    rows = used[[*series, "source"]].astype(dict.fromkeys(("parameter", "direction", "source"), str))
+    count = rows.groupby([*series, "source"]).size().rename("count").reset_index()
+    most = count.sort_values(["count", "source"], ascending=[False, True]).drop_duplicates(series)
+    told = rows.merge(most, on=series, how="left", suffixes=("", "_of_most"))
+    return (told["source"] == told["source_of_most"]).to_numpy()
+
+
+def _of_one_unit(rows: pd.DataFrame, type_: str, said: list[Diagnostic]) -> NDArray[np.intp]:
+    """The rows whose values have the unit that most have."""
+    units = Counter(rows["value_unit"].astype(str))
+    (most, _), *others = units.most_common()
+    for other, count in others:
+        if not any(x.kind is Kind.MIXED_VALUE_UNITS and x.numbers["other"] == other for x in said):
+            said.append(Kind.MIXED_VALUE_UNITS(type=type_, unit=most, other=other, count=count))
+    return rows.index.to_numpy()[(rows["value_unit"].astype(str) == most).to_numpy()]
+
+
+def _completed(
+    joints: pd.DataFrame, frame: pd.DataFrame, people: Roster, units: pd.DataFrame, baseline: int
+) -> pd.DataFrame:
+    """The ranked joints with what else is told of each."""
+    since = dict(joints.loc[joints["changed"], "since"])
+    begun = new_warnings(frame, people, since)
+    outside = units.loc[units["outside"].astype(bool), ["unit", "joint"]].drop_duplicates()
+    named = set(zip(outside["unit"], outside["joint"], strict=True))
+    short = joints["sessions"] <= baseline
+    why = np.where(
+        short,
+        f"fewer than {baseline + 1} sessions",
+        "no parameter has values with errors in enough sessions of its type",
+    )
+    return joints.assign(
+        new_warnings=[begun.get(number, "") for number in joints.index],
+        outside=[pair in named for pair in zip(joints["unit"], joints["joint"], strict=True)],
+        untested=np.where(joints["adjusted_p"].notna(), "", why),
+    )
+
+
+def _named(changes: pd.DataFrame, people: Roster) -> pd.DataFrame:
+    """The tests with the names of their joints, those that changed first."""
+    who = people.table[["unit", "joint"]].iloc[changes["number"].to_numpy(int)].reset_index(drop=True)
+    rows = pd.concat([who, changes.drop(columns="number").reset_index(drop=True)], axis=1)
+    return rows.sort_values(["changed", "p", "unit", "joint"], ascending=[False, True, True, True], ignore_index=True)
+
+
+def _types(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]]) -> pd.DataFrame:
+    """A row per type, parameter and direction."""
+    return pd.DataFrame([_type(one, most) for one, most in zip(every, settled, strict=True)], columns=list(_TYPES))
+
+
+_TYPES = (
+    "type", "parameter", "direction", "value_unit", "joints", "sessions", "mean", "mean_lower", "mean_upper", "spread_percent", "spread_lower",
+    "spread_upper", "scatter_percent", "scatter_lower", "scatter_upper", "temperature_percent", "temperature_lower", "temperature_upper",
+    "load_percent", "load_lower", "load_upper", "shift_percent", "shift_p",
+)  # fmt: skip  # a row
+
+
+def _type(one: Adjusted, most: NDArray[np.intp]) -> dict[str, object]:
+    q, nan = one.of, float("nan")
+    type_, parameter, direction = q.key
+    low, high = variance_interval(one.fit.variance, float(np.median(one.known)), one.fit.freedom)
+    row: dict[str, object] = {
+        "type": type_, "parameter": parameter, "direction": direction, "value_unit": q.value_unit, "joints": q.joints.size, "sessions": q.y.size,
+        "scatter_percent": 100 * np.sqrt(one.fit.variance), "scatter_lower": 100 * np.sqrt(low), "scatter_upper": 100 * np.sqrt(high),
+        "shift_percent": float(np.abs(q.percent(one.shift)).max()) if one.shift.size else nan, "shift_p": one.shift_p,
+    }  # fmt: skip  # a table
+    for name in COVARIATES:
+        row |= dict(zip((f"{name}_percent", f"{name}_lower", f"{name}_upper"), one.effect(name), strict=True))
+    known = population_of(one, most)
+    if known is not None:
+        reach = student(known.freedom) * known.mean_error
+        typical = float(np.median(one.variance)) / max(float(np.median(most)), 1.0)
+        low, high = variance_interval(known.variance, typical, known.freedom)
+        middle = q.shown(np.array([known.mean, known.mean - reach, known.mean + reach]))
+        row |= dict(zip(("mean", "mean_lower", "mean_upper"), middle.tolist(), strict=True))
+        row |= {
+            "spread_percent": 100 * np.sqrt(known.variance), "spread_lower": 100 * np.sqrt(low), "spread_upper": 100 * np.sqrt(high),
+        }  # fmt: skip  # a table
+    return row
+
+
+def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], frame: pd.DataFrame) -> pd.DataFrame:
+    """A row per joint, parameter, direction and session: what a chart over time shows."""
+    names = ["unit", "joint", "parameter", "direction", "session", "value", "lower", "upper", "value_unit"]
+    parts = [_chart(one, most) for one, most in zip(every, settled, strict=True)]
+    rows = np.concatenate([np.zeros(0, dtype=np.intp), *(one.of.rows for one in every)])
+    added: Mapping[str, NDArray[np.float64]] = {
+        name: np.concatenate([np.zeros(0), *(part[name] for part in parts)])
+        for name in ("adjusted", "limit_low", "limit_high")
+    }
+    return frame.iloc[rows][names].assign(**added).reset_index(drop=True)
+
+
+def _chart(one: Adjusted, most: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
+    """Of each row the adjusted value, and the 95 % limits for one more session, from those of its joint before a change."""
+    q = one.of
+    levels = padded(one, most)
+    weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
+    total = weight.sum(axis=1)
+    mean, variance = (weight * levels.y).sum(axis=1) / total, 1 / total
+    reach = student(one.fit.freedom) * np.sqrt(variance[q.joint] + one.variance)
+    low, high = mean[q.joint] - reach, mean[q.joint] + reach
+    return {"adjusted": q.shown(one.y), "limit_low": q.shown(low), "limit_high": q.shown(high)}

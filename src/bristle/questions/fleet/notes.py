@@ -1,0 +1,118 @@
+"""What must be said of the findings of a fleet, as diagnostics."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import pandas as pd
+
+from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.model.parameters import Direction, ParameterName
+from bristle.questions.fleet.quality import codes_of, critical, most_common
+from bristle.questions.fleet.quantities import LEAST_FREEDOM, Adjusted
+
+_FEW = 10.0
+"""Degrees of freedom below which the scatter between sessions is said to rest on few."""
+
+
+def headline(joints: pd.DataFrame, rate: float, baseline: int) -> Diagnostic:
+    """How many joints changed, and which the most clearly; `joints` are ranked."""
+    tested, changed = joints["adjusted_p"].notna(), joints[joints["changed"]]
+    if not tested.any():
+        return Kind.FLEET_UNTESTED(baseline=baseline)
+    if changed.empty:
+        return Kind.FLEET_UNCHANGED(tested=int(tested.sum()), rate=100 * rate)
+    row = changed.iloc[0]
+    first = Kind.JOINT_CHANGED(
+        joint=f"{row['unit']} {row['joint']}",
+        name=str(ParameterName(row["parameter"], Direction(row["direction"]))),
+        percent=row["percent"],
+        since=f"{row['since']:%Y-%m-%d}",
+    )
+    more = Kind.AND_JOINTS(count=len(changed) - 1) if len(changed) > 1 else ""
+    return Kind.FLEET_CHANGED(changed=len(changed), tested=int(tested.sum()), rate=100 * rate, first=first, more=more)
+
+
+def notes(
+    frame: pd.DataFrame, every: Sequence[Adjusted], joints: pd.DataFrame, left_out: Sequence[Diagnostic], baseline: int
+) -> tuple[Diagnostic, ...]:
+    """All that is to be said, cautions first.
+
+    Args:
+        frame: the dataset.
+        every: the quantities.
+        joints: ranked.
+        left_out: what was said of values that no finding rests on.
+        baseline: sessions before the first that may be changed.
+    """
+    said = [
+        *_shifts(every), *_warned(joints), *left_out, *_few(every), *_untested(joints, baseline), *_sessions(frame),
+        *_critical(frame),
+    ]  # fmt: skip  # a list of values
+    return tuple(sorted(said, key=lambda x: list(Severity).index(x.severity)))
+
+
+def _shifts(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
+    """The shifts common to a type, of all its parameters in one sentence."""
+    shifted = [x for x in every if x.knots.size]
+    for type_ in dict.fromkeys(x.of.key.type for x in shifted):
+        own = [x for x in shifted if x.of.key.type == type_]
+        yield Kind.COMMON_SHIFT(
+            names=tuple(str(ParameterName(x.of.key.parameter, Direction(x.of.key.direction))) for x in own),
+            joints=max(x.of.joints.size for x in own),
+            type=type_,
+            percent=max(float(np.abs(x.of.percent(x.shift)).max()) for x in own),
+            cause=Kind.SHIFT_LOGGED() if any("temperature" in x.of.names for x in own) else Kind.SHIFT_UNLOGGED(),
+        )
+
+
+def _warned(joints: pd.DataFrame) -> Iterator[Diagnostic]:
+    said = joints.loc[joints["changed"] & (joints["new_warnings"] != ""), "new_warnings"]
+    if len(said):
+        yield Kind.WARNED_SINCE(count=len(said), codes=most_common(code for x in said for code in x.split()))
+
+
+def _few(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
+    """The types whose scatter rests on few differences, once each."""
+    told: dict[str, int] = {}
+    for x in every:
+        if LEAST_FREEDOM <= x.fit.freedom < _FEW:
+            pairs = int((x.of.joint[1:] == x.of.joint[:-1]).sum())
+            told[x.of.key.type] = max(pairs, told.get(x.of.key.type, 0))
+    yield from (Kind.SCATTER_OF_FEW(type=type_, count=count) for type_, count in told.items())
+
+
+def _untested(joints: pd.DataFrame, baseline: int) -> Iterator[Diagnostic]:
+    not_tested = joints[joints["untested"] != ""]
+    if not_tested.empty:
+        return
+    short = int(not_tested["untested"].str.startswith(_SHORT).sum())
+    why = []
+    if short:
+        why.append(Kind.UNTESTED_BY_SESSIONS(count=short, baseline=baseline))
+    if len(not_tested) > short:
+        why.append(Kind.UNTESTED_BY_SCATTER(count=len(not_tested) - short))
+    yield Kind.JOINTS_UNTESTED(count=len(not_tested), why=tuple(why))
+
+
+_SHORT = "fewer"
+
+
+def _sessions(frame: pd.DataFrame) -> Iterator[Diagnostic]:
+    keys = ["unit", "joint", "session"]
+    total = len(frame[keys].drop_duplicates())
+    for column in ("failure", "left_out"):
+        rows = frame[frame[column].notna()]
+        if len(rows):
+            count, first = len(rows[keys].drop_duplicates()), str(rows[column].iloc[0])
+            yield (
+                Kind.SESSIONS_FAILED(failed=count, total=total, first=first)
+                if column == "failure"
+                else Kind.SESSIONS_LEFT_OUT(count=count, first=first)
+            )
+
+
+def _critical(frame: pd.DataFrame) -> Iterator[Diagnostic]:
+    """Values that are not used, and the warnings that they have most often."""
+    rows = frame[(frame["severity"] == "critical") & frame["value"].notna()]
+    if len(rows):
+        yield Kind.VALUES_CRITICAL(count=len(rows), codes=most_common(critical(codes_of(rows)["code"])))

@@ -1,0 +1,225 @@
+"""One parameter in one direction of all joints of a type: a common scale, what temperature, load and the calendar do to all, and what is left.
+
+A value is its joint's level, plus what temperature, load and time do to every joint of the type, plus the scatter of a session,
+plus its own error. All is by logarithms where every value is positive, else in parts of the type's median.
+"""
+
+from dataclasses import dataclass
+from math import inf, nan
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.special import fdtrc
+
+from bristle.arrays import Array
+from bristle.estimation.covariance import student
+from bristle.estimation.robust import Differences, RobustFit, differences_of, fit_differences
+from bristle.estimation.step_test import Levels
+from bristle.questions.fleet.roster import Roster
+
+KNOTS = 12
+"""Of the shift common to all joints over time, at the most."""
+PER_KNOT = 20
+"""Differences between sessions for each."""
+LEAST_JOINTS = 10
+"""Joints of a type from which on a common shift is told from a change of one."""
+SHIFTED = 1e-3
+"""Level of the test of a common shift, over all quantities of the fleet."""
+CLEAR = 2.0
+"""Standard errors that the median of a parameter is from zero, for it to be compared."""
+LEAST_FREEDOM = 1.5
+"""Degrees of freedom of the scatter between sessions, below which nothing is tested."""
+_FAR = 300.0
+"""Of a logarithm: what is further out is no value of friction."""
+COVARIATES = ("temperature", "load")
+
+
+class QuantityKey(NamedTuple):
+    """Which quantity it is."""
+
+    type: str
+    parameter: str
+    direction: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Quantity:
+    """A parameter in a direction, of a type of joints; rows are sorted by joint and session."""
+
+    key: QuantityKey
+    rows: NDArray[np.intp]
+    """Which rows of the frame, (n,)."""
+    joint: NDArray[np.intp]
+    """Its joint, numbered from 0 within the quantity, (n,)."""
+    joints: NDArray[np.intp]
+    """Their numbers in the fleet, (m,)."""
+    y: Array
+    """Value on the scale, (n,)."""
+    known: Array
+    """Its variance, (n,)."""
+    scale: float
+    """What one is on the scale, in the parameter's unit; 0: logarithms."""
+    covariates: Array
+    """Less their medians, nan where not known, (n, c)."""
+    names: tuple[str, ...]
+    """Of the covariates, (c,)."""
+    time: Array
+    """Days since the first session, (n,)."""
+    unit: NDArray[np.intp]
+    """The unit of each row, (n,)."""
+    value_unit: str
+
+    def shown(self, level: Array) -> Array:
+        """Levels on the scale as values in the parameter's unit."""
+        return level * self.scale if self.scale else np.exp(np.clip(level, -_FAR, _FAR))
+
+    def percent(self, difference: Array) -> Array:
+        """Differences on the scale, in percent; of logarithms of the value before, else of the type's median."""
+        return 100 * (difference if self.scale else np.expm1(np.minimum(difference, _FAR)))
+
+
+def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], people: Roster) -> Quantity | None:
+    """The quantity of some rows; None where its values cannot be scaled.
+
+    Args:
+        key: which it is.
+        rows: of the quantity alone.
+        where: their numbers in the whole frame.
+        people: the joints of the frame.
+    """
+    joint, day = people.joint[where], people.day[where]
+    order = np.lexsort((day, joint))
+    value, error = (rows[name].to_numpy(float)[order] for name in ("value", "standard_error"))
+    typical, uncertain = float(np.median(np.abs(value))), float(np.median(error))
+    if typical <= CLEAR * uncertain:
+        return None
+    scale = 0.0 if (value > 0).all() else typical
+    y, e = (np.log(value), error / value) if not scale else (value / scale, error / scale)
+    joints, own = np.unique(joint[order], return_inverse=True)
+    covariates = [(name, rows[name].to_numpy(float)[order]) for name in COVARIATES]
+    told = [(name, x - np.nanmedian(x)) for name, x in covariates if np.isfinite(x).any() and np.nanstd(x) > 0]
+    return Quantity(
+        key=key, rows=where[order], joint=own.astype(np.intp), joints=joints.astype(np.intp), y=y, known=e**2, scale=scale,
+        covariates=np.stack([x for _, x in told], axis=1) if told else np.zeros((y.size, 0)),
+        names=tuple(name for name, _ in told), time=day[order], unit=people.unit[where][order],
+        value_unit=str(rows["value_unit"].iloc[0]),
+    )  # fmt: skip  # a list of values
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Adjusted:
+    """A quantity without what its type has in common."""
+
+    of: Quantity
+    fit: RobustFit
+    regressors: Array
+    """What was taken off, (n, p)."""
+    known: Array
+    """Variances with those of covariates that are not known, (n,)."""
+    knots: Array
+    """Days between which the common shift is linear, (k,); none where there is no such shift."""
+    shift_p: float
+    """How often chance alone makes a common shift as significant; nan where it cannot be told."""
+
+    @property
+    def y(self) -> Array:
+        """On the scale, (n,)."""
+        return self.of.y - self.regressors @ self.fit.coefficients
+
+    @property
+    def variance(self) -> Array:
+        """Of each, (n,)."""
+        return self.known + self.fit.variance
+
+    @property
+    def tested(self) -> bool:
+        """Whether the scatter between sessions is known."""
+        return self.fit.freedom >= LEAST_FREEDOM and bool((self.variance > 0).all())
+
+    def effect(self, name: str) -> tuple[float, float, float]:
+        """What a covariate does to the type, in percent per K or per unit of load, with its 95 % interval; nan where it is not known."""
+        if name not in self.of.names:
+            return nan, nan, nan
+        k = self.of.names.index(name)
+        reach = (
+            float(student(self.fit.freedom_of_coefficients) * np.sqrt(self.fit.covariance[k, k]))
+            if self.tested
+            else inf
+        )
+        b = float(self.fit.coefficients[k])
+        return 100 * b, 100 * (b - reach), 100 * (b + reach)
+
+    @property
+    def shift(self) -> Array:
+        """The shift common to all joints at the knots, on the scale, (k,): 0 at the first."""
+        if not self.knots.size:
+            return np.zeros(0)
+        return np.concatenate([[0.0], self.fit.coefficients[len(self.of.names) :]])
+
+
+def adjusted(quantity: Quantity, tests: int) -> Adjusted:
+    """The quantity without what temperature and load do, and without a shift common to its joints where there is one.
+
+    A session without its temperature is in none of these fits; it has the median instead, and the variance that this leaves.
+    `tests`: quantities of the fleet, for each of which such a shift is looked for.
+    """
+    gaps = ~np.isfinite(quantity.covariates)
+    covariates = np.where(gaps, 0.0, quantity.covariates)
+    told, pairs = np.asarray(~gaps.any(axis=1), dtype=bool), differences_of(quantity.joint)
+    inside = told[pairs.first] & told[pairs.second]
+    pairs = Differences(pairs.first[inside], pairs.second[inside])
+    fit, X = fit_differences(quantity.y, quantity.known, covariates, pairs, quantity.unit), covariates
+    knots, p = _knots(quantity, pairs.first.size), nan
+    if knots.size:
+        both = np.concatenate([covariates, _hats(quantity.time, knots)], axis=1)
+        shifted = fit_differences(quantity.y, quantity.known, both, pairs, quantity.unit)
+        p = _shift_p(shifted, covariates.shape[1])
+        if p < SHIFTED / max(tests, 1):
+            fit, X = shifted, both
+        else:
+            knots = np.zeros(0)
+    spread = np.nanvar(quantity.covariates, axis=0) * fit.coefficients[: gaps.shape[1]] ** 2
+    return Adjusted(of=quantity, fit=fit, regressors=X, known=quantity.known + gaps @ spread, knots=knots, shift_p=p)
+
+
+def _knots(quantity: Quantity, differences: int) -> Array:
+    """Days at which the common shift bends; none where the type has too few joints, or sessions, for one."""
+    repeated = np.bincount(quantity.joint)
+    most = min(KNOTS, differences // PER_KNOT)
+    if (repeated > 1).sum() < LEAST_JOINTS or most < 2:
+        return np.zeros(0)
+    days = np.unique(np.round(quantity.time))
+    knots = days if days.size <= most else np.unique(np.quantile(quantity.time, np.linspace(0, 1, most)))
+    return knots if knots.size > 1 else np.zeros(0)
+
+
+def _hats(time: Array, knots: Array) -> Array:
+    """Functions linear between knots, each 1 at one of them and 0 at the others, without the first: (n, k - 1)."""
+    return np.stack([np.interp(time, knots, row) for row in np.eye(knots.size)[1:]], axis=1)
+
+
+def _shift_p(fit: RobustFit, first: int) -> float:
+    """Wald's test that the coefficients from one on are all zero."""
+    b, cov = fit.coefficients[first:], fit.covariance[first:, first:]
+    free = fit.freedom_of_coefficients - b.size + 1
+    if free < 1 or not np.isfinite(cov).all():
+        return nan
+    rank = int(np.linalg.matrix_rank(cov, hermitian=True))
+    if not rank:
+        return nan
+    statistic = float(b @ np.linalg.pinv(cov, hermitian=True) @ b) / rank * free / max(fit.freedom_of_coefficients, 1.0)
+    return float(fdtrc(rank, free, statistic))
+
+
+def padded(one: Adjusted, most: NDArray[np.intp] | None = None) -> Levels:
+    """The joints' series, a row each; `most`: how many sessions of each joint, (m,), None: all."""
+    joint = one.of.joint
+    place = np.arange(joint.size) - np.searchsorted(joint, joint)
+    counts = np.bincount(joint)
+    shape = (counts.size, int(counts.max()))
+    y, variance, X = np.zeros(shape), np.full(shape, inf), np.zeros((*shape, one.regressors.shape[1]))
+    y[joint, place], X[joint, place] = one.y, one.regressors
+    variance[joint, place] = one.variance if most is None else np.where(place < most[joint], one.variance, inf)
+    return Levels(y, variance, X, one.fit.covariance)

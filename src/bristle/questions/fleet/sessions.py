@@ -1,0 +1,139 @@
+"""The joint sessions of a fleet: what the rows of a catalog and the joints of their files come to, and which of them do not go together."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, NamedTuple
+
+from bristle.errors import one_line, short, short_list
+from bristle.questions.fleet.catalog import CatalogRow
+from bristle.questions.fleet.survey import Surveyed
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_IN_ORDER = 0.8
+"""Of all steps from a joint's session to its next one, in the order of a catalog: with fewer forward the catalog is in no order of time."""
+
+
+class JointSession(NamedTuple):
+    """One joint in one session."""
+
+    unit: str
+    joint: str
+    type: str
+    session: object
+    """A datetime; None where it is not known."""
+    temperature: float
+    load: float
+    tags: str
+    file: str
+    path: str
+    """Of the file, from anywhere."""
+    name: str
+    """Of the joint, in the file."""
+    key: str
+    """By which its results are known; empty where it cannot be identified."""
+    failure: str
+    left_out: str = ""
+
+
+def joint_sessions(rows: Iterable[CatalogRow], files: Mapping[str, Surveyed]) -> "pd.DataFrame":
+    """A row per joint and session, with the columns of `JointSession`, in the order of the catalog.
+
+    Where two rows are of one joint and session, all of them are one failure. Of a joint of several types, the sessions of those that are not
+    the commonest are left out. So are sessions whose clock went back, by this rule: of all steps from one session of a joint to its next in the
+    catalog at least 80 % go forward, and those of this joint but one; then the rows behind that one step are left out as far as they are
+    earlier than what stands before it.
+    """
+    import pandas as pd
+
+    frame = pd.DataFrame([x for row in rows for x in _of_row(row, files)], columns=list(JointSession._fields))
+    frame["session"] = pd.to_datetime(frame["session"]).astype("datetime64[us]")
+    frame = _without_repeated(frame)
+    good = frame["failure"] == ""
+    frame.loc[good, "left_out"] = _other_types(frame[good])
+    kept = good & (frame["left_out"] == "")
+    frame.loc[kept, "left_out"] = _clock_back(frame[kept])
+    return frame
+
+
+def _of_row(row: CatalogRow, files: Mapping[str, Surveyed]) -> Iterator[JointSession]:
+    found = files.get(row.path)
+    failure = row.failure or ("" if found is None else found.failure)
+    if found is None or failure:
+        yield _session(row, "", "", failure)
+    elif not found.robot:
+        yield _session(row, found.joints[0], found.key(found.joints[0]), "")
+    elif row.joint and row.joint not in found.joints:
+        reason = f"joint: got {short(row.joint)}; the file has {short_list(found.joints)}"
+        yield _session(row, "", "", reason)
+    else:
+        yield from (_session(row, name, found.key(name), "") for name in ([row.joint] if row.joint else found.joints))
+
+
+def _session(row: CatalogRow, name: str, key: str, failure: str) -> JointSession:
+    joint = row.joint or name
+    return JointSession(
+        row.unit,
+        joint,
+        row.type or joint,
+        row.session,
+        row.temperature,
+        row.load,
+        row.tags,
+        row.file,
+        row.path,
+        name,
+        key,
+        failure,
+    )
+
+
+def _without_repeated(frame: "pd.DataFrame") -> "pd.DataFrame":
+    """Where rows are of one unit, joint and session, one failure in place of them."""
+    import pandas as pd
+
+    whose = ["unit", "joint", "session"]
+    twice = (frame["failure"] == "") & frame[frame["failure"] == ""].duplicated(whose, keep=False).reindex(
+        frame.index, fill_value=False
+    )
+    if not twice.any():
+        return frame
+    failed = []
+    for _, group in frame[twice].groupby(whose, sort=False):
+        files = short_list(dict.fromkeys(group["file"]))
+        reason = f"{len(group)} rows of the catalog are of this joint and session ({files}); name each session once"
+        failed.append(group.iloc[0].to_dict() | {"failure": one_line(reason), "key": ""})
+    made = pd.DataFrame(failed, columns=frame.columns).astype(frame.dtypes.to_dict())
+    return pd.concat([frame[~twice], made], ignore_index=True)
+
+
+def _other_types(frame: "pd.DataFrame") -> "pd.Series[str]":
+    """Of sessions whose joint mostly has another type, why they are left out."""
+    types = frame.groupby(["unit", "joint"])["type"].transform("nunique")
+    said = frame["type"].where(frame["type"].isna(), "")
+    for _, group in frame[types > 1].groupby(["unit", "joint"], sort=False):
+        most = set(group["type"].mode())
+        first = next(x for x in group["type"] if x in most)
+        odd = group["type"] != first
+        reason = f"but {short(first)} in {(~odd).sum()} of the {len(group)} sessions of this joint; give it one type"
+        said.loc[group.index[odd]] = [f"of type {short(other)}, {reason}" for other in group["type"][odd]]
+    return said
+
+
+def _clock_back(frame: "pd.DataFrame") -> "pd.Series[str]":
+    """Of sessions whose clock went back, why they are left out."""
+    by = frame.groupby(["unit", "joint"], sort=False)["session"]
+    step = by.diff()
+    said = frame["joint"].where(frame["joint"].isna(), "")
+    back = step < step * 0
+    steps = int(step.notna().sum())
+    if not steps or (~back & step.notna()).sum() < _IN_ORDER * steps:
+        return said
+    once = back.groupby([frame["unit"], frame["joint"]], sort=False).transform("sum") == 1
+    latest = by.cummax()
+    early = once & (frame["session"] < latest)
+    said.loc[early] = [
+        f"its time lies before {at:%Y-%m-%d %H:%M}, of a session above it in the catalog; set the clock right"
+        for at in latest[early]
+    ]
+    return said

@@ -1,0 +1,251 @@
+"""What each file of a catalog goes back to: its inputs, by size, time of modification and SHA-256, and the joints in it.
+
+A file whose stamp and inputs are as the ledger of the last run has them is not read again.
+"""
+
+import hashlib
+import json
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path, PurePosixPath
+from typing import Any, NamedTuple
+
+from bristle import __version__
+from bristle.data.experiment.load import Experiment, experiment_from, files_of
+from bristle.data.experiment.sources import matches
+from bristle.data.experiment.yaml_file import MAX_BYTES, parse, read_text
+from bristle.data.robot.robot_file import Robot, is_robot, robot_of
+from bristle.errors import InputError, check_regular, one_line, short, unreadable
+from bristle.questions.fleet.files import (
+    Stamp,
+    digest_of,
+    exists,
+    folder_of,
+    glob_of,
+    is_folder,
+    is_remote,
+    joined_path,
+    local_path,
+    name_of,
+    names_in,
+    read_bytes,
+    stamp,
+)
+
+SCHEMA = "bristle-fleet/1"
+"""Of the dataset: another one has other keys."""
+OWN = "."
+"""How the experiment file is called among its inputs: whatever its name, its content counts."""
+_KEY = 32
+"""Hexadecimal digits of a key."""
+_BAG = (".mcap", ".db3", ".yaml")
+"""Files of a folder that is a bag."""
+
+
+class FleetInput(NamedTuple):
+    """A file that goes into the results."""
+
+    name: str
+    """From the folder of the experiment file."""
+    path: str
+    stamp: Stamp
+    sha256: str
+
+
+class Surveyed(NamedTuple):
+    """What a file of a catalog goes back to."""
+
+    path: str
+    inputs: tuple[FleetInput, ...] = ()
+    """The file itself first."""
+    patterns: tuple[str, ...] = ()
+    """By which its logs are found."""
+    beside: tuple[str, ...] = ()
+    """Other files that it names, as a URDF."""
+    joints: tuple[str, ...] = ()
+    """Those that can be identified."""
+    robot: bool = False
+    apart: bool = False
+    """Whether signals have files of their own: then the digest of a run is not that of its file."""
+    failure: str = ""
+    """Why it cannot be used."""
+
+    def key(self, joint: str) -> str:
+        """By which results of a joint are known: content, joint, version; not where it lies, or whose it is."""
+        known = [__version__, SCHEMA, joint, sorted((one.name, one.sha256) for one in self.inputs)]
+        return hashlib.sha256(json.dumps(known).encode()).hexdigest()[:_KEY]
+
+    def written(self) -> str:
+        """As the ledger has it."""
+        return json.dumps([__version__, *self], separators=(",", ":"))
+
+
+def surveyed_of(text: str) -> Surveyed | None:
+    """What a ledger has of a file; None where another version of bristle wrote it."""
+    version, *rest = json.loads(text)
+    if version != __version__ or len(rest) != len(Surveyed._fields):
+        return None
+    path, inputs, patterns, beside, joints, robot, apart, failure = rest
+    known = tuple(FleetInput(name, at, Stamp(*found), sha) for name, at, found, sha in inputs)
+    return Surveyed(path, known, tuple(patterns), tuple(beside), tuple(joints), robot, apart, failure)
+
+
+def survey(path: str, known: Surveyed | None = None, *, verify: bool = False) -> Surveyed:
+    """Look at a file of a catalog and all that it names; `known` is what the last run found.
+
+    With `verify` everything is read again. What cannot be used has a sentence, which names no folder of this machine.
+    """
+    try:
+        if known is not None and not verify and not known.failure and _unchanged(known):
+            return known
+        return _looked_at(path, {} if known is None or verify else {one.path: one for one in known.inputs})
+    except InputError as error:
+        return Surveyed(path, failure=without_folder(str(error), path))
+    except OSError as error:
+        return Surveyed(path, failure=without_folder(unreadable(name_of(path), error), path))
+
+
+def without_folder(sentence: str, path: str, *folders: str) -> str:
+    """A sentence without the folders that files lie in: where an experiment lies is no part of what is found."""
+    for folder in (*folders, folder_of(path)):
+        sentence = sentence.replace(f"{folder.rstrip('/')}/", "") if folder.strip("/.") else sentence
+    return one_line(sentence)
+
+
+def _unchanged(known: Surveyed) -> bool:
+    """Whether every input is there with the same stamp, and there are no others; nothing is read."""
+    own = known.inputs[0]
+    if stamp(own.path) != own.stamp:
+        return False
+    found = _found(known.path, known.patterns, known.beside)
+    return found == [(one.name, one.path) for one in known.inputs[1:]] and all(
+        stamp(one.path) == one.stamp for one in known.inputs[1:]
+    )
+
+
+def _looked_at(path: str, known: Mapping[str, FleetInput]) -> Surveyed:
+    own = _input(OWN, path, {})
+    with _described(path) as (loaded, urdf):
+        if isinstance(loaded, Experiment):
+            experiments: tuple[Experiment, ...] = (loaded,)
+            joints: tuple[str, ...] = (loaded.joint.name,)
+            if not is_remote(path):
+                list(files_of(loaded))  # refuses files that are named twice
+        else:
+            experiments = tuple(joint.everywhere for joint in loaded.joints)
+            joints = tuple(one.experiment.joint.name for one in loaded.joints if one.identify)
+    runs, own_files = _patterns(experiments)
+    patterns, beside = tuple(dict.fromkeys((*runs, *own_files))), (() if urdf is None else (urdf,))
+    inputs = (_input(name, at, known) for name, at in _found(path, patterns, beside))
+    return Surveyed(
+        path, (own, *inputs), patterns, beside, joints, robot=isinstance(loaded, Robot), apart=bool(own_files)
+    )
+
+
+def _input(name: str, path: str, known: Mapping[str, FleetInput]) -> FleetInput:
+    """A file with its digest, which is as known where its stamp is."""
+    found, before = stamp(path), known.get(path)
+    same = before is not None and before.stamp == found
+    return FleetInput(name, path, found, before.sha256 if same and before else digest_of(path))
+
+
+@contextmanager
+def _described(path: str) -> Iterator[tuple[Experiment | Robot, str | None]]:
+    """What a file describes, and the URDF that it names."""
+    if not is_remote(path):
+        yield _loaded(local_path(path))
+        return
+    with tempfile.TemporaryDirectory(prefix="bristle-") as folder:
+        place = Path(folder) / name_of(path)
+        try:
+            place.write_bytes(read_bytes(path, MAX_BYTES))
+            urdf = _urdf_of(parse(read_text(place), name_of(path)))
+            if urdf is not None:
+                place = laid_out(
+                    Path(folder),
+                    place.name,
+                    {OWN: place.read_bytes(), urdf: read_bytes(joined_path(folder_of(path), urdf))},
+                )
+            yield _loaded(place)
+        except InputError as error:
+            raise InputError(without_folder(str(error), path, folder)) from error
+
+
+def _loaded(path: Path) -> tuple[Experiment | Robot, str | None]:
+    data = parse(read_text(path), str(path))
+    if str(data.get("schema")).startswith("bristle-results/"):
+        raise InputError(
+            f"{path}: is a results file, identified already; expected the experiment file that it was identified from"
+        )
+    return (robot_of(data, path), _urdf_of(data)) if is_robot(data) else (experiment_from(data, path, str(path)), None)
+
+
+def _urdf_of(data: Mapping[str, Any]) -> str | None:
+    about = data.get("robot")
+    urdf = about.get("urdf") if isinstance(about, dict) and is_robot(data) else None
+    return urdf if isinstance(urdf, str) and urdf else None
+
+
+def _patterns(experiments: Sequence[Experiment]) -> tuple[list[str], list[str]]:
+    """The paths and globs of runs, and the files of signals that have their own."""
+    runs = [(one, run) for one in experiments for run in one.runs]
+    own = (getattr(signal, "file", None) for one, run in runs for _, signal in one.signals_of(run))
+    return [pattern for _, run in runs for pattern in run.patterns], [file for file in own if file]
+
+
+def _found(path: str, patterns: Sequence[str], beside: Sequence[str]) -> list[tuple[str, str]]:
+    """The files by these patterns, and those beside, each with its name from the folder of the file; sorted."""
+    look = partial(_remote_matches, path) if is_remote(path) else partial(_local_matches, path)
+    found = {name: at for pattern in patterns for name, at in look(pattern)}
+    found |= {name: joined_path(folder_of(path), name) for name in beside}
+    return sorted(found.items())
+
+
+def _local_matches(path: str, pattern: str) -> Iterator[tuple[str, str]]:
+    for found, shown in matches(pattern, local_path(path)):
+        if found.is_dir():
+            yield from ((f"{shown}/{name}", str(found / name)) for name in names_in(str(found)) if name.endswith(_BAG))
+        else:
+            check_regular(found)
+            yield shown, str(found)
+
+
+def _remote_matches(path: str, pattern: str) -> Iterator[tuple[str, str]]:
+    """As on this machine; variables of the environment and absolute paths mean nothing on another file system."""
+    folder, shown = folder_of(path), f"{name_of(path)}: runs: files {short(pattern)}"
+    if "${" in pattern or PurePosixPath(pattern).is_absolute():
+        raise InputError(
+            f"{shown} is no path from the folder of the file; expected one, for it is read from {path.partition('://')[0]}"
+        )
+    whole = joined_path(folder, pattern)
+    found = [whole] if exists(whole) else glob_of(whole)
+    if not found:
+        raise InputError(
+            f"{shown} matches no file; expected a path or glob relative to the folder of the experiment file"
+        )
+    for one in found:
+        name = pattern if one == whole else one.removeprefix(f"{folder}/")
+        if is_folder(one):
+            yield from ((f"{name}/{part}", f"{one}/{part}") for part in names_in(one) if part.endswith(_BAG))
+        else:
+            yield name, one
+
+
+def laid_out(folder: Path, name: str, contents: Mapping[str, bytes]) -> Path:
+    """Write files by their names from the folder of an experiment file, of this name; returns its path.
+
+    Raises InputError where a name leads nowhere in there.
+    """
+    up = max((PurePosixPath(one).parts.count("..") for one in contents), default=0)
+    base = folder.joinpath(*(["in"] * up))
+    for one, data in contents.items():
+        place = Path(*(base / (name if one == OWN else one)).parts)
+        if PurePosixPath(one).is_absolute() or folder.resolve() not in place.resolve().parents:
+            raise InputError(
+                f"{name}: names {short(one)}; expected a path from its folder, for it is sent to another machine"
+            )
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(data)
+    return base / name

@@ -1,0 +1,200 @@
+"""What Dask's workers do for a fleet: look at files of the catalog, and identify a joint of one, in a process with one thread."""
+
+import hashlib
+import sys
+import tempfile
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import NamedTuple
+
+from bristle import __version__
+from bristle.errors import InputError
+from bristle.identification.measured import Measured
+from bristle.identification.results import Joint
+from bristle.questions.fleet.dataset import failure_bytes, task_bytes, task_file
+from bristle.questions.fleet.files import exists, is_remote, local_path, name_of, read_bytes, stamp, write_whole
+from bristle.questions.fleet.survey import FleetInput, Surveyed, laid_out, survey, surveyed_of, without_folder
+
+Identify = Callable[[Path, str], tuple[Measured, Joint]]
+"""Identifies the joint of a name in a file."""
+_ONE = threading.Lock()
+"""CasADi's functions and NumPy's settings are of the process: threads of a worker identify one after another."""
+
+
+class FleetTask(NamedTuple):
+    """A joint of a file that is to be identified."""
+
+    key: str
+    joint: str
+    """As its file calls it."""
+    file: Surveyed
+    output: str | None
+    """Where the worker writes its rows; None: it returns them."""
+    sent: dict[str, bytes] | None
+    """The inputs by name, where the worker does not reach them."""
+    versions: tuple[tuple[str, str], ...]
+    """Of the client."""
+
+
+class TaskEnd(NamedTuple):
+    """How a task ended."""
+
+    key: str
+    failure: str = ""
+    """Why nothing was identified, to be tried again in the next run."""
+    rows: bytes | None = None
+    """What is to be written, where the worker did not."""
+    known: bool = False
+    """Whether it was done already."""
+    refused: str = ""
+    """Why this worker cannot take part in the run."""
+
+
+@cache
+def versions() -> tuple[tuple[str, str], ...]:
+    """What results depend on, by name: bristle, Python, NumPy, SciPy and CasADi of this process."""
+    python = ".".join(map(str, sys.version_info[:2]))
+    return (
+        ("bristle", __version__),
+        ("Python", python),
+        *((name, _version(name)) for name in ("numpy", "scipy", "casadi")),
+    )
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return "none"
+
+
+def version_difference(here: Sequence[tuple[str, str]], there: Sequence[tuple[str, str]], worker: str) -> str:
+    """What differs on a worker, in a sentence; nothing where nothing does."""
+    other = dict(there)
+    found = next(((name, mine, other.get(name, "none")) for name, mine in here if other.get(name) != mine), None)
+    if found is None:
+        return ""
+    name, mine, its = found
+    return f"the worker {worker} has {name} {its}, and the client {mine}; install the same versions of {', '.join(x for x, _ in here)} on all"
+
+
+def survey_files(paths: Sequence[tuple[str, str | None]], verify: bool) -> list[str]:
+    """`survey` of some files, each with what the ledger has of it; as the ledger is to have them."""
+    return [survey(path, surveyed_of(known) if known else None, verify=verify).written() for path, known in paths]
+
+
+def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
+    """Identify a joint of a file and write its rows, or why there are none. Raises nothing but what ends the process."""
+    wrong = version_difference(task.versions, versions(), _worker())
+    if wrong:
+        return TaskEnd(task.key, refused=wrong)
+    try:
+        if task.output is not None and exists(task_file(task.output, task.key)):
+            return TaskEnd(task.key, known=True)
+        rows = _rows(task, identify)
+    except (InputError, OSError) as error:
+        return TaskEnd(task.key, failure=_sentence(task, error))
+    except MemoryError:
+        return TaskEnd(task.key, failure="its worker ran out of memory; give each worker more with --memory")
+    except Exception as error:  # noqa: BLE001  # one log of thousands must not end the run, whatever is in it
+        return TaskEnd(task.key, failure=_sentence(task, f"a defect of bristle: {type(error).__name__}: {error}"))
+    return _landed(task, rows)
+
+
+def _worker() -> str:
+    from distributed import get_worker
+
+    try:
+        return str(get_worker().address)
+    except ValueError:  # outside Dask
+        return "here"
+
+
+def _sentence(task: FleetTask, error: object) -> str:
+    """Why, without the folders of this machine."""
+    text = str(error)
+    if isinstance(error, OSError) and error.strerror:
+        text = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    return without_folder(text, task.file.path) or "a defect of bristle: an error without a word"
+
+
+def _rows(task: FleetTask, identify: Identify) -> bytes:
+    """The rows of the joint; or of a file that bristle refuses, and would refuse again, why."""
+    with _folder(task) as folder:
+        path = _at_hand(task, folder)
+        try:
+            with _ONE:
+                _, joint = identify(path, task.joint)
+            _refuse_changed(task, joint)
+            return task_bytes(task.key, joint)
+        except InputError as error:
+            sentence = without_folder(str(error), task.file.path, str(path.parent), *([folder] if folder else []))
+            if _may_pass(error) or _changed(task):
+                raise InputError(sentence) from error
+            return failure_bytes(task.key, sentence)
+
+
+def _folder(task: FleetTask) -> AbstractContextManager[str | None]:
+    """A temporary folder, where the worker has no file to read."""
+    if task.sent is None and not is_remote(task.file.path):
+        return nullcontext()
+    return tempfile.TemporaryDirectory(prefix="bristle-")
+
+
+def _at_hand(task: FleetTask, folder: str | None) -> Path:
+    """The experiment file on this machine; what is fetched must be as it was surveyed."""
+    if folder is None:
+        return local_path(task.file.path)
+    contents = task.sent or {one.name: read_bytes(one.path) for one in task.file.inputs}
+    for one in task.file.inputs:
+        if hashlib.sha256(contents[one.name]).hexdigest() != one.sha256:
+            raise _changed_meanwhile(one)
+    return laid_out(Path(folder), name_of(task.file.path), contents)
+
+
+def _changed_meanwhile(one: FleetInput) -> InputError:
+    return InputError(f"{name_of(one.path)}: was changed while the fleet was identified; run again")
+
+
+def _changed(task: FleetTask) -> bool:
+    """Whether an input is no more as it was surveyed."""
+    if task.sent is not None or is_remote(task.file.path):
+        return False
+    try:
+        return any(stamp(one.path) != one.stamp for one in task.file.inputs)
+    except (OSError, InputError):
+        return True
+
+
+def _refuse_changed(task: FleetTask, joint: Joint) -> None:
+    """Raise InputError where a log was changed since it was surveyed, by its stamp or by what was read."""
+    read = {one.file: one.sha256 for one in joint.inputs} if not task.file.apart else {}
+    for one in task.file.inputs:
+        if read.get(one.name, one.sha256) != one.sha256:
+            raise _changed_meanwhile(one)
+    if _changed(task):
+        raise _changed_meanwhile(task.file.inputs[0])
+
+
+def _may_pass(error: BaseException | None) -> bool:
+    """Whether it may go otherwise next time: a file that could not be read, or something that is not installed."""
+    while error is not None:
+        if isinstance(error, OSError | ImportError | MemoryError):
+            return True
+        error = error.__cause__
+    return False
+
+
+def _landed(task: FleetTask, rows: bytes) -> TaskEnd:
+    """Written by the worker; where it cannot, the client does."""
+    if task.output is not None:
+        try:
+            write_whole(task_file(task.output, task.key), rows)
+            return TaskEnd(task.key)
+        except (OSError, InputError):
+            pass
+    return TaskEnd(task.key, rows=rows)

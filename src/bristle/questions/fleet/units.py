@@ -1,0 +1,85 @@
+"""Which units differ from their type: random effects, and each unit's own value drawn to the type's mean as far as it is uncertain."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.special import stdtr
+
+from bristle.arrays import Array
+from bristle.estimation.multiple_tests import false_discovery, simes
+from bristle.estimation.robust import Population, population
+from bristle.questions.fleet.quantities import Adjusted, padded
+from bristle.questions.fleet.roster import Roster
+
+LEAST_UNITS = 5
+"""Joints of a type from which on its mean and spread are told."""
+_COLUMNS = (
+    "unit", "joint", "type", "parameter", "direction", "value_unit", "sessions", "value", "standard_error", "percent", "z", "adjusted_p",
+    "outside", "shrunken", "shrunken_error", "borrowed_percent",
+)  # fmt: skip  # a row
+
+
+def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:
+    """Mean of each joint over its first sessions, so many of each, on the scale, and its variance: (m,) each."""
+    levels = padded(one, most)
+    weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
+    total = weight.sum(axis=1)
+    return (weight * levels.y).sum(axis=1) / total, 1 / total
+
+
+def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population | None:
+    """Mean and spread of a type; None where it has too few joints."""
+    if most.size < LEAST_UNITS:
+        return None
+    return population(*own_levels(one, most))
+
+
+def unit_rows(
+    quantities: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], people: Roster, rate: float
+) -> pd.DataFrame:
+    """A row per joint and quantity of the types whose spread is known; `settled`: sessions of each joint before it changed.
+
+    A joint is outside where its own value is beyond what the type's scatter makes likely, at the false discovery rate over
+    all joints, as for changes.
+    """
+    parts, numbers, ps = [], [], []
+    for one, most in zip(quantities, settled, strict=True):
+        known = population_of(one, most)
+        if known is not None:
+            frame, p = _rows(one, most, known, people)
+            parts.append(frame)
+            numbers.append(one.of.joints)
+            ps.append(p)
+    if not parts:
+        return pd.DataFrame(columns=list(_COLUMNS))
+    number, p = np.concatenate(numbers), np.concatenate(ps)
+    own, group = np.unique(number, return_inverse=True)
+    adjusted = false_discovery(simes(p, group))[group]
+    rows = pd.concat(parts, ignore_index=True)
+    share = (np.bincount(group, minlength=own.size) > 0) & (np.bincount(group, adjusted <= rate) > 0)
+    outside = (adjusted <= rate) & (p <= rate * share.mean())
+    return rows.assign(adjusted_p=adjusted, outside=outside)[list(_COLUMNS)]
+
+
+def _rows(one: Adjusted, most: NDArray[np.intp], known: Population, people: Roster) -> tuple[pd.DataFrame, Array]:
+    q = one.of
+    level, variance = own_levels(one, most)
+    total = np.maximum(known.variance + variance, np.finfo(float).tiny)
+    z = (level - known.mean) / np.sqrt(total + known.mean_error**2)
+    own = known.variance / total
+    drawn = known.mean + own * (level - known.mean)
+    error = np.sqrt(own * variance + (1 - own) ** 2 * known.mean_error**2)
+    shown, near = q.shown(level), q.shown(drawn)
+    slope, near_slope = (np.full(level.size, q.scale),) * 2 if q.scale else (shown, near)
+    who = people.table.iloc[q.joints]
+    type_, parameter, direction = q.key
+    return pd.DataFrame(
+        {
+            "unit": who["unit"].to_numpy(), "joint": who["joint"].to_numpy(), "type": type_, "parameter": parameter, "direction": direction,
+            "value_unit": q.value_unit, "sessions": most, "value": shown, "standard_error": np.sqrt(variance) * slope,
+            "percent": q.percent(level - known.mean), "z": z, "shrunken": near, "shrunken_error": error * near_slope,
+            "borrowed_percent": 100 * (1 - own),
+        }
+    ), 2 * np.asarray(stdtr(known.freedom, -np.abs(z)), dtype=float)  # fmt: skip  # a table

@@ -1,0 +1,302 @@
+"""Catalogs: what is read of them, and what is said of those that cannot be used, as a whole or in a row."""
+
+import contextlib
+import math
+import string
+from datetime import datetime
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from bristle.errors import InputError
+from bristle.questions.fleet.catalog import CATALOG, CatalogRow, called, read_catalog, time_of
+from bristle.questions.fleet.files import Stamp
+from bristle.questions.fleet.sessions import joint_sessions
+from bristle.questions.fleet.survey import FleetInput, Surveyed
+
+pytest.importorskip("fsspec", reason="needs the extra fleet")
+HEAD = "file,unit,session,joint,type,temperature,load,tags\n"
+
+
+def rows_of(folder: Path, text: str) -> list[CatalogRow]:
+    """The rows of a catalog with this text."""
+    path = folder / "catalog.csv"
+    path.write_text(text, encoding="utf-8")
+    return read_catalog(path)
+
+
+def refusal(folder: Path, text: str) -> str:
+    """The sentence with which a catalog is refused."""
+    with pytest.raises(InputError) as refused:
+        rows_of(folder, text)
+    return str(refused.value)
+
+
+def test_a_row_is_read_as_it_stands(tmp_path: Path) -> None:
+    """Text, numbers and time of a row; the file lies relative to the catalog's folder, a time with a zone becomes UTC."""
+    (row,) = rows_of(tmp_path, HEAD + "a/b.yaml,r1,2026-05-31T14:30+02:00,j1,wrist,21.5,3e1,new grease\n")
+    assert row == CatalogRow(
+        "a/b.yaml", str(tmp_path / "a/b.yaml"), "r1", datetime(2026, 5, 31, 12, 30), "j1", "wrist", 21.5, 30.0, "new grease", ""
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_any_usual_separator_will_do(tmp_path: Path, separator: str) -> None:
+    """Comma, semicolon or tab: the one that the first line has most of; a mark of UTF-8 and blank lines count for nothing."""
+    text = "\ufefffile,unit,session\n\n'a,b'.yaml,r1,2026-01-01\n".replace("'a,b'", "ab").replace(",", separator)
+    (row,) = rows_of(tmp_path, text)
+    assert (row.file, row.unit, row.failure) == ("ab.yaml", "r1", "")
+
+
+def test_a_frame_and_parquet_are_as_csv(tmp_path: Path) -> None:
+    """A DataFrame and a Parquet file with dates and numbers give the rows that the same text does; what is missing is not given."""
+    pytest.importorskip("pyarrow", reason="needs the extra fleet")
+    times = pd.to_datetime(["2026-01-01", "2026-01-02T03:00"], format="ISO8601")
+    columns = {"file": ["/a.yaml", "/b.yaml"], "unit": ["r1", "2"], "session": times, "temperature": [21.5, None]}
+    frame = pd.DataFrame(columns)
+    frame.to_parquet(tmp_path / "c.parquet")
+    text = "file,unit,session,temperature\n/a.yaml,r1,2026-01-01,21.5\n/b.yaml,2,2026-01-02T03:00,\n"
+    expected = rows_of(tmp_path, text)
+    assert str(read_catalog(frame)) == str(read_catalog(tmp_path / "c.parquet")) == str(expected)
+    assert math.isnan(expected[1].temperature)
+
+
+def test_equal_rows_count_once(tmp_path: Path) -> None:
+    """A row that stands twice is one row."""
+    assert len(rows_of(tmp_path, "file,unit,session\n" + 3 * "a.yaml,r1,2026-01-01\n")) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "has no column file"),
+        (HEAD, "holds no row"),
+        ("file,unit\na,b\n", "has no column session"),
+        ("file,unit,sesion\na,b,c\n", "got the column 'sesion'; did you mean 'session'?"),
+        ("file,unit,session,colour\na,b,c,d\n", "got the column 'colour'; expected file, unit, session, joint"),
+        ("file,unit,session,unit\na,b,c,d\n", "got the column 'unit' twice"),
+    ],
+)
+def test_a_catalog_with_wrong_columns_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    """Wrong columns, or no row, end the run with one sentence that names the catalog."""
+    sentence = refusal(tmp_path, text)
+    assert said in sentence
+    assert sentence.startswith(f"{tmp_path / 'catalog.csv'}: ")
+
+
+def test_a_catalog_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    """Bytes that are no text, a folder, a missing file, and a Parquet file that is none: a sentence each."""
+    pytest.importorskip("pyarrow", reason="needs the extra fleet")
+    (tmp_path / "x.csv").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "x.parquet").write_bytes(b"nothing")
+    for name, said in (
+        ("x.csv", "not text"),
+        ("x.parquet", "no Parquet"),
+        ("none.csv", "No such file"),
+        (".", "folder"),
+    ):
+        with pytest.raises(InputError, match=said):
+            read_catalog(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        (",r1,2026-01-01,,,,,", "file: got nothing"),
+        ("a,,2026-01-01,,,,,", "unit: got nothing"),
+        ("a,r1,,,,,,", "session: got nothing"),
+        ("a,r1,yesterday,,,,,", "session: got 'yesterday'"),
+        ("a,r1,0001-01-01T00:00+14:00,,,,,", "session: got"),
+        ("a,r1,1066-10-14,,,,,", "expected a year between"),
+        ("a,r1,2026-01-01,,,warm,,", "temperature: got 'warm'; expected a number, deg C"),
+        ("a,r1,2026-01-01,,,-300,,", "temperature: got -300"),
+        ("a,r1,2026-01-01,,,,1e999,", "load: got '1e999'"),
+        ("a,r1,2026-01-01,,,,,x\x07y", "control character"),
+        (f"a,{'r' * 500},2026-01-01,,,,,", "unit: got 500 characters"),
+        ("a,r1,2026-01-01,,,,,,,,", "got 11 fields in line 2; expected 8"),
+    ],
+)
+def test_a_wrong_row_is_a_failure_of_its_own(tmp_path: Path, row: str, said: str) -> None:
+    """What is wrong in a row is said of that row; the next is read, and nothing that cannot be shown is kept."""
+    wrong, good = rows_of(tmp_path, f"{HEAD}{row}\nb.yaml,r2,2026-01-01\n")
+    assert said in wrong.failure
+    assert all(text.isprintable() and len(text) <= 450 for text in (wrong.file, wrong.unit, wrong.tags, wrong.failure))
+    assert (good.unit, good.failure) == ("r2", "")
+
+
+def test_a_pattern_gives_the_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Fields in braces match inside one part of a path, a field that is named twice must agree, `**` stands for folders."""
+    for name in (
+        "logs/r1/2026-01-01/a/r1_wrist.yaml",
+        "logs/r1/2026-01-01/r2_wrist.yaml",
+        "logs/r1/wrist.yaml",
+        "logs/r1/2026-01-02/r1_x.txt",
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    monkeypatch.chdir(tmp_path)
+    (row,) = read_catalog("logs/{unit}/{session}/**/{unit}_{type}.yaml")
+    assert row[:6] == (
+        "logs/r1/2026-01-01/a/r1_wrist.yaml",
+        str(tmp_path / row.file),
+        "r1",
+        datetime(2026, 1, 1),
+        "",
+        "wrist",
+    )
+    (absolute,) = read_catalog(f"{tmp_path}/logs/{{unit}}/{{session}}/?/*_{{type}}.yaml")
+    assert absolute.file == str(tmp_path / row.file)
+
+
+@pytest.mark.parametrize(
+    ("pattern", "said"),
+    [
+        ("logs/{unit}.yaml", "has no {session}"),
+        ("logs/{unit}/{sesion}.yaml", "did you mean {session}?"),
+        ("logs/{unit}/{session}/{file}", "got {file}"),
+        ("nowhere/{unit}/{session}.yaml", "matches no file"),
+    ],
+)
+def test_a_pattern_that_tells_too_little_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, said: str
+) -> None:
+    """A pattern needs unit and session, knows no other fields than columns, and matches something."""
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError) as refused:
+        read_catalog(pattern)
+    assert said in str(refused.value)
+
+
+def test_what_a_catalog_is_called() -> None:
+    """By its file, or the last folder before what varies."""
+    assert called("a/fleet.csv") == "fleet"
+    assert called("s3://bucket/logs/{unit}/{session}.yaml") == "logs"
+    assert called(Path("a/b/{unit}_{session}.yaml")) == "b"
+
+
+texts = st.text(alphabet=st.characters(), max_size=30)
+tables = st.lists(st.lists(texts, max_size=9), max_size=6)
+
+
+@given(
+    header=st.lists(st.sampled_from([*CATALOG, "x", ""]), max_size=9), table=tables, separator=st.sampled_from(",;\t")
+)
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_no_text_breaks_a_catalog(tmp_path: Path, header: list[str], table: list[list[str]], separator: str) -> None:
+    """Whatever a CSV file holds, it is rows that can be shown, or one InputError."""
+    lines = [separator.join(line) for line in [header, *table]]
+    (tmp_path / "c.csv").write_bytes("\n".join(lines).encode("utf-8", "replace"))
+    try:
+        rows = read_catalog(tmp_path / "c.csv")
+    except InputError:
+        return
+    assert all(x.isprintable() for row in rows for x in row if isinstance(x, str))
+    assert all(row.failure or (row.file and row.unit and row.session) for row in rows)
+
+
+@given(
+    cells=st.lists(
+        st.one_of(st.none(), st.integers(), st.floats(), st.binary(max_size=5), texts, st.datetimes()),
+        min_size=5,
+        max_size=5,
+    )
+)
+@settings(max_examples=200, deadline=None)
+def test_no_cell_breaks_a_frame(cells: list[object]) -> None:
+    """Whatever the cells of a DataFrame hold, they are a row, or one InputError."""
+    frame = pd.DataFrame(
+        {
+            name: pd.Series([cell], dtype=object)
+            for name, cell in zip(("file", "unit", "session", "temperature", "load"), cells, strict=True)
+        }
+    )
+    (row,) = read_catalog(frame)
+    assert row.failure or row.session is not None
+
+
+@given(text=st.one_of(st.datetimes().map(str), st.text(alphabet=string.digits + "-:TZ+W. ", max_size=30)))
+def test_no_time_breaks_it(text: str) -> None:
+    """A session's text is a time of this or the last century, or an InputError."""
+    with contextlib.suppress(InputError):
+        assert 1900 <= time_of(text).year <= 2200
+
+
+def surveyed(path: str, *joints: str, robot: bool = False) -> Surveyed:
+    """A file with these joints and content of its own."""
+    return Surveyed(path, (FleetInput(".", path, Stamp(1, "1"), f"sha of {path}"),), joints=joints, robot=robot)
+
+
+def row(path: str, unit: str = "r1", session: str = "2026-01-01", **more: str) -> CatalogRow:
+    """A row of a catalog."""
+    text = {"joint": "", "type": "", "tags": "", "failure": ""} | more
+    return CatalogRow(
+        path,
+        path,
+        unit,
+        datetime.fromisoformat(session),
+        text["joint"],
+        text["type"],
+        math.nan,
+        math.nan,
+        text["tags"],
+        text["failure"],
+    )
+
+
+def test_a_robot_gives_a_session_of_each_joint() -> None:
+    """All joints of a robot, or the one asked for; a joint that it lacks is a failure. A single joint may be called otherwise."""
+    files = {"a": surveyed("a", "j1", "j2", robot=True), "b": surveyed("b", "wrist")}
+    frame = joint_sessions(
+        [row("a"), row("a", "r2", joint="j2"), row("a", "r3", joint="j9"), row("b", "r4", joint="left")], files
+    )
+    assert frame["joint"].tolist() == ["j1", "j2", "j2", "j9", "left"]
+    assert frame["name"].tolist() == ["j1", "j2", "j2", "", "wrist"]
+    assert frame["failure"].tolist()[3] == "joint: got 'j9'; the file has j1, j2"
+    assert frame["key"].tolist()[1] == frame["key"].tolist()[2] != frame["key"].tolist()[0]
+    assert frame["type"].tolist() == frame["joint"].tolist()
+
+
+def test_two_rows_of_one_session_are_one_failure() -> None:
+    """Two rows of one unit, joint and session are refused together, in one failure that names both; the others stand."""
+    files = {name: surveyed(name, "j") for name in "abc"}
+    frame = joint_sessions([row("a"), row("b"), row("c", session="2026-02-01")], files)
+    assert frame["file"].tolist() == ["c", "a"]
+    assert frame["failure"].tolist() == [
+        "",
+        "2 rows of the catalog are of this joint and session (a, b); name each session once",
+    ]
+
+
+def test_sessions_of_another_type_are_left_out() -> None:
+    """Of a joint of two types the sessions of the rarer one are left out, of two that are as common those of the later one."""
+    files = {"a": surveyed("a", "j")}
+    rows = [row("a", session=f"2026-01-0{k}", type=kind) for k, kind in enumerate("abb", 1)]
+    frame = joint_sessions([*rows, row("a", "r2", type="b"), row("a", "r2", "2026-01-02", type="a")], files)
+    assert [bool(x) for x in frame["left_out"]] == [True, False, False, False, True]
+    assert frame["left_out"][0] == "of type 'a', but 'b' in 2 of the 3 sessions of this joint; give it one type"
+
+
+def days(unit: str, *numbers: int) -> list[CatalogRow]:
+    """Sessions of a unit at these days of January."""
+    return [row("a", unit, f"2026-01-{k:02d}") for k in numbers]
+
+
+def test_a_clock_that_goes_back_is_left_out() -> None:
+    """In a catalog in order of time the sessions behind one jump back are left out, as far as they are earlier than those before it."""
+    rows = [*days("r1", 1, 2, 3, 4, 5), *days("r2", 5, 6, 7, 1, 2, 8), *days("r3", 1, 2, 3)]
+    frame = joint_sessions(rows, {"a": surveyed("a", "j")})
+    assert frame[frame["left_out"] != ""]["session"].dt.day.tolist() == [1, 2]
+    assert (
+        frame["left_out"][8]
+        == "its time lies before 2026-01-07 00:00, of a session above it in the catalog; set the clock right"
+    )
+
+
+@pytest.mark.parametrize("numbers", [(5, 4, 3, 2, 1), (3, 1, 5, 2, 4), (2, 1), (1, 3, 2)])
+def test_another_order_is_no_clock(numbers: tuple[int, ...]) -> None:
+    """A catalog that is in no order of time, or the other way round, is only that."""
+    frame = joint_sessions([*days("r1", *numbers), *days("r2", *numbers)], {"a": surveyed("a", "j")})
+    assert (frame["left_out"] == "").all()

@@ -1,0 +1,207 @@
+"""Fleets on processes: the same bytes whatever their number, and nothing lost where a worker is killed, the scheduler lost or the run interrupted."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from tests.conftest import tree
+from tests.fleet.logs import write_fleet_logs
+
+import bristle
+from bristle.api import fleets
+from bristle.errors import InputError
+from bristle.questions.fleet import cluster, engine
+from bristle.questions.fleet.catalog import read_catalog
+from bristle.questions.fleet.cluster import Reach, local_client, reach_of
+
+pytest.importorskip("distributed", reason="needs the extra fleet")
+pytest.importorskip("pyarrow", reason="needs the extra fleet")
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="sends signals")
+ENOUGH = 120.0
+"""Seconds after which a process is stuck."""
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a fleet of two units, two joints and two sessions."""
+    folder: Path = tmp_path_factory.mktemp("fleet")
+    write_fleet_logs(folder, units=2, sessions=2)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def alone(logs: Path) -> dict[str, bytes | None]:
+    """The dataset that one worker makes."""
+    with local_client(1) as client:
+        done = bristle.fleet(logs / "catalog.csv", logs / "alone", client=client)
+    assert done.identified == 8
+    return tree(logs / "alone" / "results")
+
+
+def test_two_workers_and_a_client_that_gathers_make_the_same_bytes(logs: Path, alone: dict[str, bytes | None]) -> None:
+    """Two processes make the bytes of one; so do processes that reach neither logs nor output, which the client sends and writes."""
+    fsspec = pytest.importorskip("fsspec", reason="needs the extra fleet")
+    memory = fsspec.filesystem("memory")
+    memory.put(str(logs / "logs"), "/far/logs", recursive=True)
+    memory.put(str(logs / "catalog.csv"), "/far/catalog.csv")
+    try:
+        with local_client(2) as client:
+            assert "127.0.0.1" in cluster.dashboard_of(client)
+            assert client.scheduler.address.startswith("tcp://127.0.0.1:")
+            assert cluster.threads_of(client) == 2
+            bristle.fleet(logs / "catalog.csv", logs / "two", client=client)
+            assert tree(logs / "two" / "results") == alone
+            inputs = ["memory://far/catalog.csv"]
+            assert reach_of(client, "memory://far", inputs) == Reach(output=False, inputs=False)
+            assert reach_of(client, str(logs), [str(logs / "catalog.csv")]) == Reach(output=True, inputs=True)
+            far = bristle.fleet("memory://far/catalog.csv", "memory://far/out", client=client)
+            assert (far.identified, far.failed) == (8, 0)
+            assert {Path(x).name: memory.cat(x) for x in memory.ls("/far/out/results", detail=False)} == alone
+    finally:
+        memory.rm("/far", recursive=True)
+
+
+def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, tmp_path: Path) -> None:
+    """Where a log ends its worker's process each time it is tried, its row says so, and it is tried again in the next run."""
+    dask = pytest.importorskip("dask", reason="needs the extra fleet")
+
+    def deadly(path: Path, joint: str) -> Any:  # sent by value
+        """End the process at one session."""
+        import os
+
+        from bristle.api.fleets import identified_joint
+
+        if "r0/2026-01-01/elbow" in str(path):
+            os._exit(1)
+        return identified_joint(path, joint)
+
+    rows = read_catalog(logs / "catalog.csv")[:4]
+    with dask.config.set({"distributed.scheduler.allowed-failures": 1}), local_client(1) as client:
+        ended = engine.run_fleet(rows, str(tmp_path), client, deadly)
+        again = engine.run_fleet(rows, str(tmp_path), client, fleets.identified_joint)
+    (failure,) = ended.table.to_pandas()["failure"].dropna()
+    assert failure == "its worker died 2 times, perhaps for want of memory; give each worker more with --memory"
+    assert (ended.identified, ended.failed, again.identified, again.failed) == (3, 1, 1, 0)
+
+
+def test_memory_and_certificates_are_checked() -> None:
+    """What is no size of memory is refused; certificates make the connection one of TLS alone."""
+    for memory in ("much", "1 B", "-2 GiB", ""):
+        with pytest.raises(InputError, match=r"memory: got .* expected"):
+            cluster._bytes_of(memory)
+    assert cluster._bytes_of("2 GiB") == 2**31
+    security = cluster._security({"ca": "a.pem", "cert": "b.pem", "key": "c.pem"})
+    assert security.require_encryption
+    assert (security.tls_ca_file, security.tls_client_cert, security.tls_client_key) == ("a.pem", "b.pem", "c.pem")
+    assert cluster._security({}) is None
+
+
+@contextmanager
+def process(*arguments: str, **options: Any) -> Iterator["subprocess.Popen[str]"]:
+    """A Python process that is ended at last."""
+    with subprocess.Popen([sys.executable, *arguments], text=True, **options) as one:  # noqa: S603  # ourselves
+        try:
+            yield one
+        finally:
+            one.kill()
+
+
+def until(what: Callable[[], bool]) -> None:
+    """Wait for something."""
+    end = time.monotonic() + ENOUGH
+    while not what():
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+@contextmanager
+def separate(folder: Path) -> Iterator[tuple[str, Any, list[Any]]]:
+    """A scheduler and two workers, each a process of its own, on loopback."""
+    silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    with ExitStack() as stack:
+        file = folder / "scheduler.json"
+        told = ("--scheduler-file", str(file))
+        scheduler = stack.enter_context(
+            process(
+                "-m",
+                "distributed.cli.dask_scheduler",
+                "--host",
+                "127.0.0.1",
+                "--port",
+                "0",
+                "--no-dashboard",
+                *told,
+                **silent,
+            )
+        )
+        until(file.exists)
+        options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder))
+        workers = [
+            stack.enter_context(process("-m", "distributed.cli.dask_worker", *told, *options, **silent))
+            for _ in range(2)
+        ]
+        yield str(pd.read_json(file, typ="series")["address"]), scheduler, workers
+
+
+def finished(output: Path) -> int:
+    """Tasks that are finished."""
+    return sum(path.suffix == ".parquet" and path.name[0] != "." for path in output.glob("tasks/*"))
+
+
+@LINUX
+@pytest.mark.parametrize("killed", ["worker", "scheduler"])
+def test_what_is_killed_half_way_loses_nothing(
+    logs: Path, alone: dict[str, bytes | None], tmp_path: Path, killed: str
+) -> None:
+    """A worker killed half-way: the same result. The scheduler: exit 2, what is finished stays, and a rerun goes on to the same result."""
+    out = tmp_path / "out"
+    with separate(tmp_path) as (address, scheduler, workers):
+        command = ("-m", "bristle", "fleet", "catalog.csv", "-o", str(out), "--scheduler", address)
+        with process(*command, cwd=logs, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+            until(lambda: finished(out) > 1 or run.poll() is not None)
+            (workers[0] if killed == "worker" else scheduler).kill()
+            _, said = run.communicate(timeout=ENOUGH)
+        if killed == "scheduler":
+            assert run.returncode == 2
+            assert said.startswith(f"bristle: the scheduler {address} was lost; ")
+            assert said.endswith("of 8 are finished and stay; run again to go on\n")
+        else:
+            assert (run.returncode, said) == (0, "")
+    if killed == "scheduler":
+        with local_client(1) as client:
+            again = bristle.fleet(logs / "catalog.csv", out, client=client)
+        assert again.identified < 8
+        assert again.identified + again.unchanged == 8
+    assert tree(out / "results") == alone
+
+
+@LINUX
+def test_an_interrupt_leaves_what_is_finished(logs: Path, tmp_path: Path) -> None:
+    """Ctrl-C, which all processes of a terminal get: exit 130 and one word; finished tasks stay, and no process is left."""
+    out = tmp_path / "out"
+    command = ("-m", "bristle", "fleet", "catalog.csv", "-o", str(out), "--workers", "2")
+    with process(*command, cwd=logs, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as run:
+        until(lambda: finished(out) > 0 or run.poll() is not None)
+        os.killpg(run.pid, signal.SIGINT)
+        _, said = run.communicate(timeout=ENOUGH)
+    assert (run.returncode, said) == (130, "interrupted\n")
+    assert finished(out) > 0
+    assert not (out / "results").exists()
+    until(lambda: not alive(run.pid))
+
+
+def alive(group: int) -> bool:
+    """Whether a process of a group is left."""
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True

@@ -1,0 +1,431 @@
+"""Runs of a fleet on a cluster in this process: what is identified, what is not again, and what is said of what cannot be."""
+
+import contextlib
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import pytest
+from tests.conftest import run, tree
+from tests.fleet.logs import YAML, log_text, write_catalog, write_fleet_logs, write_session
+
+import bristle
+from bristle.api import fleets
+from bristle.errors import InputError
+from bristle.identification.measured import Measured
+from bristle.identification.results import Joint
+from bristle.questions.fleet import cluster, engine, files, survey, tasks
+from bristle.questions.fleet.dataset import COLUMNS
+
+pytest.importorskip("distributed", reason="needs the extra fleet")
+pytest.importorskip("pyarrow", reason="needs the extra fleet")
+IDENTIFIED: list[str] = []
+"""The joints that were identified, in this process."""
+
+
+identified_joint = fleets.identified_joint
+
+
+def counted(path: Path, joint: str) -> tuple[Measured, Joint]:
+    """Identify a joint, and remember that."""
+    IDENTIFIED.append(joint)
+    return identified_joint(path, joint)
+
+
+def broken(path: Path, joint: str) -> tuple[Measured, Joint]:
+    """Fail at one joint as nothing that bristle foresees."""
+    if joint == "elbow":
+        raise KeyError("no such thing")
+    return identified_joint(path, joint)
+
+
+class Reads:
+    """Counts the files that are read, by name."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.names: list[str] = []
+        for module, name in ((survey, "digest_of"), (survey, "read_text"), (survey, "read_bytes")):
+            monkeypatch.setattr(module, name, self._counting(getattr(module, name)))
+
+    def _counting(self, read: Any) -> Any:
+        def counting(path: Any, *more: Any) -> Any:
+            self.names.append(Path(path).name)
+            return read(path, *more)
+
+        return counting
+
+
+@pytest.fixture
+def ran(client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Runs the fleet of a catalog; its output is out."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(fleets, "identified_joint", counted)
+
+    def again(catalog: Any = "catalog.csv", output: Any = "out", **options: Any) -> bristle.Fleet:
+        """The fleet; what was identified before is forgotten."""
+        IDENTIFIED.clear()
+        return bristle.fleet(catalog, output, client=client, **options)
+
+    return again
+
+
+def dataset(folder: Path = Path("out")) -> dict[str, bytes | None]:
+    """The dataset, byte for byte."""
+    return tree(folder / "results")
+
+
+def test_only_what_is_new_is_identified(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The first run identifies all, the second reads nothing and identifies nothing, a new session of a unit is its two joints alone."""
+    catalog = write_fleet_logs(tmp_path, units=2, sessions=2)
+    first = ran()
+    assert sorted(IDENTIFIED) == 4 * ["elbow"] + 4 * ["wrist"]
+    assert (first.identified, first.unchanged, first.failed) == (8, 0, 0)
+    assert tuple(first.frame.columns) == tuple(COLUMNS)
+    pd.testing.assert_frame_equal(first.frame, pd.read_parquet("out/results"))
+    assert tree(Path("out/tasks")) == {}
+    before, reads = dataset(), Reads(monkeypatch)
+    second = ran()
+    assert (IDENTIFIED, reads.names, second.unchanged, dataset()) == ([], [], 8, before)
+    pd.testing.assert_frame_equal(first.frame, second.frame)
+    with catalog.open("a") as file:
+        for k, joint in enumerate(("wrist", "elbow")):
+            path = write_session(tmp_path / "logs", "r1", joint, "2026-03-01", seed=70 + k)
+            file.write(f"{path.relative_to(tmp_path)},r1,2026-03-01,\n")
+    third = ran()
+    assert sorted(IDENTIFIED) == ["elbow", "wrist"]
+    assert sorted(set(reads.names)) == ["elbow.csv", "elbow.yaml", "wrist.csv", "wrist.yaml"]
+    assert (third.identified, third.unchanged) == (2, 8)
+    assert "2 joint sessions identified, 8 unchanged, 0 failed" in third.counts
+
+
+def test_content_counts_and_nothing_else(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A file that is touched is hashed, one that is changed identified; a moved fleet, another temperature and equal content are neither."""
+    write_fleet_logs(tmp_path, units=1, sessions=2)
+    ran()
+    log = tmp_path / "logs/r0/2026-01-01/wrist.csv"
+    os.utime(log, (1, 1))
+    reads = Reads(monkeypatch)
+    ran()
+    assert (IDENTIFIED, reads.names.count("wrist.csv"), reads.names.count("elbow.csv")) == ([], 1, 0)
+    log.write_text(log_text(99))
+    assert ran().identified == 1
+    reads.names.clear()
+    ran(verify=True)
+    assert (IDENTIFIED, reads.names.count("wrist.csv"), reads.names.count("elbow.csv")) == ([], 2, 2)
+    Path("logs").rename("moved")
+    text = Path("catalog.csv").read_text().replace("logs/", "moved/").replace("-01,20", "-01,25")
+    Path("catalog.csv").write_text(text)
+    assert ran().frame["temperature"].max() == 25
+    assert IDENTIFIED == []
+    shutil.copytree("moved/r0", "moved/r9")
+    Path("catalog.csv").write_text(text + "moved/r9/2026-01-01/wrist.yaml,r9,2026-01-01,\n")
+    both = ran().frame
+    assert IDENTIFIED == []
+    assert (
+        both[both["unit"] == "r9"]["value"].tolist()
+        == both[(both["unit"] == "r0") & (both["joint"] == "wrist")]["value"].tolist()[:8]
+    )
+
+
+def test_an_equal_log_is_identified_once(ran: Any, tmp_path: Path) -> None:
+    """Two units with the very same files are one task, and have rows each."""
+    rows = [
+        {"file": write_session(tmp_path, unit, "wrist", "2026-01-01", 1), "unit": unit, "session": "2026-01-01"}
+        for unit in ("a", "b")
+    ]
+    write_catalog(tmp_path / "catalog.csv", rows)
+    found = ran()
+    assert (IDENTIFIED, found.identified, found.unchanged, found.frame["unit"].unique().tolist()) == (
+        ["wrist"],
+        1,
+        0,
+        ["a", "b"],
+    )
+
+
+def test_what_fails_is_a_row_and_the_rest_is_done(ran: Any, tmp_path: Path) -> None:
+    """A corrupt log, a missing one, a missing file, a bad time and a session twice: a row each with its sentence, which names no folder."""
+    catalog = write_fleet_logs(tmp_path, units=1, sessions=2)
+    (tmp_path / "logs/r0/2026-01-01/wrist.csv").write_text("t,q,T\n" + 200 * "0,x,\x00\n")
+    bad = tmp_path / "bad.yaml"
+    bad.write_text(YAML.format(joint="wrist", log="none.csv"))
+    with catalog.open("a") as file:
+        file.write("bad.yaml,r1,2026-01-01,\nnone.yaml,r2,2026-01-01,\nbad.yaml,r3,soon,\n")
+        file.write("logs/r0/2026-02-01/elbow.yaml,r0,2026-02-01T00:00,\n")
+    found = ran()
+    failures = found.frame[found.frame["failure"].notna()]
+    said = dict(zip(failures["unit"], failures["failure"], strict=True))
+    assert (found.identified, found.failed) == (2, 5)
+    assert failures["direction"].isna().all()
+    twice, corrupt = failures["failure"].tolist()[:2]
+    assert "2 rows of the catalog are of this joint and session" in twice
+    assert corrupt.startswith("wrist.csv: ")
+    assert "bad.yaml: runs: files 'none.csv' is no file" in said["r1"]
+    assert "none.yaml: no such file" in said["r2"]
+    assert "session: got 'soon'" in said["r3"]
+    assert not failures["failure"].str.contains(str(tmp_path)).any()
+    assert set(found.findings.failures["unit"]) == {"r0", "r1", "r2", "r3"}
+    again = ran()
+    assert IDENTIFIED == []  # a log that bristle refuses is refused for good
+    assert (again.identified, again.unchanged, again.failed) == (0, 2, 5)
+    pd.testing.assert_frame_equal(found.frame, again.frame)
+
+
+def test_a_defect_is_a_row_and_tried_again(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is no InputError is said to be a defect, and the next run tries it again; where nothing is left, the run is refused."""
+    write_fleet_logs(tmp_path, units=1, sessions=1)
+    monkeypatch.setattr(fleets, "identified_joint", broken)
+    found = ran()
+    assert (found.identified, found.failed) == (1, 1)
+    assert found.frame["failure"].dropna().tolist() == ["a defect of bristle: KeyError: 'no such thing'"]
+    assert found.frame["key"].isna().tolist() == found.frame["failure"].notna().tolist()
+    write_catalog(
+        tmp_path / "one.csv", [{"file": "logs/r0/2026-01-01/elbow.yaml", "unit": "r0", "session": "2026-01-01"}]
+    )
+    with pytest.raises(
+        InputError, match=r"none of 1 joint sessions could be identified; the first is 'logs/r0.*a defect of bristle"
+    ):
+        ran("one.csv", "other")
+    monkeypatch.setattr(fleets, "identified_joint", counted)
+    assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
+
+
+def test_a_log_that_changes_meanwhile_is_tried_again(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Results of a log that was changed after it was hashed are not kept under the old content."""
+    write_fleet_logs(tmp_path, units=1, sessions=1)
+
+    def changing(path: Path, joint: str) -> tuple[Measured, Joint]:
+        """Write another log first."""
+        if joint == "elbow":
+            path.with_suffix(".csv").write_text(log_text(1000))
+        return identified_joint(path, joint)
+
+    monkeypatch.setattr(fleets, "identified_joint", changing)
+    assert ran().frame["failure"].dropna().tolist() == [
+        "elbow.csv: was changed while the fleet was identified; run again"
+    ]
+    monkeypatch.setattr(fleets, "identified_joint", counted)
+    assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
+
+
+def test_what_a_killed_run_left_is_taken_up(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt on the way leaves the tasks that are finished, and the next run does only the others."""
+    write_fleet_logs(tmp_path, units=1, sessions=2)
+    expected = ran(output="whole")
+    spread, ends = cluster.spread, list[tasks.TaskEnd]()
+
+    def interrupted(*arguments: Any) -> Iterator[Any]:
+        """Stop behind the second task."""
+        for call, end in spread(*arguments):
+            if isinstance(end, tasks.TaskEnd):
+                ends.append(end)
+                if len(ends) == 2:
+                    raise KeyboardInterrupt
+            yield call, end
+
+    monkeypatch.setattr(engine, "spread", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        ran()
+    monkeypatch.setattr(engine, "spread", spread)
+    assert len(tree(Path("out/tasks"))) >= 2
+    found = ran()
+    assert found.identified <= 2
+    assert found.identified + found.unchanged == 4
+    pd.testing.assert_frame_equal(found.frame, expected.frame)
+    assert dataset() == dataset(Path("whole"))
+
+
+def test_a_full_disk_leaves_what_was(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the disk is full the run ends with an OSError that names the file; the dataset is as it was, and a rerun goes on."""
+    catalog = write_fleet_logs(tmp_path, units=1, sessions=1)
+    ran()
+    before = dataset()
+    with catalog.open("a") as file:
+        path = write_session(tmp_path / "logs", "r1", "wrist", "2026-03-01", seed=70)
+        file.write(f"{path.relative_to(tmp_path)},r1,2026-03-01,\n")
+
+    def full(name: str, data: bytes) -> None:
+        """Only small files fit."""
+        if "/results/" in name or "/tasks/" in name:
+            raise OSError(errno.ENOSPC, "No space left on device", name)
+        files.write_whole(name, data)
+
+    for module in ("tasks", "engine", "dataset"):
+        monkeypatch.setattr(f"bristle.questions.fleet.{module}.write_whole", full)
+    with pytest.raises(OSError, match="No space left") as stopped:
+        ran()
+    assert str(stopped.value.filename).startswith(str(tmp_path / "out/tasks/"))
+    assert dataset() == before
+    monkeypatch.undo()
+    os.chdir(tmp_path)
+    assert ran().identified == 1
+
+
+def test_a_pattern_and_types(ran: Any, tmp_path: Path) -> None:
+    """A pattern of folders is a catalog; its types are the columns' types, and a joint of two types has sessions that are left out."""
+    write_fleet_logs(tmp_path, units=1, sessions=2)
+    found = ran("logs/{unit}/{session}/{type}.yaml")
+    assert found.frame["type"].unique().tolist() == ["elbow", "wrist"]
+    assert found.frame["file"].iloc[0] == "logs/r0/2026-01-01/elbow.yaml"
+    rows = [
+        {"file": f"logs/r0/2026-0{k}-01/wrist.yaml", "unit": "r0", "session": f"2026-0{k}-01", "type": f"t{k}"}
+        for k in (1, 2)
+    ]
+    mixed = ran(pd.DataFrame(rows))
+    assert IDENTIFIED == []
+    assert mixed.frame[mixed.frame["left_out"].notna()]["type"].unique().tolist() == ["t2"]
+    assert mixed.findings.failures["failure"].tolist() == [
+        "of type 't2', but 't1' in 1 of the 2 sessions of this joint; give it one type"
+    ]
+
+
+def test_two_runs_at_once_are_refused(ran: Any, tmp_path: Path) -> None:
+    """While a run writes into a folder another one is refused."""
+    write_fleet_logs(tmp_path, units=1, sessions=1)
+    with engine._output(str(tmp_path / "out")), pytest.raises(InputError, match="another run writes there"):
+        ran()
+
+
+def test_versions_must_agree(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Workers of another version are refused at the start, and one that joins later stops the run; each in one sentence."""
+    write_fleet_logs(tmp_path, units=1, sessions=1)
+    other = tuple((name, "0.0" if name == "scipy" else found) for name, found in tasks.versions())
+    monkeypatch.setattr(cluster, "versions", lambda: other)
+    with pytest.raises(
+        InputError,
+        match=r"the worker \S+ has scipy .*, and the client 0\.0; install the same versions of bristle, Python",
+    ):
+        ran()
+    monkeypatch.undo()
+    os.chdir(tmp_path)
+    monkeypatch.setattr(engine, "versions", lambda: other)
+    with pytest.raises(InputError, match="has scipy"):
+        ran()
+
+
+def test_files_in_memory_of_another_machine(ran: Any, tmp_path: Path) -> None:
+    """Catalog, logs and output may be URLs of fsspec; a pattern too. Sentences show no temporary folder."""
+    fsspec = pytest.importorskip("fsspec", reason="needs the extra fleet")
+    memory = fsspec.filesystem("memory")
+    write_fleet_logs(tmp_path, units=1, sessions=2)
+    local = ran()
+    memory.put(str(tmp_path / "logs"), "/fleet/logs", recursive=True)
+    memory.put(str(tmp_path / "catalog.csv"), "/fleet/catalog.csv")
+    try:
+        far = ran("memory://fleet/catalog.csv", "memory://fleet/out")
+        pd.testing.assert_frame_equal(local.frame, far.frame)
+        assert {Path(x).name for x in memory.ls("/fleet/out/results", detail=False)} == set(dataset())
+        assert ran("memory://fleet/catalog.csv", "memory://fleet/out").unchanged == 4
+        memory.pipe("/fleet/logs/r0/2026-01-01/wrist.csv", b"t,q,T\n1,x,y\n")
+        again = ran("memory://fleet/logs/{unit}/{session}/{type}.yaml", "memory://fleet/out")
+        (failure,) = again.frame["failure"].dropna().tolist()
+        assert failure.startswith("wrist.csv: ")
+        assert again.frame["file"].iloc[0] == "memory://fleet/logs/r0/2026-01-01/elbow.yaml"
+    finally:
+        memory.rm("/fleet", recursive=True)
+
+
+def test_a_robot_file(ran: Any, tmp_path: Path) -> None:
+    """A robot's file gives a task a joint; its URDF and logs are inputs of each, and a changed one is identified anew."""
+    pytest.importorskip("pinocchio", reason="needs the extra robot")
+    source = Path(bristle.__file__).parents[2] / "datasets" / "arm"
+    for name in ("arm.urdf", "robot.yaml", "motion.csv", "held_out.csv"):
+        shutil.copy(source / name, tmp_path)
+    rows = [
+        {"file": "robot.yaml", "unit": "arm", "session": "2026-01-01", "joint": joint} for joint in ("flange", "hand")
+    ]
+    write_catalog(tmp_path / "catalog.csv", rows)
+    found = ran()
+    assert (IDENTIFIED, found.failed) == (["flange"], 1)
+    assert found.frame["failure"].dropna().tolist() == [
+        "joint: got 'hand'; the file has turret, shoulder, elbow, wrist_roll, wrist_pitch, flange"
+    ]
+    assert found.frame["simulated"].dropna().all()
+    robot, urdf = survey.survey(str(tmp_path / "robot.yaml")), tmp_path / "arm.urdf"
+    assert [one.name for one in robot.inputs] == [".", "arm.urdf", "held_out.csv", "motion.csv"]
+    assert robot.key("flange") == found.frame["key"].dropna().iloc[0] != robot.key("elbow")
+    urdf.write_text(urdf.read_text() + "\n")
+    assert survey.survey(robot.path, robot).key("flange") != robot.key("flange")
+
+
+def test_the_command_line(client: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exit codes: 0 with a page, 3 with --strict where a joint changed; the counts of the run are told."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cluster, "local_client", lambda *_: contextlib.nullcontext(client))
+    write_fleet_logs(tmp_path, units=2, joints=("wrist",), sessions=4)
+    done = run("fleet", "catalog.csv")
+    assert (done.code, done.err) == (0, "")
+    assert "8 joint sessions identified, 0 unchanged, 0 failed" in done.words
+    assert done.out.splitlines()[-1] == "Page: reports/catalog-fleet/index.html"
+    assert Path("reports/catalog-fleet/index.html").exists()
+    for k in range(5, 8):
+        write_session(tmp_path / "logs", "r1", "wrist", f"2026-0{k}-01", seed=k, factor=3.0)
+    pattern = "logs/{unit}/{session}/{joint}.yaml"
+    assert run("fleet", pattern, "-o", "out").code == 0
+    worn = run("fleet", pattern, "-o", "out", "--strict")
+    assert (worn.code, worn.said) == (3, ["1 joint changed (--strict)"])
+    assert "0 joint sessions identified, 11 unchanged, 0 failed" in worn.words
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (("none.csv",), "none.csv: No such file"),
+        (
+            ("c.csv", "--scheduler", "tcp://127.0.0.1:1", "--memory", "1 GiB"),
+            "--memory: is for a cluster of this machine",
+        ),
+        (
+            ("c.csv", "--scheduler", "tcp://127.0.0.1:1", "--workers", "2"),
+            "--workers: is for a cluster of this machine",
+        ),
+        (("c.csv", "--scheduler", "tcp://127.0.0.1:1"), "no Dask scheduler answers"),
+        (("c.csv", "--tls-cert", "x.pem"), "is for a --scheduler"),
+        (
+            ("c.csv", "--scheduler", "tls://127.0.0.1:1", "--tls-cert", "x.pem"),
+            "expected --tls-ca-file, --tls-cert and --tls-key together",
+        ),
+        (("c.csv", "--scheduler", "nonsense"), "--scheduler: got 'nonsense'"),
+        (("c.csv", "--scheduler", "a:1", "--tls-cert", "x", "--tls-key", "y", "--tls-ca-file", "z"), "z: no such file"),
+        (("c.csv", "--memory", "lots"), "memory: got 'lots'"),
+        (("c.csv", "--rate", "2"), "rate: got 2"),
+        (("c.csv", "-o", "c.csv"), "c.csv"),
+        (("c.csv", "-o", ""), "empty path"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], said: str
+) -> None:
+    """Options and paths that cannot be: exit 2 and one sentence, before a cluster is started."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cluster, "_WAIT", 1.0)
+    write_catalog(tmp_path / "c.csv", [{"file": "a.yaml", "unit": "r", "session": "2026-01-01"}])
+    ended = run("fleet", *options)
+    assert ended.code == 2
+    assert len(ended.said) == 1
+    assert said in ended.err
+
+
+def test_a_client_is_checked(client: Any, tmp_path: Path) -> None:
+    """What is no client is refused, and so are options of a cluster of one's own beside a client."""
+    catalog = write_catalog(tmp_path / "c.csv", [{"file": "a.yaml", "unit": "r", "session": "2026-01-01"}])
+    with pytest.raises(InputError, match=r"expected a distributed\.Client"):
+        bristle.fleet(catalog, client="tcp://127.0.0.1:8786")
+    with pytest.raises(InputError, match="workers: is for a cluster of this machine"):
+        bristle.fleet(catalog, client=client, workers=2)
+    with client.as_current(), pytest.raises(InputError, match="memory: is for"):
+        bristle.fleet(catalog, memory="1 GiB")
+
+
+def test_progress_tells_rate_and_time(ran: Any, tmp_path: Path) -> None:
+    """Whoever asks is told how fast it goes and how long it will take."""
+    write_fleet_logs(tmp_path, units=1, sessions=2)
+    told: list[tuple[str, int, int]] = []
+    ran(progress=lambda *step: told.append(step))
+    last = [what for what, done, total in told if what.startswith("identifying") and done == total == 4]
+    assert last[0].endswith("/s, 0 s left")
+    assert [engine.in_words(x) for x in (3.4, 70, 7300)] == ["3 s", "1 min 10 s", "2 h 1 min"]

@@ -1,0 +1,244 @@
+"""Findings on simulated fleets of estimates: what wears is named and little else, what all have in common accuses nobody, and units are drawn in."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from bristle.diagnostics import Kind
+from bristle.errors import InputError
+from bristle.questions.fleet.findings import Findings, findings
+from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
+
+SMALL = FleetDesign(robots=60, joints=2)
+
+
+def fleet(design: FleetDesign, seed: int = 0) -> tuple[pd.DataFrame, FleetTruth]:
+    """The dataset of a simulated fleet, and its truth."""
+    rng = np.random.default_rng(seed)
+    truth = fleet_truth(design, rng)
+    return fleet_estimates(design, truth, rng), truth
+
+
+def accused(found: Findings) -> set[tuple[str, str]]:
+    """The joints that are said to have changed."""
+    rows = found.joints[found.joints["changed"]]
+    return set(zip(rows["unit"], rows["joint"], strict=True))
+
+
+def worn(truth: FleetTruth) -> set[tuple[str, str]]:
+    """Those that did."""
+    return {(f"robot-{r + 1:03d}", f"J{j + 1}") for r, j in zip(*np.nonzero(truth.worn), strict=True)}
+
+
+def kinds(found: Findings) -> set[Kind]:
+    """What is said."""
+    return {x.kind for x in found.notes}
+
+
+@pytest.fixture(scope="module")
+def plain() -> tuple[pd.DataFrame, FleetTruth, Findings]:
+    """A fleet of 120 joints of which some wear."""
+    frame, truth = fleet(SMALL)
+    return frame, truth, findings(frame)
+
+
+def test_what_wears_is_named_and_little_else() -> None:
+    """Over six fleets of 200 robots: of a change of 15 % at least 75 % are found, and 6 % of the named, joints or parameters, are false."""
+    said = right = wrong = tests = 0
+    total = 0
+    for seed in range(6):
+        frame, truth = fleet(FleetDesign(), seed)
+        found = findings(frame)
+        right += len(accused(found) & worn(truth))
+        said += len(accused(found))
+        total += len(worn(truth))
+        named = found.changes[found.changes["changed"]]
+        pairs = zip(named["unit"], named["joint"], named["parameter"], strict=True)
+        wrong += sum((unit, joint) not in worn(truth) or name != "alpha_0" for unit, joint, name in pairs)
+        tests += len(named)
+    assert right / total > 0.75
+    assert (said - right) / said < 0.06
+    assert wrong / tests < 0.06
+
+
+def test_the_step_is_sized_and_placed(plain: tuple[pd.DataFrame, FleetTruth, Findings]) -> None:
+    """Of the joints that are found the step is at the worn session in most cases, and its interval mostly holds 15 %."""
+    _, truth, found = plain
+    hits = found.joints[[pair in worn(truth) for pair in zip(found.joints["unit"], found.joints["joint"], strict=True)]]
+    hits = hits[hits["changed"]]
+    robot, joint = hits["unit"].str[-3:].astype(int) - 1, hits["joint"].str[1:].astype(int) - 1
+    since = truth.session[robot, truth.since[robot, joint]]
+    assert len(hits) >= 3
+    assert (hits["since"].to_numpy() == since).mean() >= 0.75
+    assert ((hits["percent_lower"] < 15) & (hits["percent_upper"] > 15)).mean() >= 0.8
+    assert set(hits["parameter"]) == {"alpha_0"}
+
+
+def test_rows_may_come_in_any_order(plain: tuple[pd.DataFrame, FleetTruth, Findings]) -> None:
+    """Shuffled rows give the same tables, but for the order of the series."""
+    frame, _, found = plain
+    again = findings(frame.sample(frac=1.0, random_state=1).reset_index(drop=True))
+    for name in ("joints", "changes", "types", "units", "quality"):
+        pd.testing.assert_frame_equal(getattr(found, name), getattr(again, name), rtol=1e-6)
+    assert found.headline == again.headline
+
+
+def test_temperature_is_taken_off_where_it_is_logged() -> None:
+    """With 10 K of swing and 1 %/K: the coefficient is in its interval for most parameters, and 0 is for v_s; no common shift is left."""
+    frame, truth = fleet(FleetDesign(robots=100, joints=3, swing=10.0), 1)
+    found = findings(frame)
+    friction = found.types[found.types["parameter"].str.startswith("alpha")]
+    inside = (friction["temperature_lower"] < 1.0) & (friction["temperature_upper"] > 1.0)
+    assert inside.mean() > 0.8
+    v_s = found.types[found.types["parameter"] == "v_s"]
+    assert ((v_s["temperature_lower"] < 0) & (v_s["temperature_upper"] > 0)).all()
+    assert Kind.COMMON_SHIFT not in kinds(found)
+    assert len(accused(found) & worn(truth)) / len(worn(truth)) > 0.7
+    assert len(accused(found) - worn(truth)) <= 0.07 * len(accused(found)) + 1
+
+
+def test_a_shift_that_all_share_accuses_nobody() -> None:
+    """The same without wear, temperature not logged: the shift is named for every friction parameter, with its size, and no joint is accused."""
+    frame, _ = fleet(FleetDesign(robots=100, joints=3, swing=10.0, worn=0.0), 2)
+    found = findings(frame.assign(temperature=np.nan))
+    shifts = [x for x in found.notes if x.kind is Kind.COMMON_SHIFT]
+    assert {x.numbers["type"] for x in shifts} == {"J1", "J2", "J3"}
+    assert all(set(x.numbers["names"]) == {f"alpha_{k}{d}" for k in "012" for d in "+-"} for x in shifts)
+    assert all(x.numbers["cause"].kind is Kind.SHIFT_UNLOGGED for x in shifts)
+    assert all(3 < x.numbers["percent"] < 15 for x in shifts)
+    assert accused(found) == set()
+    assert found.headline.kind is Kind.FLEET_UNCHANGED
+
+
+def test_few_temperatures_missing_do_no_harm() -> None:
+    """Where a tenth of the sessions have no temperature their values count less, and what wears is still found."""
+    frame, truth = fleet(FleetDesign(robots=100, joints=2, swing=10.0), 3)
+    gaps = frame.assign(temperature=frame["temperature"].where(frame["session"].dt.day % 10 != 0))
+    found = findings(gaps)
+    assert gaps["temperature"].isna().mean() > 0.03
+    assert len(accused(found) & worn(truth)) > 0.6 * len(worn(truth))
+    assert len(accused(found) - worn(truth)) <= 2
+
+
+def test_a_warning_that_begins_with_the_step_points_at_the_log(
+    plain: tuple[pd.DataFrame, FleetTruth, Findings],
+) -> None:
+    """Where sessions since the step have a warning that those before had not, the joint and a note name it; old warnings are not named."""
+    frame, truth, found = plain
+    unit, joint = min(accused(found) & worn(truth))
+    own = (frame["unit"] == unit) & (frame["joint"] == joint)
+    row = found.joints[(found.joints["unit"] == unit) & (found.joints["joint"] == joint)].iloc[0]
+    late = own & (frame["session"] >= row["since"])
+    said = np.where(late, "few-counts coarse-velocity", np.where(own, "few-counts", ""))
+    again = findings(frame.assign(warnings=pd.Categorical(said)))
+    row = again.joints[(again.joints["unit"] == unit) & (again.joints["joint"] == joint)].iloc[0]
+    assert row["new_warnings"] == "coarse-velocity"
+    (note,) = [x for x in again.notes if x.kind is Kind.WARNED_SINCE]
+    assert "coarse-velocity" in str(note)
+    assert set(again.quality["code"]) == {"few-counts", "coarse-velocity"}
+    assert (again.quality["percent"] == 100 * again.quality["joint_sessions"] / again.quality["of"]).all()
+
+
+def test_a_unit_unlike_its_type_is_outside() -> None:
+    """A robot with 60 % more friction in all sessions is outside and has not changed; its own value is drawn in by little."""
+    frame, _ = fleet(SMALL._replace(worn=0.0), 4)
+    high = (frame["unit"] == "robot-007") & (frame["joint"] == "J1") & (frame["parameter"] == "alpha_0")
+    for name in ("value", "standard_error", "lower", "upper"):
+        frame[name] = frame[name].where(~high, 1.6 * frame[name])
+    found = findings(frame)
+    out = found.units[found.units["outside"]]
+    assert set(zip(out["unit"], out["joint"], out["parameter"], strict=True)) == {("robot-007", "J1", "alpha_0")}
+    assert set(found.joints.loc[found.joints["outside"], "unit"]) == {"robot-007"}
+    assert accused(found) == set()
+    assert (out["borrowed_percent"] < 5).all()
+
+
+def test_little_data_borrows_more(plain: tuple[pd.DataFrame, FleetTruth, Findings]) -> None:
+    """A joint with one session is drawn to the type's mean more than those with eight: to between both, with a smaller error."""
+    frame, _, _ = plain
+    first = frame.loc[frame["unit"] == "robot-005", "session"].min()
+    few = findings(frame[(frame["unit"] != "robot-005") | (frame["session"] == first)].reset_index(drop=True))
+    rows = few.units[few.units["parameter"] == "alpha_0"]
+    one, rest = rows[rows["unit"] == "robot-005"], rows[rows["unit"] != "robot-005"]
+    assert (one["sessions"] == 1).all()
+    assert one["borrowed_percent"].min() > rest["borrowed_percent"].median()
+    both = one.merge(few.types[["type", "parameter", "direction", "mean"]], on=["type", "parameter", "direction"])
+    ends = np.sort(both[["mean", "value"]].to_numpy(float), axis=1)
+    assert ((ends[:, 0] <= both["shrunken"]) & (both["shrunken"] <= ends[:, 1])).all()
+    assert (both["shrunken_error"] < both["standard_error"]).all()
+
+
+def test_what_cannot_be_tested_says_why() -> None:
+    """Two sessions a joint are too few for three of a baseline: nothing is tested, and that is said; nothing at all gives empty tables."""
+    frame, _ = fleet(SMALL._replace(sessions=2))
+    found = findings(frame)
+    assert found.headline.kind is Kind.FLEET_UNTESTED
+    assert Kind.JOINTS_UNTESTED in kinds(found)
+    assert (found.joints["untested"] != "").all()
+    failed = frame.iloc[:3].assign(
+        value=np.nan, failure=["no such file", "no such file", "bad"], direction=None, parameter=None
+    )
+    none = findings(failed)
+    assert none.headline.kind is Kind.FLEET_UNTESTED
+    assert len(none.failures) == 2
+    assert none.units.empty
+    assert (none.quality["code"] == "failed").all()
+
+
+def test_values_that_are_not_to_be_used_are_left_out(plain: tuple[pd.DataFrame, FleetTruth, Findings]) -> None:
+    """Critical values, other fits, other units of a value and sessions left out do not move the findings of the others, and each is said."""
+    frame, _, found = plain
+    odd = frame[frame["unit"] == "robot-003"]
+    wrong = odd.assign(value=3 * odd["value"])
+    strange = [
+        wrong.assign(unit="robot-901", severity="critical"),
+        wrong.assign(unit="robot-902", value_unit="N"),
+        wrong.assign(unit="robot-903", left_out="its clock went back"),
+    ]
+    again = findings(pd.concat([frame, *strange], ignore_index=True))
+    assert {Kind.VALUES_CRITICAL, Kind.MIXED_VALUE_UNITS, Kind.SESSIONS_LEFT_OUT} <= kinds(again)
+    assert accused(again) == accused(found)
+    pd.testing.assert_frame_equal(again.types, found.types)
+    one = frame["session"].isin(frame.loc[frame["unit"] == "robot-003", "session"].unique()[-1:])
+    other = findings(frame.assign(source=np.where(one & (frame["unit"] == "robot-003"), "joint", "static")))
+    assert Kind.OF_OTHER_FITS in kinds(other)
+
+
+def test_a_parameter_of_either_sign_is_scaled_by_its_median() -> None:
+    """Of an offset about zero there is no percent, and it is left out; about -1 of either sign it is told in parts of its type's median."""
+    frame, _ = fleet(SMALL._replace(worn=0.0), 5)
+    base = frame["parameter"].astype(str)
+    mirrored = frame.assign(value=np.where(base == "alpha_1", -frame["value"], frame["value"]))
+    found = findings(mirrored)
+    row = found.types[(found.types["parameter"] == "alpha_1") & (found.types["direction"] == "+")].iloc[0]
+    assert row["mean"] < 0
+    assert 5 < row["spread_percent"] < 15
+    about = frame.assign(value=np.where(base == "alpha_1", 1e-9, frame["value"]))
+    about.loc[about.index[base == "alpha_1"][::2], "value"] = -1e-9
+    assert "alpha_1" not in set(findings(about).types["parameter"])
+
+
+def test_a_rate_is_between_0_and_1() -> None:
+    """Others are refused in a sentence, as is a baseline of no session."""
+    frame, _ = fleet(SMALL._replace(robots=2))
+    with pytest.raises(InputError, match="rate: got 0; expected"):
+        findings(frame, rate=0.0)
+    with pytest.raises(InputError, match="baseline: got 0; expected at least 1 session"):
+        findings(frame, baseline=0)
+
+
+def test_failures_without_a_name_are_told_and_belong_to_nobody(
+    plain: tuple[pd.DataFrame, FleetTruth, Findings],
+) -> None:
+    """Rows whose unit, joint or session is not known stand among the failures, and leave every joint as it is."""
+    frame, _, found = plain
+    rows = frame.iloc[:3].assign(value=np.nan, failure="no such file", parameter=None, direction=None)
+    rows = rows.astype(dict.fromkeys(("unit", "joint", "session"), object))
+    rows.iloc[0, rows.columns.get_loc("unit")] = None
+    rows.iloc[1, rows.columns.get_loc("joint")] = None
+    rows.iloc[2, rows.columns.get_loc("session")] = pd.NaT
+    again = findings(pd.concat([frame, rows.astype({"session": "datetime64[us]"})], ignore_index=True))
+    pd.testing.assert_frame_equal(again.joints, found.joints)
+    assert len(again.failures) == 3
+    (note,) = [x for x in again.notes if x.kind is Kind.SESSIONS_FAILED]
+    assert note.numbers["failed"] == 3
