@@ -233,11 +233,9 @@ def test_failures_without_a_name_are_told_and_belong_to_nobody(
     """Rows whose unit, joint or session is not known stand among the failures, and leave every joint as it is."""
     frame, _, found = plain
     rows = frame.iloc[:3].assign(value=np.nan, failure="no such file", parameter=None, direction=None)
-    rows = rows.astype(dict.fromkeys(("unit", "joint", "session"), object))
-    rows.iloc[0, rows.columns.get_loc("unit")] = None
-    rows.iloc[1, rows.columns.get_loc("joint")] = None
-    rows.iloc[2, rows.columns.get_loc("session")] = pd.NaT
-    again = findings(pd.concat([frame, rows.astype({"session": "datetime64[us]"})], ignore_index=True))
+    lost = {name: rows.index != k for k, name in enumerate(("unit", "joint", "session"))}
+    rows = rows.assign(**{name: rows[name].where(known) for name, known in lost.items()})
+    again = findings(pd.concat([frame, rows], ignore_index=True))
     pd.testing.assert_frame_equal(again.joints, found.joints)
     assert len(again.failures) == 3
     (note,) = [x for x in again.notes if x.kind is Kind.SESSIONS_FAILED]

@@ -21,9 +21,9 @@ from bristle.estimation.robust import variance_interval
 from bristle.questions.fleet.changes import change_rows, decide, ranked, settled_sessions, step_tests
 from bristle.questions.fleet.notes import headline, notes
 from bristle.questions.fleet.quality import failures, new_warnings, quality
-from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, padded, quantity_of
+from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
 from bristle.questions.fleet.roster import Roster, named_rows, roster
-from bristle.questions.fleet.units import population_of, unit_rows
+from bristle.questions.fleet.units import own_levels, population_of, unit_rows
 
 RATE = 0.05
 """Of false discoveries among the joints that are said to have changed, on average."""
@@ -233,10 +233,7 @@ def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], fram
 def _chart(one: Adjusted, most: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
     """Of each row the adjusted value, and the 95 % limits for one more session, from those of its joint before a change."""
     q = one.of
-    levels = padded(one, most)
-    weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
-    total = weight.sum(axis=1)
-    mean, variance = (weight * levels.y).sum(axis=1) / total, 1 / total
+    mean, variance = own_levels(one, most)
     reach = student(one.fit.freedom) * np.sqrt(variance[q.joint] + one.variance)
     low, high = mean[q.joint] - reach, mean[q.joint] + reach
     return {"adjusted": q.shown(one.y), "limit_low": q.shown(low), "limit_high": q.shown(high)}

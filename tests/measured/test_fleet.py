@@ -1,0 +1,56 @@
+"""The servo's five sessions as a fleet of one: what changed and what did not, beside what `compare` says of pairs of them."""
+
+from itertools import combinations
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+import bristle
+
+SESSION = """
+joint: {{name: servo}}
+encoder_resolution: 6.283e-4 rad
+signals:
+  time:     {{rate: 1 kHz}}
+  position: {{column: 0, unit: rad}}
+  torque:   {{column: 4, unit: N*m}}
+runs:
+  - {{files: "${{BRISTLE_DATA}}/servo_lugre/Fs_{k}.txt", experiment: presliding}}
+  - {{files: "${{BRISTLE_DATA}}/servo_lugre/sigma0_{k}.txt", experiment: presliding}}
+"""
+
+
+def test_five_sessions_of_a_servo(measured_data: Path, tmp_path: Path) -> None:
+    """No change beyond the scatter between sessions; the first session's sigma_0- is unlike the others, to `compare` and to the fleet.
+
+    `compare` finds nothing between any two of the last four sessions, and sigma_0- between the first and each of these. The fleet, with one
+    session for a baseline, ranks that very step first, since the second session, and by about as much; it does not call it a change, since
+    the scatter rests on four pairs of sessions, and says that.
+    """
+    distributed = pytest.importorskip("distributed", reason="needs the extra fleet")
+    assert measured_data.is_dir()
+    for k in range(1, 6):
+        (tmp_path / f"{k}.yaml").write_text(SESSION.format(k=k), encoding="utf-8")
+    catalog = pd.DataFrame(
+        {
+            "file": [str(tmp_path / f"{k}.yaml") for k in range(1, 6)],
+            "unit": "servo",
+            "session": [f"2026-05-0{k}" for k in range(1, 6)],
+        }
+    )
+    with distributed.Client(processes=False, dashboard_address=None) as client:
+        found = bristle.fleet(catalog, tmp_path / "out", client=client)
+        early = bristle.fleet(catalog, tmp_path / "out", client=client, baseline=1)
+    assert (found.identified, early.unchanged) == (5, 5)
+    assert found.changed == early.changed == 0
+    assert "scatter-of-few" in found.text()
+    first = early.findings.changes.iloc[0]
+    assert (first["parameter"], first["direction"]) == ("sigma_0", "-")
+    assert first["since"] == pd.Timestamp("2026-05-02")
+    results = [bristle.identify(tmp_path / f"{k}.yaml") for k in range(1, 6)]
+    for a, b in combinations(range(5), 2):
+        changes = bristle.compare(results[a], results[b]).changes
+        moved = [change for change in changes if change.changed]
+        assert [str(change.parameter) for change in moved] == (["sigma_0-"] if a == 0 else [])
+        assert all(abs((change.percent or 0.0) - first["percent"]) < 10 for change in moved)
