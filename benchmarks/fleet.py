@@ -1,9 +1,10 @@
-"""What `bristle fleet` says of simulated fleets of estimates whose truth is known: `python benchmarks/fleet.py [FLEETS]` (default 100).
+"""What `bristle fleet` says of simulated fleets of estimates whose truth is known: `python benchmarks/fleet.py [FLEETS] [WORDS]` (default 100).
 
 200 robots of six joints, eight sessions over a year; 10 % between robots, 3 % between sessions, errors of 0.5 to 2 %; 5 % of the joints
 wear by a step of alpha_0 in both directions, from a session from the fourth on. Rates are means over the fleets in percent, with standard
 errors: joints said to have changed that had not; worn joints found; parameters wrongly named. "All at once" is Benjamini and Hochberg's procedure
 over all tests of a fleet, for comparison. "Wrong joints" are so many a fleet; a step is off by so many sessions.
+WORDS: only the settings whose names have them, as `small`.
 """
 
 import sys
@@ -46,6 +47,13 @@ SETTINGS = (
     Setting("all tests, 10 K, not logged, 15 %", FleetDesign(change=0.15, swing=10.0), logged=False),
     Setting("all tests, 10 K, not logged, no wear", FleetDesign(worn=0.0, swing=10.0), logged=False),
     Setting("all tests, no wear", FleetDesign(worn=0.0)),
+    *(
+        Setting(
+            f"small: {robots} robots, {joints} joints, {sessions} sessions, no wear",
+            FleetDesign(robots, joints, sessions, worn=0.0),
+        )
+        for robots, joints, sessions in ((1, 1, 5), (1, 6, 8), (3, 2, 6), (12, 2, 6), (12, 2, 12), (40, 2, 4))
+    ),
 )
 
 
@@ -128,16 +136,17 @@ def row(setting: Setting, scores: list[Score]) -> dict[str, str]:
     }  # fmt: skip  # a table
 
 
-def main(fleets: int) -> None:
-    """Print the table of settings."""
+def main(fleets: int, words: str = "") -> None:
+    """Print the table of the settings whose names have some words."""
+    settings = [x for x in SETTINGS if words in x.name]
     print(
         f"{fleets} simulated fleets each, seeds {SEED}, 0 to {fleets - 1}; false discovery rate asked: 5 %", flush=True
     )
     pin()  # for processes that load NumPy anew: one thread each
     with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
-        rows = [row(setting, list(pool.map(partial(played, setting), range(fleets)))) for setting in SETTINGS]
+        rows = [row(setting, list(pool.map(partial(played, setting), range(fleets)))) for setting in settings]
     print(pd.DataFrame(rows).to_string(index=False))
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 100, *sys.argv[2:3])
