@@ -21,11 +21,11 @@ import numpy as np
 import pandas as pd
 import psutil  # which distributed needs, too
 import pyarrow as pa
-from distributed import Client, LocalCluster
+from distributed import Client
 
 from bristle.api.fleets import fleet, identified_joint
 from bristle.questions.fleet.catalog import read_catalog
-from bristle.questions.fleet.cluster import Call, spread
+from bristle.questions.fleet.cluster import Call, local_client, spread
 from bristle.questions.fleet.dataset import COLUMNS, OF_TASK, schema_of, task_file, write_parts
 from bristle.questions.fleet.files import write_whole
 from bristle.questions.fleet.findings import findings
@@ -42,10 +42,7 @@ ROBOTS = {"1e4": 208, "1e5": 2083}
 @contextmanager
 def cluster(workers: int, folder: Path) -> Iterator[Client]:
     """Worker processes of one thread each, which have identified a joint already."""
-    with (
-        LocalCluster(n_workers=workers, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as local,
-        Client(local) as client,
-    ):
+    with local_client(workers) as client:
         first = next(row for row in read_catalog(folder / "catalog.csv"))
         client.run(lambda: identified_joint(Path(first.path), "J1") and None)
         yield client
@@ -110,10 +107,7 @@ def again(made: Path, folder: Path, catalog: pd.DataFrame) -> None:
     early.to_csv(made / "early.csv", index=False)
     output = folder / "again"
     for what, name in (("first run", "early.csv"), ("nothing new", "early.csv"), ("a new session", "catalog.csv")):
-        with (
-            LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as local,
-            Client(local) as client,
-        ):
+        with local_client(2) as client:
             begun = perf_counter()
             found = fleet(made / name, output, client=client)
             found.write(output)
@@ -191,10 +185,7 @@ def scheduler(folder: Path) -> None:
     for name, robots in ROBOTS.items():
         count, output = robots * 48, folder / f"tasks-{name}"
         (output / "tasks").mkdir(parents=True)
-        with (
-            LocalCluster(n_workers=2, threads_per_worker=1, host="127.0.0.1", dashboard_address=None) as local,
-            Client(local) as client,
-        ):
+        with local_client(2) as client:
             before, begun = memory(), perf_counter()
             calls = (Call(f"synthetic-{k:08x}", synthetic, (str(output), f"{k:032x}")) for k in range(count))
             done = sum(1 for _ in spread(client, calls, 200))
