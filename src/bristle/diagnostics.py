@@ -2047,12 +2047,12 @@ class Kind(Enum):
     )
     FLEET_UNTESTED = (
         _NOTE,
-        "No joint was tested for a change: that needs more than {baseline} sessions of a joint that have values with errors.",
+        "No joint was tested for a change; the notes say why.",
     )
     COMMON_SHIFT = (
         _CAUTION,
         (
-            "{names!l} of all {joints} joints of type {type} shifted together, by up to {percent:.2g} %: the cause is common to the type. "
+            "{names!l} of all {joints} joints of type {type} shifted together, by up to {percent:+.2g} %: the cause is common to the type. "
             "The shift is taken off, and no joint is accused of it. {cause}"
         ),
     )
@@ -2089,14 +2089,14 @@ class Kind(Enum):
             "more joints of the type, or more sessions, narrow it."
         ),
     )
-    JOINTS_UNTESTED = _NOTE, "{count} joints were not tested: {why!l}."
-    UNTESTED_BY_SESSIONS = _NOTE, "{count} have no parameter with values in more than {baseline} sessions"
-    UNTESTED_BY_SCATTER = _NOTE, "for {count} the scatter between sessions of their type is not known"
-    SESSIONS_FAILED = _NOTE, "{failed} of {total} joint sessions were not identified; the first: {first}"
-    SESSIONS_LEFT_OUT = _NOTE, "{count} joint sessions are left out of the findings; the first: {first}"
+    JOINTS_UNTESTED = _NOTE, "Not tested for a change: {count} joint{count!e}; {why!m}."
+    UNTESTED_BY_SESSIONS = _NOTE, "{count} without values in more than {baseline} sessions"
+    UNTESTED_BY_SCATTER = _NOTE, "{count} whose type has too few repeated sessions to tell the scatter between them"
+    SESSIONS_FAILED = _NOTE, "{failed} of {total} joint session{total!e} without a result; the first: {first}"
+    SESSIONS_LEFT_OUT = _NOTE, "{count} joint session{count!e} left out of the findings; the first: {first}"
     VALUES_CRITICAL = (
         _NOTE,
-        "{count} values with a critical warning are left out of the findings; most have {codes!l}.",
+        "{count} value{count!e} with a critical warning left out of the findings; the commonest: {codes!l}.",
     )
 
     # two sessions compared: what limits it

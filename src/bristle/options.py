@@ -123,5 +123,5 @@ def fleet_folder(output: str | None, catalog: str) -> str:
         raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
     folder = output or str(Path("reports") / f"{catalog}-fleet")
     if "://" not in folder:
-        check_folder(Path(folder))
+        check_folder(Path(folder), "index.html")
     return folder

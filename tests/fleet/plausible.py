@@ -51,6 +51,17 @@ def plausible(
         types=_types(changes, sessions, rng),
         units=_units(changes, sessions, rng),
         quality=_quality(sessions, len(keys), rng),
+        warned=pd.DataFrame(
+            {
+                "unit": [HOSTILE],
+                "joint": [EXOTIC],
+                "code": ["clipped"],
+                "severity": ["caution"],
+                "since": [BEGIN],
+                "sessions": [2],
+                "of": [3],
+            }
+        ),
         failures=_failures(keys, failed),
         rate=0.05,
         baseline=3,
@@ -63,11 +74,9 @@ def empty() -> Findings:
     some = plausible()
     tables = {
         name: getattr(some, name).iloc[:0]
-        for name in ("joints", "changes", "series", "types", "units", "quality", "failures")
+        for name in ("joints", "changes", "series", "types", "units", "quality", "warned", "failures")
     }
-    return Findings(
-        headline=Kind.FLEET_UNTESTED(baseline=3), notes=(), rate=0.05, baseline=3, simulated=False, **tables
-    )
+    return Findings(headline=Kind.FLEET_UNTESTED(), notes=(), rate=0.05, baseline=3, simulated=False, **tables)
 
 
 def when(sessions: int) -> pd.DatetimeIndex:

@@ -300,3 +300,13 @@ def test_another_order_is_no_clock(numbers: tuple[int, ...]) -> None:
     """A catalog that is in no order of time, or the other way round, is only that."""
     frame = joint_sessions([*days("r1", *numbers), *days("r2", *numbers)], {"a": surveyed("a", "j")})
     assert (frame["left_out"] == "").all()
+
+
+def test_a_clock_that_was_reset_is_left_out_in_any_order() -> None:
+    """A session of 1970 among those of a year is left out wherever its row stands; a fleet of old sessions alone is old."""
+    rows = [row("a", "r1", "1970-01-01T00:03"), *days("r1", 1, 2, 3), *days("r2", 1, 2, 3)]
+    frame = joint_sessions(rows, {"a": surveyed("a", "j")})
+    assert [bool(x) for x in frame["left_out"]] == [True] + 6 * [False]
+    assert frame["left_out"][0] == "its time is 1970-01-01 00:03, that of a clock that was reset; set it right"
+    old = joint_sessions([row("a", "r1", f"1998-01-0{k}") for k in (1, 2)], {"a": surveyed("a", "j")})
+    assert set(old["left_out"]) == {""}

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -205,3 +206,30 @@ def alive(group: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+def test_a_scheduler_that_says_nothing_is_no_scheduler(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A port that takes the call and never answers ends in one sentence, in time."""
+    monkeypatch.setattr(cluster, "_WAIT", 4.0)
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        one.listen()
+        address = f"tcp://127.0.0.1:{one.getsockname()[1]}"
+        with pytest.raises(InputError, match="no Dask scheduler answers"), cluster.remote_client(address):
+            pass
+    assert logs.is_dir()
+
+
+@LINUX
+def test_a_script_without_a_guard_says_so(logs: Path, tmp_path: Path) -> None:
+    """A script that calls `bristle.fleet` at its top ends with a sentence that says what to write, and nothing is identified."""
+    script = tmp_path / "watch.py"
+    script.write_text(
+        f"import bristle\nbristle.fleet({str(logs / 'catalog.csv')!r}, {str(tmp_path / 'out')!r}, workers=1)\n",
+        encoding="utf-8",
+    )
+    ended = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=ENOUGH, check=False)  # noqa: S603  # ours
+    assert ended.returncode
+    last = ended.stderr.strip().splitlines()[-1]
+    assert last.startswith("bristle.errors.InputError: the worker processes did not start")
+    assert 'if __name__ == "__main__"' in last

@@ -28,7 +28,7 @@ def test_columns_of_the_dataset() -> None:
     assert sorted(named) == sorted(COLUMNS)
 
 
-@pytest.mark.parametrize("table", ["joints", "changes", "types", "units", "quality", "failures", "series"])
+@pytest.mark.parametrize("table", ["joints", "changes", "types", "units", "quality", "warned", "failures", "series"])
 def test_columns_of_a_table(table: str) -> None:
     """The document names the columns of a table of findings."""
     rng, design = np.random.default_rng(0), FleetDesign(robots=6, joints=1, sessions=5)

@@ -7,6 +7,7 @@ import pytest
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.questions.fleet.findings import Findings, findings
+from bristle.questions.fleet.quantities import normal_errors
 from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
 
 SMALL = FleetDesign(robots=60, joints=2)
@@ -105,7 +106,7 @@ def test_a_shift_that_all_share_accuses_nobody() -> None:
     assert {x.numbers["type"] for x in shifts} == {"J1", "J2", "J3"}
     assert all(set(x.numbers["names"]) == {f"alpha_{k}{d}" for k in "012" for d in "+-"} for x in shifts)
     assert all(x.numbers["cause"].kind is Kind.SHIFT_UNLOGGED for x in shifts)
-    assert all(3 < x.numbers["percent"] < 15 for x in shifts)
+    assert all(3 < abs(x.numbers["percent"]) < 15 for x in shifts)
     assert accused(found) == set()
     assert found.headline.kind is Kind.FLEET_UNCHANGED
 
@@ -240,3 +241,27 @@ def test_failures_without_a_name_are_told_and_belong_to_nobody(
     assert len(again.failures) == 3
     (note,) = [x for x in again.notes if x.kind is Kind.SESSIONS_FAILED]
     assert note.numbers["failed"] == 3
+
+
+def test_a_sensor_that_fails_is_named_by_joint_and_session(plain: tuple[pd.DataFrame, FleetTruth, Findings]) -> None:
+    """A caution that begins in the fifth session is told with joint, time and count; a note, and a warning from the first on, are not."""
+    frame, _, found = plain
+    own = frame[["unit", "joint"]].astype(str).agg(" ".join, axis=1).to_numpy()
+    at = np.sort(frame.loc[own == "robot-011 J2", "session"].unique())[4]
+    late = (own == "robot-011 J2") & (frame["session"] >= at).to_numpy()
+    said = np.where(late, "position-held", np.where(own == "robot-012 J1", "few-counts", ""))
+    said = np.where((own == "robot-013 J1") & (frame["session"] >= at).to_numpy(), "offset-left-out", said)
+    again = findings(frame.assign(warnings=pd.Categorical(said)))
+    (row,) = again.warned.to_dict("records")
+    assert (row["unit"], row["joint"], row["code"], row["severity"]) == ("robot-011", "J2", "position-held", "caution")
+    assert row["since"] == at
+    assert (row["sessions"], row["of"]) == (4, 4)
+    assert accused(again) == accused(found)
+
+
+def test_errors_of_few_points_count_as_wide_as_their_intervals() -> None:
+    """An error from a fit of four degrees of freedom is that of a normal variable with its 95 % interval; an open interval changes nothing."""
+    rows = pd.DataFrame(
+        {"standard_error": [1.0, 1.0, 2.0], "lower": [-2.776, -np.inf, -3.0], "upper": [2.776, np.inf, 3.0]}
+    )
+    np.testing.assert_allclose(normal_errors(rows), [2.776 / 1.95996, 1.0, 2.0], rtol=1e-4)

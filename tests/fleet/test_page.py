@@ -217,7 +217,7 @@ def test_tables_beside_the_page_are_whole(found: Findings, tmp_path: Path) -> No
     """Each table of the findings is a CSV file of its columns and rows, in which no text is a formula."""
     assert write_fleet(found, tmp_path / "fleet") == tmp_path / "fleet" / "index.html"
     assert {path.name for path in (tmp_path / "fleet" / "tables").iterdir()} == {
-        f"{name}.csv" for name in ("joints", "changes", "units", "types", "quality", "failures")
+        f"{name}.csv" for name in ("joints", "changes", "units", "types", "quality", "warned", "failures")
     }
     for name, frame in tables.csv_frames(found).items():
         text = (tmp_path / "fleet" / "tables" / f"{name}.csv").read_text(encoding="utf-8")

@@ -39,7 +39,7 @@ def test_five_sessions_of_a_servo(measured_data: Path, tmp_path: Path) -> None:
             "session": [f"2026-05-0{k}" for k in range(1, 6)],
         }
     )
-    with distributed.Client(processes=False, dashboard_address=None) as client:
+    with distributed.Client(processes=False, dashboard_address="127.0.0.1:0") as client:
         found = bristle.fleet(catalog, tmp_path / "out", client=client)
         early = bristle.fleet(catalog, tmp_path / "out", client=client, baseline=1)
     assert (found.identified, early.unchanged) == (5, 5)

@@ -88,13 +88,13 @@ def fleet(
     >>> import bristle, pandas as pd
     >>> from distributed import Client
     >>> catalog = pd.DataFrame({"file": ["wrist.yaml"], "unit": ["robot-1"], "session": ["2026-05-04"]})
-    >>> with Client(processes=False, dashboard_address=None) as client:
+    >>> with Client(processes=False, dashboard_address="127.0.0.1:0") as client:
     ...     found = bristle.fleet(catalog, client=client)
     >>> found.frame[["unit", "joint", "parameter"]].head(1)
           unit   joint parameter
     0  robot-1  points   alpha_0
     >>> print(found.findings.headline)
-    No joint was tested for a change: that needs more than 3 sessions of a joint that have values with errors.
+    No joint was tested for a change; the notes say why.
 
     Args:
         catalog: a CSV or Parquet file or a DataFrame with the columns file, unit, session and, as far as they are known, joint, type,

@@ -96,14 +96,14 @@ def check_absent(path: Path) -> None:
         raise InputError(f"{path}: is there already; move it, or name another file")
 
 
-def check_folder(folder: Path) -> None:
-    """Whether a report can be written there, as far as can be told before.
+def check_folder(folder: Path, *names: str) -> None:
+    """Whether a report can be written there, files of these names in it too, as far as can be told before.
 
     Raises InputError where the folder is none, holds files of the last report that were changed, or neither it nor the nearest one above it that
     exists can be written, or one in it that a report writes to.
     """
     with _named(folder, "folder"):
-        _check_folders(folder, {"figures", "tables", *_folders(_refuse_foreign(folder, {}))})
+        _check_folders(folder, {"figures", "tables", *_folders(_refuse_foreign(folder, dict.fromkeys(names, b"")))})
 
 
 def check_apart(file: Path, folder: Path) -> None:

@@ -1,10 +1,13 @@
 """Dask's cluster: one of this machine, or one that runs already; whether its workers can do the work, and work that is spread over them."""
 
+import asyncio
 import logging
 import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from itertools import islice
+from multiprocessing import current_process
 from typing import Any, NamedTuple
 
 from bristle.errors import InputError, one_line, short
@@ -35,6 +38,9 @@ _LOGGERS = (
     "distributed.core",
     "bokeh",
 )
+
+
+_UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, for the worker processes read the script as well'
 
 
 class Call(NamedTuple):
@@ -100,13 +106,22 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
     from distributed import Client as DaskClient
     from distributed import LocalCluster
 
+    if getattr(
+        current_process(), "_inheriting", False
+    ):  # a worker that begins, and runs the user's script to get there
+        raise SystemExit(_UNGUARDED)
     count = workers or cores()
     limit = _bytes_of(memory)
     with quiet(), pinned(), dask.config.set(_LEAN):
-        cluster = LocalCluster(
-            n_workers=count, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
-            dashboard_address=f"{_LOOPBACK}:{_free_port()}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
-        )  # fmt: skip  # a list of values
+        try:
+            cluster = LocalCluster(
+                n_workers=count, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
+                dashboard_address=f"{_LOOPBACK}:{_free_port()}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
+            )  # fmt: skip  # a list of values
+        except RuntimeError as error:
+            raise InputError(
+                f"the worker processes did not start ({one_line(str(error), 100)}); {_UNGUARDED}"
+            ) from error
         try:
             with DaskClient(cluster, set_as_default=False) as client:
                 yield client
@@ -151,14 +166,26 @@ def remote_client(scheduler: str, certificates: Mapping[str, str] | None = None)
 
     with quiet():
         try:
-            client = DaskClient(scheduler, security=_security(certificates), timeout=_WAIT / 4, set_as_default=False)
+            security = _security(certificates)
+            with ThreadPoolExecutor(1) as thread:  # which has no event loop, wherever the caller is
+                thread.submit(lambda: asyncio.run(_greeted(scheduler, security))).result()
+            client = DaskClient(scheduler, security=security, timeout=_WAIT / 4, set_as_default=False)
         except (OSError, ValueError, RuntimeError, TypeError) as error:
-            why = one_line(str(error), 150)
+            why = one_line(str(error) or "no answer in time", 150)
             raise InputError(
                 f"{scheduler}: no Dask scheduler answers ({why}); expected an address such as tcp://host:8786"
             ) from error
         with client:
             yield client
+
+
+async def _greeted(scheduler: str, security: Any) -> None:
+    """Connect to a scheduler, and part: a client would wait for ever for one that takes the call and says nothing."""
+    from distributed.comm import connect
+
+    known = {} if security is None else security.get_connection_args("client")
+    comm = await asyncio.wait_for(connect(scheduler, timeout=_WAIT / 4, **known), _WAIT / 4)
+    comm.abort()
 
 
 def _security(certificates: Mapping[str, str] | None) -> Any:

@@ -20,7 +20,7 @@ from bristle.estimation.covariance import student
 from bristle.estimation.robust import variance_interval
 from bristle.questions.fleet.changes import change_rows, decide, ranked, settled_sessions, step_tests
 from bristle.questions.fleet.notes import headline, notes
-from bristle.questions.fleet.quality import failures, new_warnings, quality
+from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
 from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
 from bristle.questions.fleet.roster import Roster, named_rows, roster
 from bristle.questions.fleet.units import own_levels, population_of, unit_rows
@@ -43,6 +43,7 @@ class Findings:
     types: pd.DataFrame
     units: pd.DataFrame
     quality: pd.DataFrame
+    warned: pd.DataFrame
     failures: pd.DataFrame
     rate: float
     baseline: int
@@ -100,11 +101,13 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     parts = np.split(decided.named, np.cumsum([x.which.size for x in tests], dtype=int))  # and an empty one at the end
     settled = [settled_sessions(x, part) for x, part in zip(tests, parts[: len(tests)], strict=True)]
     units = unit_rows(known, settled, people, rate)
-    joints = _completed(joints, frame, people, units, baseline)
+    begun = warnings_begun(frame, people)
+    joints = _completed(joints, new_warnings(begun, frame, people, _since(joints)), units, baseline)
     return Findings(
-        headline=headline(joints, rate, baseline), notes=notes(whole, every, joints, said, baseline),
+        headline=headline(joints, rate), notes=notes(whole, every, joints, said, baseline),
         joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=_named(changes, people), series=_series(known, settled, frame),
-        types=_types(known, settled), units=units, quality=quality(frame), failures=failures(whole), rate=rate, baseline=baseline,
+        types=_types(known, settled), units=units, quality=quality(frame[frame["left_out"].isna()]),
+        warned=warned(begun, people), failures=failures(whole), rate=rate, baseline=baseline,
         simulated=bool((frame["simulated"] == True).any()),  # noqa: E712  # where it is known
     )  # fmt: skip  # a list of values
 
@@ -118,7 +121,17 @@ _JOINTS = (
 def _quantities(frame: pd.DataFrame, people: Roster, said: list[Diagnostic]) -> Iterator[Adjusted]:
     """Each parameter in each direction of each type; `said` gets what is said of values that are left out."""
     where = np.flatnonzero(people.usable)
-    columns = ["parameter", "direction", "source", "value", "standard_error", "value_unit", *COVARIATES]
+    columns = [
+        "parameter",
+        "direction",
+        "source",
+        "value",
+        "standard_error",
+        "lower",
+        "upper",
+        "value_unit",
+        *COVARIATES,
+    ]
     used = frame.iloc[where][columns].reset_index(drop=True)
     used["joint"], used["type"] = people.joint[where], people.table["type"].to_numpy()[people.joint[where]]
     same = _of_one_source(used)
@@ -154,12 +167,13 @@ def _of_one_unit(rows: pd.DataFrame, type_: str, said: list[Diagnostic]) -> NDAr
     return rows.index.to_numpy()[(rows["value_unit"].astype(str) == most).to_numpy()]
 
 
-def _completed(
-    joints: pd.DataFrame, frame: pd.DataFrame, people: Roster, units: pd.DataFrame, baseline: int
-) -> pd.DataFrame:
-    """The ranked joints with what else is told of each."""
-    since = dict(joints.loc[joints["changed"], "since"])
-    begun = new_warnings(frame, people, since)
+def _since(joints: pd.DataFrame) -> dict[int, pd.Timestamp]:
+    """Since when each joint that changed has, by its number."""
+    return dict(joints.loc[joints["changed"], "since"])
+
+
+def _completed(joints: pd.DataFrame, begun: Mapping[int, str], units: pd.DataFrame, baseline: int) -> pd.DataFrame:
+    """The ranked joints with what else is told of each; `begun`: warnings that begin with a change, by number."""
     outside = units.loc[units["outside"].astype(bool), ["unit", "joint"]].drop_duplicates()
     named = set(zip(outside["unit"], outside["joint"], strict=True))
     short = joints["sessions"] <= baseline

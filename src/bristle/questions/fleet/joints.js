@@ -24,7 +24,7 @@ fleet.joints = (() => {
   };
 
   function finding(k) {
-    const said = table.changed(k) ? "changed" : table.untested(k) ? `not tested: ${table.untested(k)}` : "no change";
+    const said = table.changed(k) ? "changed" : table.untested(k) ? `not tested: ${table.untested(k)}` : "no change found";
     return table.outside(k) ? `${said}; outside its type` : said;
   }
 
@@ -148,7 +148,7 @@ fleet.joints = (() => {
     const { label, unit } = fleet.quantity(series.quantity[block]);
     charts.titles("time", "Session (UTC)", `${fleet.titleOf(series.quantity[block])}${unit ? ` (${unit})` : ""}`);
     const words = Number.isFinite(steps.p(block))
-      ? `${label}: the most likely step is ${stepOf(block)} % since ${fleet.day(since)}, p ${fleet.probability(steps.p(block))} of this test alone: ${steps.changed(block) === 1 ? "changed" : "no change"}.`
+      ? `${label}: the most likely step is ${stepOf(block)} % since ${fleet.day(since)}, p ${fleet.probability(steps.p(block))} of this test alone: ${steps.changed(block) === 1 ? "changed" : "no change found"}.`
       : `${label}: not tested for a change.`;
     fleet.text("time-said", words);
     charts.label("time", `${table.unit(joint)} ${table.joint(joint)} over ${fleet.counted(n, "session")}. ${words}`);

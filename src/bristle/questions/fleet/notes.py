@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 
-import numpy as np
 import pandas as pd
 
 from bristle.diagnostics import Diagnostic, Kind, Severity
@@ -14,11 +13,11 @@ _FEW = 10.0
 """Degrees of freedom below which the scatter between sessions is said to rest on few."""
 
 
-def headline(joints: pd.DataFrame, rate: float, baseline: int) -> Diagnostic:
+def headline(joints: pd.DataFrame, rate: float) -> Diagnostic:
     """How many joints changed, and which the most clearly; `joints` are ranked."""
     tested, changed = joints["adjusted_p"].notna(), joints[joints["changed"]]
     if not tested.any():
-        return Kind.FLEET_UNTESTED(baseline=baseline)
+        return Kind.FLEET_UNTESTED()
     if changed.empty:
         return Kind.FLEET_UNCHANGED(tested=int(tested.sum()), rate=100 * rate)
     row = changed.iloc[0]
@@ -60,7 +59,7 @@ def _shifts(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
             names=tuple(str(ParameterName(x.of.key.parameter, Direction(x.of.key.direction))) for x in own),
             joints=max(x.of.joints.size for x in own),
             type=type_,
-            percent=max(float(np.abs(x.of.percent(x.shift)).max()) for x in own),
+            percent=max((float(y) for x in own for y in x.of.percent(x.shift)), key=abs),
             cause=Kind.SHIFT_LOGGED() if any("temperature" in x.of.names for x in own) else Kind.SHIFT_UNLOGGED(),
         )
 

@@ -41,6 +41,7 @@ from bristle.questions.fleet.tables import (
     report_folders,
     type_cells,
     unit_cells,
+    warned_cells,
 )
 from bristle.questions.fleet.text import rows_of
 
@@ -113,7 +114,7 @@ def _context(found: "Findings", reports: Collection[Name], commands: Mapping[Nam
         "joints": packed_joints(found.joints, reports, commands), "series": series, "charted": charted,
         "units": packed_units(found.units, known), "spreads": spreads(found.types, found.units, known),
         "quality": over_time, "looks": [key_of(look) for look in LOOKS],
-        "tables": {name: cells[name] for name in ("types", "quality", "failures")}, "explained": explained,
+        "tables": {name: cells[name] for name in ("types", "quality", "warned", "failures")}, "explained": explained,
     }  # fmt: skip  # a list of values
     return {
         **versions(None), "found": found, "data": json_block(data), "scripts": scripts, "policy": policy(scripts.values()),
@@ -129,6 +130,7 @@ def _cells(found: "Findings", commands: Mapping[Name, str]) -> dict[str, list[li
         "units": unit_cells(found.units),
         "types": type_cells(found.types),
         "quality": quality_cells(found.quality),
+        "warned": warned_cells(found.warned),
         "failures": failure_cells(found.failures),
     }
 
@@ -148,7 +150,7 @@ def _quantities(known: "pd.DataFrame") -> list[dict[str, str]]:
 def _explained(found: "Findings") -> dict[str, str]:
     """The severity of every code on the page that has an entry."""
     codes = {code for listed in found.joints["new_warnings"] for code in str(listed).split()}
-    codes |= set(found.quality["code"].astype(str))
+    codes |= {*found.quality["code"].astype(str), *found.warned["code"].astype(str)}
     return {kind.code: str(kind.severity) for kind in Kind if kind.code in codes}
 
 
@@ -156,18 +158,20 @@ def _counts(found: "Findings") -> dict[str, int]:
     """How much there is of everything."""
     return {
         "joints": len(found.joints),
+        "tested": int(found.joints["adjusted_p"].notna().sum()),
         "changed": int(found.joints["changed"].sum()),
         "outside": int(found.units["outside"].astype(bool).sum()),
         "units": len(found.units),
         "types": len(found.types),
         "quality": len(found.quality),
+        "warned": len(found.warned),
         "failures": len(found.failures),
     }
 
 
 def _capped(found: "Findings", charted: int) -> dict[str, str]:
     """What is said where a table or the charts on the page hold a part only."""
-    rows = {"joints": JOINTS, "units": UNITS, "types": TYPES, "failures": FAILURES}
+    rows = {"joints": JOINTS, "units": UNITS, "types": TYPES, "warned": FAILURES, "failures": FAILURES}
     said = {
         name: f"This page has the first {most} of {counted(len(getattr(found, name)), 'row')}; tables/{name}.csv has all."
         for name, most in rows.items()

@@ -33,6 +33,7 @@ fleet.quality = (() => {
   function start() {
     texts("types", ["name", "s", "n", "n", "s", "n", "n", "n", "n", "n", "n"]);
     texts("quality", ["s", "s", "n", "n", "n", "text long"], 0);
+    texts("warned", ["name", "name", "s", "s", "s", "n", "n"], 2);
     texts("failures", ["name", "name", "s", "text long", "name file"]);
     chart();
   }

@@ -16,12 +16,15 @@ FAILED = "failed"
 _SEVERITY = {kind.code: str(kind.severity) for kind in Kind} | {FAILED: "critical"}
 BY_CHANCE = 0.05
 """How likely a warning is in these sessions of a joint and not in those, at the rate of the other joints, for it to be named new."""
+_COUNT = ("caution", "critical")
+"""Severities of warnings that say something of the data."""
 _PERIODS = ((31, "D"), (366, "W-MON"), (np.inf, "MS"))
 """Days that the sessions cover, up to which a period is a day, a week, a month."""
 
 
-def codes_of(frame: pd.DataFrame) -> pd.DataFrame:
-    """Which warnings each joint session has, once each: unit, joint, session, code."""
+def codes_of(frame: pd.DataFrame, *whose: str) -> pd.DataFrame:
+    """Which warnings each joint session has, once each: session, code, and whose (unit and joint, if not said)."""
+    kept = [*(whose or ("unit", "joint")), "session"]
     said = frame["warnings"].astype("category")
     words = [str(x).split() for x in said.cat.categories]
     code = said.cat.codes.to_numpy()
@@ -30,8 +33,8 @@ def codes_of(frame: pd.DataFrame) -> pd.DataFrame:
     rows = np.repeat(np.arange(len(frame)), count)
     place = np.repeat(begin - (count.cumsum() - count), count) + np.arange(rows.size)
     text: NDArray[np.object_] = np.array([word for listed in words for word in listed], dtype=object)[place]
-    warned = frame.iloc[rows][["unit", "joint", "session"]].assign(code=text)
-    failed = frame[frame["failure"].notna()][["unit", "joint", "session"]].assign(code=FAILED)
+    warned = frame.iloc[rows][kept].assign(code=text)
+    failed = frame[frame["failure"].notna()][kept].assign(code=FAILED)
     return pd.concat([warned, failed]).drop_duplicates()
 
 
@@ -68,29 +71,53 @@ def failures(frame: pd.DataFrame) -> pd.DataFrame:
     return rows[["unit", "joint", "session", "file", "failure"]].drop_duplicates(ignore_index=True)
 
 
-def new_warnings(frame: pd.DataFrame, people: Roster, since: Mapping[int, pd.Timestamp]) -> dict[int, str]:
-    """Codes of each joint, by its number, that most sessions since a time have and none before had, joined by a space.
+def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
+    """Warnings that a joint had not at first, and then in most of its sessions; those that count (caution or critical) alone.
 
-    Not those that other joints have so often that this is chance (`BY_CHANCE`).
+    number of the joint, code, severity, since, sessions with it, `of` all since then, `before`, `place` of the first among the joint's sessions,
+    and `chance`: how likely that is at the rate of the other joints.
     """
+    whose = ["number", "session"]
+    every = pd.DataFrame({"number": people.joint, "session": frame["session"]}).drop_duplicates().sort_values(whose)
+    every["place"] = every.groupby("number").cumcount()
+    of_joint = every.groupby("number").size()
+    told = codes_of(frame.assign(number=people.joint), "number")
+    told = told[told["code"].map(lambda code: _SEVERITY.get(code, "caution")).isin(_COUNT)].merge(every, on=whose)
+    rows = told.groupby(["number", "code"]).agg(
+        sessions=("place", "size"), place=("place", "min"), since=("session", "min")
+    )
+    rows = rows.reset_index()
+    rows["severity"] = rows["code"].map(lambda code: _SEVERITY.get(code, "caution"))
+    own = rows["number"].map(of_joint)
+    rows["before"], rows["of"] = rows["place"], own - rows["place"]
+    rate = (rows["code"].map(told["code"].value_counts()) - rows["sessions"] + 1) / (len(every) - own + 1)
+    rows["chance"] = rate ** rows["sessions"] * (1 - rate).clip(lower=0) ** rows["before"]
+    return rows[(rows["before"] > 0) & (rows["sessions"] > rows["of"] / 2)]
+
+
+def warned(begun: pd.DataFrame, people: Roster) -> pd.DataFrame:
+    """Of those the ones that are no chance among so many: unit, joint, code, severity, since, sessions, of."""
+    sure = begun[(begun["before"] > 1) & (begun["chance"] * max(len(begun), 1) < BY_CHANCE)]
+    who = people.table[["unit", "joint"]].iloc[sure["number"].to_numpy(int)].reset_index(drop=True)
+    rows = pd.concat([who, sure[["code", "severity", "since", "sessions", "of"]].reset_index(drop=True)], axis=1)
+    return rows.sort_values(
+        ["severity", "since", "unit", "joint", "code"], ascending=[False, True, True, True, True], ignore_index=True
+    )
+
+
+def new_warnings(
+    begun: pd.DataFrame, frame: pd.DataFrame, people: Roster, since: Mapping[int, pd.Timestamp]
+) -> dict[int, str]:
+    """Codes of each joint, by its number, that begin at a time or one session beside it, joined by a space."""
     if not since:
         return {}
-    keys = ["unit", "joint"]
-    changed = people.table.loc[list(since), keys]
-    numbers = dict(zip(zip(changed["unit"], changed["joint"], strict=True), changed.index, strict=True))
-    found, every = codes_of(frame), frame[[*keys, "session"]].drop_duplicates()
-    total, of_code = len(every), dict(found["code"].value_counts())
-    found, every = (x[pd.MultiIndex.from_frame(x[keys].astype(str)).isin(list(numbers))] for x in (found, every))
-    sessions = dict(iter(every.groupby(keys, observed=True)["session"]))
-    begun: dict[int, list[str]] = {number: [] for number in since}
-    for (unit, joint, code), group in found.groupby([*keys, "code"], observed=True)["session"]:
-        number, own = numbers[str(unit), str(joint)], sessions[unit, joint]
-        after, before = int((own >= since[number]).sum()), int((own < since[number]).sum())
-        rate = (of_code[code] - len(group)) / max(total - len(own), 1)
-        chance = rate ** len(group) * (1 - rate) ** before
-        if (group >= since[number]).all() and len(group) > after / 2 and chance < BY_CHANCE:
-            begun[number].append(str(code))
-    return {number: " ".join(sorted(codes)) for number, codes in begun.items()}
+    own = np.isin(people.joint, list(since))
+    times = pd.DataFrame({"number": people.joint[own], "session": frame["session"][own]}).drop_duplicates()
+    early = times["session"] < times["number"].map(since)
+    place = early.groupby(times["number"]).sum()
+    near = begun[begun["number"].isin(list(since)) & (begun["chance"] < BY_CHANCE)]
+    near = near[(near["place"] - near["number"].map(place)).abs() <= 1]
+    return {number: " ".join(sorted(near.loc[near["number"] == number, "code"])) for number in since}
 
 
 def critical(codes: "pd.Series[Any]") -> Iterator[str]:

@@ -91,7 +91,7 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
     """
     joint, day = people.joint[where], people.day[where]
     order = np.lexsort((day, joint))
-    value, error = (rows[name].to_numpy(float)[order] for name in ("value", "standard_error"))
+    value, error = (x[order] for x in (rows["value"].to_numpy(float), normal_errors(rows)))
     typical, uncertain = float(np.median(np.abs(value))), float(np.median(error))
     if typical <= CLEAR * uncertain:
         return None
@@ -106,6 +106,13 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
         names=tuple(name for name, _ in told), time=day[order], unit=people.unit[where][order],
         value_unit=str(rows["value_unit"].iloc[0]),
     )  # fmt: skip  # a list of values
+
+
+def normal_errors(rows: pd.DataFrame) -> Array:
+    """Standard errors, or those of a normal variable with the same 95 % interval, where that is wider: fits of few points have such."""
+    half = (rows["upper"] - rows["lower"]).to_numpy(float) / (2 * student(inf))
+    error: Array = np.fmax(rows["standard_error"].to_numpy(float), np.where(np.isfinite(half), half, 0.0))
+    return error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

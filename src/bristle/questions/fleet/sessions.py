@@ -14,6 +14,10 @@ _IN_ORDER = 0.8
 """Of all steps from a joint's session to its next one, in the order of a catalog: with fewer forward the catalog is in no order of time."""
 
 
+_OLDEST = "2001-01-01"
+"""Clocks that were reset show 1970, 1980 or 2000."""
+
+
 class JointSession(NamedTuple):
     """One joint in one session."""
 
@@ -40,9 +44,9 @@ def joint_sessions(rows: Iterable[CatalogRow], files: Mapping[str, Surveyed]) ->
     """A row per joint and session, with the columns of `JointSession`, in the order of the catalog.
 
     Where two rows are of one joint and session, all of them are one failure. Of a joint of several types, the sessions of those that are not
-    the commonest are left out. So are sessions whose clock went back, by this rule: of all steps from one session of a joint to its next in the
-    catalog at least 80 % go forward, and those of this joint but one; then the rows behind that one step are left out as far as they are
-    earlier than what stands before it.
+    the commonest are left out. So are sessions from before 2001, where most are later, and sessions whose clock went back, by this rule: of
+    all steps from one session of a joint to its next in the catalog at least 80 % go forward, and those of this joint but one; then the rows
+    behind that one step are left out as far as they are earlier than what stands before it.
     """
     import pandas as pd
 
@@ -51,8 +55,9 @@ def joint_sessions(rows: Iterable[CatalogRow], files: Mapping[str, Surveyed]) ->
     frame = _without_repeated(frame)
     good = frame["failure"] == ""
     frame.loc[good, "left_out"] = _other_types(frame[good])
-    kept = good & (frame["left_out"] == "")
-    frame.loc[kept, "left_out"] = _clock_back(frame[kept])
+    for judge in (_clock_reset, _clock_back):
+        kept = good & (frame["left_out"] == "")
+        frame.loc[kept, "left_out"] = judge(frame[kept])
     return frame
 
 
@@ -60,7 +65,9 @@ def _of_row(row: CatalogRow, files: Mapping[str, Surveyed]) -> Iterator[JointSes
     found = files.get(row.path)
     failure = row.failure or ("" if found is None else found.failure)
     if found is None or failure:
-        yield _session(row, "", "", failure)
+        known = found.joints if found is not None and not row.failure else ()
+        own = [row.joint] if row.joint or not known else known
+        yield from (_session(row, name, "", failure) for name in own)
     elif not found.robot:
         yield _session(row, found.joints[0], found.key(found.joints[0]), "")
     elif row.joint and row.joint not in found.joints:
@@ -117,6 +124,21 @@ def _other_types(frame: "pd.DataFrame") -> "pd.Series[str]":
         odd = group["type"] != first
         reason = f"but {short(first)} in {(~odd).sum()} of the {len(group)} sessions of this joint; give it one type"
         said.loc[group.index[odd]] = [f"of type {short(other)}, {reason}" for other in group["type"][odd]]
+    return said
+
+
+def _clock_reset(frame: "pd.DataFrame") -> "pd.Series[str]":
+    """Of sessions from before `_OLDEST`, in a catalog most of whose sessions are later, why they are left out."""
+    import pandas as pd
+
+    said = frame["joint"].where(frame["joint"].isna(), "")
+    oldest = pd.Timestamp(_OLDEST)
+    early = frame["session"] < oldest
+    if early.mean() < 1 / 2:
+        said.loc[early] = [
+            f"its time is {at:%Y-%m-%d %H:%M}, that of a clock that was reset; set it right"
+            for at in frame.loc[early, "session"]
+        ]
     return said
 
 

@@ -131,17 +131,18 @@ def _looked_at(path: str, known: Mapping[str, FleetInput]) -> Surveyed:
         if isinstance(loaded, Experiment):
             experiments: tuple[Experiment, ...] = (loaded,)
             joints: tuple[str, ...] = (loaded.joint.name,)
-            if not is_remote(path):
-                list(files_of(loaded))  # refuses files that are named twice
         else:
             experiments = tuple(joint.everywhere for joint in loaded.joints)
             joints = tuple(one.experiment.joint.name for one in loaded.joints if one.identify)
     runs, own_files = _patterns(experiments)
     patterns, beside = tuple(dict.fromkeys((*runs, *own_files))), (() if urdf is None else (urdf,))
-    inputs = (_input(name, at, known) for name, at in _found(path, patterns, beside))
-    return Surveyed(
-        path, (own, *inputs), patterns, beside, joints, robot=isinstance(loaded, Robot), apart=bool(own_files)
-    )
+    found = Surveyed(path, (own,), patterns, beside, joints, robot=isinstance(loaded, Robot), apart=bool(own_files))
+    try:
+        if isinstance(loaded, Experiment) and not is_remote(path):
+            list(files_of(loaded))  # refuses files that are named twice
+        return found._replace(inputs=(own, *(_input(name, at, known) for name, at in _found(path, patterns, beside))))
+    except InputError as error:  # of a log: whose it is is known
+        return found._replace(failure=without_folder(str(error), path))
 
 
 def _input(name: str, path: str, known: Mapping[str, FleetInput]) -> FleetInput:

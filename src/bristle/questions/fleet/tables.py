@@ -66,6 +66,10 @@ HEADINGS: Mapping[str, tuple[Column, ...]] = {
         Column("Code", "s"), Column("Severity", "s"), Column("Joint-sessions", "n"), Column("of all (%)", "n"), Column("in the last period (%)", "n"),
         Column("What it says", "text long"),
     ),
+    "warned": (
+        Column("Unit", "name"), Column("Joint", "name"), Column("Code", "s"), Column("Severity", "s"), Column("Since", "s"),
+        Column("Sessions with it", "n"), Column("Sessions since", "n"),
+    ),
     "failures": (
         Column("Unit", "name"), Column("Joint", "name"), Column("Session", "s"), Column("What happened", "text long"), Column("File", "name file"),
     ),
@@ -81,6 +85,7 @@ def csv_frames(found: "Findings") -> dict[str, pd.DataFrame]:
         "units": outside_first(found.units),
         "types": found.types,
         "quality": found.quality,
+        "warned": found.warned,
         "failures": found.failures,
     }
 
@@ -230,7 +235,7 @@ def joint_cells(joints: pd.DataFrame, commands: Mapping[Name, str]) -> list[list
 
 def finding(row: Any) -> str:
     """What was found of a joint, in a word or two."""
-    said = "changed" if row.changed else f"not tested: {row.untested}" if row.untested else "no change"
+    said = "changed" if row.changed else f"not tested: {row.untested}" if row.untested else "no change found"
     return f"{said}; outside its type" if row.outside else said
 
 
@@ -238,7 +243,7 @@ def unit_cells(units: pd.DataFrame) -> list[list[str]]:
     """The first rows of the units in print."""
     return [
         [
-            shortened(str(row.unit), _LONG), shortened(str(row.joint), _LONG), label(row), "outside" if row.outside else "within",
+            shortened(str(row.unit), _LONG), shortened(str(row.joint), _LONG), label(row), "outside" if row.outside else "not outside",
             measured(row.value, row.standard_error), measured(row.shrunken, row.shrunken_error), _unit(row),
             number(row.borrowed_percent, 2), f"{row.percent:+.3g}", probability(row.adjusted_p), str(row.sessions),
             shortened(str(row.type), _LONG),
@@ -297,12 +302,23 @@ def sentence_of(code: str) -> str:
     return shortened(re.sub(r"\s+", " ", in_print(entry(kind).meaning(lambda _: "…"))), 300) if kind else ""
 
 
+def warned_cells(begun: pd.DataFrame) -> list[list[str]]:
+    """Warnings that began and stayed, in print, the first of them."""
+    return [
+        [
+            shortened(str(row.unit), _LONG), shortened(str(row.joint), _LONG), str(row.code), str(row.severity), day(row.since),
+            str(row.sessions), str(row.of),
+        ]
+        for row in rows_of(begun.head(FAILURES))
+    ]  # fmt: skip  # a table
+
+
 def failure_cells(failures: pd.DataFrame) -> list[list[str]]:
     """The failures in print, the first of them."""
     return [
         [
-            *(shortened(str(x), _LONG) for x in (row.unit, row.joint)), time(row.session), shortened(str(row.failure), 2 * _LONG),
-            shortened(str(row.file), _LONG),
+            *(MISSING if pd.isna(x) else shortened(str(x), _LONG) for x in (row.unit, row.joint)), time(row.session),
+            shortened(str(row.failure), 2 * _LONG), shortened(str(row.file), _LONG),
         ]
         for row in rows_of(failures.head(FAILURES))
     ]  # fmt: skip  # a table

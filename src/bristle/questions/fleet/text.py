@@ -23,7 +23,14 @@ _PER_TYPE = 3
 
 def text(found: "Findings") -> str:
     """The findings as plain text, lines of any length: what changed, what is outside, what a type has in common, and how good the data are."""
-    lines = [*_changed(found), *_outside(found), *_types(found.types), *_quality(found), *_failed(found.failures)]
+    lines = [
+        *_changed(found),
+        *_outside(found),
+        *_types(found.types),
+        *_quality(found),
+        *_warned(found.warned),
+        *_failed(found.failures),
+    ]
     lines += [note.coded for note in found.notes]
     if found.notes:
         lines.append("What a code in brackets means: bristle explain CODE")
@@ -101,14 +108,14 @@ def _joint(row: Any) -> list[str]:
         _name(row),
         str(quantity(row) or ""),
         f"{size} %",
-        f"since {day(row.since)}",
+        f"since {day(row.since)}{' (1 session)' * (row.sessions_after == 1)}",
         f"p {probability(row.adjusted_p)}",
         *warned,
     ]
 
 
 def _name(row: Any) -> str:
-    return f"{shortened(str(row.unit), 24)} {shortened(str(row.joint), 16)}"
+    return " ".join(shortened(str(x), 24) for x in (row.unit, row.joint) if not pd.isna(x)) or MISSING
 
 
 def outside_first(units: pd.DataFrame) -> pd.DataFrame:
@@ -175,6 +182,24 @@ def _quality(found: "Findings") -> Iterator[str]:
     if len(counts):
         told = ", ".join(f"{row.code} {two_digits(row.percent)} %" for row in rows_of(counts))
         yield f"Data quality, percent of {whole['of'].iloc[0]} joint-sessions: {told}."
+
+
+def _warned(begun: pd.DataFrame) -> Iterator[str]:
+    """Where a warning began and stayed: a log or a sensor to look at."""
+    rows = begun.head(MOST_OUTSIDE)
+    if len(rows):
+        yield f"Warnings that began and stayed ({len(begun)}{of_all(len(rows), len(begun))}):"
+        yield from columns(
+            [
+                [
+                    _name(row),
+                    row.code,
+                    f"since {day(row.since)}",
+                    f"in {row.sessions} of {counted(int(row.of), 'session')}",
+                ]
+                for row in rows_of(rows)
+            ]
+        )
 
 
 def _failed(failures: pd.DataFrame) -> Iterator[str]:

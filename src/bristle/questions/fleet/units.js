@@ -8,7 +8,7 @@ fleet.units = (() => {
   const label = (k) => fleet.quantity(table.quantity(k)).label;
   const own = (k) => fleet.measured(table.value(k), table.standard_error(k));
   const drawn = (k) => fleet.measured(table.shrunken(k), table.shrunken_error(k));
-  const finding = (k) => (table.outside(k) ? "outside" : "within");
+  const finding = (k) => (table.outside(k) ? "outside" : "not outside");
   const unitOf = (k) => fleet.quantity(table.quantity(k)).unit;
   const CELLS = [
     { show: (k) => make("button", { type: "button", className: "choose" }, table.unit(k)), by: table.unit, kind: "name" },
