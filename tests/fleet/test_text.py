@@ -30,7 +30,7 @@ def test_the_text_of_a_small_fleet() -> None:
     types = found.types.assign(type="J1").head(2)
     types = types.assign(temperature_percent=[-1.1, 0.4], temperature_upper=[-0.8, 0.9], temperature_lower=[-1.4, -0.1])
     lines = text(
-        replace(found, joints=joints, headline=headline, units=units, types=types, failures=failures)
+        replace(found, joints=joints, headline=headline, units=units, types=types, failures=failures, warned=found.warned.assign(unit="r0", joint="J1"))
     ).splitlines()
     assert lines[:2] == [
         "2 of 6 joints changed, at a false discovery rate of 5 %; the clearest: r0 J1, alpha_0+ by +15 % since 2026-04-27.",
@@ -49,11 +49,13 @@ def test_the_text_of_a_small_fleet() -> None:
     assert lines[at + 3] == "Type J1: common shift alpha_0+ up to 10 %; temperature alpha_0+ -1.10 [-1.40, -0.80] %/K."
     assert lines[at + 4].startswith("Data quality, percent of 30 joint-sessions: ")
     assert "too-short" not in lines[at + 4]
-    assert lines[at + 5] == (
+    assert lines[at + 5] == "Warnings that began and stayed (1):"
+    assert lines[at + 6].endswith("clipped  since 2026-01-05  in 2 of 3 sessions")
+    assert lines[at + 7] == (
         "3 sessions failed or left out; the first: r0 J1 of 2026-01-05: <i>file 0</i>: ends in line 812; log it again"
     )
-    assert lines[at + 6].endswith("a failing sensor is not wear. [warned-since]")
-    assert lines[at + 7 :] == ["What a code in brackets means: bristle explain CODE"]
+    assert lines[at + 8].endswith("a failing sensor is not wear. [warned-since]")
+    assert lines[at + 9 :] == ["What a code in brackets means: bristle explain CODE"]
 
 
 def test_lists_are_cut_with_their_counts() -> None:
