@@ -30,7 +30,15 @@ def test_the_text_of_a_small_fleet() -> None:
     types = found.types.assign(type="J1").head(2)
     types = types.assign(temperature_percent=[-1.1, 0.4], temperature_upper=[-0.8, 0.9], temperature_lower=[-1.4, -0.1])
     lines = text(
-        replace(found, joints=joints, headline=headline, units=units, types=types, failures=failures, warned=found.warned.assign(unit="r0", joint="J1"))
+        replace(
+            found,
+            joints=joints,
+            headline=headline,
+            units=units,
+            types=types,
+            failures=failures,
+            warned=found.warned.assign(unit="r0", joint="J1"),
+        )
     ).splitlines()
     assert lines[:2] == [
         "2 of 6 joints changed, at a false discovery rate of 5 %; the clearest: r0 J1, alpha_0+ by +15 % since 2026-04-27.",
