@@ -2040,7 +2040,7 @@ class Kind(Enum):
         ),
     )
     JOINT_CHANGED = _NOTE, "{joint}, {name} by {percent:+.3g} % since {since}"
-    AND_JOINTS = _NOTE, "; {count} others changed as well"
+    AND_JOINTS = _NOTE, "; {count} other{count!e} changed as well"
     FLEET_UNCHANGED = (
         _NOTE,
         "None of {tested} joints changed beyond the scatter between sessions, at a false discovery rate of {rate:.3g} %.",
