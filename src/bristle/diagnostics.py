@@ -2089,6 +2089,14 @@ class Kind(Enum):
             "more joints of the type, or more sessions, narrow it."
         ),
     )
+    BEYOND_ERRORS = (
+        _NOTE,
+        (
+            "Type {type}: by the errors of the estimates alone, as compare judges two sessions, there are steps: {steps!m}{more}. "
+            "Whether they are more than what sessions scatter by is not told from so few."
+        ),
+    )
+    MORE_STEPS = _NOTE, ", {count} more"
     JOINTS_UNTESTED = _NOTE, "Not tested for a change: {count} joint{count!e}; {why!m}."
     UNTESTED_BY_SESSIONS = _NOTE, "{count} without values in more than {baseline} sessions"
     UNTESTED_BY_SCATTER = _NOTE, "{count} whose type has too few repeated sessions to tell the scatter between them"
@@ -2678,6 +2686,7 @@ REASONS: Mapping[str, str] = {
     ),
     "A part of another sentence, whose severity counts.": (
         "PLAN_OPENS OR_MINIMUM_DURATION G0_BY_BEND JOINT_CHANGED AND_JOINTS SHIFT_UNLOGGED SHIFT_LOGGED UNTESTED_BY_SESSIONS UNTESTED_BY_SCATTER "
+        "MORE_STEPS "
         "TERM_EXPLAINS DURATION_ASKED DEPENDENT_TORQUE SAMPLES_ASKED USUAL_ASKED NOISE_FLOOR MINIMUM_VELOCITY "
         "OR_MINIMUM_VELOCITY OR_VELOCITY_TOLERANCE LIMIT_GIVEN LIMIT_SEEN POINTS_FOR_PARAMETERS RESIDUAL_BLOCKS SAMPLE_BLOCKS EDGE_BLOCKS "
         "STRAY_POINT BELIEVE_MOVING MOVING_IN_DOUBT POINT_NAMED TO_LEAVE_OUT TERM_FIRST WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE "
@@ -2728,7 +2737,7 @@ REASONS: Mapping[str, str] = {
         "ALPHA_2_ROSE ALPHA_2_FELL SIGMA_0_ROSE SIGMA_0_FELL INERTIA_ROSE INERTIA_FELL CLAIM_HOLDS CLAIM_FAILS OTHER_AT_FIXED_Z CLAIM_ON_MAP "
         "ALL_TOLD SOBOL_INDICES PRINTED_IS PRINTED_IS_NONE TOTAL_DERIVATIVES "
         "FORMULAS_AS_MEASURED ERRORS_COMPENSATED ERROR_REDUCED ADAPTED_TO ABLATED ADAPTATION_HELPS "
-        "ADAPTATION_IDLE PLAN_NARROWS STRIBECK_AS_GOOD CURVE_MIXED FLEET_CHANGED FLEET_UNCHANGED"
+        "ADAPTATION_IDLE PLAN_NARROWS STRIBECK_AS_GOOD CURVE_MIXED FLEET_CHANGED FLEET_UNCHANGED BEYOND_ERRORS"
     ),
 }
 """Reason -> the kinds that have their severity for it, by name: each kind stands at one, and the kinds of one have one severity (a test)."""

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 import bristle
+from bristle.diagnostics import Kind
 
 SESSION = """
 joint: {{name: servo}}
@@ -26,7 +27,8 @@ def test_five_sessions_of_a_servo(measured_data: Path, tmp_path: Path) -> None:
 
     `compare` finds nothing between any two of the last four sessions, and sigma_0- between the first and each of these. The fleet, with one
     session for a baseline, ranks that very step first, since the second session, and by about as much; it does not call it a change, since
-    the scatter rests on four pairs of sessions, and says that.
+    the scatter rests on four pairs of sessions, and says that; by the errors of the estimates alone it names this step and no other, as `compare`
+    does.
     """
     distributed = pytest.importorskip("distributed", reason="needs the extra fleet")
     assert measured_data.is_dir()
@@ -45,6 +47,9 @@ def test_five_sessions_of_a_servo(measured_data: Path, tmp_path: Path) -> None:
     assert (found.identified, early.unchanged) == (5, 5)
     assert found.changed == early.changed == 0
     assert "scatter-of-few" in found.text()
+    (alone,) = [note for note in found.findings.notes if note.kind is Kind.BEYOND_ERRORS]
+    (step,) = alone.numbers["steps"]
+    assert (step.numbers["name"], step.numbers["since"]) == ("sigma_0-", "2026-05-02")
     first = early.findings.changes.iloc[0]
     assert (first["parameter"], first["direction"]) == ("sigma_0", "-")
     assert first["since"] == pd.Timestamp("2026-05-02")

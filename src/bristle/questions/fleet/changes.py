@@ -1,6 +1,8 @@
 """Which joints of a fleet changed: a step test of every parameter in every direction, and the false discovery rate over the joints."""
 
 from collections.abc import Sequence
+from dataclasses import replace
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +15,9 @@ from bristle.estimation.multiple_tests import false_discovery, false_discovery_w
 from bristle.estimation.step_test import Levels, Steps, step_scan
 from bristle.questions.fleet.quantities import Adjusted, padded
 from bristle.questions.fleet.roster import Roster
+
+COMPARED = 0.05
+"""Level at which the estimates' own errors are compared, where the scatter between sessions is hardly known."""
 
 
 class StepTests(NamedTuple):
@@ -126,6 +131,19 @@ def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFr
     table = table.assign(adjusted_p=decided.adjusted, changed=decided.changed)
     table = table.sort_values(["adjusted_p", "p", "size", "unit", "joint"], kind="stable", na_position="last")
     return table.assign(rank=np.arange(1, len(table) + 1)).drop(columns=["p", "size"])
+
+
+def beyond_errors(quantities: Sequence[Adjusted], frame: pd.DataFrame) -> pd.DataFrame:
+    """The steps that the estimates' own errors alone would call changes, without any scatter between sessions: as `compare` judges two sessions.
+
+    The columns of `change_rows`; each joint's most significant step, anywhere, of all of these tests at a false discovery rate of 5 %.
+    """
+    bare = [replace(x, fit=x.fit._replace(variance=0.0, freedom=inf)) for x in quantities]
+    tests = [step_tests(x, 1) for x in bare]
+    decided = decide(tests, int(max((x.of.joints.max() for x in bare), default=-1)) + 1, COMPARED)
+    rows = change_rows(tests, decided, frame)
+    at_once = false_discovery(decided.p) <= COMPARED
+    return rows[at_once].sort_values("p", kind="stable", ignore_index=True)
 
 
 def settled_sessions(tests: StepTests, named: NDArray[np.bool_]) -> NDArray[np.intp]:

@@ -19,7 +19,7 @@ from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.robust import variance_interval
 from bristle.questions.fleet.changes import change_rows, decide, ranked, settled_sessions, step_tests
-from bristle.questions.fleet.notes import headline, notes
+from bristle.questions.fleet.notes import compared, headline, notes
 from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
 from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
 from bristle.questions.fleet.roster import Roster, named_rows, roster
@@ -94,6 +94,7 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     people, said = roster(frame), list[Diagnostic]()
     every = list(_quantities(frame, people, said))
     known = [x for x in every if x.tested]
+    said.extend(compared(known, frame, people))
     tests = [step_tests(x, baseline) for x in known]
     decided = decide(tests, len(people.table), rate)
     changes = change_rows(tests, decided, frame)

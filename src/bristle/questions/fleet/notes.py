@@ -1,16 +1,21 @@
 """What must be said of the findings of a fleet, as diagnostics."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from typing import Any
 
 import pandas as pd
 
 from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.model.parameters import Direction, ParameterName
+from bristle.questions.fleet.changes import beyond_errors
 from bristle.questions.fleet.quality import codes_of, critical, most_common
 from bristle.questions.fleet.quantities import LEAST_FREEDOM, Adjusted
+from bristle.questions.fleet.roster import Roster
 
 _FEW = 10.0
 """Degrees of freedom below which the scatter between sessions is said to rest on few."""
+_NAMED = 5
+"""Steps that a sentence names."""
 
 
 def headline(joints: pd.DataFrame, rate: float) -> Diagnostic:
@@ -40,7 +45,7 @@ def notes(
         frame: the dataset.
         every: the quantities.
         joints: ranked.
-        left_out: what was said of values that no finding rests on.
+        left_out: what was said of values and types already.
         baseline: sessions before the first that may be changed.
     """
     said = [
@@ -78,6 +83,30 @@ def _few(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
             pairs = int((x.of.joint[1:] == x.of.joint[:-1]).sum())
             told[x.of.key.type] = max(pairs, told.get(x.of.key.type, 0))
     yield from (Kind.SCATTER_OF_FEW(type=type_, count=count) for type_, count in told.items())
+
+
+def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> Iterator[Diagnostic]:
+    """Of types whose scatter rests on few, what differs by the errors of the estimates alone."""
+    few = [x for x in every if x.tested and x.fit.freedom < _FEW]
+    rows = beyond_errors(few, frame)
+    for type_, own in rows.groupby("type", sort=False):
+        told = tuple(_step(row, people) for row in own.head(_NAMED).to_dict("records"))
+        yield Kind.BEYOND_ERRORS(type=str(type_), steps=told, more=_more(len(own) - len(told)))
+
+
+def _step(row: Mapping[Hashable, Any], people: Roster) -> Diagnostic:
+    """One change, with its joint."""
+    who = people.table.iloc[int(row["number"])]
+    return Kind.JOINT_CHANGED(
+        joint=f"{who['unit']} {who['joint']}",
+        name=str(ParameterName(row["parameter"], Direction(row["direction"]))),
+        percent=row["percent"],
+        since=f"{row['since']:%Y-%m-%d}",
+    )
+
+
+def _more(count: int) -> Diagnostic | str:
+    return Kind.MORE_STEPS(count=count) if count else ""
 
 
 def _untested(joints: pd.DataFrame, baseline: int) -> Iterator[Diagnostic]:

@@ -90,7 +90,7 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     rows["severity"] = rows["code"].map(lambda code: _SEVERITY.get(code, "caution"))
     own = rows["number"].map(of_joint)
     rows["before"], rows["of"] = rows["place"], own - rows["place"]
-    rate = (rows["code"].map(told["code"].value_counts()) - rows["sessions"] + 1) / (len(every) - own + 1)
+    rate = (rows["code"].map(told["code"].value_counts()) - rows["sessions"] + 0.5) / (len(every) - own + 1)
     rows["chance"] = rate ** rows["sessions"] * (1 - rate).clip(lower=0) ** rows["before"]
     return rows[(rows["before"] > 0) & (rows["sessions"] > rows["of"] / 2)]
 
