@@ -97,6 +97,12 @@ def questions(results: bristle.Results) -> None:
     except ValueError as error:
         reason = str(error)
     assert "sigma_0" in reason  # of which points alone tell nothing
+    try:
+        watched: bristle.Fleet = bristle.fleet("catalog.csv", rate=2.0)
+        reason = str(watched.findings.headline)
+    except ValueError as error:
+        reason = str(error)
+    assert "rate" in reason or "bristle[fleet]" in reason  # whose extra may not be installed
 
 
 def main() -> None:
