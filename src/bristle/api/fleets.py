@@ -47,7 +47,7 @@ class Fleet(NamedTuple):
     @property
     def changed(self) -> int:
         """Joints that changed."""
-        return int(self.findings.joints["changed"].sum())
+        return self.findings.changed
 
     def text(self) -> str:
         """What was found, in lines of 80 columns."""
