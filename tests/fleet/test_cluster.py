@@ -1,5 +1,6 @@
 """Fleets on processes: the same bytes whatever their number, and nothing lost where a worker is killed, the scheduler lost or the run interrupted."""
 
+import logging
 import os
 import signal
 import socket
@@ -103,6 +104,24 @@ def test_memory_and_certificates_are_checked() -> None:
     assert security.require_encryption
     assert (security.tls_ca_file, security.tls_client_cert, security.tls_client_key) == ("a.pem", "b.pem", "c.pem")
     assert cluster._security({}) is None
+
+
+def test_log_lines_of_dask_are_silent_meanwhile() -> None:
+    """Inside `quiet` no logger of Dask, Tornado or Bokeh says anything, whatever level it had; afterwards each has that level again."""
+    names = (
+        "distributed",
+        "distributed.client",
+        "distributed.comm.tcp",
+        "tornado.application",
+        "tornado.general",
+        "bokeh",
+    )
+    loggers = [logging.getLogger(name) for name in names]
+    before = [one.level for one in loggers]
+    with cluster.quiet():
+        assert not any(one.isEnabledFor(logging.CRITICAL) for one in loggers)
+        assert logging.getLogger("bristle").isEnabledFor(logging.CRITICAL)
+    assert [one.level for one in loggers] == before
 
 
 @contextmanager

@@ -29,17 +29,7 @@ _LEAN = {
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 2**28,
 }
 """Workers that keep the memory of freed arrays, and watch themselves less: each task is a tenth faster."""
-_LOGGERS = (
-    "distributed",
-    "distributed.worker",
-    "distributed.nanny",
-    "distributed.scheduler",
-    "distributed.client",
-    "distributed.core",
-    "bokeh",
-)
-
-
+_LOGGERS = ("distributed", "tornado", "bokeh")
 _UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, for the worker processes read the script as well'
 
 
@@ -199,8 +189,9 @@ def _security(certificates: Mapping[str, str] | None) -> Any:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Dask's own log lines are not shown meanwhile: what matters of them is a sentence of ours."""
-    loggers = [logging.getLogger(name) for name in _LOGGERS]
+    """Log lines of Dask and of what it stands on are not shown meanwhile: what matters of them is a sentence of ours."""
+    known = [name for name in logging.root.manager.loggerDict if name.split(".")[0] in _LOGGERS]
+    loggers = [logging.getLogger(name) for name in {*known, *_LOGGERS}]
     before = [logger.level for logger in loggers]
     for logger in loggers:
         logger.setLevel(logging.CRITICAL + 1)
