@@ -407,7 +407,8 @@ def fleet(
     _tell([found.text(), found.counts])
     print_lines([f"Page: {found.write(folder)}"], done=True)
     if strict and found.changed:
-        complain(f"{found.changed} joint{'' if found.changed == 1 else 's'} changed (--strict)")
+        many = f"{found.changed} joint{'' if found.changed == 1 else 's'}"
+        complain(f"{many} changed (--strict); once it is seen to, tag the joint's next session baseline")
         raise typer.Exit(3)
 
 

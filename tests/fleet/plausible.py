@@ -104,13 +104,14 @@ def _joints(changes: pd.DataFrame, sessions: int) -> pd.DataFrame:
         adjusted_p=np.minimum(first["p"] * len(first), 1.0),
         new_warnings=np.where(first["number"] == 0, "clipped torque-drifts", ""),
         outside=first["number"] % 7 == 2,
+        first=when(sessions)[0],
         latest=when(sessions)[-1],
         file=[f"logs/{k:04d} ü.yaml" for k in first["number"]],
         untested="",
     )
     names = (
         "rank", "unit", "joint", "type", "sessions", "changed", "adjusted_p", "parameter", "direction", "percent", "percent_lower",
-        "percent_upper", "since", "sessions_after", "new_warnings", "outside", "latest", "file", "untested",
+        "percent_upper", "since", "sessions_after", "new_warnings", "outside", "first", "latest", "file", "untested",
     )  # fmt: skip  # a row
     return table[list(names)].reset_index(drop=True)
 

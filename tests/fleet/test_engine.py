@@ -190,6 +190,7 @@ def test_a_defect_is_a_row_and_tried_again(ran: Any, tmp_path: Path, monkeypatch
         InputError, match=r"none of 1 joint sessions could be identified; the first is 'logs/r0.*a defect of bristle"
     ):
         ran("one.csv", "other")
+    assert not Path("other").exists()
     monkeypatch.setattr(fleets, "identified_joint", counted)
     assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
 
@@ -367,8 +368,18 @@ def test_the_command_line(client: Any, tmp_path: Path, monkeypatch: pytest.Monke
     pattern = "logs/{unit}/{session}/{joint}.yaml"
     assert run("fleet", pattern, "-o", "out").code == 0
     worn = run("fleet", pattern, "-o", "out", "--strict")
-    assert (worn.code, worn.said) == (3, ["1 joint changed (--strict)"])
+    assert (worn.code, worn.said) == (
+        3,
+        ["1 joint changed (--strict); once it is seen to, tag the joint's next session baseline"],
+    )
     assert "0 joint sessions identified, 11 unchanged, 0 failed" in worn.words
+    logs = sorted(Path("logs").glob("*/*/*.yaml"))
+    rows = [{"file": str(x), "unit": x.parts[1], "session": x.parts[2], "joint": x.stem} for x in logs]
+    seen_to = [
+        row | {"tags": "baseline" if (row["unit"], row["session"]) == ("r1", "2026-05-01") else ""} for row in rows
+    ]
+    write_catalog(tmp_path / "seen_to.csv", seen_to)
+    assert run("fleet", "seen_to.csv", "-o", "out", "--strict").code == 0
 
 
 @pytest.mark.parametrize(

@@ -265,3 +265,44 @@ def test_errors_of_few_points_count_as_wide_as_their_intervals() -> None:
         {"standard_error": [1.0, 1.0, 2.0], "lower": [-2.776, -np.inf, -3.0], "upper": [2.776, np.inf, 3.0]}
     )
     np.testing.assert_allclose(normal_errors(rows), [2.776 / 1.95996, 1.0, 2.0], rtol=1e-4)
+
+
+def test_a_session_with_the_tag_baseline_begins_its_joint_anew(
+    plain: tuple[pd.DataFrame, FleetTruth, Findings],
+) -> None:
+    """A joint that changed is accused no more once its step is its baseline, of which its sessions are counted; the others are as before."""
+    frame, _, found = plain
+    row = found.joints.iloc[0]
+    own = ((frame["unit"] == row["unit"]) & (frame["joint"] == row["joint"])).to_numpy()
+    since = row["since"]
+    for at, tags, left in (
+        (since, "new grease; Baseline", row["sessions_after"]),
+        (since, "baselines", row["sessions"]),
+        (frame.loc[own, "session"].min(), "baseline", row["sessions"]),
+    ):
+        marked = np.where(own & (frame["session"] == at).to_numpy(), tags, "")
+        again = findings(frame.assign(tags=pd.Categorical(marked)))
+        assert len(again.joints) == len(found.joints)
+        new = again.joints.set_index(["unit", "joint"]).loc[(row["unit"], row["joint"])]
+        assert new["sessions"] == left
+        assert bool(new["changed"]) == (left == row["sessions"])
+        assert accused(again) | {(row["unit"], row["joint"])} == accused(found)
+        assert len(again.series) == len(found.series)
+        pd.testing.assert_series_equal(again.types["joints"], found.types["joints"])
+        counts = again.units[(again.units["unit"] == row["unit"]) & (again.units["joint"] == row["joint"])]["sessions"]
+        assert counts.max() <= left
+
+
+def test_marked_sessions_in_a_row_are_one_baseline() -> None:
+    """Three marked sessions in a row begin one baseline; what was before it is no change, and a step after it is found against it."""
+    frame, _ = fleet(FleetDesign(robots=60, joints=2, worn=0.0))
+    place = frame.groupby("unit", observed=True)["session"].rank("dense")
+    frame = frame.assign(tags=pd.Categorical(np.where(place.between(2, 4), "baseline", "")))
+    assert findings(frame).joints["sessions"].unique().tolist() == [7]
+    hit = (frame["unit"] == "robot-007") & (frame["joint"] == "J1") & (frame["parameter"] == "alpha_0")
+    size = np.where(hit & (place > 5), 1.5, 1.0) * np.where(hit & (place < 2), 3.0, 1.0)
+    worn = frame.assign(**{name: frame[name] * size for name in ("value", "standard_error", "lower", "upper")})
+    found = findings(worn)
+    assert accused(found) == {("robot-007", "J1")}
+    assert found.joints.iloc[0]["since"] == frame.loc[hit & (place == 6), "session"].iloc[0]
+    assert abs(found.joints.iloc[0]["percent"] - 50) < 15

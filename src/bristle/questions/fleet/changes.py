@@ -30,9 +30,8 @@ class StepTests(NamedTuple):
 
 
 def step_tests(one: Adjusted, baseline: int) -> StepTests:
-    """The tests of the joints that have more than `baseline` sessions."""
-    counts = np.bincount(one.of.joint)
-    which = np.flatnonzero(counts > baseline)
+    """The tests of the joints that have more than `baseline` sessions since their last baseline began."""
+    which = np.flatnonzero((np.bincount(one.of.joint) > baseline) & one.of.now)
     levels = padded(one)
     part = Levels(levels.y[which], levels.variance[which], levels.regressors[which], levels.covariance)
     empty = np.zeros(0)
@@ -110,7 +109,7 @@ def _rows(x: StepTests, frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFrame:
-    """A row per joint with its clearest test, those that changed first, by p-value; the index is the joint's number."""
+    """A row per joint with its clearest test, those that changed first, by p-value; the index is the number of its last baseline."""
     first = changes.assign(size=-changes["z"].abs()).sort_values(["number", "p", "size"], kind="stable")
     first = first.drop_duplicates("number").set_index("number")
     table = people.table.join(
@@ -128,7 +127,7 @@ def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFr
             ]
         ]
     )
-    table = table.assign(adjusted_p=decided.adjusted, changed=decided.changed)
+    table = table.assign(adjusted_p=decided.adjusted, changed=decided.changed)[people.table["now"]]
     table = table.sort_values(["adjusted_p", "p", "size", "unit", "joint"], kind="stable", na_position="last")
     return table.assign(rank=np.arange(1, len(table) + 1)).drop(columns=["p", "size"])
 

@@ -7,6 +7,7 @@ import io
 import secrets
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -143,8 +144,9 @@ def run_fleet(
 
 @contextmanager
 def _output(output: str) -> Iterator[None]:
-    """The folder, to be written by this run alone."""
-    if not is_remote(output) and local_path(output).exists() and not local_path(output).is_dir():
+    """The folder, to be written by this run alone. One that it made, and in which nothing is finished, is removed where the run is refused."""
+    new = not is_remote(output) and not local_path(output).exists()
+    if not (new or is_remote(output) or local_path(output).is_dir()):
         raise InputError(f"{output}: is a file; name a folder")
     try:
         make_folder(joined_path(output, TASKS))
@@ -155,7 +157,21 @@ def _output(output: str) -> Iterator[None]:
         return
     with local_path(output).joinpath(LOCK).open("wb") as file:
         _lock(file.fileno(), output)
-        yield
+        try:
+            yield
+        except InputError:
+            if new:
+                _emptied(local_path(output))
+            raise
+
+
+def _emptied(folder: Path) -> None:
+    """Remove a folder that has no finished task."""
+    with suppress(OSError):
+        (folder / TASKS).rmdir()
+        for name in (LEDGER, LOCK):
+            (folder / name).unlink(missing_ok=True)
+        folder.rmdir()
 
 
 def _lock(number: int, output: str) -> None:
@@ -341,12 +357,15 @@ def _compacted(
     import pyarrow.compute as pc
 
     table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
+    tasks = [joined_path(output, f"{TASKS}/{name}") for name in names_in(joined_path(output, TASKS))]
     if not pc.any(pc.is_null(table["failure"])).as_py():
+        for path in tasks:
+            remove(path)
         file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
         raise InputError(
             f"none of {len(table)} joint sessions could be identified; the first is {short(file)}: {reason}"
         )
     write_parts(output, table, before)
-    for name in names_in(joined_path(output, TASKS)):
-        remove(joined_path(output, f"{TASKS}/{name}"))
+    for path in tasks:
+        remove(path)
     return table

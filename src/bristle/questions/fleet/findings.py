@@ -115,7 +115,7 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
 
 _JOINTS = (
     "rank", "unit", "joint", "type", "sessions", "changed", "adjusted_p", "parameter", "direction", "percent", "percent_lower",
-    "percent_upper", "since", "sessions_after", "new_warnings", "outside", "latest", "file", "untested",
+    "percent_upper", "since", "sessions_after", "new_warnings", "outside", "first", "latest", "file", "untested",
 )  # fmt: skip  # a row
 
 
@@ -214,7 +214,7 @@ def _type(one: Adjusted, most: NDArray[np.intp]) -> dict[str, object]:
     type_, parameter, direction = q.key
     low, high = variance_interval(one.fit.variance, float(np.median(one.known)), one.fit.freedom)
     row: dict[str, object] = {
-        "type": type_, "parameter": parameter, "direction": direction, "value_unit": q.value_unit, "joints": q.joints.size, "sessions": q.y.size,
+        "type": type_, "parameter": parameter, "direction": direction, "value_unit": q.value_unit, "joints": q.now.sum(), "sessions": q.y.size,
         "scatter_percent": 100 * np.sqrt(one.fit.variance), "scatter_lower": 100 * np.sqrt(low), "scatter_upper": 100 * np.sqrt(high),
         "shift_percent": float(np.abs(q.percent(one.shift)).max()) if one.shift.size else nan, "shift_p": one.shift_p,
     }  # fmt: skip  # a table

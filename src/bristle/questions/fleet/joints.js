@@ -61,7 +61,8 @@ fleet.joints = (() => {
   // ---- the chosen joint
 
   function said(k) {
-    const sessions = fleet.counted(table.sessions(k), "session");
+    const anew = k < series.counts.length && series.sessions[visits[k]] < table.first(k) - 1;
+    const sessions = `${fleet.counted(table.sessions(k), "session")}${anew ? ` since its baseline began anew on ${fleet.day(table.first(k))}` : ""}`;
     if (table.untested(k)) return `${sessions}. Not tested for a change: ${table.untested(k)}.`;
     const step = `${table.label(k)} by ${size(k)} % since ${fleet.day(table.since(k))}, adjusted p ${fleet.probability(table.adjusted_p(k))}`;
     if (!table.changed(k)) return `${sessions}. No change is named; the most likely step is ${step}.`;
@@ -141,9 +142,9 @@ fleet.joints = (() => {
     const limited = own.filter((k) => Number.isFinite(data.limit_low[k]) && Number.isFinite(data.limit_high[k]));
     charts.fill("limits", { x: limited.map((k) => x[k]), y1: limited.map((k) => data.limit_low[k]), y2: limited.map((k) => data.limit_high[k]) });
     const since = steps.since(block), place = x.findIndex((ms) => ms >= since - 1), step = charts.named("step");
-    const there = place > 0;
+    const there = place > 0, begun = Math.max(x.findIndex((ms) => ms >= table.first(joint) - 1), 0);
     step.setv({ visible: there, location: there ? (x[place - 1] + x[place]) / 2 : x[0] });
-    const levels = [level("before", block, 0, there ? place : 0, x), level("after", block, there ? place : 0, there ? n : 0, x)];
+    const levels = [level("before", block, begun, there ? place : 0, x), level("after", block, there ? place : 0, there ? n : 0, x)];
     ranges(data, levels, x);
     const { label, unit } = fleet.quantity(series.quantity[block]);
     charts.titles("time", "Session (UTC)", `${fleet.titleOf(series.quantity[block])}${unit ? ` (${unit})` : ""}`);

@@ -62,7 +62,7 @@ def _shifts(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
         own = [x for x in shifted if x.of.key.type == type_]
         yield Kind.COMMON_SHIFT(
             names=tuple(str(ParameterName(x.of.key.parameter, Direction(x.of.key.direction))) for x in own),
-            joints=max(x.of.joints.size for x in own),
+            joints=max(int(x.of.now.sum()) for x in own),
             type=type_,
             percent=max((float(y) for x in own for y in x.of.percent(x.shift)), key=abs),
             cause=Kind.SHIFT_LOGGED() if any("temperature" in x.of.names for x in own) else Kind.SHIFT_UNLOGGED(),

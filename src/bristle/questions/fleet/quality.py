@@ -72,7 +72,7 @@ def failures(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
-    """Warnings that a joint had not at first, and then in most of its sessions; those that count (caution or critical) alone.
+    """Warnings that a joint had not at first since its last baseline began, and then in most of its sessions; those that count alone.
 
     number of the joint, code, severity, since, sessions with it, `of` all since then, `before`, `place` of the first among the joint's sessions,
     and `chance`: how likely that is at the rate of the other joints.
@@ -92,7 +92,8 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     rows["before"], rows["of"] = rows["place"], own - rows["place"]
     rate = (rows["code"].map(told["code"].value_counts()) - rows["sessions"] + 0.5) / (len(every) - own + 1)
     rows["chance"] = rate ** rows["sessions"] * (1 - rate).clip(lower=0) ** rows["before"]
-    return rows[(rows["before"] > 0) & (rows["sessions"] > rows["of"] / 2)]
+    now = people.table["now"].to_numpy(bool)[rows["number"]]
+    return rows[(rows["before"] > 0) & (rows["sessions"] > rows["of"] / 2) & now]
 
 
 def warned(begun: pd.DataFrame, people: Roster) -> pd.DataFrame:

@@ -55,6 +55,8 @@ class Quantity:
     """Its joint, numbered from 0 within the quantity, (n,)."""
     joints: NDArray[np.intp]
     """Their numbers in the fleet, (m,)."""
+    now: NDArray[np.bool_]
+    """Whether no later baseline of the joint began; where one did, its sessions tell of the type's scatter, and are not judged, (m,)."""
     y: Array
     """Value on the scale, (n,)."""
     known: Array
@@ -101,7 +103,8 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
     covariates = [(name, rows[name].to_numpy(float)[order]) for name in COVARIATES]
     told = [(name, x - np.nanmedian(x)) for name, x in covariates if np.isfinite(x).any() and np.nanstd(x) > 0]
     return Quantity(
-        key=key, rows=where[order], joint=own.astype(np.intp), joints=joints.astype(np.intp), y=y, known=e**2, scale=scale,
+        key=key, rows=where[order], joint=own.astype(np.intp), joints=joints.astype(np.intp),
+        now=people.table["now"].to_numpy(bool)[joints], y=y, known=e**2, scale=scale,
         covariates=np.stack([x for _, x in told], axis=1) if told else np.zeros((y.size, 0)),
         names=tuple(name for name, _ in told), time=day[order], unit=people.unit[where][order],
         value_unit=str(rows["value_unit"].iloc[0]),

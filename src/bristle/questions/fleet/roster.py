@@ -1,5 +1,9 @@
-"""The joints of a fleet, numbered: whose each row of a dataset is."""
+"""The joints of a fleet, numbered: whose each row of a dataset is.
 
+A joint has a number for each of its baselines: a session with the tag `baseline` begins a new one.
+"""
+
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +14,13 @@ from bristle.arrays import Array
 
 _EPOCH = np.datetime64("1970-01-01", "us")
 _DAY = np.timedelta64(1, "D")
+_BEGINS = re.compile(r"\bbaseline\b", re.IGNORECASE)
+"""Among the tags of a session: that its joint begins anew with it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Roster:
-    """Every joint of a dataset once."""
+    """Every joint of a dataset, once for each of its baselines."""
 
     joint: NDArray[np.intp]
     """Number of the joint of each row, (rows,)."""
@@ -25,7 +31,7 @@ class Roster:
     usable: NDArray[np.bool_]
     """Which rows have a value that findings may rest on, (rows,)."""
     table: pd.DataFrame
-    """A row per joint, in the order of their numbers: unit, joint, type, sessions, latest, file."""
+    """A row per joint, in the order of their numbers: unit, joint, type, sessions, first, latest, file, now (whether no later baseline began)."""
 
 
 def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
@@ -39,20 +45,41 @@ def roster(frame: pd.DataFrame) -> Roster:
     unit = frame["unit"].astype("category").cat.codes.to_numpy(np.intp)
     name = frame["joint"].astype("category").cat.codes.to_numpy(np.intp)
     pairs = unit * (int(name.max(initial=0)) + 1) + name
-    _, first, joint = np.unique(pairs, return_index=True, return_inverse=True)
     day = (frame["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
     kept = frame["left_out"].isna().to_numpy()
+    begun = _baselines(frame["tags"], pairs, day, kept)
+    most = int(begun.max(initial=0)) + 1
+    every, first, joint = np.unique(pairs * most + begun, return_index=True, return_inverse=True)
     table = pd.DataFrame({key: frame[key].astype(str).to_numpy()[first] for key in ("unit", "joint")})
     last = pd.DataFrame({"joint": joint, "day": np.where(kept, day, -np.inf)}).sort_values(
         ["joint", "day"], kind="stable"
     )
     rows = last.drop_duplicates("joint", keep="last").index.to_numpy()
     table["type"] = frame["type"].astype(str).to_numpy()[rows]
-    sessions = pd.DataFrame({"joint": joint, "day": day})[kept].drop_duplicates().groupby("joint").size()
-    table["sessions"] = sessions.reindex(range(len(table)), fill_value=0).to_numpy(int)
+    visits = (
+        pd.DataFrame({"joint": joint, "session": frame["session"]})[kept].drop_duplicates().groupby("joint")["session"]
+    )
+    table["sessions"] = visits.size().reindex(range(len(table)), fill_value=0).to_numpy(int)
+    table["first"] = visits.min().reindex(range(len(table))).to_numpy("datetime64[us]")
     table["latest"] = frame["session"].to_numpy("datetime64[us]")[rows]
     table["file"] = frame["file"].astype(str).to_numpy()[rows]
+    table["now"] = ~np.isin(every + 1, every) | (every % most == most - 1)
     return Roster(joint=joint.astype(np.intp), unit=unit.astype(np.intp), day=day, usable=_usable(frame), table=table)
+
+
+def _baselines(
+    tags: "pd.Series[str]", pairs: NDArray[np.intp], day: Array, kept: NDArray[np.bool_]
+) -> NDArray[np.intp]:
+    """How many baselines of its joint began before or with the session of each row, (rows,); one of successive marked sessions is its first."""
+    marked = tags.astype("category")
+    begins = np.array([_BEGINS.search(str(tag)) is not None for tag in marked.cat.categories], dtype=bool)
+    if not begins.any():
+        return np.zeros(pairs.size, dtype=np.intp)
+    of_row = np.append(begins, False)[marked.cat.codes] & kept
+    sessions = pd.DataFrame({"pair": pairs, "day": day, "marked": of_row}).groupby(["pair", "day"])["marked"].any()
+    before = sessions.groupby("pair").shift(fill_value=False)
+    count = (sessions & ~before).groupby("pair").cumsum()
+    return np.asarray(count.reindex(pd.MultiIndex.from_arrays([pairs, day])), dtype=np.intp)
 
 
 def _usable(frame: pd.DataFrame) -> NDArray[np.bool_]:

@@ -181,6 +181,7 @@ def packed_joints(
         "outside": rows["outside"].astype(bool),
         "label": _of([label(row) for row in rows_of(rows)]),
         "since": rows["since"].astype("datetime64[us]"),
+        "first": rows["first"].astype("datetime64[us]"),
         "latest": rows["latest"].astype("datetime64[us]"),
         "warned": rows["new_warnings"],
         "link": _of([f"reports/{folders[name]}/index.html" if name in made else "" for name in names]),

@@ -31,9 +31,11 @@ def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:
 
 def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population | None:
     """Mean and spread of a type; None where it has too few joints."""
-    if most.size < LEAST_UNITS:
+    now = one.of.now
+    if now.sum() < LEAST_UNITS:
         return None
-    return population(*own_levels(one, most))
+    level, variance = own_levels(one, most)
+    return population(level[now], variance[now])
 
 
 def unit_rows(
@@ -50,7 +52,7 @@ def unit_rows(
         if known is not None:
             frame, p = _rows(one, most, known, people)
             parts.append(frame)
-            numbers.append(one.of.joints)
+            numbers.append(one.of.joints[one.of.now])
             ps.append(p)
     if not parts:
         return pd.DataFrame(columns=list(_COLUMNS))
@@ -64,8 +66,8 @@ def unit_rows(
 
 
 def _rows(one: Adjusted, most: NDArray[np.intp], known: Population, people: Roster) -> tuple[pd.DataFrame, Array]:
-    q = one.of
-    level, variance = own_levels(one, most)
+    q, now = one.of, one.of.now
+    level, variance = (x[now] for x in own_levels(one, most))
     total = np.maximum(known.variance + variance, np.finfo(float).tiny)
     z = (level - known.mean) / np.sqrt(total + known.mean_error**2)
     own = known.variance / total
@@ -73,12 +75,12 @@ def _rows(one: Adjusted, most: NDArray[np.intp], known: Population, people: Rost
     error = np.sqrt(own * variance + (1 - own) ** 2 * known.mean_error**2)
     shown, near = q.shown(level), q.shown(drawn)
     slope, near_slope = (np.full(level.size, q.scale),) * 2 if q.scale else (shown, near)
-    who = people.table.iloc[q.joints]
+    who = people.table.iloc[q.joints[now]]
     type_, parameter, direction = q.key
     return pd.DataFrame(
         {
             "unit": who["unit"].to_numpy(), "joint": who["joint"].to_numpy(), "type": type_, "parameter": parameter, "direction": direction,
-            "value_unit": q.value_unit, "sessions": most, "value": shown, "standard_error": np.sqrt(variance) * slope,
+            "value_unit": q.value_unit, "sessions": most[now], "value": shown, "standard_error": np.sqrt(variance) * slope,
             "percent": q.percent(level - known.mean), "z": z, "shrunken": near, "shrunken_error": error * near_slope,
             "borrowed_percent": 100 * (1 - own),
         }
