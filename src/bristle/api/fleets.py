@@ -98,7 +98,8 @@ def fleet(
 
     Args:
         catalog: a CSV or Parquet file or a DataFrame with the columns file, unit, session and, as far as they are known, joint, type,
-            temperature (deg C), load and tags; or a pattern such as `logs/{unit}/{session}/{type}.yaml`. Any of them may be a URL of fsspec.
+            temperature (deg C), load and tags (`baseline` among these begins the joint anew); or a pattern such as
+            `logs/{unit}/{session}/{type}.yaml`. Any of them may be a URL of fsspec.
         output: the folder of the dataset, or a URL of one: what it has is not identified again. None: nothing is kept.
         client: a `distributed.Client`; None: the one of this process, or else a cluster of this machine.
         workers: processes of that cluster; in a script they need `if __name__ == "__main__":` around the call.
