@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 from bristle.arrays import Array
 from bristle.model import functions, time_refinement
 from bristle.model import rollout as module
-from bristle.model.parameters import Lugre
+from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
@@ -201,6 +201,22 @@ def test_chunks_leave_no_seam(gripper: Lugre[float], monkeypatch: pytest.MonkeyP
         np.testing.assert_allclose(rollout(v, 2e-3, gripper).torque, whole.torque, rtol=1e-12, atol=1e-15)
     second = rollout(v[300:], np.full(499, 2e-3), gripper, z0=float(whole.z[300]))
     np.testing.assert_allclose(second.torque, whole.torque[300:], rtol=1e-12, atol=1e-15)
+
+
+@pytest.mark.parametrize("stiffer", ["positive", "negative"])
+@pytest.mark.parametrize("times", [1.0, 1e2, 1e8])
+def test_signs_of_deflection_settle_whatever_the_stiffness(
+    pair: Pair[float], stiffer: str, times: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After a reversal z keeps the sign of the softer direction for hundreds of samples: the result is that of some samples at a time."""
+    p = getattr(pair, stiffer)
+    pair = pair._replace(**{stiffer: p._replace(sigma_0=times * p.sigma_0)})
+    v = slow(np.arange(2500) * 1e-3)
+    whole = rollout(v, 1e-3, pair)
+    monkeypatch.setattr(module, "_CHUNK", 25)
+    parts = rollout(v, 1e-3, pair)
+    np.testing.assert_allclose(whole.z, parts.z, atol=1e-9 * np.abs(parts.z).max())
+    np.testing.assert_allclose(whole.torque, parts.torque, atol=1e-6 * np.abs(parts.torque).max())
 
 
 def test_a_step_cut_where_velocity_is_linear_changes_little(gripper: Lugre[float]) -> None:

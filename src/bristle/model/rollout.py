@@ -286,22 +286,41 @@ def _chunks(
 def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, Array]:
     """For a pair: nodes also where z changes sign, and the sign of z in every step.
 
-    Found by repeating the scan until nothing moves. Each pass settles at least one more change of sign, and those after
-    a reversal that sliding has made forgotten settle all at once.
+    While the motion has one direction z changes its sign once at the most, under the set of the sign that it had: a scan of each such
+    stretch from its start says where. The starts are found by repeating this until nothing moves. Each pass settles at least one more of
+    them, and those after a stretch that sliding has made forgotten settle all at once.
     """
-    if isinstance(parameters, Lugre):
+    if isinstance(parameters, Lugre) or nodes.v.size < 2:
         return nodes, np.zeros(0)
     advance = vectorised(functions.step_function(parameters.law))
     ahead = np.sign(nodes.heading)
     above, below = (advance(*nodes.steps, *_acting_over(parameters, np.array(s), nodes)) for s in (1.0, -1.0))
-    cut, old, signs, crossing, side = nodes, np.arange(nodes.v.size), ahead, np.zeros(0, dtype=np.intp), ahead
-    before = np.full(nodes.v.size, np.inf)
+    first = np.flatnonzero(np.diff(ahead, prepend=np.nan))
+    lengths = np.diff(first, append=ahead.size)
     still = _STILL * min(p.alpha_0 / p.sigma_0 for p in parameters)
-    for _ in range(_PASSES):
+
+    def steps(side: Array) -> tuple[Array, Array]:
+        """Coefficients of every step where z has these signs."""
         a, b = (np.where(side < 0, minus, plus) for plus, minus in zip(above, below, strict=True))
+        return a, b
+
+    z = scan(*steps(ahead), z0)
+    for _ in range(_PASSES):
+        before, start = z, z[first]
+        side = np.repeat(np.where(start == 0, ahead[first], np.sign(start)), lengths)
+        a, b = steps(side)
+        apart, from_start = a.copy(), b.copy()
+        apart[first[1:] - 1], from_start[first[1:] - 1] = 0.0, start[1:]
+        z = scan(apart, from_start, z0)
+        passed = side * z[:-1] < 0
+        crossing = np.flatnonzero(~passed & (side * (a * z[:-1] + b) < 0))
+        cut, old = inserted(nodes, crossing, _crossing_fraction(nodes, crossing, z, side, parameters))
+        side = np.where(passed, ahead, side)
+        signs = np.insert(side, crossing + 1, ahead[crossing])
+        a, b = steps(side)
         if crossing.size:  # what is new are the two parts of each step in which z changes sign
-            first = crossing + np.arange(crossing.size)
-            parts = np.concatenate([first, first + 1])
+            begun = crossing + np.arange(crossing.size)
+            parts = np.concatenate([begun, begun + 1])
             v0, v1, h = cut.v[parts], cut.v[parts + 1], cut.h if isinstance(cut.h, float) else cut.h[parts]
             risen = None if cut.level is None else cut.rise[0, parts]
             new = advance(v0, v1, h, *_with_level(_acting(parameters, signs[parts], v0 + v1), risen))
@@ -310,11 +329,6 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
         z = scan(a, b, z0)[old]
         if np.abs(z - before).max() <= still:
             break
-        side = np.where(z[:-1] == 0, ahead, np.sign(z[:-1]))
-        crossing = np.flatnonzero(side * z[1:] < 0)
-        cut, old = inserted(nodes, crossing, _crossing_fraction(nodes, crossing, z, side, parameters))
-        signs = np.insert(side, crossing + 1, ahead[crossing])
-        before = z
     return cut, signs
 
 
