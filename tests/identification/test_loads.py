@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import bristle
+from bristle.api.results import Results
 from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
@@ -42,6 +43,8 @@ LINK_LOAD = ParameterName("link_load", Direction.SHARED)
 TIME = np.arange(0, 4, 1e-3)
 VELOCITY = 0.3 * np.sin(3 * TIME) + 0.1 * np.sin(11 * TIME)
 RISES = np.array([0.1 * np.abs(np.sin(2 * TIME)), 0.2 * (1 + np.cos(5 * TIME))])
+EXACT = (0.0,) * 4
+"""A supply that errs in none of the logs."""
 SETS = [P, Pair(P, P._replace(alpha_0=0.3))]
 
 
@@ -78,7 +81,7 @@ def test_derivatives_by_a_level_are_those_of_differences(p: Lugre[float] | Pair[
 
 
 @cache
-def geared(law: str, rises: float = 0.1, supply: tuple[float, ...] = (0.0,) * 4) -> tuple[Path, Joint]:
+def geared_results(law: str, rises: float, supply: tuple[float, ...]) -> tuple[Path, Results]:
     """A weight swung about four angles, a log each, with friction that rises with gravity's torque: its file, and what it is identified as."""
     folder = Path(mkdtemp(prefix="bristle-geared-"))
     atexit.register(rmtree, folder, ignore_errors=True)
@@ -99,10 +102,16 @@ def geared(law: str, rises: float = 0.1, supply: tuple[float, ...] = (0.0,) * 4)
         f"fit: {{directions: symmetric, regressors: [inertia, gravity], law: {law}}}\n"
         "runs: [{files: [0.csv, 1.csv, 2.csv, 3.csv], experiment: tracking}]\n"
     )
-    return file, bristle.identify(file).joint()
+    return file, bristle.identify(file)
 
 
-@pytest.mark.parametrize("supply", [(0.0, 0.0, 0.0, 0.0), (0.02, -0.02, 0.015, -0.01)])
+def geared(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> tuple[Path, Joint]:
+    """The file, and the joint alone."""
+    file, results = geared_results(law, rises, supply)
+    return file, results.joint()
+
+
+@pytest.mark.parametrize("supply", [EXACT, (0.02, -0.02, 0.015, -0.01)])
 def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None:
     """0.100 within 0.005, and within its interval, with a supply that errs by 2 % in each log too."""
     tracking = geared("paper+link-load", supply=supply)[1].tracking
@@ -273,8 +282,8 @@ SPOILT: list[tuple[dict[str, float], str]] = [
 
 def test_results_with_another_load_are_refused(tmp_path: Path) -> None:
     """Coefficients that were edited into those of no load, or of two, or below zero: one sentence, not a page without them."""
-    file, _ = geared("paper+link-load")
-    document = json.loads(bristle.identify(file).to_json())
+    _, results = geared_results("paper+link-load", 0.1, EXACT)
+    document = json.loads(results.to_json())
     parameters = document["joints"]["geared"]["tracking"]["parameters"]
     known, path = parameters.pop("link_load"), tmp_path / "results.json"
     for wrong, said in SPOILT:
