@@ -3,7 +3,8 @@
 200 robots of six joints, eight sessions over a year; 10 % between robots, 3 % between sessions, errors of 0.5 to 2 %; 5 % of the joints
 wear by a step of alpha_0 in both directions, from a session from the fourth on. Rates are means over the fleets in percent, with standard
 errors: joints said to have changed that had not; worn joints found; parameters wrongly named. "All at once" is Benjamini and Hochberg's procedure
-over all tests of a fleet, for comparison. "Wrong joints" are so many a fleet; a step is off by so many sessions.
+over all tests of a fleet, for comparison. "Wrong joints" are so many a fleet; a step is off by so many sessions. In an
+"unlike" fleet alpha_0 of one joint is always higher: how often it is called outside its type, and how many others are.
 WORDS: only the settings whose names have them, as `small`.
 """
 
@@ -23,6 +24,8 @@ from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, f
 from bristle.workers import pin
 
 SEED = 20
+UNLIKE = ("robot-001", "J1")
+"""The joint that is not like its type, where one is."""
 
 
 class Setting(NamedTuple):
@@ -34,6 +37,8 @@ class Setting(NamedTuple):
     """Whether alpha_0 in direction + alone is known: one test a joint."""
     logged: bool = True
     """Whether temperature is in the catalog."""
+    unlike: float = 0.0
+    """By which alpha_0 of the first robot's first joint is above what was drawn for it, always."""
 
 
 SETTINGS = (
@@ -53,6 +58,13 @@ SETTINGS = (
             FleetDesign(robots, joints, sessions, worn=0.0),
         )
         for robots, joints, sessions in ((1, 1, 5), (1, 6, 8), (3, 2, 6), (12, 2, 6), (12, 2, 12), (40, 2, 4))
+    ),
+    *(
+        Setting(
+            f"unlike: one of {robots} robots by {100 * more:.0f} %", FleetDesign(robots, 2, 6, worn=0.0), unlike=more
+        )
+        for robots in (8, 15, 40, 200)
+        for more in (0.0, 0.5)
     ),
 )
 
@@ -78,6 +90,10 @@ class Score(NamedTuple):
     """Whether a shift common to a type is named."""
     error: float
     """Of the place of the step, sessions, mean over the worn joints that were found."""
+    unlike: float
+    """Whether the first robot's first joint is outside its type."""
+    outside: float
+    """Other joints that are."""
 
 
 def played(setting: Setting, seed: int) -> Score:
@@ -85,6 +101,9 @@ def played(setting: Setting, seed: int) -> Score:
     rng = np.random.default_rng([SEED, seed])
     truth = fleet_truth(setting.design, rng)
     frame = fleet_estimates(setting.design, truth, rng)
+    own = (frame["unit"] == UNLIKE[0]) & (frame["joint"] == UNLIKE[1]) & (frame["parameter"] == "alpha_0")
+    for name in ("value", "standard_error", "lower", "upper"):
+        frame[name] = frame[name].where(~own, (1 + setting.unlike) * frame[name])
     if setting.one:
         frame = frame[(frame["parameter"] == "alpha_0") & (frame["direction"] == "+")].reset_index(drop=True)
     if not setting.logged:
@@ -106,6 +125,8 @@ def scored(found: Findings, truth: FleetTruth) -> Score:
     at_once = false_discovery(tests["p"].to_numpy(float)) <= found.rate
     accused = set(zip(tests["unit"][at_once], tests["joint"][at_once], strict=True))
     first = found.joints["sessions"] - found.joints["sessions_after"]
+    outside = found.joints.loc[found.joints["outside"], ["unit", "joint"]]
+    others = set(zip(outside["unit"], outside["joint"], strict=True)) - {UNLIKE}
     place = dict(zip(zip(found.joints["unit"], found.joints["joint"], strict=True), first, strict=True))
     return Score(
         false=(len(names) - len(hits)) / max(len(names), 1),
@@ -117,6 +138,8 @@ def scored(found: Findings, truth: FleetTruth) -> Score:
         accused=len(names) - len(hits),
         shift=float(any(x.kind is Kind.COMMON_SHIFT for x in found.notes)),
         error=float(np.mean([abs(place[x] - worn[x]) for x in hits])) if hits else float("nan"),
+        unlike=float(len(others) < len(outside)),
+        outside=len(others),
     )
 
 
@@ -133,6 +156,7 @@ def row(setting: Setting, scores: list[Score]) -> dict[str, str]:
         "all at once: false tests": percent("plain_tests"), "false joints": percent("plain_false"), "found joints": percent("plain_power"),
         "wrong joints": f"{mean['accused']:.2f}", "fleets with one": f"{100 * (table['accused'] > 0).mean():.0f}",
         "shift named": f"{100 * mean['shift']:.0f}", "step off": f"{mean['error']:.2f}",
+        "unlike found": percent("unlike"), "others outside": f"{mean['outside']:.2f}",
     }  # fmt: skip  # a table
 
 

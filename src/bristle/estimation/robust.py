@@ -21,6 +21,8 @@ SCALE_EFFICIENCY = 0.88
 """Of the variance's estimate with normal errors, at `SCALE`."""
 _PASSES = 60
 _SETTLED = 1e-7
+_HALVINGS = 40
+_LEAST_VARIANCE = 1e-200
 _MANY = 20
 """Groups from which on the covariance is that of their scores, not of the model."""
 
@@ -167,20 +169,70 @@ class Population(NamedTuple):
     freedom: float
 
 
+class Others(NamedTuple):
+    """The population without each of its n things in turn."""
+
+    mean: Array
+    """(n,)."""
+    mean_error: Array
+    """(n,)."""
+    variance: Array
+    """(n,)."""
+    freedom: float
+
+
 def population(values: Array, known: Array) -> Population:
     """Random effects, robust: mean and variance of a population of which each value (n,) has a known variance (n,)."""
-    mean = float(np.median(values))
-    variance = 0.0
+    every = _populations(values, known, np.ones((1, values.size), dtype=bool))
+    return Population(float(every.mean[0]), float(every.mean_error[0]), float(every.variance[0]), every.freedom)
+
+
+def without_each(values: Array, known: Array) -> Others:
+    """The same without each value in turn: what a value is compared with, if it is not to widen the scatter that it is judged by.
+
+    Memory and time grow with n**2.
+    """
+    return _populations(values, known, ~np.eye(values.size, dtype=bool))
+
+
+def _populations(values: Array, known: Array, there: NDArray[np.bool_]) -> Others:
+    """The populations of those that are there, (k, n), of some values."""
+    mean = np.array([float(np.median(values[row])) for row in there])
+    count = int(there[0].sum())
     for _ in range(_PASSES):
-        variance = common_variance(values - mean, known, 1.0, 1)
-        s2 = np.maximum(variance + known, np.finfo(float).tiny)
-        w = np.minimum(1.0, BEND / np.maximum(np.abs(values - mean) / np.sqrt(s2), 1e-300)) / s2
-        before, mean = mean, float((w * values).sum() / w.sum())
-        if abs(mean - before) < _SETTLED * float(np.sqrt(np.median(s2))):
+        squares = np.where(there, (values - mean[:, None]) ** 2, 0.0)
+        variance = _variances(squares, known, expected_square(SCALE) * (count - 1))
+        s2 = np.maximum(variance[:, None] + known, _LEAST_VARIANCE)
+        w = there * np.minimum(1.0, BEND / np.maximum(np.sqrt(squares / s2), 1e-300)) / s2
+        before, mean = mean, (w * values).sum(axis=1) / w.sum(axis=1)
+        if (np.abs(mean - before) < _SETTLED * np.sqrt(np.median(s2, axis=1))).all():
             break
-    s2 = np.maximum(variance + known, np.finfo(float).tiny)
-    u = (values - mean) / np.sqrt(s2)
-    bread = float(((np.abs(u) < BEND) / s2).sum())
-    meat = float((np.clip(u, -BEND, BEND) ** 2 / s2).sum())
-    error = np.sqrt(meat) / bread if bread > 0 else float("inf")
-    return Population(mean, float(error), variance, max((values.size - 1) * SCALE_EFFICIENCY, 0.0))
+    s2 = np.maximum(variance[:, None] + known, _LEAST_VARIANCE)
+    u = (values - mean[:, None]) / np.sqrt(s2)
+    bread = (there * (np.abs(u) < BEND) / s2).sum(axis=1)
+    meat = (there * np.clip(u, -BEND, BEND) ** 2 / s2).sum(axis=1)
+    error = np.divide(np.sqrt(meat), bread, out=np.full(mean.size, np.inf), where=bread > 0)
+    return Others(mean, error, variance, max((count - 1) * SCALE_EFFICIENCY, 0.0))
+
+
+def _variances(squares: Array, known: Array, goal: float) -> Array:
+    """`common_variance` of several rows, (k,), by bisection; squares of residuals (k, n), 0 where there is none."""
+    if goal <= 0:
+        return np.zeros(len(squares))
+
+    def above(variance: Array) -> NDArray[np.bool_]:
+        """Whether it is larger."""
+        total = variance[:, None] + known
+        ratio = np.divide(squares, total, out=np.where(squares > 0, np.inf, 0.0), where=total > 0)
+        larger: NDArray[np.bool_] = np.minimum(ratio, SCALE**2).sum(axis=1) > goal
+        return larger
+
+    low, high = np.zeros(len(squares)), squares.max(axis=1)
+    some = above(low)
+    while (grows := above(high) & some).any():
+        high = np.where(grows, 4 * high, high)
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        larger = above(middle)
+        low, high = np.where(larger, middle, low), np.where(larger, high, middle)
+    return np.where(some, high, 0.0)

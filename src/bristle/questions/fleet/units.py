@@ -9,12 +9,14 @@ from scipy.special import stdtr
 
 from bristle.arrays import Array
 from bristle.estimation.multiple_tests import false_discovery, simes
-from bristle.estimation.robust import Population, population
+from bristle.estimation.robust import Population, population, without_each
 from bristle.questions.fleet.quantities import Adjusted, padded
 from bristle.questions.fleet.roster import Roster
 
 LEAST_UNITS = 5
 """Joints of a type from which on its mean and spread are told."""
+MOST_LEFT_OUT = 50
+"""Joints of a type up to which each is judged by the others alone: of more one hardly moves the spread."""
 _COLUMNS = (
     "unit", "joint", "type", "parameter", "direction", "value_unit", "sessions", "value", "standard_error", "percent", "z", "adjusted_p",
     "outside", "shrunken", "shrunken_error", "borrowed_percent",
@@ -43,8 +45,8 @@ def unit_rows(
 ) -> pd.DataFrame:
     """A row per joint and quantity of the types whose spread is known; `settled`: sessions of each joint before it changed.
 
-    A joint is outside where its own value is beyond what the type's scatter makes likely, at the false discovery rate over
-    all joints, as for changes.
+    A joint is outside where its own value is beyond what the scatter of the others of its type makes likely, at the false
+    discovery rate over all joints, as for changes.
     """
     parts, numbers, ps = [], [], []
     for one, most in zip(quantities, settled, strict=True):
@@ -68,8 +70,9 @@ def unit_rows(
 def _rows(one: Adjusted, most: NDArray[np.intp], known: Population, people: Roster) -> tuple[pd.DataFrame, Array]:
     q, now = one.of, one.of.now
     level, variance = (x[now] for x in own_levels(one, most))
-    total = np.maximum(known.variance + variance, np.finfo(float).tiny)
-    z = (level - known.mean) / np.sqrt(total + known.mean_error**2)
+    total = known.variance + variance
+    others = without_each(level, variance) if level.size <= MOST_LEFT_OUT else known
+    z = (level - others.mean) / np.sqrt(others.variance + variance + others.mean_error**2)
     own = known.variance / total
     drawn = known.mean + own * (level - known.mean)
     error = np.sqrt(own * variance + (1 - own) ** 2 * known.mean_error**2)
@@ -84,4 +87,4 @@ def _rows(one: Adjusted, most: NDArray[np.intp], known: Population, people: Rost
             "percent": q.percent(level - known.mean), "z": z, "shrunken": near, "shrunken_error": error * near_slope,
             "borrowed_percent": 100 * (1 - own),
         }
-    ), 2 * np.asarray(stdtr(known.freedom, -np.abs(z)), dtype=float)  # fmt: skip  # a table
+    ), 2 * np.asarray(stdtr(others.freedom, -np.abs(z)), dtype=float)  # fmt: skip  # a table
