@@ -61,6 +61,13 @@ SETTINGS = (
     ),
     *(
         Setting(
+            f"few points: 12 robots, {freedom} degrees of freedom, sessions alike, no wear",
+            FleetDesign(12, 2, 9, worn=0.0, scatter=0.0, errors=(0.005, 0.005), freedom=freedom),
+        )
+        for freedom in (2, 4, 10)
+    ),
+    *(
+        Setting(
             f"unlike: one of {robots} robots by {100 * more:.0f} %", FleetDesign(robots, 2, 6, worn=0.0), unlike=more
         )
         for robots in (8, 15, 40, 200)

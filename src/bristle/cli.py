@@ -408,7 +408,7 @@ def fleet(
     print_lines([f"Page: {found.write(folder)}"], done=True)
     if strict and found.changed:
         many = f"{found.changed} joint{'' if found.changed == 1 else 's'}"
-        complain(f"{many} changed (--strict); once it is seen to, tag the joint's next session baseline")
+        complain(f"{many} changed (--strict); once a change is seen to, tag the joint's next session baseline")
         raise typer.Exit(3)
 
 

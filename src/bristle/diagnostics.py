@@ -2100,6 +2100,10 @@ class Kind(Enum):
     JOINTS_UNTESTED = _NOTE, "Not tested for a change: {count} joint{count!e}; {why!m}."
     UNTESTED_BY_SESSIONS = _NOTE, "{count} without values in more than {baseline} sessions"
     UNTESTED_BY_SCATTER = _NOTE, "{count} whose type has too few repeated sessions to tell the scatter between them"
+    BASELINES_BEGUN = (
+        _NOTE,
+        "{count} joint{count!e} begun anew at a session tagged baseline; the last: {joint} on {since}.",
+    )
     SESSIONS_FAILED = _NOTE, "{failed} of {total} joint session{total!e} without a result; the first: {first}"
     SESSIONS_LEFT_OUT = _NOTE, "{count} joint session{count!e} left out of the findings; the first: {first}"
     VALUES_CRITICAL = (
@@ -2681,7 +2685,7 @@ REASONS: Mapping[str, str] = {
     # note
     "It says why a segment, a point or a run is left out, and no number rests on it.": (
         "TOO_SHORT TRANSIENT AT_REST ACCELERATING HUNTING UNSTEADY UNSETTLED SATURATED SETTLING POINT_AT_REST POINT_TOO_SLOW BELOW_BREAKAWAY "
-        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT SESSIONS_FAILED SESSIONS_LEFT_OUT "
+        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT SESSIONS_FAILED SESSIONS_LEFT_OUT BASELINES_BEGUN "
         "VALUES_CRITICAL OF_OTHER_FITS"
     ),
     "A part of another sentence, whose severity counts.": (

@@ -187,10 +187,15 @@ def test_a_defect_is_a_row_and_tried_again(ran: Any, tmp_path: Path, monkeypatch
         tmp_path / "one.csv", [{"file": "logs/r0/2026-01-01/elbow.yaml", "unit": "r0", "session": "2026-01-01"}]
     )
     with pytest.raises(
-        InputError, match=r"none of 1 joint sessions could be identified; the first is 'logs/r0.*a defect of bristle"
+        InputError, match=r"none of 1 joint session could be identified; the first is 'logs/r0.*a defect of bristle"
     ):
         ran("one.csv", "other")
     assert not Path("other").exists()
+    Path("held").mkdir()
+    Path("held/mine.txt").write_text("mine")
+    with pytest.raises(InputError, match="none of 1 joint session could"):
+        ran("one.csv", "held")
+    assert tree(Path("held")) == {"mine.txt": b"mine"}
     monkeypatch.setattr(fleets, "identified_joint", counted)
     assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
 
@@ -370,7 +375,7 @@ def test_the_command_line(client: Any, tmp_path: Path, monkeypatch: pytest.Monke
     worn = run("fleet", pattern, "-o", "out", "--strict")
     assert (worn.code, worn.said) == (
         3,
-        ["1 joint changed (--strict); once it is seen to, tag the joint's next session baseline"],
+        ["1 joint changed (--strict); once a change is seen to, tag the joint's next session baseline"],
     )
     assert "0 joint sessions identified, 11 unchanged, 0 failed" in worn.words
     logs = sorted(Path("logs").glob("*/*/*.yaml"))

@@ -7,7 +7,6 @@ import pytest
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.questions.fleet.findings import Findings, findings
-from bristle.questions.fleet.quantities import normal_errors
 from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
 
 SMALL = FleetDesign(robots=60, joints=2)
@@ -259,12 +258,16 @@ def test_a_sensor_that_fails_is_named_by_joint_and_session(plain: tuple[pd.DataF
     assert accused(again) == accused(found)
 
 
-def test_errors_of_few_points_count_as_wide_as_their_intervals() -> None:
-    """An error from a fit of four degrees of freedom is that of a normal variable with its 95 % interval; an open interval changes nothing."""
-    rows = pd.DataFrame(
-        {"standard_error": [1.0, 1.0, 2.0], "lower": [-2.776, -np.inf, -3.0], "upper": [2.776, np.inf, 3.0]}
-    )
-    np.testing.assert_allclose(normal_errors(rows), [2.776 / 1.95996, 1.0, 2.0], rtol=1e-4)
+@pytest.mark.parametrize("freedom", [3.0, 8.0])
+def test_errors_of_few_points_accuse_nobody(freedom: float) -> None:
+    """Sessions that scatter by errors of few points, and no more: an error that is small by chance makes no joint accused, nor a scatter."""
+    accusations = 0
+    for seed in range(12):
+        frame, _ = fleet(FleetDesign(12, 2, 9, worn=0.0, scatter=0.0, errors=(0.005, 0.005), freedom=freedom), seed)
+        found = findings(frame)
+        accusations += found.changed > 0
+        assert found.types["scatter_percent"].median() < 0.2
+    assert accusations <= 2
 
 
 def test_a_session_with_the_tag_baseline_begins_its_joint_anew(
@@ -278,10 +281,12 @@ def test_a_session_with_the_tag_baseline_begins_its_joint_anew(
     for at, tags, left in (
         (since, "new grease; Baseline", row["sessions_after"]),
         (since, "baselines", row["sessions"]),
+        (since, "no-baseline", row["sessions"]),
         (frame.loc[own, "session"].min(), "baseline", row["sessions"]),
     ):
         marked = np.where(own & (frame["session"] == at).to_numpy(), tags, "")
         again = findings(frame.assign(tags=pd.Categorical(marked)))
+        assert (Kind.BASELINES_BEGUN in kinds(again)) == (left == row["sessions_after"])
         assert len(again.joints) == len(found.joints)
         new = again.joints.set_index(["unit", "joint"]).loc[(row["unit"], row["joint"])]
         assert new["sessions"] == left
@@ -306,3 +311,21 @@ def test_marked_sessions_in_a_row_are_one_baseline() -> None:
     assert accused(found) == {("robot-007", "J1")}
     assert found.joints.iloc[0]["since"] == frame.loc[hit & (place == 6), "session"].iloc[0]
     assert abs(found.joints.iloc[0]["percent"] - 50) < 15
+
+
+def test_the_mark_of_a_session_that_failed_holds(plain: tuple[pd.DataFrame, FleetTruth, Findings]) -> None:
+    """A marked session of which no joint is known, its file being gone, begins the joints of its unit and type anew, and no others."""
+    frame, _, found = plain
+    row = found.joints.iloc[0]
+    own = (frame["unit"] == row["unit"]) & (frame["joint"] == row["joint"])
+    gone = frame[own & (frame["session"] == row["since"])].iloc[[0]]
+    gone = gone.assign(tags="baseline", failure="no such file", **dict.fromkeys(("joint", "value", "standard_error")))
+    for known in (row["type"], None):
+        rest = frame[~(own & (frame["session"] == row["since"]))]
+        again = findings(pd.concat([rest, gone.assign(type=known)], ignore_index=True)).joints.set_index(
+            ["unit", "joint"]
+        )
+        assert again.loc[(row["unit"], row["joint"]), "sessions"] == row["sessions_after"] - 1
+        others = again.loc[row["unit"]].drop(row["joint"])["sessions"]
+        assert (others == row["sessions"]).all() == (known is not None)
+        assert (again.drop(row["unit"], level=0)["sessions"] == row["sessions"]).all()

@@ -11,6 +11,7 @@ from bristle.api.joints import asked_joint
 from bristle.errors import InputError, short
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
+from bristle.page.wording import counted
 from bristle.progress import Progress, step
 
 if TYPE_CHECKING:
@@ -42,7 +43,9 @@ class Fleet(NamedTuple):
     @property
     def counts(self) -> str:
         """What the run did, in a line."""
-        return f"{self.identified} joint sessions identified, {self.unchanged} unchanged, {self.failed} failed"
+        return (
+            f"{counted(self.identified, 'joint session')} identified, {self.unchanged} unchanged, {self.failed} failed"
+        )
 
     @property
     def changed(self) -> int:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.model import functions
@@ -41,6 +42,8 @@ class FleetDesign(NamedTuple):
     """Scatter between the sessions of a joint."""
     errors: tuple[float, float] = (0.005, 0.02)
     """Of an estimate, uniform between these."""
+    freedom: float = np.inf
+    """Degrees of freedom of these errors, by chance larger or smaller than they are, and of the intervals."""
     worn: float = 0.05
     """Share of the joints that wear."""
     change: float = 0.15
@@ -97,7 +100,10 @@ def fleet_estimates(design: FleetDesign, truth: FleetTruth, rng: np.random.Gener
     robot, joint, session, d, name = np.unravel_index(np.arange(value.size), value.shape)
     robots = np.array([f"robot-{k + 1:03d}" for k in range(design.robots)])
     types, signs = np.array(list(TYPES)[: design.joints]), np.array(["+", "-"])
-    se = (error * value).ravel()
+    few = np.isfinite(design.freedom)
+    told = error * np.sqrt(rng.chisquare(design.freedom, error.shape) / design.freedom) if few else error
+    se = (told * value).ravel()
+    half = float(stdtrit(design.freedom, 0.975)) * se
     frame = pd.DataFrame(
         {
             "unit": pd.Categorical(robots[robot]),
@@ -109,8 +115,8 @@ def fleet_estimates(design: FleetDesign, truth: FleetTruth, rng: np.random.Gener
             "value": value.ravel(),
             "value_unit": pd.Categorical(np.array([unit(x) for x in NAMES])[name]),
             "standard_error": se,
-            "lower": value.ravel() - 1.96 * se,
-            "upper": value.ravel() + 1.96 * se,
+            "lower": value.ravel() - half,
+            "upper": value.ravel() + half,
             "temperature": truth.temperature[robot, session] if design.swing else np.nan,
             "load": np.nan,
         }

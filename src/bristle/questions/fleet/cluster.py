@@ -51,6 +51,26 @@ class Reach(NamedTuple):
 class SchedulerLostError(OSError):
     """The scheduler cannot be reached any more."""
 
+    def __init__(self, client: Client) -> None:
+        address = client.scheduler.address if client.scheduler else ""
+        super().__init__(f"the scheduler{f' {address}' if address else ''} was lost")
+
+
+@contextmanager
+def told_where_lost(client: Client) -> Iterator[None]:
+    """Raise SchedulerLostError where a call of a client ends because its scheduler does."""
+    from distributed import TimeoutError as DaskTimeoutError
+    from distributed.comm import CommClosedError
+
+    try:
+        yield
+    except (CommClosedError, DaskTimeoutError, TimeoutError) as error:
+        raise SchedulerLostError(client) from error
+    except RuntimeError as error:  # of a client that has noticed
+        if client.status == "running":
+            raise
+        raise SchedulerLostError(client) from error
+
 
 def check_installed() -> None:
     """Raise InputError where what a fleet needs is not installed."""
@@ -303,11 +323,7 @@ def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple
                 elif future.status == "error":
                     yield call, future.exception()
                 else:
-                    raise SchedulerLostError(
-                        f"the scheduler {client.scheduler.address if client.scheduler else ''} was lost".replace(
-                            "  ", " "
-                        )
-                    )
+                    raise SchedulerLostError(client)
                 future.release()
             begin()
     finally:

@@ -12,6 +12,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
 
 from bristle.errors import InputError, one_line, short
+from bristle.page.wording import counted
 from bristle.progress import Progress, step
 from bristle.questions.fleet.catalog import CatalogRow
 from bristle.questions.fleet.cluster import (
@@ -23,6 +24,7 @@ from bristle.questions.fleet.cluster import (
     reach_of,
     spread,
     threads_of,
+    told_where_lost,
 )
 from bristle.questions.fleet.dataset import (
     TASKS,
@@ -133,20 +135,26 @@ def run_fleet(
     """
     with _output(output):
         step(progress, "checking the workers")
-        check_workers(client)
-        ledger = _ledger(output)
-        reach = reach_of(client, output, _samples(rows))
-        files = _survey(client, rows, ledger, reach, progress, verify=verify)
-        _write_ledger(output, files)
-        sessions = joint_sessions(rows, files)
-        return _run(client, sessions, files, output, reach, identify, progress)
+        known = task_keys(output)
+        try:
+            with told_where_lost(client):
+                check_workers(client)
+                reach = reach_of(client, output, _samples(rows))
+            files = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
+            _write_ledger(output, files)
+            return _run(client, joint_sessions(rows, files), files, output, reach, identify, progress)
+        except SchedulerLostError as error:
+            stay = len(task_keys(output) - known)
+            raise OSError(
+                f"{error}; what is finished stays ({counted(stay, 'joint session')} of this run); run again to go on"
+            ) from error
 
 
 @contextmanager
 def _output(output: str) -> Iterator[None]:
-    """The folder, to be written by this run alone. One that it made, and in which nothing is finished, is removed where the run is refused."""
-    new = not is_remote(output) and not local_path(output).exists()
-    if not (new or is_remote(output) or local_path(output).is_dir()):
+    """The folder, to be written by this run alone. Where the run is refused and nothing is finished, what it made there is removed."""
+    new = [] if is_remote(output) else [x for x in (local_path(output), local_path(output) / TASKS) if not x.exists()]
+    if not is_remote(output) and local_path(output).is_file():
         raise InputError(f"{output}: is a file; name a folder")
     try:
         make_folder(joined_path(output, TASKS))
@@ -161,17 +169,18 @@ def _output(output: str) -> Iterator[None]:
             yield
         except InputError:
             if new:
-                _emptied(local_path(output))
+                _undone(local_path(output), new)
             raise
 
 
-def _emptied(folder: Path) -> None:
-    """Remove a folder that has no finished task."""
+def _undone(folder: Path, new: Sequence[Path]) -> None:
+    """Remove the folders that a run made, and its files there; none where a task is finished."""
     with suppress(OSError):
         (folder / TASKS).rmdir()
         for name in (LEDGER, LOCK):
             (folder / name).unlink(missing_ok=True)
-        folder.rmdir()
+        if folder in new:
+            folder.rmdir()
 
 
 def _lock(number: int, output: str) -> None:
@@ -319,15 +328,11 @@ def _identified(
     token, threads = secrets.token_hex(4), threads_of(client)
     window = SENT_WINDOW * threads if sent else max(LEAST_WINDOW, WINDOW * threads)
     calls = (Call(f"bristle-identify-{task.key}-{token}", identify_task, (task, identify)) for task in tasks)
-    telling, found, done = _Telling(progress, "identifying", total), _Ended(set(), {}), 0
+    telling, found = _Telling(progress, "identifying", total), _Ended(set(), {})
     telling.tell(0)
-    try:
-        for call, end in spread(client, calls, window):
-            _take(found, call.arguments[0].key, end, output)
-            done += 1
-            telling.tell(done)
-    except SchedulerLostError as error:
-        raise OSError(f"{error}; {done} of {total} are finished and stay; run again to go on") from error
+    for done, (call, end) in enumerate(spread(client, calls, window), 1):
+        _take(found, call.arguments[0].key, end, output)
+        telling.tell(done)
     return found
 
 
@@ -362,9 +367,8 @@ def _compacted(
         for path in tasks:
             remove(path)
         file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
-        raise InputError(
-            f"none of {len(table)} joint sessions could be identified; the first is {short(file)}: {reason}"
-        )
+        many = counted(len(table), "joint session")
+        raise InputError(f"none of {many} could be identified; the first is {short(file)}: {reason}")
     write_parts(output, table, before)
     for path in tasks:
         remove(path)

@@ -66,6 +66,7 @@ def _time() -> Any:
         "x", "adjusted", source=source, size=10, marker="diamond", line_color=GREY, fill_color=None, line_width=1.5
     )
     value = plot.scatter("x", "value", source=source, size=7, color=BLUE)
+    plot.add_layout(Span(name="begun", dimension="height", line_color=GREY, line_width=2, visible=False))
     plot.add_layout(
         Span(name="step", dimension="height", line_color=VERMILION, line_width=2, line_dash="dotted", visible=False)
     )

@@ -19,7 +19,7 @@ from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.robust import variance_interval
 from bristle.questions.fleet.changes import change_rows, decide, ranked, settled_sessions, step_tests
-from bristle.questions.fleet.notes import compared, headline, notes
+from bristle.questions.fleet.notes import anew, compared, headline, notes
 from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
 from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, adjusted, quantity_of
 from bristle.questions.fleet.roster import Roster, named_rows, roster
@@ -91,7 +91,7 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     """
     check_rate(rate, baseline)
     whole, frame = frame, named_rows(frame)
-    people, said = roster(frame), list[Diagnostic]()
+    people, said = roster(whole), list[Diagnostic]()
     every = list(_quantities(frame, people, said))
     known = [x for x in every if x.tested]
     said.extend(compared(known, frame, people))
@@ -103,6 +103,7 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     settled = [settled_sessions(x, part) for x, part in zip(tests, parts[: len(tests)], strict=True)]
     units = unit_rows(known, settled, people, rate)
     begun = warnings_begun(frame, people)
+    said.extend(anew(people))
     joints = _completed(joints, new_warnings(begun, frame, people, _since(joints)), units, baseline)
     return Findings(
         headline=headline(joints, rate), notes=notes(whole, every, joints, said, baseline),
@@ -246,9 +247,10 @@ def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], fram
 
 
 def _chart(one: Adjusted, most: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
-    """Of each row the adjusted value, and the 95 % limits for one more session, from those of its joint before a change."""
+    """Of each row the adjusted value, and the 95 % limits for one more session, from its joint's before a change; none before a new baseline."""
     q = one.of
     mean, variance = own_levels(one, most)
     reach = student(one.fit.freedom) * np.sqrt(variance[q.joint] + one.variance)
+    reach = np.where(q.now[q.joint], reach, np.nan)
     low, high = mean[q.joint] - reach, mean[q.joint] + reach
     return {"adjusted": q.shown(one.y), "limit_low": q.shown(low), "limit_high": q.shown(high)}

@@ -144,6 +144,7 @@ fleet.joints = (() => {
     const since = steps.since(block), place = x.findIndex((ms) => ms >= since - 1), step = charts.named("step");
     const there = place > 0, begun = Math.max(x.findIndex((ms) => ms >= table.first(joint) - 1), 0);
     step.setv({ visible: there, location: there ? (x[place - 1] + x[place]) / 2 : x[0] });
+    charts.named("begun").setv({ visible: begun > 0, location: begun > 0 ? (x[begun - 1] + x[begun]) / 2 : x[0] });
     const levels = [level("before", block, begun, there ? place : 0, x), level("after", block, there ? place : 0, there ? n : 0, x)];
     ranges(data, levels, x);
     const { label, unit } = fleet.quantity(series.quantity[block]);

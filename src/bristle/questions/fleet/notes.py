@@ -55,6 +55,17 @@ def notes(
     return tuple(sorted(said, key=lambda x: list(Severity).index(x.severity)))
 
 
+def anew(people: Roster) -> Iterator[Diagnostic]:
+    """The joints that a tag begins anew."""
+    every = people.table
+    again = every[every["now"] & every.duplicated(["unit", "joint"], keep=False) & every["first"].notna()]
+    if len(again):
+        last = again.sort_values("first", kind="stable").iloc[-1]
+        yield Kind.BASELINES_BEGUN(
+            count=len(again), joint=f"{last['unit']} {last['joint']}", since=f"{last['first']:%Y-%m-%d}"
+        )
+
+
 def _shifts(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
     """The shifts common to a type, of all its parameters in one sentence."""
     shifted = [x for x in every if x.knots.size]

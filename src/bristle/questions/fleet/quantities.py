@@ -15,6 +15,7 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.estimation.covariance import student
+from bristle.estimation.moderation import normal_errors
 from bristle.estimation.robust import Differences, RobustFit, differences_of, fit_differences
 from bristle.estimation.step_test import Levels
 from bristle.questions.fleet.roster import Roster
@@ -93,12 +94,13 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
     """
     joint, day = people.joint[where], people.day[where]
     order = np.lexsort((day, joint))
-    value, error = (x[order] for x in (rows["value"].to_numpy(float), normal_errors(rows)))
+    value, error, half = (x[order] for x in _estimates(rows))
     typical, uncertain = float(np.median(np.abs(value))), float(np.median(error))
     if typical <= CLEAR * uncertain:
         return None
     scale = 0.0 if (value > 0).all() else typical
-    y, e = (np.log(value), error / value) if not scale else (value / scale, error / scale)
+    one = value if not scale else np.full(value.size, scale)
+    y, e = value / scale if scale else np.log(value), normal_errors(error / one, half / one)
     joints, own = np.unique(joint[order], return_inverse=True)
     covariates = [(name, rows[name].to_numpy(float)[order]) for name in COVARIATES]
     told = [(name, x - np.nanmedian(x)) for name, x in covariates if np.isfinite(x).any() and np.nanstd(x) > 0]
@@ -111,11 +113,10 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
     )  # fmt: skip  # a list of values
 
 
-def normal_errors(rows: pd.DataFrame) -> Array:
-    """Standard errors, or those of a normal variable with the same 95 % interval, where that is wider: fits of few points have such."""
-    half = (rows["upper"] - rows["lower"]).to_numpy(float) / (2 * student(inf))
-    error: Array = np.fmax(rows["standard_error"].to_numpy(float), np.where(np.isfinite(half), half, 0.0))
-    return error
+def _estimates(rows: pd.DataFrame) -> tuple[Array, Array, Array]:
+    """Values, their standard errors, and the halves of their 95 % intervals, (n,) each."""
+    value, error, lower, upper = (rows[name].to_numpy(float) for name in ("value", "standard_error", "lower", "upper"))
+    return value, error, (upper - lower) / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

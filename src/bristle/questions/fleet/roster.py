@@ -14,8 +14,8 @@ from bristle.arrays import Array
 
 _EPOCH = np.datetime64("1970-01-01", "us")
 _DAY = np.timedelta64(1, "D")
-_BEGINS = re.compile(r"\bbaseline\b", re.IGNORECASE)
-"""Among the tags of a session: that its joint begins anew with it."""
+_BEGINS = re.compile(r"(?:^|[\s,;])baseline(?=$|[\s,;])", re.IGNORECASE)
+"""Among the tags of a session, a word of its own: that its joint begins anew with it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,14 +40,19 @@ def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
     return frame if known.all() else frame[known].reset_index(drop=True)
 
 
-def roster(frame: pd.DataFrame) -> Roster:
-    """The joints of a dataset all of whose rows are named. A joint has the type of its last row that is not left out."""
+def roster(whole: pd.DataFrame) -> Roster:
+    """The joints of the rows of a dataset that are named. A joint has the type of its last row that is not left out.
+
+    A failed session of which no joint is known begins all joints of its unit anew, or those of its type, where it is marked.
+    """
+    frame = named_rows(whole)
     unit = frame["unit"].astype("category").cat.codes.to_numpy(np.intp)
     name = frame["joint"].astype("category").cat.codes.to_numpy(np.intp)
     pairs = unit * (int(name.max(initial=0)) + 1) + name
     day = (frame["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
     kept = frame["left_out"].isna().to_numpy()
-    begun = _baselines(frame["tags"], pairs, day, kept)
+    marked = pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"]) & kept})
+    begun = _baselines(pd.concat([marked, _marks_of_all(whole, frame, pairs)]), pairs, day)
     most = int(begun.max(initial=0)) + 1
     every, first, joint = np.unique(pairs * most + begun, return_index=True, return_inverse=True)
     table = pd.DataFrame({key: frame[key].astype(str).to_numpy()[first] for key in ("unit", "joint")})
@@ -67,16 +72,33 @@ def roster(frame: pd.DataFrame) -> Roster:
     return Roster(joint=joint.astype(np.intp), unit=unit.astype(np.intp), day=day, usable=_usable(frame), table=table)
 
 
-def _baselines(
-    tags: "pd.Series[str]", pairs: NDArray[np.intp], day: Array, kept: NDArray[np.bool_]
-) -> NDArray[np.intp]:
+def _marked(tags: "pd.Series[str]") -> NDArray[np.bool_]:
+    """Which tags begin a joint anew, (rows,)."""
+    text = tags.astype("category")
+    begins = np.array([_BEGINS.search(str(tag)) is not None for tag in text.cat.categories], dtype=bool)
+    return np.append(begins, False)[text.cat.codes]
+
+
+def _marks_of_all(whole: pd.DataFrame, frame: pd.DataFrame, pairs: NDArray[np.intp]) -> pd.DataFrame:
+    """Marks of sessions of which no joint is known: pair, day and marked, for each joint of their unit, and of their type where it is given."""
+    unknown = whole[whole["joint"].isna() & whole["unit"].notna() & whole["session"].notna()]
+    unknown = unknown[_marked(unknown["tags"])]
+    if unknown.empty:
+        return pd.DataFrame({"pair": pairs[:0], "day": np.zeros(0), "marked": np.zeros(0, dtype=bool)})
+    known = pd.DataFrame({"unit": frame["unit"].astype(str), "type": frame["type"].astype(str), "pair": pairs})
+    names = unknown.assign(
+        unit=unknown["unit"].astype(str), day=(unknown["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
+    )
+    rows = names[["unit", "day", "type"]].merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
+    asked = rows["type_asked"]
+    return rows.loc[asked.isna() | (asked.astype(str) == rows["type"]), ["pair", "day"]].assign(marked=True)
+
+
+def _baselines(marked: pd.DataFrame, pairs: NDArray[np.intp], day: Array) -> NDArray[np.intp]:
     """How many baselines of its joint began before or with the session of each row, (rows,); one of successive marked sessions is its first."""
-    marked = tags.astype("category")
-    begins = np.array([_BEGINS.search(str(tag)) is not None for tag in marked.cat.categories], dtype=bool)
-    if not begins.any():
+    if not marked["marked"].any():
         return np.zeros(pairs.size, dtype=np.intp)
-    of_row = np.append(begins, False)[marked.cat.codes] & kept
-    sessions = pd.DataFrame({"pair": pairs, "day": day, "marked": of_row}).groupby(["pair", "day"])["marked"].any()
+    sessions = marked.groupby(["pair", "day"])["marked"].any()
     before = sessions.groupby("pair").shift(fill_value=False)
     count = (sessions & ~before).groupby("pair").cumsum()
     return np.asarray(count.reindex(pd.MultiIndex.from_arrays([pairs, day])), dtype=np.intp)

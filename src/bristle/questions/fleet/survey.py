@@ -103,6 +103,10 @@ def survey(path: str, known: Surveyed | None = None, *, verify: bool = False) ->
         return _looked_at(path, {} if known is None or verify else {one.path: one for one in known.inputs})
     except InputError as error:
         return Surveyed(path, failure=without_folder(str(error), path))
+    except FileNotFoundError:
+        return Surveyed(
+            path, failure=f"{name_of(path)}: no such file; check the path, which is relative to the catalog"
+        )
     except OSError as error:
         return Surveyed(path, failure=without_folder(unreadable(name_of(path), error), path))
 

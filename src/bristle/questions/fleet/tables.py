@@ -246,7 +246,7 @@ def unit_cells(units: pd.DataFrame) -> list[list[str]]:
         [
             shortened(str(row.unit), _LONG), shortened(str(row.joint), _LONG), label(row), "outside" if row.outside else "not outside",
             measured(row.value, row.standard_error), measured(row.shrunken, row.shrunken_error), _unit(row),
-            number(row.borrowed_percent, 2), f"{row.percent:+.3g}", probability(row.adjusted_p), str(row.sessions),
+            number(row.borrowed_percent, 3), f"{row.percent:+.3g}", probability(row.adjusted_p), str(row.sessions),
             shortened(str(row.type), _LONG),
         ]
         for row in rows_of(outside_first(units).head(PRINTED))

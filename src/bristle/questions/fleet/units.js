@@ -18,7 +18,7 @@ fleet.units = (() => {
     { show: own, by: table.value, kind: "n" },
     { show: drawn, by: table.shrunken, kind: "n" },
     { show: unitOf, by: unitOf, kind: "s" },
-    { show: (k) => fleet.number(table.borrowed_percent(k), 2), by: table.borrowed_percent, kind: "n" },
+    { show: (k) => fleet.number(table.borrowed_percent(k), 3), by: table.borrowed_percent, kind: "n" },
     { show: (k) => fleet.signed(table.percent(k)), by: table.percent, kind: "n" },
     { show: (k) => fleet.probability(table.adjusted_p(k)), by: table.adjusted_p, kind: "n" },
     { show: (k) => String(table.sessions(k)), by: table.sessions, kind: "n" },
@@ -85,7 +85,7 @@ fleet.units = (() => {
     charts.fill("here", place < 0 ? { x: [], value: [] } : { x: [place + 1], value: [table.value(k)] });
     if (place < 0) return;
     const { unit } = fleet.quantity(table.quantity(k));
-    fleet.text("unit-said", `${table.unit(k)}, joint ${table.joint(k)}: ${label(k)} ${fleet.withUnit(own(k), unit)}, ${fleet.signed(table.percent(k))} % from the mean (${finding(k)}); shrunken ${fleet.withUnit(drawn(k), unit)}, of which ${fleet.number(table.borrowed_percent(k), 2)} % is borrowed.`);
+    fleet.text("unit-said", `${table.unit(k)}, joint ${table.joint(k)}: ${label(k)} ${fleet.withUnit(own(k), unit)}, ${fleet.signed(table.percent(k))} % from the mean (${finding(k)}); shrunken ${fleet.withUnit(drawn(k), unit)}, of which ${fleet.number(table.borrowed_percent(k), 3)} % is borrowed.`);
   }
 
   function choose(k) {

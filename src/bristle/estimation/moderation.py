@@ -1,0 +1,63 @@
+"""Variances that each rest on few observations, made steadier by what all of them have in common: empirical Bayes (Smyth, 2004).
+
+Statistical Applications in Genetics and Molecular Biology 3(1), article 3: a variance s**2 with d degrees of freedom becomes
+(d0 s0**2 + d s**2) / (d0 + d), with d0 + d degrees of freedom; s0**2 and d0 come from the scatter of log(s**2) beyond what chance makes it.
+"""
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import digamma, polygamma, stdtridf, stdtrit
+
+from bristle.arrays import Array
+
+_LEVEL = 0.975
+_MANY = 1e3
+"""Degrees of freedom that are as good as any number of them."""
+_SCATTER = (1e-6, 1e6)
+"""Of log(s**2): below it all variances are one, above it they have nothing in common."""
+
+
+def normal_errors(error: Array, half: Array) -> Array:
+    """Errors of normal variables that are as uncertain as estimates of one kind with these errors and halves of 95 % intervals, (n,) both.
+
+    An interval wider than 1.96 errors says that its error rests on few degrees of freedom: of some such errors the small ones are small by
+    chance. An interval that is open or not known counts as one of 1.96 errors.
+    """
+    normal = float(stdtrit(np.inf, _LEVEL))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(np.isfinite(half), half / error, normal)
+    freedom = np.full(error.size, np.inf)
+    few = ratio > normal * (1 + 1 / _MANY)
+    freedom[few] = np.maximum(stdtridf(_LEVEL, ratio[few]), 1.0)
+    variance, freedom = moderated(error**2, freedom)
+    reach: Array = np.full(error.size, normal)
+    few = np.isfinite(freedom)
+    reach[few] = stdtrit(freedom[few], _LEVEL)
+    steady: Array = np.sqrt(variance) * reach / normal
+    return steady
+
+
+def moderated(variance: Array, freedom: Array) -> tuple[Array, Array]:
+    """Variances > 0 with these degrees of freedom, and what becomes of both, (n,) each; one with infinitely many stays as it is."""
+    few = np.isfinite(freedom) & (variance > 0)
+    if few.sum() < 2:
+        return variance, freedom
+    d = freedom[few]
+    e = np.log(variance[few]) - digamma(d / 2) + np.log(d / 2)
+    scatter = float(e.var(ddof=1) - polygamma(1, d / 2).mean())
+    d0 = _freedom_of(scatter)
+    steady, more = variance.copy(), freedom.copy()
+    if np.isinf(d0):
+        steady[few], more[few] = np.exp(e.mean()), np.inf
+    else:
+        s0 = np.exp(e.mean() + digamma(d0 / 2) - np.log(d0 / 2))
+        steady[few], more[few] = (d0 * s0 + d * variance[few]) / (d0 + d), d0 + d
+    return steady, more
+
+
+def _freedom_of(scatter: float) -> float:
+    """Degrees of freedom d0 that make log(s**2) scatter so much: trigamma(d0 / 2)."""
+    least, most = _SCATTER
+    if scatter <= least:
+        return float("inf")
+    return float(brentq(lambda d: polygamma(1, d / 2) - min(scatter, most), 1e-4, 4 / least))
