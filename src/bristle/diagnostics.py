@@ -2102,7 +2102,7 @@ class Kind(Enum):
     UNTESTED_BY_SCATTER = _NOTE, "{count} whose type has too few repeated sessions to tell the scatter between them"
     BASELINES_BEGUN = (
         _NOTE,
-        "{count} joint{count!e} begun anew at a session tagged baseline; the last: {joint} on {since}.",
+        "{count} joint{count!e} began anew at a session tagged baseline; the last: {joint} on {since}.",
     )
     SESSIONS_FAILED = _NOTE, "{failed} of {total} joint session{total!e} without a result; the first: {first}"
     SESSIONS_LEFT_OUT = _NOTE, "{count} joint session{count!e} left out of the findings; the first: {first}"
