@@ -91,7 +91,7 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     """
     check_rate(rate, baseline)
     whole, frame = frame, named_rows(frame)
-    people, said = roster(whole), list[Diagnostic]()
+    people, said = roster(frame, whole), list[Diagnostic]()
     every = list(_quantities(frame, people, said))
     known = [x for x in every if x.tested]
     said.extend(compared(known, frame, people))

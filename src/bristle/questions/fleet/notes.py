@@ -25,13 +25,7 @@ def headline(joints: pd.DataFrame, rate: float) -> Diagnostic:
         return Kind.FLEET_UNTESTED()
     if changed.empty:
         return Kind.FLEET_UNCHANGED(tested=int(tested.sum()), rate=100 * rate)
-    row = changed.iloc[0]
-    first = Kind.JOINT_CHANGED(
-        joint=f"{row['unit']} {row['joint']}",
-        name=str(ParameterName(row["parameter"], Direction(row["direction"]))),
-        percent=row["percent"],
-        since=f"{row['since']:%Y-%m-%d}",
-    )
+    first = _step(changed.iloc[0])
     more = Kind.AND_JOINTS(count=len(changed) - 1) if len(changed) > 1 else ""
     return Kind.FLEET_CHANGED(changed=len(changed), tested=int(tested.sum()), rate=100 * rate, first=first, more=more)
 
@@ -101,15 +95,16 @@ def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> 
     few = [x for x in every if x.tested and x.fit.freedom < _FEW]
     rows = beyond_errors(few, frame)
     for type_, own in rows.groupby("type", sort=False):
-        told = tuple(_step(row, people) for row in own.head(_NAMED).to_dict("records"))
+        head = own.head(_NAMED)
+        who = people.table[["unit", "joint"]].iloc[head["number"].to_numpy(int)].to_dict("records")
+        told = tuple(_step({**row, **one}) for row, one in zip(head.to_dict("records"), who, strict=True))
         yield Kind.BEYOND_ERRORS(type=str(type_), steps=told, more=_more(len(own) - len(told)))
 
 
-def _step(row: Mapping[Hashable, Any], people: Roster) -> Diagnostic:
+def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> Diagnostic:
     """One change, with its joint."""
-    who = people.table.iloc[int(row["number"])]
     return Kind.JOINT_CHANGED(
-        joint=f"{who['unit']} {who['joint']}",
+        joint=f"{row['unit']} {row['joint']}",
         name=str(ParameterName(row["parameter"], Direction(row["direction"]))),
         percent=row["percent"],
         since=f"{row['since']:%Y-%m-%d}",

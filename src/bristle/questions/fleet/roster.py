@@ -40,12 +40,11 @@ def named_rows(frame: pd.DataFrame) -> pd.DataFrame:
     return frame if known.all() else frame[known].reset_index(drop=True)
 
 
-def roster(whole: pd.DataFrame) -> Roster:
-    """The joints of the rows of a dataset that are named. A joint has the type of its last row that is not left out.
+def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
+    """The joints of the named rows of a whole dataset. A joint has the type of its last row that is not left out.
 
     A failed session of which no joint is known begins all joints of its unit anew, or those of its type, where it is marked.
     """
-    frame = named_rows(whole)
     unit = frame["unit"].astype("category").cat.codes.to_numpy(np.intp)
     name = frame["joint"].astype("category").cat.codes.to_numpy(np.intp)
     pairs = unit * (int(name.max(initial=0)) + 1) + name
