@@ -47,9 +47,8 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
     goal = expected_square(SCALE) * free
 
     def excess(variance: float) -> float:
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = np.where(squares == 0, 0.0, squares / (times * variance + known))
-        return float(np.minimum(ratio, SCALE**2).sum()) - goal
+        """Of the bounded sum over its expectation, at a common variance."""
+        return float(_bounded(squares, times * variance + known)) - goal
 
     if excess(0.0) <= 0:
         return 0.0
@@ -57,6 +56,13 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
     while excess(top) > 0:  # where strays are most of all
         top *= 4
     return float(brentq(excess, 0.0, top, xtol=1e-12 * top, rtol=1e-8))
+
+
+def _bounded(squares: Array, variance: Array) -> Array:
+    """Sum of squares (..., n) in parts of their variances, each at most c**2: (...)."""
+    ratio = np.divide(squares, variance, out=np.where(squares > 0, np.inf, 0.0), where=variance > 0)
+    total: Array = np.minimum(ratio, SCALE**2).sum(axis=-1)
+    return total
 
 
 def variance_interval(variance: float, known: float, freedom: float, level: float = 0.95) -> tuple[float, float]:
@@ -222,9 +228,7 @@ def _variances(squares: Array, known: Array, goal: float) -> Array:
 
     def above(variance: Array) -> NDArray[np.bool_]:
         """Whether it is larger."""
-        total = variance[:, None] + known
-        ratio = np.divide(squares, total, out=np.where(squares > 0, np.inf, 0.0), where=total > 0)
-        larger: NDArray[np.bool_] = np.minimum(ratio, SCALE**2).sum(axis=1) > goal
+        larger: NDArray[np.bool_] = _bounded(squares, variance[:, None] + known) > goal
         return larger
 
     low, high = np.zeros(len(squares)), squares.max(axis=1)

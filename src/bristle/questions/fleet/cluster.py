@@ -252,7 +252,8 @@ def check_workers(client: Client) -> None:
         if wrong := version_difference(here, known, worker):  # before anything is sent that another Python cannot read
             raise InputError(wrong)
 
-    def theirs() -> Any:  # sent by value: bristle need not be there
+    def theirs() -> Any:
+        """Versions there, or why bristle cannot be imported; sent by value, for bristle need not be there."""
         try:
             from bristle.questions.fleet.tasks import versions as its
         except ImportError as error:
