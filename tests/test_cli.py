@@ -1,5 +1,4 @@
 import errno
-import hashlib
 import html
 import io
 import json
@@ -193,11 +192,9 @@ def option(fit: str, files: Mapping[str, str]) -> dict[str, str]:
 
 AGAIN = "  - {files: data.csv, experiment: points}\n"
 MADE = {
-    "out/.bristle-manifest": f"{hashlib.sha256(b'the last report').hexdigest()}  index.html\n",
+    "out/.bristle-manifest": "index.html\n",
     "out/index.html": "the last report",
 }
-OLD_MADE = {**MADE, "out/.bristle-manifest": "index.html\n"}
-EDITED = {**MADE, "out/index.html": "mine"}
 BAD = [
     *bad("missing file", READ, "'data.csv' is no file", gone=["data.csv"]),
     *bad("missing file", [NEW], "data.csv: no such file", gone=["data.csv"]),
@@ -286,10 +283,9 @@ BAD = [
     *bad("figure of no kind", [("inspect", "e.yaml", "-o", "out.tiff")], "out.tiff"),
     *bad("output two lines long", [("report", "e.yaml", "-o", "a\nb/out")], "a b/out", {"a\nb": "mine"}, patch=undrawn),
     *bad("draft in the way", [("new", "data.csv", "-o", "e.yaml")], "e.yaml: is there already"),
-    *bad("page in the way", [REPORT], "out/index.html: is there already", {"out/index.html": "mine"}, patch=undrawn),
-    *bad("timings in the way", [REPORT], "out/timings.json: is there already", {"out/timings.json": "mine"}, patch=undrawn),
-    *bad("report that was edited", [REPORT, ADAPT], "out/index.html: was changed since bristle made it; move it", EDITED),
-    *bad("report of an older bristle", [REPORT, ADAPT], "out/.bristle-manifest: is no list", OLD_MADE),
+    *bad("folder of the user's", [REPORT, ADAPT], "out: is not empty, and bristle did not make it", {"out/mine.txt": "mine"}),
+    *bad("timings in the way", [REPORT], "out/timings.json: is there already", {**MADE, "out/timings.json": "mine"}),
+    *bad("marker of no report", [REPORT, ADAPT], "out/.bristle-manifest: is no list", {**MADE, "out/.bristle-manifest": "mine\n"}),
     *bad("manifest that is a pipe", [REPORT, ADAPT], "out/.bristle-manifest: is a pipe", {"out/.bristle-manifest": PIPE}),
     *bad("output is a pipe", [REPORT, ADAPT], "out: is no folder; a report needs a folder", {"out": PIPE}),
     *bad("output is a pipe", [IDENTIFY], "out.json: is a pipe; expected a file", {"out.json": PIPE}),
@@ -585,7 +581,7 @@ def _raiser(error: BaseException) -> Callable[..., None]:
 def test_the_same_experiment_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two reports are the same in every byte but those of timings.json, wherever the experiment lies, however it is named, and wherever one is.
 
-    Of one that lies elsewhere beside its experiment, results.json says so, and the manifest its hash.
+    Of one that lies elsewhere beside its experiment, results.json says so.
     """
     write(tmp_path / "here", speeds(both=False))
     there = write(tmp_path / "far" / "away", speeds(both=False))
@@ -596,7 +592,7 @@ def test_the_same_experiment_gives_the_same_bytes(tmp_path: Path, monkeypatch: p
     assert run("report", there, "-o", tmp_path / "new" / "out").code == 0
     one, two, three = (tree(folder / "out") for folder in (tmp_path / "here", there.parent, tmp_path / "new"))
     differ = {name for name in one if one[name] != three[name]} - {"timings.json"}
-    assert differ == {"results.json", ".bristle-manifest"}
+    assert differ == {"results.json"}
     moved = (three["results.json"] or b"").replace(b'"folder": "../../far/away"', b'"folder": ".."')
     assert moved == one["results.json"]
     assert json.loads(one.pop("timings.json") or b"") != {}
@@ -617,8 +613,8 @@ def test_report_replaces_its_own_files_only(tmp_path: Path, monkeypatch: pytest.
         (out / name).write_bytes(data)
     assert run("report", write(tmp_path, FEW, joint="new name"), "-o", out).code == 0
     there = {name: data for name, data in tree(out).items() if data is not None}
-    listed = {line.split("  ")[1] for line in (out / report_files.MANIFEST).read_text(encoding="utf-8").splitlines()}
-    assert set(there) == listed | set(foreign) | {report_files.MANIFEST}
+    listed = set((out / report_files.MARKER).read_text(encoding="utf-8").splitlines())
+    assert set(there) == listed | set(foreign) | {report_files.MARKER}
     assert {name: there[name] for name in foreign} == foreign
     assert not [name for name in there if "old-name" in name]
     assert "figures/new-name-curve.svg" in there

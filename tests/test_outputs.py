@@ -1,13 +1,12 @@
 """Where a command may write: what is refused before anything is printed, fitted or written."""
 
-import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
 
-from bristle.page.output_folder import MANIFEST
+from bristle.page.output_folder import MARKER, replace_files
 
 from .conftest import FEW, experiment, run, table, tree
 
@@ -18,11 +17,10 @@ HEADER = "time (s),experiment,run,position reference (rad),measured\n0,ramp,1,0,
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Where the commands run: a good experiment, an empty folder pg with the subfolders of a page, a link to it, and links in a circle."""
+    """Where the commands run: a good experiment, a page in pg, a link to it, and links in a circle."""
     (tmp_path / "e.yaml").write_text(experiment(), encoding="utf-8")
     (tmp_path / "data.csv").write_text(table(FEW), encoding="utf-8")
-    for name in ("figures", "tables"):
-        (tmp_path / "pg" / name).mkdir(parents=True)
+    replace_files(tmp_path / "pg", dict.fromkeys(("index.html", "figures/a.svg", "tables/a.csv"), b"page"))
     (tmp_path / "link").symlink_to("pg")
     (tmp_path / "loop").symlink_to("pool")
     (tmp_path / "pool").symlink_to("loop")
@@ -45,7 +43,7 @@ def refused(folder: Path, command: Sequence[str], named: str, *, printed: bool =
     ("command", "named"),
     [
         *(((*PLAN, f"{at}/{name}"), f"{at}/{name}: is where the page in pg puts its own files") for at in ("pg", "link")
-          for name in ("index.html", "Index.HTML", MANIFEST, "figures/mine.svg", "tables/mine.csv")),
+          for name in ("index.html", "Index.HTML", MARKER, "figures/mine.svg", "tables/mine.csv")),
         ((*PLAN, "pg/tables/../index.html"), "is where the page in pg"),
         (("inspect", "e.yaml", "-o", ".svg"), ".svg: has no name before its .svg; name a file"),
         (("inspect", "e.yaml", "-o", "pg/.PNG"), ".PNG: has no name"),
@@ -102,8 +100,40 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_fit(
     refused(folder, command, named)
 
 
+def test_a_folder_of_the_user_s_is_refused_first(folder: Path) -> None:
+    """By every command that writes one, before anything is computed or printed, and without a change."""
+    (folder / "mine").mkdir()
+    (folder / "mine" / "log.csv").write_bytes(b"mine")
+    (folder / "catalog.csv").write_text("file,unit,session\ne.yaml,u,2026-05-04\n", encoding="utf-8")
+    commands = (
+        ("report", "e.yaml"), ("validate", "e.yaml"), ("adapt", "e.yaml"), ("sensitivity", "e.yaml"), ("compare", "a.json", "b.json"),
+        ("fleet", "catalog.csv"),
+    )  # fmt: skip  # a list
+    for command in (*((*x, "-o", "mine") for x in commands), ("plan", "e.yaml", "--page", "mine")):
+        refused(folder, command, "mine: is not empty, and bristle did not make it; name a new or an empty folder")
+
+
+def test_a_fleet_takes_nothing_of_the_user_s(folder: Path) -> None:
+    """In a report's folder a ledger, tasks or a lock of the user's is refused, also through a link or as a pipe, before a cluster starts."""
+    (folder / "catalog.csv").write_text("file,unit,session\ne.yaml,u,2026-05-04\n", encoding="utf-8")
+    (folder / "precious").write_bytes(b"mine")
+    made: dict[str, Callable[[Path], object]] = {
+        "tasks": Path.mkdir,
+        "results": Path.mkdir,
+        "ledger.parquet": lambda path: path.write_bytes(b"mine"),
+        ".lock": lambda path: path.symlink_to(folder / "precious"),
+        "pipe/.lock": os.mkfifo,
+    }
+    for name, make in made.items():
+        out = folder / name.strip(".").replace("/", "-").replace(".", "-")
+        replace_files(out, {"index.html": b"page"})
+        own = name.removeprefix("pipe/")
+        make(out / own)
+        refused(folder, ("fleet", "catalog.csv", "-o", out.name), f"{out.name}/{own}: ")
+
+
 def test_a_forged_list_removes_nothing(folder: Path) -> None:
-    """A manifest with the true hash of the user's own file is none of bristle's: no report holds such a name."""
+    """A marker that names the user's own file is none of bristle's: no report holds such a name."""
     (folder / "pg" / "notes.txt").write_bytes(b"mine")
-    (folder / "pg" / MANIFEST).write_text(f"{hashlib.sha256(b'mine').hexdigest()}  notes.txt\n", encoding="utf-8")
-    refused(folder, ("report", "e.yaml", "-o", "pg"), f"pg/{MANIFEST}: is no list of files")
+    (folder / "pg" / MARKER).write_text("notes.txt\n", encoding="utf-8")
+    refused(folder, ("report", "e.yaml", "-o", "pg"), f"pg/{MARKER}: is no list of files")

@@ -353,10 +353,10 @@ def compare(
     from bristle.page.output_folder import check_folder, resolved
 
     if output is not None:
-        check_folder(output)
         for session in (first, second):
             if resolved(session).parent == resolved(output):
                 raise InputError(f"{output}: holds {session}, whose report the page would replace; name another folder")
+        check_folder(output)
     with shown():
         from bristle import compare as run
 

@@ -116,12 +116,12 @@ def output_folder(output: Path | None, experiment: Path | None, what: str = "") 
 
 
 def fleet_folder(output: str | None, catalog: str) -> str:
-    """Where a fleet's dataset and page land: a folder, or a URL of one. Raises InputError where the page cannot be written."""
-    from bristle.page.output_folder import check_folder
+    """Where a fleet's dataset and page land: a folder, or a URL of one. Raises InputError where they cannot be written."""
+    from bristle.page.output_folder import FLEET, check_folder
 
     if output is not None and not output:
         raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
     folder = output or str(Path("reports") / f"{catalog}-fleet")
     if "://" not in folder:
-        check_folder(Path(folder), "index.html")
+        check_folder(Path(folder), FLEET)
     return folder

@@ -87,9 +87,13 @@ def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, tmp_
         return identified_joint(path, joint)
 
     rows = read_catalog(logs / "catalog.csv")[:4]
-    with dask.config.set({"distributed.scheduler.allowed-failures": 1}), local_client(1) as client:
-        ended = engine.run_fleet(rows, str(tmp_path), client, deadly)
-        again = engine.run_fleet(rows, str(tmp_path), client, fleets.identified_joint)
+    with (
+        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
+        local_client(1) as client,
+        engine.held(str(tmp_path / "out")),
+    ):
+        ended = engine.run_fleet(rows, str(tmp_path / "out"), client, deadly)
+        again = engine.run_fleet(rows, str(tmp_path / "out"), client, fleets.identified_joint)
     (failure,) = ended.table.to_pandas()["failure"].dropna()
     assert failure == "its worker died 2 times, perhaps for want of memory; give each worker more with --memory"
     assert (ended.identified, ended.failed, again.identified, again.failed) == (3, 1, 1, 0)

@@ -192,10 +192,9 @@ def test_a_defect_is_a_row_and_tried_again(ran: Any, tmp_path: Path, monkeypatch
         ran("one.csv", "other")
     assert not Path("other").exists()
     Path("held").mkdir()
-    Path("held/mine.txt").write_text("mine")
     with pytest.raises(InputError, match="none of 1 joint session could"):
         ran("one.csv", "held")
-    assert tree(Path("held")) == {"mine.txt": b"mine"}
+    assert tree(Path("held")) == {}
     monkeypatch.setattr(fleets, "identified_joint", counted)
     assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
 
@@ -289,10 +288,54 @@ def test_a_pattern_and_types(ran: Any, tmp_path: Path) -> None:
     ]
 
 
+def test_one_bad_row_is_a_failure_of_that_row(ran: Any, tmp_path: Path) -> None:
+    """A URL of no archive, a load that squares to infinity; a missing value of a nullable column is none."""
+    write_fleet_logs(tmp_path, units=1, sessions=2)
+    good = [f"logs/r0/2026-0{k}-01/wrist.yaml" for k in (1, 2)]
+    (tmp_path / "no.zip").write_text("no archive", encoding="utf-8")
+    frame = pd.DataFrame(
+        {
+            "file": [*good, "zip://x.yaml::no.zip", good[0]], "unit": ["r0", "r0", "r1", "r2"], "session": ["2026-01-01", "2026-02-01"] * 2,
+            "temperature": pd.array([20.0, None, 21.0, 22.0], dtype="Float64"), "load": pd.array([1, None, 2, 1e308], dtype="Float64"),
+        }
+    )  # fmt: skip  # a table
+    found = ran(frame)
+    said = found.findings.failures.set_index("unit")["failure"]
+    assert sorted(said.index) == ["r1", "r2"]
+    assert "no.zip" in said["r1"]
+    assert said["r2"] == "load: got 1e+308; expected a number between -1e+09 and 1e+09"
+    assert found.frame[found.frame["unit"] == "r0"].groupby("session")["temperature"].first().isna().tolist() == [
+        False,
+        True,
+    ]
+
+
+def test_what_a_parquet_file_says_of_pandas_is_not_believed(ran: Any, tmp_path: Path) -> None:
+    """A catalog with forged metadata of pandas is read for its columns; a part of the dataset may have a column more, but none less."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    write_fleet_logs(tmp_path, units=1, sessions=1)
+    table = pa.table({"file": ["logs/r0/2026-01-01/wrist.yaml"], "unit": ["r0"], "session": ["2026-01-01"]})
+    pq.write_table(
+        table.replace_schema_metadata({"pandas": '{"columns": 5, "index_columns": [{"kind": "range"}]}'}), "c.parquet"
+    )
+    assert ran("c.parquet").identified == 1
+    (part,) = Path("out/results").iterdir()
+    own = pq.read_table(part)
+    pq.write_table(own.append_column("more", pa.array([1.0] * len(own))), part)
+    again = ran("c.parquet")
+    assert (again.identified, again.unchanged, list(again.frame)) == (0, 1, list(COLUMNS))
+    (part,) = Path("out/results").iterdir()
+    pq.write_table(own.drop_columns(["value"]), part)
+    with pytest.raises(InputError, match=f"{part.name}: is damaged .*; remove it, and run again"):
+        ran("c.parquet")
+
+
 def test_two_runs_at_once_are_refused(ran: Any, tmp_path: Path) -> None:
     """While a run writes into a folder another one is refused."""
     write_fleet_logs(tmp_path, units=1, sessions=1)
-    with engine._output(str(tmp_path / "out")), pytest.raises(InputError, match="another run writes there"):
+    with engine.held(str(tmp_path / "out")), pytest.raises(InputError, match="another run writes there"):
         ran()
 
 

@@ -1,13 +1,21 @@
 """Findings on simulated fleets of estimates: what wears is named and little else, what all have in common accuses nobody, and units are drawn in."""
 
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.questions.fleet.dataset import COLUMNS, schema_of
 from bristle.questions.fleet.findings import Findings, findings
+from bristle.questions.fleet.page import fleet_files
 from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 SMALL = FleetDesign(robots=60, joints=2)
 
@@ -33,6 +41,12 @@ def worn(truth: FleetTruth) -> set[tuple[str, str]]:
 def kinds(found: Findings) -> set[Kind]:
     """What is said."""
     return {x.kind for x in found.notes}
+
+
+def joined(*frames: pd.DataFrame) -> pd.DataFrame:
+    """Frames one below the other, whatever the types of columns that hold nothing in one of them."""
+    rows = pd.concat([frame.astype(object) for frame in frames], ignore_index=True).infer_objects()
+    return rows.astype({"session": frames[0]["session"].dtype})
 
 
 @pytest.fixture(scope="module")
@@ -195,7 +209,7 @@ def test_values_that_are_not_to_be_used_are_left_out(plain: tuple[pd.DataFrame, 
         wrong.assign(unit="robot-902", value_unit="N"),
         wrong.assign(unit="robot-903", left_out="its clock went back"),
     ]
-    again = findings(pd.concat([frame, *strange], ignore_index=True))
+    again = findings(joined(frame, *strange))
     assert {Kind.VALUES_CRITICAL, Kind.MIXED_VALUE_UNITS, Kind.SESSIONS_LEFT_OUT} <= kinds(again)
     assert accused(again) == accused(found)
     pd.testing.assert_frame_equal(again.types, found.types)
@@ -235,7 +249,7 @@ def test_failures_without_a_name_are_told_and_belong_to_nobody(
     rows = frame.iloc[:3].assign(value=np.nan, failure="no such file", parameter=None, direction=None)
     lost = {name: rows.index != k for k, name in enumerate(("unit", "joint", "session"))}
     rows = rows.assign(**{name: rows[name].where(known) for name, known in lost.items()})
-    again = findings(pd.concat([frame, rows], ignore_index=True))
+    again = findings(joined(frame, rows))
     pd.testing.assert_frame_equal(again.joints, found.joints)
     assert len(again.failures) == 3
     (note,) = [x for x in again.notes if x.kind is Kind.SESSIONS_FAILED]
@@ -322,10 +336,66 @@ def test_the_mark_of_a_session_that_failed_holds(plain: tuple[pd.DataFrame, Flee
     gone = gone.assign(tags="baseline", failure="no such file", **dict.fromkeys(("joint", "value", "standard_error")))
     for known in (row["type"], None):
         rest = frame[~(own & (frame["session"] == row["since"]))]
-        again = findings(pd.concat([rest, gone.assign(type=known)], ignore_index=True)).joints.set_index(
-            ["unit", "joint"]
-        )
+        again = findings(joined(rest, gone.assign(type=known))).joints.set_index(["unit", "joint"])
         assert again.loc[(row["unit"], row["joint"]), "sessions"] == row["sessions_after"] - 1
         others = again.loc[row["unit"]].drop(row["joint"])["sessions"]
         assert (others == row["sessions"]).all() == (known is not None)
         assert (again.drop(row["unit"], level=0)["sessions"] == row["sessions"]).all()
+
+
+def _some_failed(frame: pd.DataFrame) -> pd.DataFrame:
+    last = frame["session"] == frame["session"].max()
+    nothing = dict.fromkeys(("parameter", "direction", "warnings", "simulated")) | dict.fromkeys(NUMBERS, np.nan)
+    failed = frame[last].drop_duplicates(["unit", "joint"]).assign(failure="cut off; log it again", **nothing)
+    return joined(frame[~last], failed)
+
+
+NUMBERS = ("value", "standard_error", "lower", "upper")
+
+
+FEATURES: Mapping[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
+    "warnings": lambda frame: frame.assign(
+        warnings=np.where(frame["session"].dt.month > 6, "clipped torque-drifts", "")
+    ),
+    "failures": _some_failed,
+    "changes": lambda frame: frame.assign(value=frame["value"] * np.where(frame["session"].dt.month > 9, 2.0, 1.0)),
+    "temperatures": lambda frame: frame.assign(temperature=20.0 + frame["session"].dt.month),
+    "types": lambda frame: frame.assign(type=np.where(frame["unit"].astype(str) < "robot-005", "old", "new")),
+}
+"""What a fleet may have or lack."""
+
+
+def test_a_fleet_may_lack_anything() -> None:
+    """No warning, failure, change, temperature or type, each alone and all together, with many joints or one session: text, page and tables are made.
+
+    The frame has the types of the dataset as it is read, and every table of the findings the types that it has with all of them.
+    """
+    pytest.importorskip("pyarrow", reason="needs the extra fleet")
+    bare, _ = fleet(FleetDesign(robots=8, joints=1, worn=0.0))
+    wrong, types = list[str](), dict[str, str]()
+    one = bare[bare["unit"] == "robot-001"].groupby("joint", observed=True).head(8)
+    alone = [[name] for name in FEATURES]
+    for frame, chosen in [*((bare, c) for c in [list(FEATURES), [], *alone]), *((one, c) for c in [[], *alone])]:
+        for name in chosen:
+            frame = FEATURES[name](frame)  # noqa: PLW2901  # built up
+        table = pa_table(frame)
+        try:
+            found = findings(table.to_pandas())
+            assert found.text()
+            assert "index.html" in fleet_files(found)
+            tables = {x: getattr(found, x) for x in ("changes", "types", "units", "quality")}
+            got = {f"{x}.{column}": kind.kind for x, made in tables.items() for column, kind in made.dtypes.items()}
+            types = types or got
+            wrong += [f"{chosen}: {k} is {got[k]}, not {types[k]}" for k in types if got[k] != types[k]]
+        except (TypeError, ValueError, KeyError, AttributeError, ArithmeticError) as error:
+            wrong.append(f"{chosen} of {len(frame)} rows: {type(error).__name__}: {error}")
+    assert not wrong, "\n".join(wrong)
+
+
+def pa_table(frame: pd.DataFrame) -> "pa.Table":
+    """A frame as the dataset holds it."""
+    import pyarrow as pa
+
+    text = frame.assign(**{x: frame[x].astype(object) for x, holds in COLUMNS.items() if holds == "text"})
+    text = text.assign(session=text["session"].astype("datetime64[us]"), simulated=text["simulated"].astype("boolean"))
+    return pa.Table.from_pandas(text, schema=schema_of(tuple(COLUMNS), coded=True), preserve_index=False)

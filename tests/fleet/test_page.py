@@ -13,6 +13,7 @@ import pandas as pd
 import pytest
 
 import bristle
+from bristle.page import output_folder
 from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet.findings import Findings, findings
 from bristle.questions.fleet.page import fleet_files, write_fleet
@@ -232,14 +233,17 @@ def test_tables_beside_the_page_are_whole(found: Findings, tmp_path: Path) -> No
 
 def test_nothing_foreign_is_replaced(found: Findings, tmp_path: Path) -> None:
     """A page is written anew in its folder, but not over a file that bristle did not make; the dataset beside it stays."""
-    (tmp_path / "results").mkdir()
-    (tmp_path / "results" / "part-0.parquet").write_bytes(b"mine")
+    output_folder.claim(tmp_path, output_folder.FLEET)
+    for folder in ("results", "tables"):
+        (tmp_path / folder).mkdir()
+    (tmp_path / "results" / "part-0.parquet").write_bytes(b"data")
+    (tmp_path / "tables" / "joints.csv").write_text("mine", encoding="utf-8")
+    with pytest.raises(bristle.InputError, match=r"tables/joints\.csv: is there already, and bristle did not make it"):
+        write_fleet(found, tmp_path)
+    (tmp_path / "tables" / "joints.csv").unlink()
     write_fleet(found, tmp_path)
     write_fleet(plausible(seed=2), tmp_path)
-    assert (tmp_path / "results" / "part-0.parquet").read_bytes() == b"mine"
-    (tmp_path / "index.html").write_text("mine", encoding="utf-8")
-    with pytest.raises(bristle.InputError, match="was changed since bristle made it"):
-        write_fleet(found, tmp_path)
+    assert (tmp_path / "results" / "part-0.parquet").read_bytes() == b"data"
 
 
 def test_what_must_be_said_stands_without_a_script(page: bytes) -> None:

@@ -64,12 +64,13 @@ class Fleet(NamedTuple):
 
         In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with nothing half-written.
         """
-        from bristle.questions.fleet.files import is_remote, joined_path, write_whole
+        from bristle.questions.fleet.files import claim_folder, is_remote, joined_path, write_whole
         from bristle.questions.fleet.page import fleet_files, write_fleet
 
         if not is_remote(str(folder)):
             return str(write_fleet(self.findings, Path(folder), base=self.base))
-        for name, data in fleet_files(self.findings).items():
+        claim_folder(str(folder), files := fleet_files(self.findings))
+        for name, data in files.items():
             write_whole(joined_path(str(folder), name), data)
         return joined_path(str(folder), "index.html")
 
@@ -140,7 +141,7 @@ def fleet_on(
     """`fleet` on the cluster whose client `cluster` gives; `begun` is told the address of its dashboard. Raises as that does."""
     from bristle.questions.fleet.catalog import read_catalog
     from bristle.questions.fleet.cluster import check_installed, dashboard_of
-    from bristle.questions.fleet.engine import run_fleet
+    from bristle.questions.fleet.engine import held, run_fleet
     from bristle.questions.fleet.findings import check_rate, findings
 
     check_installed()
@@ -148,7 +149,7 @@ def fleet_on(
     step(progress, "reading the catalog")
     rows = read_catalog(catalog)
     step(progress, "starting the cluster")
-    with _folder(output) as folder, cluster as client:
+    with _folder(output) as folder, held(folder), cluster as client:
         begun(dashboard_of(client))
         run = run_fleet(rows, folder, client, identified_joint, verify=verify, progress=progress)
     step(progress, "comparing sessions")

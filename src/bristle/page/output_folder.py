@@ -1,35 +1,31 @@
 """Files written whole or not at all, in place of no other, and a folder in which only what bristle made is replaced."""
 
 import errno
-import hashlib
 import io
 import os
 import re
 import tempfile
 import zipfile
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from bristle.errors import InputError, check_regular
 
-MANIFEST = ".bristle-manifest"
-"""Lists what the last report made in its folder: SHA-256 and relative path, two spaces between; of an interrupted one, old and new."""
+MARKER = ".bristle-manifest"
+"""Marks a folder as bristle's and lists what bristle made in it, a relative path a line: only that is ever replaced or removed."""
 _LONGEST = 1_000_000
-"""Bytes that a manifest may have."""
-_LINE = re.compile(r"([0-9a-f]{64})  (.+)")
-_SECONDS = re.compile(rb"(?m)(?<=: )[-+.e0-9]+(?=,?$)")
-"""Numbers of timings.json."""
-Made = Mapping[str, Collection[str]]
-"""Hashes that a file may have, by its path in the folder."""
-_NAME = re.compile(
+"""Bytes that a marker may have."""
+_PAGE = re.compile(
     r"[a-z]+\.html|report\.zip|(results|timings)\.json|figures/[a-z0-9_-]+\.(svg|png|csv)|tables/[a-z0-9_-]+\.csv"
 )
-"""What a report writes in its folder, and nothing else may a manifest list: only that is ever replaced or removed."""
-_TAKEN = frozenset({MANIFEST, "index.html", "results.json", "timings.json", "report.zip", "figures", "tables"})
+"""What a page and its files are called."""
+RESULTS, TASKS, LEDGER, LOCK = FLEET = ("results", "tasks", "ledger.parquet", ".lock")
+"""What the dataset of a fleet is called. A marker may list nothing else than these and the files of a page."""
+_FILES = ("index.html", "results.json", "timings.json", "report.zip")
+"""Files that most pages have."""
+_TAKEN = frozenset({MARKER, *_FILES, "figures", "tables"})
 """Files and folders of a report."""
-_ASIDE = "aside"
-"""What was replaced or removed, until all is moved."""
 _FORBIDDEN = frozenset({errno.EACCES, errno.EPERM, errno.EROFS})
 
 
@@ -96,14 +92,76 @@ def check_absent(path: Path) -> None:
         raise InputError(f"{path}: is there already; move it, or name another file")
 
 
-def check_folder(folder: Path, *names: str) -> None:
-    """Whether a report can be written there, files of these names in it too, as far as can be told before.
+def check_folder(folder: Path, claims: Collection[str] = ()) -> None:
+    """Whether a page can be written into a folder: a new one, an empty one, or one that bristle made. Asked before anything is computed.
 
-    Raises InputError where the folder is none, holds files of the last report that were changed, or neither it nor the nearest one above it that
-    exists can be written, or one in it that a report writes to.
+    Raises InputError as `made_in` does, and where the folder, one in it that a page writes to, or the nearest one above that exists is not writable.
     """
     with _named(folder, "folder"):
-        _check_folders(folder, {"figures", "tables", *_folders(_refuse_foreign(folder, dict.fromkeys(names, b"")))})
+        made_in(folder, claims)
+        _check_folders(folder, ("figures", "tables"))
+
+
+def made_in(folder: Path, claims: Collection[str] = ()) -> set[str]:
+    """What bristle made in a folder, by relative POSIX path; nothing where the folder is empty, or not there.
+
+    Args:
+        folder: where something is to be written.
+        claims: names in it that are to be written, as far as they are known.
+
+    Raises InputError where it is no folder, is neither empty nor marked as bristle's, has a marker that cannot be believed, or holds a file under a
+    name that is to be written and that the marker does not list, or a link in place of one.
+    """
+    if os.path.lexists(folder) and not folder.is_dir():
+        what = "a symbolic link to no folder" if folder.is_symlink() else "a file" if folder.is_file() else "no folder"
+        raise InputError(f"{folder}: is {what}; a report needs a folder, name another one")
+    if not folder.is_dir() or not any(folder.iterdir()):
+        return set()
+    marker, instead = folder / MARKER, f"move or remove the folder {folder}, or name another one"
+    if not _is_there(marker, instead):
+        raise InputError(f"{folder}: is not empty, and bristle did not make it; name a new or an empty folder")
+    for part in ("figures", "tables"):
+        if (path := folder / part).is_symlink() or (path.exists() and not path.is_dir()):
+            raise InputError(f"{path}: is in the way of the report's own folder; move it, or name another folder")
+    found = [path for part in (".", "figures", "tables") for path in (folder / part).glob("*")]
+    names = {path.relative_to(folder).as_posix(): path for path in found}
+    with marker.open("rb") as file:
+        made = listed(str(folder), file.read(_LONGEST + 1), names, claims)
+    for name in names.keys() & made:
+        if _PAGE.fullmatch(name) or names[name].is_symlink() or not names[name].is_dir():
+            _is_there(names[name], "move it, or name another folder")
+    return made
+
+
+def listed(folder: str, marker: bytes, names: Iterable[str], claims: Collection[str]) -> set[str]:
+    """What a marker lists. InputError where it cannot be believed, or lists none of these names in its folder that is to be written."""
+    # In older markers a SHA-256 and two spaces stand before each name.
+    lines = [line.rpartition("  ")[2] for line in marker.decode("utf-8", "replace").split("\n")]
+    shown, instead = f"{folder}/{MARKER}", f"move or remove the folder {folder}, or name another one"
+    if not all(_PAGE.fullmatch(line) or line in FLEET for line in lines[:-1]):
+        raise InputError(f"{shown}: is no list of files that bristle wrote; {instead}")
+    if lines[-1] or len(marker) > _LONGEST:
+        raise InputError(f"{shown}: is cut off, or too long; {instead}")
+    if foreign := [x for x in sorted(names) if x in {*_FILES, *claims} and x not in lines]:
+        why = "is there already, and bristle did not make it; move it, or name another folder"
+        raise InputError(f"{folder}/{foreign[0]}: {why}")
+    return set(lines[:-1])
+
+
+def marker_of(names: Iterable[str]) -> bytes:
+    """The marker that lists these names."""
+    return "".join(f"{name}\n" for name in sorted(names)).encode()
+
+
+def claim(folder: Path, claims: Collection[str]) -> None:
+    """Mark a folder, made where it is not there, as bristle's, with these names in it. Raises as `check_folder`, and OSError."""
+    check_folder(folder, claims)
+    with _named(folder, "folder"):
+        made = made_in(folder, claims)
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=folder, prefix=".bristle-") as stage:
+            _write(Path(stage) / MARKER, marker_of({*made, *claims}))
+            (Path(stage) / MARKER).replace(folder / MARKER)
 
 
 def check_apart(file: Path, folder: Path) -> None:
@@ -121,11 +179,6 @@ def resolved(path: Path) -> Path:
         return path.resolve()
     except (OSError, RuntimeError) as error:
         raise InputError(f"{path}: its symbolic links lead round in a circle; name another path") from error
-
-
-def _folders(names: Iterable[str]) -> set[str]:
-    """Where files of a report lie in its folder."""
-    return {str(PurePosixPath(name).parent) for name in names}
 
 
 def _check_folders(folder: Path, parts: Iterable[str]) -> None:
@@ -188,142 +241,50 @@ def zipped(files: Mapping[str, bytes]) -> bytes:
 
 
 def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:
-    """Put files, by relative POSIX path, into a folder: all of them are written first, and moved to their places only then.
+    """Put files, by relative POSIX path, into a folder: all of them are written beside their places first, and renamed only then.
 
-    What the last call made there and this one does not is removed; anything else in the folder stays. The folder may be a link to one; in it
-    no link is followed or replaced.
+    A folder that is not there appears with all its files in one rename. In one that bristle made, the files of the last page are replaced, or
+    removed, and index.html is the last to come: a run that is killed meanwhile leaves a folder without it, which the next run mends. Anything that
+    the marker does not list stays. The folder may be a link to one; in it no link is followed or replaced.
 
-    Raises InputError where the folder is none, its manifest cannot be believed, or files of these names, or of the last call, are not as bristle
-    made them, or it cannot be written, and OSError where that shows on the way (a full disk); nothing is changed in either case.
+    Raises InputError as `check_folder` does, and OSError where a file cannot be written (a full disk); nothing is changed in either case.
     """
-    if odd := [name for name in files if not _NAME.fullmatch(name)]:
+    if odd := [name for name in files if not _PAGE.fullmatch(name)]:
         raise ValueError(f"{odd[0]}: is no name of a report's file")
-    with _named(folder, "folder"):
-        made = _refuse_foreign(folder, files)
-        _check_folders(folder, _folders({**files, **made}))
+    check_folder(folder, files)
     real = resolved(folder)
-    new_folders = [p for p in (real, *real.parents) if not p.exists()]
+    absent = [path for path in (real, *real.parents) if not path.exists()]
     try:
         with _named(folder, "folder"):
-            real.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryDirectory(dir=real, prefix=".bristle-") as stage:
-                _stage(Path(stage), real, files, made)
-                _move(Path(stage), real, files, made)
+            made = made_in(real)
+            (real.parent if absent else real).mkdir(parents=True, exist_ok=True)
+            with tempfile.TemporaryDirectory(dir=real.parent if absent else real, prefix=".bristle-") as stage:
+                new, kept = Path(stage) / "new", {name for name in made if not _PAGE.fullmatch(name)}
+                for part in (".", "figures", "tables"):
+                    if part == "." or any(name.startswith(part) for name in files):
+                        (new / part).mkdir(parents=True)
+                for name, data in {**files, MARKER: marker_of({*files, *kept})}.items():
+                    _write(new / name, data)
+                if absent:
+                    new.replace(real)
+                else:
+                    _write(Path(stage) / "both", marker_of({*files, *made}))
+                    _move(Path(stage), real, files, made - kept)
     finally:  # also on an interrupt: no empty folder is left behind, and one that holds a report cannot be removed
-        _remove_empty(new_folders)
+        _remove_empty(absent)
 
 
-def _refuse_foreign(folder: Path, files: Mapping[str, bytes]) -> Made:
-    """What bristle made in the folder before; InputError where something else is in the way, or one of its files was changed."""
-    if os.path.lexists(folder) and not folder.is_dir():
-        what = "a symbolic link to no folder" if folder.is_symlink() else "a file" if folder.is_file() else "no folder"
-        raise InputError(f"{folder}: is {what}; a report needs a folder, name another one")
-    made = _made(folder / MANIFEST)
-    for name in {**files, **made}:
-        _refuse_links(folder, name)
-        if not _is_there(path := folder / name, "move it, or name another folder"):
-            continue
-        if name not in made:
-            raise InputError(f"{path}: is there already, and bristle did not make it; move it, or name another folder")
-        with _named(path, "folder"):
-            data = path.read_bytes()
-        if _hash(name, data) not in made[name]:
-            raise InputError(f"{path}: was changed since bristle made it; move it, or name another folder")
-    return made
-
-
-def _refuse_links(folder: Path, name: str) -> None:
-    """InputError where what lies between a folder and a file of its is no folder, or a link to one."""
-    for part in list(PurePosixPath(name).parents)[:-1]:
-        path = folder / part
-        if path.is_symlink() or (path.exists() and not path.is_dir()):
-            raise InputError(f"{path}: is in the way of the report's own folder; move it, or name another folder")
-
-
-def _made(manifest: Path) -> Made:
-    """The files of a manifest with the hashes that each may have; InputError where it is none, or names what no report holds."""
-    instead = f"move or remove the folder {manifest.parent}, or name another one"
-    if not _is_there(manifest, instead):
-        return {}
-    with _named(manifest, "folder"), manifest.open("rb") as file:
-        lines = file.read(_LONGEST + 1).decode("utf-8", "replace").split("\n")
-    found = [_LINE.fullmatch(line) for line in lines[:-1]]
-    made: dict[str, set[str]] = {}
-    for line in found:
-        if line is None or not _NAME.fullmatch(line[2]):
-            raise InputError(
-                f"{manifest}: is no list of files and their SHA-256 that this version of bristle wrote; {instead}"
-            )
-        made.setdefault(line[2], set()).add(line[1])
-    if lines[-1]:
-        raise InputError(f"{manifest}: is cut off, or too long; {instead}")
-    return made
-
-
-def _hash(name: str, data: bytes) -> str:
-    """SHA-256 of a file; of timings.json without its seconds, so that one result has one manifest."""
-    return hashlib.sha256(_SECONDS.sub(b"0", data) if name == "timings.json" else data).hexdigest()
-
-
-def _stage(stage: Path, folder: Path, files: Mapping[str, bytes], made: Made) -> None:
-    """All that is to be moved, and a copy of the manifest, which is replaced in one step and never gone."""
-    new = {name: {_hash(name, data)} for name, data in files.items()}
-    for part in _folders({**files, **made}) | {"."}:
-        (stage / part).mkdir(exist_ok=True)
-        (stage / _ASIDE / part).mkdir(parents=True, exist_ok=True)
-    for name, data in files.items():
-        _write(stage / name, data)
-    if (folder / MANIFEST).exists():
-        _write(stage / _ASIDE / MANIFEST, (folder / MANIFEST).read_bytes())
-    _write(stage / "before", _listing({name: {*made.get(name, ()), *new.get(name, ())} for name in {**made, **new}}))
-    _write(stage / "after", _listing(new))
-
-
-def _listing(made: Made) -> bytes:
-    return "".join(f"{x}  {name}\n" for name in sorted(made) for x in sorted(made[name])).encode()
-
-
-def _move(stage: Path, folder: Path, files: Mapping[str, bytes], made: Made) -> None:
-    """Renames only, and back again where one fails. The manifest first names old and new files: even a move that was killed is known as bristle's."""
-    added = [path for part in sorted(_folders(files)) if not (path := folder / part).exists()]
-    begun = [(MANIFEST, (folder / MANIFEST).exists())]
-    try:
-        (stage / "before").replace(folder / MANIFEST)
-        for path in added:
-            path.mkdir(exist_ok=True)
-        for name in sorted({**files, **made}):
-            begun.append((name, os.path.lexists(folder / name)))
-            if begun[-1][1]:
-                (folder / name).replace(stage / _ASIDE / name)
-            if name in files:
-                (stage / name).replace(folder / name)
-        (stage / "after").replace(folder / MANIFEST)
-    except BaseException:
-        _put_back(stage, folder, begun)
-        _remove_empty(added)
-        raise
-    _remove_empty([folder / part for part in _folders(made) - {"."}])
-
-
-def _put_back(stage: Path, folder: Path, begun: Sequence[tuple[str, bool]]) -> None:
-    """Undo a move, the manifest last: where anything else cannot be put back, it goes on naming old and new files.
-
-    Args:
-        stage: which holds what was there, aside.
-        folder: of the report.
-        begun: what was moved, or was about to be, and whether it was there before.
-    """
-    whole = True
-    for name, there in reversed(begun):
-        if name == MANIFEST and not whole:
-            return
-        try:
-            if not there:
-                (folder / name).unlink(missing_ok=True)
-            elif (stage / _ASIDE / name).exists():
-                (stage / _ASIDE / name).replace(folder / name)
-        except OSError:
-            whole = False
+def _move(stage: Path, folder: Path, files: Iterable[str], made: Iterable[str]) -> None:
+    """Renames only. The marker first lists old and new files: even a move that was killed is known as bristle's."""
+    (stage / "both").replace(folder / MARKER)
+    (folder / "index.html").unlink(missing_ok=True)
+    for name in sorted(files, key=lambda name: (name == "index.html", name)):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (stage / "new" / name).replace(folder / name)
+    for name in {*made} - {*files}:
+        (folder / name).unlink(missing_ok=True)
+    (stage / "new" / MARKER).replace(folder / MARKER)
+    _remove_empty([folder / "figures", folder / "tables"])
 
 
 def _remove_empty(folders: Iterable[Path]) -> None:

@@ -349,10 +349,13 @@ def _gains(asked: AdaptOptions, J: float, kind: JointKind, assumed: list[Diagnos
 
 
 def fastest_measured(joint: Joint) -> float:
-    """The fastest measured speed of a joint of which something was fitted, rad/s."""
+    """The fastest measured speed of a joint, rad/s. Raises InputError where its results hold none."""
     moving = joint.moving
     known = [fit.velocity for fit in joint.static.values()] + ([moving.velocity] if moving is not None else [])
-    return max(float(np.abs(v).max()) for v in known if v.size)
+    fastest = max((float(np.abs(v).max()) for v in known if v.size), default=0.0)
+    if not fastest:
+        raise InputError(f"{joint.name}: its results hold no measured velocity; identify it from its logs again")
+    return fastest
 
 
 def requested_motion(asked: AdaptOptions, fastest: float) -> tuple[float, float]:

@@ -31,6 +31,8 @@ _SEPARATORS = (",", ";", "\t")
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 _COLDEST, _HOTTEST = -273.15, 5000.0
 """deg C."""
+_MOST_LOAD = 1e9
+"""Of a load, whatever its unit: so that squares of it are numbers."""
 _FIELD = re.compile(r"\{([^{}]*)\}")
 _YEARS = (1900, 2200)
 
@@ -111,11 +113,12 @@ def _texts(catalog: "str | Path | pd.DataFrame") -> _Texts:
 
 
 def _parquet(data: bytes, name: str) -> "pd.DataFrame":
-    import pandas as pd
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
-    try:
-        return pd.read_parquet(io.BytesIO(data))
+    try:  # what the file says of pandas is not believed
+        frame: pd.DataFrame = pq.read_table(io.BytesIO(data)).to_pandas(ignore_metadata=True)
+        return frame
     except (pa.ArrowException, ValueError, OSError) as error:
         raise InputError(f"{name}: is no Parquet file that can be read ({one_line(str(error), 120)})") from error
 
@@ -172,7 +175,7 @@ def _of_frame(frame: "pd.DataFrame", name: str, base: str) -> _Texts:
 
 def _text(value: object) -> str:
     """An entry as text; what is missing is empty."""
-    if value is None or value != value or type(value).__name__ in ("NAType", "NaTType"):  # noqa: PLR0124  # nan
+    if value is None or type(value).__name__ in ("NAType", "NaTType") or value != value:  # noqa: PLR0124  # nan
         return ""
     return cast("datetime", value).isoformat() if hasattr(value, "isoformat") else str(value).strip()
 
@@ -285,6 +288,8 @@ def _number(text: str, column: str) -> float:
         )
     if column == "temperature" and not _COLDEST <= value <= _HOTTEST:
         raise InputError(f"temperature: got {value:g}; expected deg C between {_COLDEST:g} and {_HOTTEST:g}")
+    if abs(value) > _MOST_LOAD:
+        raise InputError(f"{column}: got {value:g}; expected a number between -{_MOST_LOAD:g} and {_MOST_LOAD:g}")
     return value
 
 

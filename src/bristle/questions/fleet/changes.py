@@ -77,18 +77,16 @@ def _joined(parts: Sequence[Array | NDArray[np.intp]]) -> Array:
 
 def change_rows(tests: Sequence[StepTests], decided: Decided, frame: pd.DataFrame) -> pd.DataFrame:
     """A row per test, and the number of its joint."""
-    rows = pd.concat([_rows(x, frame) for x in tests], ignore_index=True) if tests else _rows_of_none()
+    none = pd.DataFrame(columns=list(_COLUMNS)).astype(_COLUMNS)
+    rows = pd.concat([_rows(x, frame) for x in tests], ignore_index=True) if tests else none
     return rows.assign(number=decided.joint, z=decided.z, p=decided.p, changed=decided.named)
 
 
-_COLUMNS = (
-    "type", "parameter", "direction", "sessions", "value_unit", "before", "after", "percent", "percent_lower", "percent_upper",
-    "since", "sessions_after",
-)  # fmt: skip  # a row
-
-
-def _rows_of_none() -> pd.DataFrame:
-    return pd.DataFrame(columns=list(_COLUMNS))
+_COLUMNS = {
+    "type": "str", "parameter": "str", "direction": "str", "sessions": "int64", "value_unit": "str", "before": "float64", "after": "float64",
+    "percent": "float64", "percent_lower": "float64", "percent_upper": "float64", "since": "datetime64[us]", "sessions_after": "int64",
+}  # fmt: skip  # a table
+"""Columns of the tests, and their types."""
 
 
 def _rows(x: StepTests, frame: pd.DataFrame) -> pd.DataFrame:

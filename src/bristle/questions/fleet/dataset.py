@@ -17,6 +17,7 @@ from bristle.errors import InputError, one_line
 from bristle.identification.known_joint import Known, chosen
 from bristle.identification.results import Joint
 from bristle.identification.verdict import row_warnings, verdict
+from bristle.page.output_folder import RESULTS, TASKS
 from bristle.questions.fleet.files import joined_path, make_folder, names_in, read_bytes, remove, write_whole
 from bristle.questions.fleet.survey import SCHEMA
 
@@ -38,8 +39,6 @@ OF_TASK = (
 )  # fmt: skip  # a list
 """Columns that a task gives; the others are the catalog's."""
 ORDER = ("unit", "joint", "session", "direction", "parameter", "file", "failure")
-RESULTS, TASKS = "results", "tasks"
-"""Folders of the output."""
 PART = re.compile(r"part-\d{5}-[0-9a-f]{8}\.parquet")
 ROWS = 200_000
 """Of a part."""
@@ -152,16 +151,15 @@ def _part(name: str) -> "pa.Table":
     try:
         table = pq.ParquetFile(pa.BufferReader(read_bytes(name))).read()
         known = (table.schema.metadata or {}).get(b"bristle")
-    except (pa.ArrowException, ValueError) as error:
+        if known is None:
+            raise InputError(f"{name}: is no part of a fleet's dataset; move it, or name another folder")
+        schema = schema_of(tuple(COLUMNS), coded=True)
+        # Another version's results are identified anew; a column that only it has is left out.
+        return table.select(schema.names).cast(schema) if known == SCHEMA.encode() else schema.empty_table()
+    except (pa.ArrowException, ValueError, KeyError) as error:
+        if isinstance(error, InputError):
+            raise
         raise InputError(f"{name}: is damaged ({one_line(str(error), 100)}); remove it, and run again") from error
-    if known is None:
-        raise InputError(f"{name}: is no part of a fleet's dataset; move it, or name another folder")
-    same = known == SCHEMA.encode()
-    return (
-        table.cast(schema_of(tuple(COLUMNS), coded=True))
-        if same
-        else schema_of(tuple(COLUMNS), coded=True).empty_table()
-    )
 
 
 def _codes(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:

@@ -4,6 +4,7 @@ What is finished stays whatever ends the run: the rows of each task lie in the o
 """
 
 import io
+import os
 import secrets
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -12,6 +13,7 @@ from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
 
 from bristle.errors import InputError, one_line, short
+from bristle.page.output_folder import FLEET, LEDGER, LOCK, MARKER, TASKS
 from bristle.page.wording import counted
 from bristle.progress import Progress, step
 from bristle.questions.fleet.catalog import CatalogRow
@@ -27,7 +29,6 @@ from bristle.questions.fleet.cluster import (
     told_where_lost,
 )
 from bristle.questions.fleet.dataset import (
-    TASKS,
     assembled,
     known_results,
     parts_of,
@@ -37,12 +38,12 @@ from bristle.questions.fleet.dataset import (
     write_parts,
 )
 from bristle.questions.fleet.files import (
+    claim_folder,
     exists,
     is_remote,
     joined_path,
     local_path,
     make_folder,
-    names_in,
     read_bytes,
     remove,
     write_whole,
@@ -55,7 +56,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import pyarrow as pa
 
-LEDGER, LOCK = "ledger.parquet", ".lock"
 BATCH = 50
 """Files that one task looks at."""
 LEAST_WINDOW, WINDOW = 200, 20
@@ -124,63 +124,67 @@ def run_fleet(
 
     Args:
         rows: of the catalog.
-        output: a folder, or a URL of one.
+        output: a folder that is `held`, or a URL of one.
         client: of Dask.
         identify: identifies a joint of a file, by a function that can be pickled.
         verify: whether every input is hashed anew.
         progress: told of every step.
 
-    Raises InputError where the output or the workers cannot be used, or another run writes there, and OSError where the
-    output is full, or the scheduler is lost. What is finished by then stays.
+    Raises InputError where the workers cannot be used, and OSError where the output is full, or the scheduler is lost. What is
+    finished by then stays.
     """
-    with _output(output):
-        step(progress, "checking the workers")
-        known = task_keys(output)
-        try:
-            with told_where_lost(client):
-                check_workers(client)
-                reach = reach_of(client, output, _samples(rows))
-            files = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
-            _write_ledger(output, files)
-            return _run(client, joint_sessions(rows, files), files, output, reach, identify, progress)
-        except SchedulerLostError as error:
-            stay = len(task_keys(output) - known)
-            raise OSError(
-                f"{error}; what is finished stays ({counted(stay, 'joint session')} of this run); run again to go on"
-            ) from error
+    step(progress, "checking the workers")
+    known = task_keys(output)
+    try:
+        with told_where_lost(client):
+            check_workers(client)
+            reach = reach_of(client, output, _samples(rows))
+        files = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
+        _write_ledger(output, files)
+        return _run(client, joint_sessions(rows, files), files, output, reach, identify, progress)
+    except SchedulerLostError as error:
+        stay = len(task_keys(output) - known)
+        raise OSError(
+            f"{error}; what is finished stays ({counted(stay, 'joint session')} of this run); run again to go on"
+        ) from error
 
 
 @contextmanager
-def _output(output: str) -> Iterator[None]:
-    """The folder, to be written by this run alone. Where the run is refused and nothing is finished, what it made there is removed."""
-    new = [] if is_remote(output) else [x for x in (local_path(output), local_path(output) / TASKS) if not x.exists()]
-    if not is_remote(output) and local_path(output).is_file():
-        raise InputError(f"{output}: is a file; name a folder")
-    try:
-        make_folder(joined_path(output, TASKS))
-    except PermissionError as error:
-        raise InputError(f"{output}: cannot be written; name another folder, or change its permissions") from error
-    if is_remote(output):
+def held(output: str) -> Iterator[None]:
+    """The folder, marked as bristle's and written by this run alone. Where the run is refused and nothing is finished, it is left as it was.
+
+    Raises InputError where the folder is neither empty nor marked as bristle's, or another run writes there.
+    """
+    folder = None if is_remote(output) else local_path(output)
+    absent = folder is not None and not folder.exists()
+    new = absent or (folder is not None and folder.is_dir() and not any(folder.iterdir()))
+    claim_folder(output, FLEET)
+    make_folder(joined_path(output, TASKS))
+    if folder is None:
         yield
         return
-    with local_path(output).joinpath(LOCK).open("wb") as file:
+    with os.fdopen(_lock_file(folder / LOCK), "wb") as file:
         _lock(file.fileno(), output)
         try:
             yield
         except InputError:
-            if new:
-                _undone(local_path(output), new)
+            if new and not task_keys(output) and not parts_of(output):
+                for name in (LEDGER, LOCK, MARKER):
+                    (folder / name).unlink(missing_ok=True)
+                with suppress(OSError):
+                    (folder / TASKS).rmdir()
+                    if absent:
+                        folder.rmdir()
             raise
 
 
-def _undone(folder: Path, new: Sequence[Path]) -> None:
-    """Remove the folders that a run made, and its files there; none where a task is finished."""
-    with suppress(OSError):
-        (folder / TASKS).rmdir()
-        for name in (LEDGER, LOCK):
-            (folder / name).unlink(missing_ok=True)
-        if folder in new:
-            folder.rmdir()
+def _lock_file(path: Path) -> int:
+    """The lock of an output, opened: a new file, or the one that is there, which is neither a link nor emptied."""
+    flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
+    try:
+        return os.open(path, flags | os.O_CREAT | os.O_EXCL, 0o644)
+    except FileExistsError:
+        return os.open(path, flags)
 
 
 def _lock(number: int, output: str) -> None:
@@ -362,7 +366,7 @@ def _compacted(
     import pyarrow.compute as pc
 
     table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
-    tasks = [joined_path(output, f"{TASKS}/{name}") for name in names_in(joined_path(output, TASKS))]
+    tasks = [task_file(output, key) for key in task_keys(output)]
     if not pc.any(pc.is_null(table["failure"])).as_py():
         for path in tasks:
             remove(path)

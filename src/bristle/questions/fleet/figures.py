@@ -182,8 +182,7 @@ def _ranks(frame: pd.DataFrame, joints: pd.DataFrame) -> NDArray[np.intp]:
     if frame.empty or joints.empty:
         return np.full(len(frame), -1, dtype=np.intp)
     pairs = pd.MultiIndex.from_frame(joints[["unit", "joint"]].astype(str))
-    codes, found = pd.factorize(pd.MultiIndex.from_frame(frame[["unit", "joint"]].astype(str)))
-    return pairs.get_indexer(pd.MultiIndex.from_tuples(list(found)))[codes].astype(np.intp)
+    return pairs.get_indexer(pd.MultiIndex.from_frame(frame[["unit", "joint"]].astype(str))).astype(np.intp)
 
 
 def _affordable(number: NDArray[np.intp], joints: int) -> int:

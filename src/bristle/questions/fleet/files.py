@@ -3,12 +3,13 @@
 import hashlib
 import os
 import secrets
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from bristle.errors import InputError, check_regular, one_line
+from bristle.page.output_folder import MARKER, claim, listed, marker_of
 
 _LOCAL = ("file://", "local://")
 _MODIFIED = (
@@ -68,29 +69,24 @@ def name_of(name: str) -> str:
     return name.rstrip("/").rpartition("/")[2]
 
 
-def system_of(name: str) -> tuple[Any, str]:
-    """The file system of a URL, and its path there. Raises InputError where fsspec knows none, or it is not installed."""
+@contextmanager
+def _remote(name: str) -> Iterator[tuple[Any, str]]:
+    """The file system of a URL, and its path there.
+
+    Raises InputError where fsspec knows none, or it is not installed; what its library raises is an OSError that names the URL.
+    """
     from fsspec.core import url_to_fs
 
     try:
-        system, path = url_to_fs(name)
+        yield url_to_fs(name)
+    except (OSError, InputError):
+        raise
     except ImportError as error:
         raise InputError(
             f"{name}: {one_line(str(error), 150)}; install it on this machine and on the workers"
         ) from error
     except ValueError as error:
         raise InputError(f"{name}: {one_line(str(error), 150)}; expected a path, or a URL that fsspec knows") from error
-    return system, path
-
-
-@contextmanager
-def _remote(name: str) -> Iterator[tuple[Any, str]]:
-    """The file system of a URL and the path there; what its library raises is an OSError that names the URL."""
-    found = system_of(name)
-    try:
-        yield found
-    except (OSError, InputError):
-        raise
     except Exception as error:  # each library has exceptions of its own
         raise OSError(f"{name}: {one_line(str(error), 200)}") from error
 
@@ -111,14 +107,15 @@ def stamp(name: str) -> Stamp:
 
 def read_bytes(name: str, most: int | None = None) -> bytes:
     """The bytes of a file. Raises OSError where it cannot be read, and InputError where it has more than `most`."""
+    size = 0
     if is_remote(name):
         with _remote(name) as (system, place):
             data = bytes(system.cat_file(place, end=None if most is None else most + 1))
     else:
         check_regular(local_path(name))
-        with local_path(name).open("rb") as file:
-            data = file.read() if most is None else file.read(most + 1)
-    if most is not None and len(data) > most:
+        size = local_path(name).stat().st_size
+        data = b"" if most is not None and size > most else local_path(name).read_bytes()
+    if most is not None and max(len(data), size) > most:
         raise InputError(f"{name}: larger than {most} bytes")
     return data
 
@@ -187,6 +184,22 @@ def make_folder(folder: str) -> None:
         return
     with _remote(folder) as (system, path), suppress(FileExistsError):
         system.makedirs(path, exist_ok=True)
+
+
+def claim_folder(folder: str, claims: Collection[str]) -> None:
+    """Mark a folder as bristle's, with these names in it.
+
+    Raises InputError where it is neither empty nor marked already, or holds one of the names that the marker does not list.
+    """
+    if not is_remote(folder):
+        claim(local_path(folder), claims)
+        return
+    place, names = joined_path(folder, MARKER), names_in(folder)
+    if names and MARKER not in names:
+        raise InputError(f"{folder}: is not empty, and bristle did not make it; name a new or an empty folder")
+    made = listed(folder, read_bytes(place), names, claims) if names else set()
+    make_folder(folder)
+    write_whole(place, marker_of({*made, *claims}))
 
 
 def write_whole(name: str, data: bytes) -> None:

@@ -200,14 +200,18 @@ def _named(changes: pd.DataFrame, people: Roster) -> pd.DataFrame:
 
 def _types(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]]) -> pd.DataFrame:
     """A row per type, parameter and direction."""
-    return pd.DataFrame([_type(one, most) for one, most in zip(every, settled, strict=True)], columns=list(_TYPES))
+    rows = [_type(one, most) for one, most in zip(every, settled, strict=True)]
+    return pd.DataFrame(rows, columns=list(_TYPES)).astype(_TYPES)
 
 
 _TYPES = (
-    "type", "parameter", "direction", "value_unit", "joints", "sessions", "mean", "mean_lower", "mean_upper", "spread_percent", "spread_lower",
-    "spread_upper", "scatter_percent", "scatter_lower", "scatter_upper", "temperature_percent", "temperature_lower", "temperature_upper",
-    "load_percent", "load_lower", "load_upper", "shift_percent", "shift_p",
-)  # fmt: skip  # a row
+    dict.fromkeys(("type", "parameter", "direction", "value_unit"), "str") | dict.fromkeys(("joints", "sessions"), "int64")
+    | dict.fromkeys((
+        "mean", "mean_lower", "mean_upper", "spread_percent", "spread_lower", "spread_upper", "scatter_percent", "scatter_lower", "scatter_upper",
+        "temperature_percent", "temperature_lower", "temperature_upper", "load_percent", "load_lower", "load_upper", "shift_percent", "shift_p",
+    ), "float64")
+)  # fmt: skip  # a table
+"""Columns of the types, and their types."""
 
 
 def _type(one: Adjusted, most: NDArray[np.intp]) -> dict[str, object]:

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from bristle.diagnostics import Kind
 from bristle.questions.fleet.roster import Roster
@@ -22,6 +21,12 @@ _PERIODS = ((31, "D"), (366, "W-MON"), (np.inf, "MS"))
 """Days that the sessions cover, up to which a period is a day, a week, a month."""
 
 
+_COLUMNS = {
+    "period": "datetime64[us]", "code": "str", "severity": "str", "joint_sessions": "int64", "of": "int64", "percent": "float64",
+}  # fmt: skip  # a table
+"""Columns of the quality over time, and their types."""
+
+
 def codes_of(frame: pd.DataFrame, *whose: str) -> pd.DataFrame:
     """Which warnings each joint session has, once each: session, code, and whose (unit and joint, if not said)."""
     kept = [*(whose or ("unit", "joint")), "session"]
@@ -32,19 +37,18 @@ def codes_of(frame: pd.DataFrame, *whose: str) -> pd.DataFrame:
     count, begin = length[code], (length.cumsum() - length)[code]
     rows = np.repeat(np.arange(len(frame)), count)
     place = np.repeat(begin - (count.cumsum() - count), count) + np.arange(rows.size)
-    text: NDArray[np.object_] = np.array([word for listed in words for word in listed], dtype=object)[place]
-    warned = frame.iloc[rows][kept].assign(code=text)
+    text = pd.array([word for listed in words for word in listed], dtype="str")
+    warned = frame.iloc[rows][kept].assign(code=text.take(place))
     failed = frame[frame["failure"].notna()][kept].assign(code=FAILED)
     return pd.concat([warned, failed]).drop_duplicates()
 
 
 def quality(frame: pd.DataFrame) -> pd.DataFrame:
     """How many joint sessions have each code in each period, 0 included: period, code, severity, joint_sessions, of, percent."""
-    columns = ["period", "code", "severity", "joint_sessions", "of", "percent"]
     every = frame[["unit", "joint", "session"]].drop_duplicates()
     every, found = every[every["session"].notna()], codes_of(frame)
     if every.empty:
-        return pd.DataFrame(columns=columns)
+        return pd.DataFrame(columns=list(_COLUMNS)).astype(_COLUMNS)
     days = (every["session"].max() - every["session"].min()).days
     rule = next(name for most, name in _PERIODS if days <= most)
     of = every.groupby(_period(every["session"], rule)).size()
@@ -55,7 +59,7 @@ def quality(frame: pd.DataFrame) -> pd.DataFrame:
     counts["severity"] = counts["code"].map(lambda code: _SEVERITY.get(code, "caution"))
     counts["of"] = counts["period"].map(of)
     counts["percent"] = 100 * counts["joint_sessions"] / counts["of"]
-    return counts.sort_values(["period", "code"], ignore_index=True)[columns]
+    return counts.sort_values(["period", "code"], ignore_index=True)[list(_COLUMNS)].astype(_COLUMNS)
 
 
 def _period(session: "pd.Series[Any]", rule: str) -> "pd.Series[Any]":
@@ -88,9 +92,10 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     )
     rows = rows.reset_index()
     rows["severity"] = rows["code"].map(lambda code: _SEVERITY.get(code, "caution"))
-    own = rows["number"].map(of_joint)
+    own = of_joint.reindex(rows["number"]).to_numpy(float)
     rows["before"], rows["of"] = rows["place"], own - rows["place"]
-    rate = (rows["code"].map(told["code"].value_counts()) - rows["sessions"] + 0.5) / (len(every) - own + 1)
+    of_code = told["code"].value_counts().reindex(rows["code"]).to_numpy(float)
+    rate = (of_code - rows["sessions"] + 0.5) / (len(every) - own + 1)
     rows["chance"] = rate ** rows["sessions"] * (1 - rate).clip(lower=0) ** rows["before"]
     now = people.table["now"].to_numpy(bool)[rows["number"]]
     return rows[(rows["before"] > 0) & (rows["sessions"] > rows["of"] / 2) & now]

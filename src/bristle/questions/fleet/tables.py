@@ -144,10 +144,8 @@ def quantities_of(*frames: pd.DataFrame) -> pd.DataFrame:
 def codes_in(frame: pd.DataFrame, known: pd.DataFrame) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
     """Which of `quantities_of` each row of a table is about, from 0; -1: none."""
     names = ["parameter", "direction", "value_unit"]
-    every = {key: k for k, key in enumerate(zip(*(known[name] for name in names), strict=True))}
     rows = pd.MultiIndex.from_frame(frame[names].astype(object).where(frame[names].notna(), "").astype(str))
-    codes, found = pd.factorize(rows)
-    return np.array([every.get(key, -1) for key in found], dtype=np.intp)[codes] if len(frame) else codes
+    return pd.MultiIndex.from_frame(known[names].astype(str)).get_indexer(rows).astype(np.intp)
 
 
 def label(row: Any) -> str:

@@ -17,10 +17,12 @@ LEAST_UNITS = 5
 """Joints of a type from which on its mean and spread are told."""
 MOST_LEFT_OUT = 50
 """Joints of a type up to which each is judged by the others alone: of more one hardly moves the spread."""
-_COLUMNS = (
-    "unit", "joint", "type", "parameter", "direction", "value_unit", "sessions", "value", "standard_error", "percent", "z", "adjusted_p",
-    "outside", "shrunken", "shrunken_error", "borrowed_percent",
-)  # fmt: skip  # a row
+_COLUMNS = {
+    "unit": "str", "joint": "str", "type": "str", "parameter": "str", "direction": "str", "value_unit": "str", "sessions": "int64",
+    "value": "float64", "standard_error": "float64", "percent": "float64", "z": "float64", "adjusted_p": "float64", "outside": "bool",
+    "shrunken": "float64", "shrunken_error": "float64", "borrowed_percent": "float64",
+}  # fmt: skip  # a table
+"""Columns of the units, and their types."""
 
 
 def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:
@@ -57,7 +59,7 @@ def unit_rows(
             numbers.append(one.of.joints[one.of.now])
             ps.append(p)
     if not parts:
-        return pd.DataFrame(columns=list(_COLUMNS))
+        return pd.DataFrame(columns=list(_COLUMNS)).astype(_COLUMNS)
     number, p = np.concatenate(numbers), np.concatenate(ps)
     own, group = np.unique(number, return_inverse=True)
     adjusted = false_discovery(simes(p, group))[group]
