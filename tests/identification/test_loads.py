@@ -305,7 +305,7 @@ def test_who_takes_the_joint_without_load_says_so() -> None:
 @pytest.mark.parametrize(
     ("enabled", "wrong"),
     [
-        ("{column: driven, unit: V}", "signals.enabled: got a unit or a scale"),
+        ("{column: driven, unit: V}", "signals.enabled: got a unit, a scale or a delay"),
         ("nothing", "no column named 'nothing'"),
         ("driven", "enabled is 0 in all 3 rows"),
     ],
