@@ -248,7 +248,7 @@ BAD = [
         {"data.csv": f"v,tau\n0.1,0.2{'0' * 64}\n0.2,0.3\n"}, patch=limited(text_table, "MAX_LINE", 64),
     ),
     *bad("long data", ALL, "data.csv: is ", patch=limited(text_table, "MAX_BYTES", 16)),
-    *bad("long experiment", READ, "e.yaml: larger than 64 bytes", patch=limited(yaml_file, "MAX_BYTES", 64)),
+    *bad("long experiment", READ, "e.yaml: is larger than 64 bytes", patch=limited(yaml_file, "MAX_BYTES", 64)),
     *bad("two of one name", [("report", "e.yaml", "f.yaml", "-o", "out")], "joint.name", {"f.yaml": GOOD["e.yaml"]}),
     *bad("output below a file", [("report", "e.yaml", "-o", "data.csv/out")], "data.csv/out", patch=undrawn),
     *bad("output is a file", [("report", "e.yaml", "-o", "data.csv")], "data.csv: is a file", patch=undrawn),

@@ -129,6 +129,11 @@ def unwritten(*shape: str) -> Mapping[str, Any]:
     return MappingProxyType({**UNWRITTEN, **sized(*shape)})
 
 
+def as_floats(values: Any) -> Floats:
+    """A new array of floats; what a NumPy mask hides is nan, as a missing value is."""
+    return np.asarray(np.ma.filled(np.ma.array(values, dtype=float), np.nan))
+
+
 def freeze(value: "DataclassInstance") -> None:
     """Replace every array in a frozen dataclass by a read-only copy; for use in its `__post_init__`."""
     for item in fields(value):

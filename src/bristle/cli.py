@@ -226,7 +226,7 @@ def _cross_checked(experiment: Path, joint: str | None) -> "Results":
         from bristle.api.identifying import identified as run
 
         results = run(experiment, joint=joint, crosscheck=True, progress=progress)
-        results.joint()
+        results.whole_joint()
     _tell(results.checks())
     _tell_laws(results)
     return results

@@ -77,14 +77,17 @@ def unreadable(path: Path | str, error: OSError) -> str:
     return f"{path}: cannot be read ({error.strerror or error})"
 
 
-def read_at_most(path: Path, most: int) -> bytes:
-    """The bytes of a regular file, of a longer one no more than `most` + 1. Raises InputError where it cannot be read."""
+def read_at_most(path: Path, most: int, expected: str) -> bytes:
+    """The bytes of a regular file. Raises InputError where it cannot be read, or has more than `most` of them."""
     try:
         check_regular(path)
         with path.open("rb") as file:
-            return file.read(most + 1)
+            content = file.read(most + 1)
     except OSError as error:
         raise InputError(unreadable(path, error)) from error
+    if len(content) > most:
+        raise InputError(f"{path}: is larger than {most} bytes; expected {expected}")
+    return content
 
 
 def short(value: object) -> str:

@@ -47,9 +47,7 @@ Uncertainty = Annotated[
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(
-        "--workers", metavar="N", min=1, help="Processes that share the work [default: the cores].", show_default=False
-    ),
+    typer.Option("--workers", metavar="N", min=1, max=256, help="Processes that share the work [default: the cores]."),
 ]
 OfRobot = Annotated[
     str | None,
@@ -65,13 +63,7 @@ FleetCatalog = Annotated[
 ]
 FleetOutput = Annotated[
     str | None,
-    typer.Option(
-        "-o",
-        "--output",
-        metavar="DIR",
-        help="Where dataset and page land [default: reports/NAME-fleet].",
-        show_default=False,
-    ),
+    typer.Option("-o", "--output", metavar="DIR", help="Where dataset and page land [default: reports/NAME-fleet]."),
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a warning is critical or calls for caution.")]
 

@@ -49,13 +49,15 @@ def parameters(draw: st.DrawFn, kind: JointKind) -> tuple[ExportedParameter, ...
     names = [ParameterName(name, d) for d in directions for name in Lugre._fields]
     shared = draw(st.lists(st.sampled_from(["inertia", "offset", "gravity_sin", "quadratic"]), unique=True))
     names += [ParameterName(name, Direction.SHARED) for name in shared]
+    values = [draw(positive) for _ in names]
     return tuple(
         ExportedParameter(
-            parameter=name, value=draw(positive), unit=unit(name.name, kind),
-            standard_error=draw(st.none() | positive | st.just(math.inf)), interval=draw(st.none() | intervals),
+            parameter=name, value=value, unit=unit(name.name, kind),
+            standard_error=draw(st.none() | positive | st.just(math.inf)),
+            interval=draw(st.none() | intervals.map(lambda x, value=value: (min(*x, value), max(*x, value)))),
             source=draw(st.sampled_from(["joint", "static", "given", "assumed"])),
         )
-        for name in names
+        for name, value in zip(names, values, strict=True)
     )  # fmt: skip  # a list of values
 
 
@@ -203,8 +205,8 @@ def spoilt(text: str) -> dict[str, str]:
         "bristle-export/1": text.replace("bristle-export/1", "bristle-export/9"),
         "has no parameter 'alpha_0+'": changed(text, parameters=rows[1:]),
         "has parameter 'alpha_0+' twice": changed(text, parameters=[rows[0], *rows]),
-        "got alpha_0+ = -1; expected a number above zero": changed(text, parameters=[{**rows[0], "value": -1.0}, *rows[1:]]),
-        "got v_s+ = 0; expected": changed(text, parameters=[*rows[:3], {**rows[3], "value": 0.0}, *rows[4:]]),
+        "got alpha_0+ = -1 N*m; expected more than 0": changed(text, parameters=[{**rows[0], "value": -1.0}, *rows[1:]]),
+        "got v_s+ = 0 rad/s; expected": changed(text, parameters=[*rows[:3], {**rows[3], "value": 0.0}, *rows[4:]]),
         "got fastest = 0": changed(text, fastest=0.0),
         "is there twice": json.dumps({**document, "joints": document["joints"] * 2}),
         "valid number": changed(text, fastest="1"),
@@ -244,7 +246,7 @@ def test_a_document_that_is_none_is_refused_in_a_sentence(handed: Handed, tmp_pa
         ("e.yaml", b"a: &x 1\nb: *x", "anchors"),
         ("e.yml", b"- 1", "is no document of schema bristle-export/1"),
         ("e.yaml", b"a: .nan", "NaN is no JSON"),
-        ("e.json", b" " * 10_000_001, "it has more than 10000000 bytes"),
+        ("e.json", b" " * 10_000_001, "is larger than 10000000 bytes"),
         ("missing/e.json", None, "no such file"),
     ],
 )

@@ -249,6 +249,16 @@ def test_friction_of_the_other_target_is_not_added(handed: Handed) -> None:
         mjcf_frictionloss.TARGET.write([joint], Request(into=once, into_name="arm.xml"))
 
 
+def test_a_joint_that_stands_twice_is_refused(handed: Handed) -> None:
+    """Of two joints of the name, in one body or in two, neither is the one that was identified."""
+    joint = handed("wrist pitch")
+    for between in ("", "</body><body>"):
+        twice = f'<mujoco>\n<worldbody><body>\n<joint name="wrist pitch"/>{between}\n<joint name="wrist pitch"/></body></worldbody></mujoco>'
+        for target in TARGETS:
+            with pytest.raises(InputError, match=r"arm\.xml: has joint 'wrist pitch' twice, in lines 3 and 4"):
+                target.write([joint], Request(into=twice.encode(), into_name="arm.xml"))
+
+
 def test_a_second_merge_is_refused(handed: Handed) -> None:
     """LuGre that is there already would act twice; frictionloss is written anew, and is the same."""
     joint = handed("wrist pitch")

@@ -237,7 +237,7 @@ def test_a_rate_is_between_0_and_1() -> None:
     frame, _ = fleet(SMALL._replace(robots=2))
     with pytest.raises(InputError, match="rate: got 0; expected"):
         findings(frame, rate=0.0)
-    with pytest.raises(InputError, match="baseline: got 0; expected at least 1 session"):
+    with pytest.raises(InputError, match="baseline: got 0; expected 1 to 10000 sessions"):
         findings(frame, baseline=0)
 
 

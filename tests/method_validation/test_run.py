@@ -592,7 +592,7 @@ def test_final_velocities_that_agree_have_plain_labels(validation: Validation) -
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        (("--repetitions", "3"), "repetitions: got 3; a validation needs at least 20"),
+        (("--repetitions", "3"), "repetitions: got 3; expected 20 to 100000"),
         (("--starts", "0"), "starts: got 0"),
         (("--noise", "0"), "noise: got 0; expected a positive share of alpha_0"),
         (("--noise", "nan"), "noise: got nan"),

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from bristle.model import functions, law, motor
 from bristle.model.law import is_passive
-from bristle.model.parameters import BOUNDS, Lugre, Motor, ParameterName, in_direction, unit
+from bristle.model.parameters import Lugre, Motor, ParameterName, in_direction, unit
 from bristle.model.vectorize import evaluate
 
 positive = st.floats(1e-3, 1e3)
@@ -124,7 +124,7 @@ def test_units_are_those_of_the_equations() -> None:
     for kind in ("revolute", "prismatic"):
         u = {
             name: registry.parse_units(unit(name, kind))
-            for name in (*BOUNDS, *Motor._fields, "torque", "position", "velocity", "voltage")
+            for name in (*Lugre._fields, *Motor._fields, "torque", "position", "velocity", "voltage")
         }
         terms = ["alpha_0", "alpha_1"]
         products = [("alpha_2", "velocity"), ("sigma_0", "position"), ("sigma_1", "velocity")]

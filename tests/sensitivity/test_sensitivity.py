@@ -473,9 +473,9 @@ def test_symbolic_prints_formulas_and_writes_nothing(tmp_path: Path, monkeypatch
     [
         (("--amplitude", "0.5"), "amplitude: got '0.5'; expected a number with its unit"),
         (("--amplitude", "5 mm"), "amplitude: unit 'mm' is no unit of rad"),
-        (("--amplitude", "-1 rad"), "amplitude: got -1; expected a positive number"),
+        (("--amplitude", "-1 rad"), "amplitude: got -1 rad; expected a quantity above 0"),
         (("--frequency", "3 rad/s"), "frequency: unit 'rad/s' is no unit of Hz"),
-        (("--frequency", "0 Hz"), "frequency: got 0; expected a positive number"),
+        (("--frequency", "0 Hz"), "frequency: got 0 Hz; expected a quantity above 0"),
         (("--amplitude", "1e300 rad"), "amplitude: got '1e300 rad'; expected a finite size"),
         (("--amplitude", "1e9 rad"), "1e-06 to 10000 times the joint's travel: choose another"),
         (("--frequency", "1e12 Hz"), "frequency: got 1e+12 Hz; expected 1e-06 to 10000 Hz"),

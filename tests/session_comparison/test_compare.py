@@ -727,7 +727,7 @@ def test_files_that_are_too_large_missing_binary_or_in_the_way(
     monkeypatch.setattr(document, "LARGEST", 1000)
     code, _, said = run("compare", *sessions, "-o", tmp_path / "out")
     assert (code, len(said)) == (2, 1)
-    assert "a results file has at most 1000" in said[0]
+    assert "is larger than 1000 bytes; expected a results file" in said[0]
     assert set(tree(tmp_path)) == {"binary", "file"}
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from bristle.arrays import Array
 from bristle.data.experiment.arrays import seconds
 from bristle.errors import InputError, short, short_list
-from bristle.model.parameters import Kind, Lugre, Pair, unit
+from bristle.model.parameters import Kind, Lugre, Pair
 from bristle.questions.array_fit.fit import (
     Fit,
     along,
@@ -184,9 +184,8 @@ def fit_dynamic(
         raise InputError(
             f"priors: got {short(priors)}; expected what fit, fit_presliding or fit_dynamic gave, in a list"
         )
-    known = f"{inertia!r} {unit('inertia', kind)}" if isinstance(inertia, int | float) else inertia
     signals = _signals(t, position, torque, velocity)
-    return fit_motion(signals, units or {}, kind, options, priors, known, uncertainty=uncertainty)
+    return fit_motion(signals, units or {}, kind, options, priors, inertia, uncertainty=uncertainty)
 
 
 def friction(velocity: "ArrayLike", of: Fit | Lugre[float]) -> Array:

@@ -8,7 +8,7 @@ from bristle.api.exploring import explorers
 from bristle.api.identifying import identified, identify
 from bristle.api.joints import Known, asked_joint, read_if_results
 from bristle.api.results import Results, write_results
-from bristle.api.sources import Source
+from bristle.api.sources import Source, path_of
 from bristle.errors import InputError
 from bristle.identification.results import Joint
 from bristle.page.output_folder import check_folder
@@ -139,8 +139,10 @@ def compare(first: Results | Path | str, second: Results | Path | str) -> Compar
     """
     from bristle.questions.session_comparison.results_file import read_session, session_of
 
-    sessions = [session_of(x.joints) if isinstance(x, Results) else read_session(Path(x)) for x in (first, second)]
-    if not isinstance(first, Results) and not isinstance(second, Results) and Path(first).samefile(second):
+    results = "results as identify gave them, or the path of their file"
+    given = [x if isinstance(x, Results) else path_of(x, results) for x in (first, second)]
+    sessions = [session_of(x.joints) if isinstance(x, Results) else read_session(x) for x in given]
+    if isinstance(given[0], Path) and isinstance(given[1], Path) and given[0].samefile(given[1]):
         raise InputError(f"{second}: is the same file as {first}; expected the results.json of another session")
     return compare_sessions(*sessions)
 

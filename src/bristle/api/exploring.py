@@ -1,6 +1,6 @@
 """The page on which the friction model of identified joints can be played with."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from bristle.api.identifying import identify
@@ -65,13 +65,12 @@ def _explorer(known: "_Known") -> "Explorer | None":
         return None
 
 
-_Known = tuple[list[Joint], dict[str, JointLoop | str]]
+_Known = tuple[Sequence[Joint], dict[str, JointLoop | str]]
 """Joints, and the loop of each or why there is none."""
 
 
 def _known(results: Results, joint: str | None = None) -> _Known:
-    names = [found.name for found in results.joints] if joint is None else [joint]
-    joints = [results.whole_joint(name) for name in names]
+    joints = results.whole_joints(joint)
     return joints, {found.name: known_loop(results, found) for found in joints}
 
 

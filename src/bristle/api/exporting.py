@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from hashlib import sha256
-from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +14,7 @@ from bristle.api.joints import Known, read_if_results
 from bristle.api.results import Results
 from bristle.control.compensator import Compensator
 from bristle.data.experiment.load import Experiment
-from bristle.data.units import to_si
+from bristle.data.units import positive_si
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError, read_at_most
 from bristle.identification.document import LARGEST
@@ -72,10 +71,12 @@ def export(
     found, digest = _found(known, joint, progress)
     joints, refused = _handed(found, digest)
     request = Request(
-        into=None if into is None else _read(Path(into)),
+        into=None if into is None else read_at_most(Path(into), LARGEST, "a model, without meshes"),
         into_name="" if into is None else Path(into).name,
-        amplitude=_positive("amplitude", amplitude, unit("position", found[0].joint.kind)),
-        frequency=_positive("frequency", frequency, "Hz"),
+        amplitude=None
+        if amplitude is None
+        else positive_si("amplitude", amplitude, unit("position", found[0].joint.kind)),
+        frequency=None if frequency is None else positive_si("frequency", frequency, "Hz"),
         compensator=_compensator(found[0], compensator, adapt, step),
     )
     return export_joints(joints, to, request, refused)
@@ -118,8 +119,10 @@ def _found(known: Known, joint: str | None, progress: Progress | None) -> tuple[
         return [_Found(known.joint, experiment, lambda: loop_of(experiment, known.joint))], None
     source = read_if_results(known)
     results = source if isinstance(source, Results) else identify(source, joint=joint, progress=progress)
-    digest = sha256(_read(Path(known))).hexdigest() if source is not known and isinstance(known, Path | str) else None
-    chosen = results.joints if joint is None else (results.joint(joint),)
+    digest = None
+    if isinstance(known, Path | str) and source is not known:
+        digest = sha256(read_at_most(Path(known), LARGEST, "a results file")).hexdigest()
+    chosen = results.whole_joints(joint)
     return [_Found(one, _experiment(results, one), partial(known_loop, results, one)) for one in chosen], digest
 
 
@@ -168,22 +171,3 @@ def _compensator(found: _Found, name: Any, law: Any, step: Any) -> Compensator:
         known.adaptation, law=law, step=step or known.adaptation.step, gamma=known.comparable_rates(law)
     )
     return replace(own, adaptation=adaptation)
-
-
-def _positive(name: str, value: float | str | None, si: str) -> float | None:
-    if value is None:
-        return None
-    try:
-        number = to_si(value, si) if isinstance(value, str) else float(value)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from error
-    if not 0 < number < inf:
-        raise InputError(f"{name}: got {value}; expected a quantity above 0, as 0.5 {si}")
-    return number
-
-
-def _read(path: Path) -> bytes:
-    data = read_at_most(path, LARGEST)
-    if len(data) > LARGEST:
-        raise InputError(f"{path}: has more than {LARGEST} bytes; expected a model, without meshes")
-    return data

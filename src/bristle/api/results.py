@@ -7,7 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from bristle.api.logs import JointLogs
-from bristle.api.sources import source_text
+from bristle.api.sources import path_of, source_text
 from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError, short, short_list
 from bristle.identification.document import checked, document_of, joints_of, reading
@@ -64,6 +64,12 @@ class Results:
             )
         return self.joint(name)
 
+    def whole_joints(self, name: str | None = None) -> tuple[Joint, ...]:
+        """`whole_joint` of a name; without one of each joint. Raises InputError as that does."""
+        return tuple(
+            self.whole_joint(one) for one in ([joint.name for joint in self.joints] if name is None else [name])
+        )
+
     def measured_joint(self, name: str) -> Measured:
         """What the joint of a name was identified from; of results that were read, its logs are read now.
 
@@ -84,7 +90,7 @@ class Results:
         from bristle.questions.joint_report.brief import brief_report
         from bristle.questions.joint_report.text import fit_report
 
-        return fit_report(self._whole_joints()) if full else brief_report(self.joints)
+        return fit_report(self.whole_joints()) if full else brief_report(self.joints)
 
     def __str__(self) -> str:
         return self.text()
@@ -121,7 +127,7 @@ class Results:
         """
         from bristle.questions.joint_report.results_file import to_json
 
-        return to_json(self._whole_joints(), self.logs.written(Path(folder)))
+        return to_json(self.whole_joints(), self.logs.written(Path(folder)))
 
     def uncertainty(self) -> "pd.DataFrame":
         """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and their warnings."""
@@ -167,11 +173,7 @@ class Results:
         """Each joint's parameters and its curve, for a notebook."""
         from bristle.questions.array_fit.figure import joints_html
 
-        return joints_html(self._whole_joints(), self.to_frame())
-
-    def _whole_joints(self) -> tuple[Joint, ...]:
-        """The joints, with what has an entry per sample. Raises InputError where that is not known."""
-        return tuple(self.whole_joint(joint.name) for joint in self.joints)
+        return joints_html(self.whole_joints(), self.to_frame())
 
 
 def write_results(
@@ -196,7 +198,7 @@ def write_results(
 
     title = results.joints[0].name if len(results.joints) == 1 else f"{len(results.joints)} joints"
     return write_report(
-        [results.whole_joint(joint.name) for joint in results.joints],
+        results.whole_joints(),
         folder,
         experiments=results.logs.written(folder),
         title=title,
@@ -224,7 +226,7 @@ def read_results(path: Path | str) -> Results:
     `plan`, `adapt` and `sensitivity` read the logs again, once asked, from where they stood; they must be as they were.
     Raises InputError in one sentence where the file is no results file, and OSError where it cannot be read.
     """
-    path = Path(path)
+    path = path_of(path, "the path of a results.json")
     with reading(path) as text:
         found = checked(text)
         if isinstance(found, dict) and found.get("schema") == "bristle-results/1":
@@ -233,7 +235,9 @@ def read_results(path: Path | str) -> Results:
         joints = joints_of(document)
         session_of(joints)  # which refuses numbers that are none
         texts = tuple(source_text(x, path.parent) for x in document.experiments)
-    return Results(joints=joints, logs=JointLogs(texts=texts), whole=document.samples is not None)
+    return Results(
+        joints=joints, logs=JointLogs(texts=texts), whole=document.joints.keys() <= (document.samples or {}).keys()
+    )
 
 
 def choose(names: Sequence[str], name: str | None) -> str:

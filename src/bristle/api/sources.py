@@ -84,6 +84,13 @@ def _sha256(path: Path) -> str:
         raise InputError(unreadable(path, error)) from error
 
 
+def path_of(source: object, expected: str = "an experiment, or the path of its file") -> Path:
+    """The path of a file. Raises InputError where it is none."""
+    if not isinstance(source, str | os.PathLike):
+        raise InputError(f"got {short(source)}, {type(source).__name__}; expected {expected}")
+    return Path(source)
+
+
 def load(source: Source) -> Experiment | Robot:
     """What a file describes. Raises InputError where it cannot be read."""
     return opened(source)[0]
@@ -109,7 +116,7 @@ def opened(source: Source) -> tuple[Experiment | Robot, SourceText | None]:
         except (InputError, OSError):  # of arrays, or gone
             return source, None
         return source, found if again == source else None
-    path = Path(source)
+    path = path_of(source)
     if is_results_file(path):
         raise InputError(
             f"{path}: is a results file, identified already; expected an experiment file, or ask plan, adapt, validate or sensitivity of it"

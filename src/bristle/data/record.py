@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.arrays import Array
+from bristle.arrays import Array, as_floats
 from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError
 
@@ -101,6 +101,6 @@ class Record:
 
 
 def _frozen(values: Array) -> Array:
-    array = np.array(values, dtype=float)
+    array = as_floats(values)
     array.setflags(write=False)
     return array

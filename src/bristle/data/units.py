@@ -7,6 +7,7 @@ import re
 import tokenize
 from contextlib import suppress
 from functools import cache
+from math import inf
 from typing import TYPE_CHECKING, Any
 
 from bristle.errors import InputError, short
@@ -77,6 +78,17 @@ def to_si(value: object, target: str) -> float:
     if match and match[2]:
         return _sane(float(match[1]) * factor(match[2], target), value, target)
     raise InputError(f"got {short(value)}; expected a number with its unit, such as {_example(target)}")
+
+
+def positive_si(name: str, value: float | str, target: str) -> float:
+    """`to_si` of an option; a number is in SI. Raises InputError, opening with the option's name, where it is not above zero."""
+    try:
+        number = to_si(value, target) if isinstance(value, str) else float(value)
+    except InputError as error:
+        raise InputError(f"{name}: {error}") from error
+    if not 0 < number < inf:
+        raise InputError(f"{name}: got {value}; expected a quantity above 0, as 0.5 {target}")
+    return number
 
 
 def plus_minus(value: object, target: str) -> tuple[float, float | None]:

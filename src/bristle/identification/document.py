@@ -9,7 +9,7 @@ from math import isinf
 from pathlib import Path
 from typing import Any
 
-from bristle.errors import InputError, check_regular, one_line, short
+from bristle.errors import InputError, check_regular, one_line, read_at_most, short
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.results import Document, Joint, adapter, first_reason
 from bristle.identification.samples import with_samples
@@ -31,13 +31,9 @@ _SHOWN = 300
 def reading(path: Path) -> Iterator[str]:
     """The text of a results file; what its body raises of it becomes one sentence.
 
-    Raises InputError where it is no results file of schema bristle-results/2 or 1, and OSError where it cannot be read.
+    Raises InputError where it cannot be read, or is no results file of schema bristle-results/2 or 1.
     """
-    check_regular(path)
-    with path.open("rb") as file:
-        data = file.read(LARGEST + 1)
-    if len(data) > LARGEST:
-        raise InputError(f"{path}: has {path.stat().st_size} bytes; a results file has at most {LARGEST}")
+    data = read_at_most(path, LARGEST, "a results file")
     try:
         yield data.decode("utf-8")
     except InputError as error:
@@ -123,7 +119,7 @@ def _check_parameters(joint: Joint, fit: StaticFit | TrackingFit) -> None:
 
 
 def _check_load(joint: str, fit: TrackingFit) -> None:
-    """InputError where the coefficients of a load are not those of one, or below zero."""
+    """InputError where the coefficients of a load are not those of one."""
     rises = {n.name: e.value for n, e in fit.parameters.items() if of_load(n.name)}
     whole = any({*rises} == {*names} for names in LOADS.values())
     if (rises or fit.load.size) and not whole:
@@ -131,8 +127,6 @@ def _check_load(joint: str, fit: TrackingFit) -> None:
         raise InputError(
             f"{joint}: has {told} as coefficients of its load; expected those of one of {', '.join(LOADS)}"
         )
-    if below := [name for name, value in rises.items() if value is not None and value < 0]:
-        raise InputError(f"{joint}: {below[0]}: got {rises[below[0]]:g}; expected at least 0")
 
 
 def check_most(what: str, count: int) -> None:

@@ -7,12 +7,13 @@ asks here. What the data do not show of the bristle is filled in, and is to be s
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from math import inf, isclose
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.arrays import Array
+from bristle.arrays import Array, Interval
 from bristle.data.experiment.load import Experiment
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
@@ -33,6 +34,8 @@ from bristle.model.parameters import (
     ParameterName,
     fields_of,
     in_direction,
+    is_positive,
+    is_possible,
     least_of,
     lugre_of,
     of_curve,
@@ -54,8 +57,6 @@ INERTIAL = 0.1
 """Torque of the largest acceleration where no inertia is known, as a share of alpha_0."""
 _MOST_MOVED = 5.0
 """How far a logarithm is drawn from the estimate: what is known by less than that factor is not known."""
-_LOGARITHMIC = ("alpha_0", "v_s", "sigma_0", "inertia")
-"""Drawn by their logarithms: they are positive."""
 
 
 class Source(StrEnum):
@@ -214,6 +215,13 @@ class KnownJoint:
         values = self.values(direction)
         return values.keys() >= set(static_fields_of(self.law)) and values["alpha_0"] > 0
 
+    def check_law(self, *directions: Direction, remedy: str = "") -> None:
+        """Raises InputError, closing with a remedy, where the friction vs velocity is not known in one of the directions."""
+        if unknown := [d for d in directions if not self.has_law(d)]:
+            raise InputError(
+                f"{self.name}: nothing is known of the friction vs velocity in direction {unknown[0]}{remedy}"
+            )
+
     def estimate(self, name: str, direction: Direction) -> Estimate | None:
         """The estimate to use of a parameter in a direction; None where no stage looked for it."""
         return in_direction(self.estimates, name, direction)
@@ -245,9 +253,8 @@ class KnownJoint:
         Bent by `DEFLECTION` of `travel` (rad) in slow sliding, damped by (15). `J` is the inertia, kg*m**2. Raises
         InputError where nothing is known of the friction vs velocity.
         """
+        self.check_law(direction)
         values, missing = self.values(direction), self.missing(direction)
-        if not self.has_law(direction):
-            raise InputError(f"{self.name}: nothing is known of the friction vs velocity in direction {direction}")
         if "sigma_0" in missing:
             values["sigma_0"] = assumed_stiffness(values["alpha_0"], travel)
         if "sigma_1" in missing:
@@ -260,7 +267,33 @@ class KnownJoint:
 
 
 def known_joint(joint: Joint) -> KnownJoint:
-    """What is known of an identified joint."""
+    """What is known of an identified joint. Raises InputError where a number of it is none that a joint can have."""
+    known = as_identified(joint)
+    links = {} if joint.link_inertia is None else {INERTIA: joint.link_inertia}  # a rotor's may be lost in their error
+    faults = [fault_of(name, value) for name, value in (*known.given.items(), *known.held.items())]
+    for name, e in known.estimates.items():
+        if e.value is not None and (name.name != "alpha_0" or e.value != 0):  # at 0 `has_law` is False
+            inside = None if name in links else e.interval
+            faults.append(fault_of(name, e.value + links.get(name, 0.0), e.unit, inside))
+    if any(faults):
+        raise InputError(
+            f"{joint.name}: {next(filter(None, faults))}: look at its fit in the report, and identify it from runs that show it"
+        )
+    return known
+
+
+def fault_of(name: ParameterName, value: float, si: str = "", interval: Interval | None = None) -> str | None:
+    """Why no joint has a parameter of this value, or it is none of its own 95 % interval; None where it may be."""
+    low, high = interval or (-inf, inf)
+    got = f"got {name} = {f'{value:g} {si}'.strip()}"
+    if not is_possible(name.name, value):
+        return f"{got}; expected {'more than 0' if is_positive(name.name) else f'at least {least_of(name.name):g}'}"
+    outside = (value < low and not isclose(value, low)) or (value > high and not isclose(value, high))
+    return f"{got}; expected a value within its own interval, {low:g} to {high:g}" if outside else None
+
+
+def as_identified(joint: Joint) -> KnownJoint:
+    """`known_joint`, whatever its numbers are: to show them."""
     fit = joint.moving
     shown = fit.parameters if fit is not None else {}
     fixed = fit.fixed if fit is not None else {}
@@ -281,15 +314,12 @@ def whole(joint: Joint) -> KnownJoint:
     moving run.
     """
     known = known_joint(joint)
-    for d in SIGNED:
-        lacking = "" if known.has_law(d) else "friction vs velocity"
-        if joint.moving is None and "sigma_0" in known.missing(d):
-            lacking = lacking or "bristle stiffness (sigma_0)"
-        if lacking:
-            raise InputError(
-                f"{joint.name}: nothing is known of the {lacking} in direction {d}; "
-                "a compensator needs a tracking run, or ramp and presliding runs in both directions"
-            )
+    remedy = "; a compensator needs a tracking run, or ramp and presliding runs in both directions"
+    known.check_law(*SIGNED, remedy=remedy)
+    if joint.moving is None and (soft := [d for d in SIGNED if "sigma_0" in known.missing(d)]):
+        raise InputError(
+            f"{joint.name}: nothing is known of the bristle stiffness (sigma_0) in direction {soft[0]}{remedy}"
+        )
     return known
 
 
@@ -376,7 +406,7 @@ def _moves(joint: Joint) -> _Moves | None:
         return None
     rows = [fit.names.index(name) for name in names]
     centre = np.array([values[name] for name in names])
-    positive = np.array([name.name in _LOGARITHMIC for name in names]) & (centre > 0)
+    positive = np.array([is_positive(name.name) for name in names]) & (centre > 0)
     chain = np.where(positive, 1 / np.where(positive, centre, 1.0), 1.0)
     covariance = fit.covariance[np.ix_(rows, rows)] * np.outer(chain, chain)
     if not np.isfinite(covariance).all():

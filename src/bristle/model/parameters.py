@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 from functools import cache
+from math import isfinite
 from operator import itemgetter
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
@@ -321,16 +322,6 @@ _UNITS: dict[str, tuple[str, str]] = {
     "voltage": ("V", "V"),
 }
 
-BOUNDS: dict[str, tuple[float, float]] = {
-    "alpha_0": (0.0, float("inf")),
-    "alpha_1": (0.0, float("inf")),
-    "alpha_2": (0.0, float("inf")),
-    "v_s": (0.0, float("inf")),
-    "sigma_0": (0.0, float("inf")),
-    "sigma_1": (0.0, float("inf")),
-}
-"""Physical limits of each LuGre parameter, in both directions of motion (alpha and sigma are positive in both)."""
-
 
 def unit(name: str, kind: Kind = "revolute") -> str:
     """SI unit of a parameter or signal of a joint, as a string that pint reads.
@@ -382,7 +373,20 @@ def effort(kind: Kind) -> str:
 
 def least_of(name: str) -> float:
     """What a parameter may be at least, in SI: 0, but -inf for an offset, gravity and a quadratic term, which have a sign."""
-    if name in BOUNDS or name in (INERTIA.name, FASTEST) or of_load(name):
+    if name in (*Lugre._fields, INERTIA.name, FASTEST) or of_load(name):
         return 0.0
     own = own_parameter(name)
     return -float("inf") if own is None else own.least
+
+
+_POSITIVE = frozenset({"alpha_0", "v_s", "sigma_0", "inertia", "links", FASTEST})
+
+
+def is_positive(name: str) -> bool:
+    """Whether a parameter cannot be zero: the equations divide by it."""
+    return name in _POSITIVE or of_shape(name)
+
+
+def is_possible(name: str, value: float) -> bool:
+    """Whether a joint can have a parameter of this value, in SI: finite, at least `least_of`, and not zero where it `is_positive`."""
+    return isfinite(value) and (value > 0 if is_positive(name) else value >= least_of(name))

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator
 
-from bristle.arrays import Array
+from bristle.arrays import Array, as_floats
 from bristle.page.columns import cells
 
 _GIVEN = re.compile(r"_(child|container|nolegend_|image)\d*")
@@ -120,7 +120,7 @@ def _rows(artist: Artist, ax: Axes) -> tuple[str, Array]:
     if isinstance(artist, AxesImage | QuadMesh):
         return "map", _image(artist) if isinstance(artist, AxesImage) else _mesh(artist)
     if isinstance(artist, PathCollection):
-        at: Array = np.ma.filled(np.ma.asarray(artist.get_offsets(), dtype=float), np.nan)
+        at: Array = as_floats(artist.get_offsets())
         return "points", _valued(at, artist.get_array())
     if isinstance(artist, Line2D):
         x, y = (np.asarray(values, dtype=float) for values in artist.get_data())
@@ -156,13 +156,13 @@ def _placed(artist: Artist, ax: Axes, at: Array) -> Array:
 def _valued(at: Array, values: Any) -> Array:
     """Places, (n, 2), and what stands there."""
     bare = np.full(len(at), np.nan)
-    known = bare if values is None else np.ma.filled(np.ma.asarray(values, dtype=float), np.nan).ravel()
+    known = bare if values is None else as_floats(values).ravel()
     return np.column_stack([at, known if known.size == len(at) else bare])
 
 
 def _image(image: AxesImage) -> Array:
     """The centre of each cell of a map, and its number."""
-    values: Array = np.ma.filled(np.ma.asarray(image.get_array(), dtype=float), np.nan)
+    values: Array = as_floats(image.get_array())
     if values.ndim != 2:
         return np.zeros((0, 3))
     left, right, bottom, top = image.get_extent()

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from bristle.arrays import Array
+from bristle.arrays import Array, as_floats
 from bristle.data.columns import Key
 from bristle.data.experiment.load import Experiment, Run, run_of_table
-from bristle.data.experiment.schema import RunKind
+from bristle.data.experiment.schema import JointDescription, RunKind
 from bristle.data.experiment.signals import Context
 from bristle.data.experiment.yaml_file import validate
 from bristle.data.text_table import RawTable
@@ -40,11 +40,13 @@ def run_of_arrays(
         units: of signals that are not in SI, such as `deg/s`.
         kind: of the joint.
         options: as under `fit` in an experiment file.
-        more: other keys of an experiment file.
+        more: other keys of an experiment file; a number is in SI.
 
     Raises InputError where a signal is not n finite numbers, the first row that is not named; where a unit is of no such
-    signal, or an option is unknown.
+    signal, or the kind or an option is unknown.
     """
+    joint = {"name": "joint", "kind": kind}
+    validate(JointDescription, joint, "joint", None)  # before units are asked of its kind
     if not isinstance(units, Mapping):
         raise InputError(f"units: got {short(units)}; expected units by signal, as {{'velocity': 'deg/s'}}")
     columns = {name: _column(name, values) for name, values in signals.items() if values is not None}
@@ -58,12 +60,15 @@ def run_of_arrays(
     }
     data = {
         "path": _HERE,
-        "joint": {"name": "joint", "kind": kind},
+        "joint": joint,
         "signals": declared,
         "runs": [{"files": _CALLED[what], "experiment": what}],
         "cleaning": {"non_finite": "refuse"},
         "fit": dict(options),
-        **more,
+        **{
+            name: f"{float(x)!r} {unit(name, kind)}" if isinstance(x, int | float) and x is not True else x
+            for name, x in more.items()
+        },
     }
     experiment = validate(Experiment, data, str(_HERE), Context(kind=kind))
     digest = hashlib.sha256()
@@ -115,7 +120,7 @@ def _in_seconds(values: Any) -> Any:
         values = getattr(values, "dt", values).tz_localize(None)
     if values.dtype.kind not in "mM":
         return values
-    array = np.asarray(values)
+    array = np.asanyarray(values)
     return (array - array[:1]) / np.timedelta64(1, "s") if array.dtype.kind == "M" else array / np.timedelta64(1, "s")
 
 
@@ -125,7 +130,7 @@ def _column(name: str, values: Any) -> Array:
     if getattr(getattr(values, "dtype", None), "kind", "-") in "cmM":
         raise InputError(f"{name}: got numbers of type {values.dtype}; expected n real numbers")
     try:
-        column = np.array(values, dtype=float)
+        column = as_floats(values)
     except (TypeError, ValueError) as error:
         raise InputError(f"{name} is no array of numbers ({error}); expected n numbers") from error
     if column.ndim != 1:

@@ -15,7 +15,7 @@ from bristle.errors import InputError, check_name, short
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import AUTO, LOADS, PAPER, apart, law_named, own_parameter
-from bristle.model.parameters import Kind, Lugre, of_friction
+from bristle.model.parameters import Kind, Lugre, is_positive, is_possible, of_friction
 
 RunKind = Literal["ramp", "points", "presliding", "tracking"]
 Regressor = Literal["inertia", "offset", "gravity", "quadratic", "links", "cogging", "ripple"]
@@ -65,31 +65,17 @@ def read_inertia(value: object, info: ValidationInfo) -> object:
     return PlusMinus(value=number, standard_error=error)
 
 
-_SIGNS = {
-    "alpha_0": "> 0",
-    "alpha_1": ">= 0",
-    "alpha_2": ">= 0",
-    "v_s": "> 0",
-    "sigma_0": "> 0",
-    "sigma_1": ">= 0",
-    "inertia": "> 0",
-    "offset": "",
-    "gravity_sin": "",
-    "gravity_cos": "",
-    "quadratic": "",
-    "links": "> 0",
-}
-"""What can be fixed, and which sign it has."""
+_FIXABLE = (*Lugre._fields, "inertia", "offset", "gravity_sin", "gravity_cos", "quadratic", "links")
 
 
 def read_fixed(value: object, info: ValidationInfo) -> object:
     """Read `{sigma_1: 0.02 N*m*s/rad, ...}`, each with its unit, and perhaps a direction's sign at its name's end."""
     if not isinstance(value, dict):
         raise InputError(f"got {short(value)}; expected names with values, as {{sigma_1: 0.02 N*m*s/rad}}")
-    wrong = [name for name in value if _bare(name) not in _SIGNS and own_parameter(_bare(name)) is None]
+    wrong = [name for name in value if _bare(name) not in _FIXABLE and own_parameter(_bare(name)) is None]
     if wrong:
         raise InputError(
-            f"got {short(wrong[0])}; expected one of {', '.join(_SIGNS)}, or what the law has of its own, with + or - for one direction"
+            f"got {short(wrong[0])}; expected one of {', '.join(_FIXABLE)}, or what the law has of its own, with + or - for one direction"
         )
     if not isinstance(info.context, Context):
         return value
@@ -110,13 +96,13 @@ def _bare(name: object) -> str:
 def _physical(fixed: dict[str, float]) -> dict[str, float]:
     """The values; raises InputError where one has a sign that it cannot have, or is given twice over."""
     for name, value in fixed.items():
-        sign, own = _SIGNS.get(_bare(name), ""), own_parameter(_bare(name))
+        own = own_parameter(_bare(name))
         if own is not None:
             low, high = own.searched if own.searched[1] else (own.least, inf)
             if not low <= value <= high:
                 raise InputError(f"{name}: got {value:g}; expected a value from {low:g} to {high:g}")
-        if (sign and value < 0) or (sign == "> 0" and value == 0):
-            raise InputError(f"{name}: got {value:g}; expected a value {sign}")
+        if not is_possible(_bare(name), value):
+            raise InputError(f"{name}: got {value:g}; expected a value {'>' if is_positive(_bare(name)) else '>='} 0")
         if name != _bare(name) and _bare(name) in fixed:
             raise InputError(
                 f"got both {_bare(name)} and {name}; expected either one value for both directions, or + and -"

@@ -227,10 +227,10 @@ class Enabled(Signal):
         return 1.0
 
     @model_validator(mode="after")
-    def _has_no_unit(self) -> "Enabled":
-        if self.unit or self.scale != 1.0:
+    def _is_a_flag(self) -> "Enabled":
+        if self.unit or self.scale != 1.0 or self.delay:
             raise InputError(
-                "got a unit or a scale; expected a column that is 0 where the drive is off, and not 0 elsewhere"
+                "got a unit, a scale or a delay; expected a column that is 0 where the drive is off, and not 0 elsewhere"
             )
         return self
 

@@ -88,9 +88,7 @@ _Loader.add_constructor("tag:yaml.org,2002:int", _Loader.construct_integer)
 
 def read_text(path: Path) -> str:
     """The text of a regular file of at most `MAX_BYTES`. Raises InputError where it cannot be read."""
-    content = read_at_most(path, MAX_BYTES)
-    if len(content) > MAX_BYTES:
-        raise InputError(f"{path}: larger than {MAX_BYTES} bytes; expected an experiment file, which is a page of YAML")
+    content = read_at_most(path, MAX_BYTES, "an experiment file, which is a page of YAML")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

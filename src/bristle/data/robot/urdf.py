@@ -99,7 +99,7 @@ def read_urdf(path: Path) -> Urdf:
     Raises InputError, one sentence, where it cannot be read, is no URDF, holds a number that is none, or its joints make no
     tree.
     """
-    content = read_at_most(path, MAX_BYTES)
+    content = read_at_most(path, MAX_BYTES, "a URDF, without meshes")
     try:
         return _urdf(content, path.name)
     except InputError as error:
@@ -133,8 +133,6 @@ def _link(k: int) -> str:
 
 def _root(content: bytes) -> Xml.Element:
     """The document's root; entities, which may grow without bound, are refused."""
-    if len(content) > MAX_BYTES:
-        raise InputError(f"is larger than {MAX_BYTES} bytes; expected a URDF, without meshes")
     try:
         text = content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

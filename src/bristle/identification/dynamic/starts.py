@@ -5,6 +5,7 @@ from functools import partial
 
 import numpy as np
 
+from bristle.errors import InputError
 from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
 from bristle.identification.dynamic.left_out_peak import asked_peak
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
@@ -14,6 +15,7 @@ from bristle.progress import Progress
 
 _APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
 """How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
+_WINDOWS = 2  # of a simulated position, for the jackknife over them
 _WORTH = 0.1
 """A Stribeck term that noise alone would ask for less often than this is worth a start."""
 
@@ -31,7 +33,14 @@ def solve_dynamic(
     Where no more than half of several starts reached it, each direction's set there is tried for both: starts that are
     drawn for both at once may each find one of them. Where a direction has no Stribeck term there and the residuals ask
     for one, it is given the one that they ask for: without it its v_s, and so its alpha_1, has no slope to follow.
+
+    Raises InputError where there is one window alone, whose error no other one tells.
     """
+    if problem.quantity == "position" and len(problem.motions) < _WINDOWS:
+        raise InputError(
+            f"{problem.motions[0].file}: fit.horizon: the moving runs make one window; expected at least {_WINDOWS}, which "
+            "tell the errors by how they differ: set fit.horizon to at most half of a run, or measure longer"
+        )
     rng = np.random.default_rng(seed)
     moved = [{name: value * _factor(name.name, rng) for name, value in start.items()} for _ in range(starts - 1)]
     first, random = with_deflections(problem, start), [with_deflections(problem, whole) for whole in moved]

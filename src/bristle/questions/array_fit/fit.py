@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from bristle.arrays import Array
+from bristle.arrays import Array, as_floats
 from bristle.control.adaptation import Adaptation, Law
 from bristle.control.compensator import Compensator, Name
 from bristle.control.running import RunningCompensator
@@ -105,7 +105,7 @@ class Fit:
 
         Raises InputError where the fit knows nothing of friction vs velocity.
         """
-        v = np.asarray(velocity, dtype=float)
+        v = as_floats(velocity)
         torque, known = np.where(v == 0, 0.0, np.nan), known_joint(self.joint)
         if not known.directions:
             raise InputError("friction: nothing is known of friction vs velocity; fit points or a motion")
@@ -123,13 +123,13 @@ class Fit:
         `position`, rad, is needed where gravity, cogging or ripple was fitted. Raises InputError where it is missing, or nothing is known of
         friction vs velocity.
         """
-        v = np.asarray(velocity, dtype=float)
+        v = as_floats(velocity)
         fitted = {row.name: row.estimate.value or 0.0 for row in self._rows()}
         asked = [name for name in regressors_of(fitted.keys(), self.joint.kind) if name != "inertia"]
         placed = [name.partition("_")[0] for name in asked if "position" in terms_of(name).needs]
         if placed and position is None:
             raise InputError(f"predict: {placed[0]} was fitted; give the position too")
-        q = np.broadcast_to(np.asarray(0.0 if position is None else position, dtype=float), v.shape)
+        q = np.broadcast_to(as_floats(0.0 if position is None else position), v.shape)
         columns = load_columns(asked, lambda name: np.ravel({"velocity": v, "position": q}[name]), v.size)
         return np.asarray(self.friction(v) + sum(fitted[n] * np.reshape(x, v.shape) for n, x in columns.items()))
 
@@ -281,7 +281,7 @@ def fit_motion(
     kind: Kind,
     options: Mapping[str, Any],
     priors: Sequence[Fit],
-    inertia: str | None,
+    inertia: float | str | None,
     *,
     uncertainty: bool,
 ) -> Fit:
@@ -315,8 +315,8 @@ def segments_frame(signals: Mapping[str, Any], units: Mapping[str, str], kind: K
 def simulated_torque(velocity: ArrayLike, dt: float, fit: Fit) -> Array:
     """Friction torque of the bristle along a velocity; arguments and errors as of `bristle.simulate`."""
     known = known_joint(fit.joint)
-    missing = {d: known.missing(d) for d in SIGNED}
-    for d, names in missing.items():
+    for d in SIGNED:
+        names = known.missing(d)
         if not known.has_law(d) or "sigma_0" in names or "sigma_1" in names:
             what = ", ".join(names) or "friction vs velocity"
             raise InputError(
@@ -328,13 +328,13 @@ def simulated_torque(velocity: ArrayLike, dt: float, fit: Fit) -> Array:
 
 def steady(velocity: ArrayLike, p: Lugre[float]) -> Array:
     """Friction (9) of given parameters, N*m, in the shape of `velocity`, rad/s; 0 at rest."""
-    v = np.asarray(velocity, dtype=float)
+    v = as_floats(velocity)
     return np.asarray(np.where(v == 0, 0.0, curve(v, p.stribeck)))
 
 
 def along(velocity: ArrayLike, dt: float, parameters: Lugre[float] | Pair[float]) -> Array:
     """The same of given parameters."""
-    v = np.asarray(velocity, dtype=float)
+    v = as_floats(velocity)
     if v.ndim != 1 or not np.isfinite(v).all():
         raise InputError(f"velocity has shape {v.shape}; expected (n,), and finite numbers")
     if not (np.isfinite(dt) and dt > 0):

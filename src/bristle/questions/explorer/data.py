@@ -18,6 +18,7 @@ from bristle.identification.known_joint import (
     Source,
     chosen,
     guessed_inertia,
+    inertia_of,
     known_joint,
     moving_fits,
     stage_estimates,
@@ -27,13 +28,13 @@ from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import (
-    INERTIA,
     SIGNED,
     Direction,
     ParameterName,
     effort,
     fields_of,
     in_direction,
+    is_possible,
     unit,
 )
 from bristle.model.vectorize import evaluate
@@ -82,7 +83,9 @@ def explored(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> d
 def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, Any]:
     fastest = fastest_measured(joint)
     travel = joint.travel or fastest / (2 * np.pi * _FREQUENCY)
-    J = loop.J if isinstance(loop, JointLoop) else _inertia(joint, known, fastest)
+    level = max(known.values(d)["alpha_0"] for d in known.directions)
+    guessed = guessed_inertia(level, 2 * np.pi * _FREQUENCY * fastest)
+    J = loop.J if isinstance(loop, JointLoop) else inertia_of(None, joint) or guessed
     sets, truth = list(_sets(joint, known, travel, J)), _truth(joint)
     truth_law = next((p.law for p in joint.truth.values()), None)
     shown = [{name: row["value"] for name, row in p.items()} for one in sets for p in one["values"].values()]
@@ -136,15 +139,8 @@ def _plans(loop: JointLoop | str) -> list[dict[str, Any]] | str:
     ]
 
 
-def _inertia(joint: Joint, known: KnownJoint, fastest: float) -> float:
-    """J, kg*m**2: identified, or guessed from the acceleration of a sine at the fastest measured speed, rad/s."""
-    found = next((J for fit in reversed(moving_fits(joint).values()) if (J := fit.known.get(INERTIA))), None)
-    level = max(known.values(d)["alpha_0"] for d in known.directions)
-    return found or guessed_inertia(level, 2 * np.pi * _FREQUENCY * fastest)
-
-
 def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[dict[str, Any]]:
-    """The values to use, then those of each direction's own stages, and of the fit of moving runs, where they are others."""
+    """The values to use, then those of each direction's own stages, and of the fit of moving runs, where they are others, and a joint's."""
     source = {row.parameter: str(row.source) for row in chosen(joint)}
     use: _Values = {}
     for d in known.directions:
@@ -163,7 +159,10 @@ def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[
         ("moving", "fit of moving runs", _of_moving(joint.moving, use)),
     )
     for key, label, values in others:
-        if any(values[d][name]["value"] != use[d][name]["value"] for d in values for name in fields_of(joint.law)):
+        rows = [
+            (name, values[d][name]["value"], use[d][name]["value"]) for d in values for name in fields_of(joint.law)
+        ]
+        if any(value != used for _, value, used in rows) and all(is_possible(name, value) for name, value, _ in rows):
             yield {"key": key, "label": label, "values": values}
 
 

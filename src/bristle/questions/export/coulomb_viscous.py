@@ -18,7 +18,7 @@ from bristle.questions.export.loss import (
     losses,
 )
 from bristle.questions.export.notes import notes
-from bristle.questions.export.xml_edit import XmlElement, as_read
+from bristle.questions.export.xml_edit import XmlElement, as_read, joint_named
 
 _TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
 """Of a joint in a URDF or an SDF, by whether the exported one slides."""
@@ -114,19 +114,11 @@ def place_of(what: str, elements: Sequence[XmlElement], joint: ExportedJoint, re
 
     Raises InputError where there is none, opening the list of its joints with a remedy, or two, or it does not move as the exported one.
     """
-    found = [x for x in elements if x.attributes.get("name") == joint.name]
-    if not found:
-        names = short_list(short(x.attributes.get("name", "")) for x in elements)
-        raise InputError(f"{what}: has no joint {short(joint.name)}; {remedy}its joints are {names}")
-    if len(found) > 1:
-        lines = " and ".join(str(x.line) for x in found[:2])
-        raise InputError(
-            f"{what}: has joint {short(joint.name)} twice, in lines {lines}; expected a file that has it once"
-        )
-    got, expected = found[0].attributes.get("type", ""), _TYPES[slides(joint.kind)]
+    found = joint_named(what, elements, joint.name, remedy)
+    got, expected = found.attributes.get("type", ""), _TYPES[slides(joint.kind)]
     if got not in expected:
         raise InputError(
-            f"{what}, line {found[0].line}: joint {short(joint.name)} is {short(got)}, and the identified one is {joint.kind}; "
+            f"{what}, line {found.line}: joint {short(joint.name)} is {short(got)}, and the identified one is {joint.kind}; "
             f"expected {' or '.join(expected)}"
         )
-    return found[0]
+    return found

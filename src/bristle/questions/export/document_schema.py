@@ -5,14 +5,14 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from math import inf, isfinite
+from math import isfinite
 from typing import TYPE_CHECKING, Any, Literal
 
 from bristle import __version__
 from bristle.errors import InputError, short
 from bristle.identification.document import check_most, checked
-from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import SIGNED, Lugre, Stribeck, fields_of, least_of, of_friction, units_of
+from bristle.identification.known_joint import fault_of
+from bristle.model.parameters import INERTIA, fields_of, of_friction, units_of
 from bristle.questions.export.exported import ExportedJoint
 
 if TYPE_CHECKING:
@@ -89,28 +89,19 @@ def _whole(joint: ExportedJoint) -> ExportedJoint:
                 f"joint {short(joint.name)} has parameter {row.parameter}, and its law, {joint.law.name}, has none of that name"
             )
     try:
-        sets: Sequence[Lugre[float] | Stribeck[float]] = joint.pair if joint.has_bristle else joint.curves
+        _ = joint.pair if joint.has_bristle else joint.curves
     except KeyError as error:
         raise InputError(f"joint {short(joint.name)} has no parameter {short(error.args[0])}") from error
-    not_zero = {*_NOT_ZERO, *(own.name for own in joint.law.peak.own)}
-    for d, p in zip(SIGNED, sets, strict=True):
-        for key, value in p._asdict().items():
-            if not (least_of(key) <= value and isfinite(value)) or (value == 0 and key in not_zero):
-                raise InputError(f"joint {short(joint.name)}: got {key}{d} = {value:g}; expected a number above zero")
     for what, x in (("fastest", joint.fastest), ("inertia", joint.inertia), ("rotor_inertia", joint.rotor_inertia)):
         if x is not None and not (isfinite(x) and x > 0):
             raise InputError(f"joint {short(joint.name)}: got {what} = {x:g}; expected a number above zero")
     for row in joint.parameters:
-        spread, (low, high) = row.standard_error, row.interval or (-inf, inf)
-        if not low <= high or (spread is not None and spread < 0):
-            raise InputError(
-                f"joint {short(joint.name)}: {row.parameter} has a standard error below zero, or an interval whose ends are exchanged"
-            )
+        if row.standard_error is not None and row.standard_error < 0:
+            raise InputError(f"joint {short(joint.name)}: {row.parameter} has a standard error below zero")
+        fault = fault_of(row.parameter, row.value, row.unit, row.interval)
+        if fault and row.parameter != INERTIA:  # of a rotor beside links: `rotor_inertia` has it where it is one
+            raise InputError(f"joint {short(joint.name)}: {fault}")
     return _with_units(joint)
-
-
-_NOT_ZERO = frozenset({"alpha_0", "v_s", "sigma_0", FASTEST})
-"""With what the shape of a peak has of its own; the others may be zero."""
 
 
 def _with_units(joint: ExportedJoint) -> ExportedJoint:

@@ -37,6 +37,7 @@ from bristle.model.parameters import (
     fields_of,
     in_current,
     in_direction,
+    is_positive,
     lugre_of,
     of_friction,
     peak_parameters,
@@ -50,8 +51,6 @@ from bristle.simulation.joint_loop import fastest_measured
 
 FREQUENCY = 0.5
 """Hz, of the motions along which torques are compared."""
-_POSITIVE = ("alpha_0", "v_s", "sigma_0")
-"""Parameters that cannot be zero: an interval that holds zero says that nothing is known of their size."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,12 +180,7 @@ class ExportedJoint:
 def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> ExportedJoint:
     """What is handed over of a joint. Raises InputError where nothing is known of the friction vs velocity in a direction."""
     known = known_joint(joint)
-    for d in SIGNED:
-        if not known.has_law(d):
-            raise InputError(
-                f"{joint.name}: nothing is known of the friction vs velocity in direction {d}; "
-                "an export needs ramp, points or tracking runs in both directions"
-            )
+    known.check_law(*SIGNED, remedy="; an export needs ramp, points or tracking runs in both directions")
     J = inertia_of(experiment, joint)
     signed = any(row.parameter.direction in SIGNED for row in chosen(joint) if of_friction(row.parameter.name))
     ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
@@ -273,7 +267,7 @@ def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law
         if row.interval is not None and row.interval[0] <= 0 <= row.interval[1]:
             name, _ = row.parameter
             if of_friction(name) or name == INERTIA.name:
-                kind = Kind.INTERVAL_WITH_ZERO_IMPOSSIBLE if name in _POSITIVE else Kind.INTERVAL_WITH_ZERO
+                kind = Kind.INTERVAL_WITH_ZERO_IMPOSSIBLE if is_positive(name) else Kind.INTERVAL_WITH_ZERO
                 yield kind(name=str(row.parameter))
     for d in ways:
         values = {x.parameter.name: x.value for x in rows if x.parameter.direction == d}

@@ -51,10 +51,8 @@ def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
     Raises InputError where it cannot be read, or is no such document.
     """
     path = Path(path)
-    data = read_at_most(path, LARGEST_EXPORT)
+    data = read_at_most(path, LARGEST_EXPORT, "an export of bristle")
     try:
-        if len(data) > LARGEST_EXPORT:
-            raise InputError(f"it has more than {LARGEST_EXPORT} bytes")
         text = data.decode("utf-8")
         return joints_in(json.dumps(parse(text, path.name)) if path.suffix in {".yaml", ".yml"} else text)
     except (

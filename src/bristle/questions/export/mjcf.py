@@ -36,7 +36,7 @@ from bristle.questions.export.loss import (
 from bristle.questions.export.mjcf_played import STEP, last_period, mjcf_compared, mjcf_model, mjcf_mujoco, step_times
 from bristle.questions.export.notes import notes
 from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
-from bristle.questions.export.xml_edit import XmlDocument, XmlElement, as_read, attribute, comment
+from bristle.questions.export.xml_edit import XmlDocument, XmlElement, as_read, attribute, comment, joint_named
 from bristle.simulation.references import Sine
 
 NAME = "mujoco"
@@ -213,13 +213,7 @@ def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     """The given model with the joints' friction."""
     document = mjcf_read(request)
     actuators = [x for x in document.root.children if x.tag == "actuator"]
-    taken = {x.attributes.get("name") for section in actuators for x in section.children}
     for joint, _, _ in blocks:
-        if taken & {own_actuator(joint.name), f"{own_actuator(joint.name)} bias"}:
-            raise InputError(
-                f"{document.what}: has an actuator {short(own_actuator(joint.name))} already, which holds this joint's friction; "
-                "merge into the model as it was before"
-            )
         document.set_attributes(mjcf_joint(document, joint), _joint_attributes(joint))
     text = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
     if actuators:
@@ -238,14 +232,15 @@ def mjcf_read(request: Request) -> XmlDocument:
 
 
 def mjcf_joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
-    """The joint of that name in <worldbody>. Raises InputError where there is none, or it is of another kind."""
-    there = [x for world in document.root.children if world.tag == "worldbody" for x in world.find_all("joint")]
-    found = next((x for x in there if x.attributes.get("name") == joint.name), None)
-    if found is None:
-        names = ", ".join(short(name) for x in there if (name := x.attributes.get("name"))) or "no joint with a name"
+    """The joint of that name in <worldbody>. Raises InputError where it is not there once, or cannot take the friction."""
+    own = own_actuator(joint.name)
+    actuators = [x for section in document.root.children if section.tag == "actuator" for x in section.children]
+    if {x.attributes.get("name") for x in actuators} & {own, f"{own} bias"}:
         raise InputError(
-            f"{document.what}: has no joint {short(joint.name)} in <worldbody>; it has {names}; give the model's joint the name of the exported one"
+            f"{document.what}: has an actuator {short(own)} already, which holds this joint's friction; merge into the model as it was before"
         )
+    there = [x for world in document.root.children if world.tag == "worldbody" for x in world.find_all("joint")]
+    found = joint_named(document.what, there, joint.name, "give one in <worldbody> this name; ")
     kind = "slide" if slides(joint.kind) else "hinge"
     by_class = any("type" in x.attributes for d in document.root.find_all("default") for x in d.find_all("joint"))
     if by_class and "type" not in found.attributes:

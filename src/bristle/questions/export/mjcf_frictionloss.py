@@ -12,7 +12,6 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
-from bristle.errors import InputError, short
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
 from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, losses_of, said_of
 from bristle.questions.export.exported import ExportedJoint
@@ -24,7 +23,6 @@ from bristle.questions.export.mjcf import (
     mjcf_joint,
     mjcf_joint_lines,
     mjcf_read,
-    own_actuator,
 )
 from bristle.questions.export.mjcf_played import STEP, last_period, mjcf_compared, mjcf_model, mjcf_mujoco, step_times
 from bristle.questions.export.xml_edit import as_read, comment
@@ -72,11 +70,6 @@ def _merged(found: Sequence[CoulombViscous], request: Request) -> bytes:
     document = mjcf_read(request)
     for one in found:
         joint = mjcf_joint(document, one.joint)
-        if any(x.attributes.get("name") == own_actuator(one.joint.name) for x in document.root.find_all("dcmotor")):
-            raise InputError(
-                f"{document.what}: has an actuator {short(own_actuator(one.joint.name))} already, which holds this joint's friction; "
-                "merge into the model as it was before"
-            )
         document.set_attributes(joint, _attributes(one))
         document.annotate(joint, _note(one))
     return document.written()

@@ -4,13 +4,13 @@ Expat parses it and tells where elements begin and end; only the inside of one s
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
-from bristle.errors import InputError, short
+from bristle.errors import InputError, short, short_list
 
 MAX_BYTES = 2**23
 """Largest file, bytes."""
@@ -191,6 +191,18 @@ class XmlDocument:
     def _laid_out(self, text: str, indent: bytes) -> bytes:
         """A text whose second and later lines are indented, and end as those of the file."""
         return (self._newline + indent).join(text.encode("utf-8").split(b"\n"))
+
+
+def joint_named(what: str, joints: Sequence[XmlElement], name: str, remedy: str = "") -> XmlElement:
+    """The one of a file's joints that has the name. Raises InputError where none has it, opening the list of names with a remedy, or two."""
+    found = [x for x in joints if x.attributes.get("name") == name]
+    if not found:
+        names = short_list(short(known) for x in joints if (known := x.attributes.get("name")))
+        raise InputError(f"{what}: has no joint {short(name)}; {remedy}its joints are {names}")
+    if len(found) > 1:
+        lines = " and ".join(str(x.line) for x in found[:2])
+        raise InputError(f"{what}: has joint {short(name)} twice, in lines {lines}; expected a file that has it once")
+    return found[0]
 
 
 def attribute(value: str) -> str:

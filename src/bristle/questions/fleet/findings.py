@@ -29,6 +29,7 @@ RATE = 0.05
 """Of false discoveries among the joints that are said to have changed, on average."""
 BASELINE = 3
 """First sessions of a joint, in which it is taken not to have changed."""
+_MOST = 10_000  # sessions of one joint
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,8 +76,8 @@ def check_rate(rate: float, baseline: int) -> None:
     """Raises InputError where these are no options of findings."""
     if not 0 < rate < 1:
         raise InputError(f"rate: got {rate:g}; expected a false discovery rate between 0 and 1, as 0.05")
-    if baseline < 1:
-        raise InputError(f"baseline: got {baseline}; expected at least 1 session")
+    if not 1 <= baseline <= _MOST:
+        raise InputError(f"baseline: got {baseline}; expected 1 to {_MOST} sessions")
 
 
 def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) -> Findings:

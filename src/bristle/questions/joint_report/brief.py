@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.known_joint import Known, Source, chosen, known_joint, mixed, value_fits
+from bristle.identification.known_joint import Known, Source, as_identified, chosen, mixed, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -85,7 +85,7 @@ class _Given(NamedTuple):
 
 def _values(joint: Joint) -> Iterator[str]:
     """The table, direction by direction, what is shared last; parameters without a value in one line a direction."""
-    rows, known = {row.parameter: row for row in chosen(joint)}, known_joint(joint)
+    rows, known = {row.parameter: row for row in chosen(joint)}, as_identified(joint)
     fixed = {name: _Given(name, value) for name, value in known.given.items() if name not in rows}
     cells: list[tuple[str, ...]] = [_HEAD]
     missing: dict[Direction, dict[str, list[str]]] = {}

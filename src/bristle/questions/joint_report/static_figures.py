@@ -11,7 +11,7 @@ from matplotlib.patches import Patch
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.identification.fits import Profile, StaticFit
-from bristle.identification.known_joint import known_joint
+from bristle.identification.known_joint import as_identified
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import band, curve
 from bristle.model.laws.parts import FASTEST
@@ -133,7 +133,7 @@ def curves_to_use(joint: Joint) -> dict[str, Stribeck[float]]:
     """By direction the law of the values to use, where these are of a fit of all parameters, and seen beside the curve that is drawn."""
     if joint.moving is None or not joint.static:
         return {}
-    known = known_joint(joint)
+    known = as_identified(joint)
     fields = static_of(known.law)._fields
     sets = {str(d): known.values(d) for d in known.directions}
     curves = {d: static_of(known.law)(*(values[name] for name in fields)) for d, values in sets.items()}

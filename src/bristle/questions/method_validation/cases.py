@@ -13,10 +13,11 @@ from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.identification.fits import StaticFit
+from bristle.identification.known_joint import fault_of
 from bristle.identification.results import Joint
 from bristle.identification.static.grid import default_range
+from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import Stribeck
 from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.simulation import edro
 
@@ -70,7 +71,7 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
         noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for its
             parameters.
 
-    Raises InputError where nothing at all was fitted.
+    Raises InputError where nothing at all was fitted, or a fit has a number that no joint has.
     """
     check_fitted(joint)
     cases, skipped = [], {}
@@ -84,6 +85,9 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
         if fit.velocity.size <= len(case_names(fit.law)):
             skipped[direction] = Kind.TOO_FEW_TO_VALIDATE(points=fit.velocity.size)
             continue
+        faults = (fault_of(ParameterName(name, Direction(direction)), x) for name, x in p._asdict().items())
+        if fault := next(filter(None, faults), None):
+            raise InputError(f"{joint.name}: {fault}: identify it anew")
         velocity, fitted_noise = _points(fit)
         level = fitted_noise if noise is None else noise * p.alpha_0
         if level <= 1e-9 * p.alpha_0:

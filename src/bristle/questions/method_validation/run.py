@@ -52,15 +52,16 @@ _DRAWN = 300
 """Values of v_s over which the cost is drawn, and as many again where the data allow it."""
 _MIDDLE = (0.15865525393145707, 0.8413447460685429)
 """Quantiles a standard deviation off the middle of a Gaussian."""
+_MOST = 100_000  # data sets, or starts
 _LOUDEST = 100.0
 """Noise of a point over alpha_0, in which nothing is left to be seen."""
 
 
 def check_request(repetitions: int, starts: int, noise: float | None) -> None:
-    """Raises InputError for fewer than 20 repetitions, no start, or a noise level that is not positive."""
+    """Raises InputError for fewer than 20 repetitions, no start, more than 100 000 of them, or a noise level that is not positive."""
     for name, value, least, usual in (("repetitions", repetitions, 20, REPETITIONS), ("starts", starts, 1, STARTS)):
-        if value < least:
-            raise InputError(f"{name}: got {value}; a validation needs at least {least}, usual are {usual}")
+        if not least <= value <= _MOST:
+            raise InputError(f"{name}: got {value}; expected {least} to {_MOST}, usual are {usual}")
     if noise is not None and not 0 < noise <= _LOUDEST:
         raise InputError(
             f"noise: got {noise:g}; expected a positive share of alpha_0, as 0.02, and at most {_LOUDEST:g}"

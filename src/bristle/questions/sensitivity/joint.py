@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from bristle.data.units import to_si
+from bristle.data.units import positive_si
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
@@ -59,7 +59,7 @@ def motion_of(
     """
     asked = (("amplitude", amplitude, unit("position", kind)), ("frequency", frequency, "Hz"))
     found = [
-        standard if given is None else _quantity(name, given, si)
+        standard if given is None else positive_si(name, given, si)
         for (name, given, si), standard in zip(asked, default, strict=True)
     ]
     return motion(*found)
@@ -83,15 +83,6 @@ def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
                 f"{RANGE[0]:g} to {RANGE[1]:g} times the joint's {what}: choose another amplitude or frequency"
             )
     return moved
-
-
-def _quantity(name: str, given: str | float, si: str) -> float:
-    if not isinstance(given, str):
-        return float(given)
-    try:
-        return to_si(given, si)
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from error
 
 
 def of_joint(

@@ -16,18 +16,17 @@ from bristle.model.parameters import (
     ParameterName,
     estimated_of,
     in_direction,
+    is_positive,
+    is_possible,
     least_of,
     lugre_of,
     of_friction,
-    of_shape,
 )
 
 DECADE = 10.0
 """An interval whose ends have a larger ratio is drawn log-uniformly."""
 _SMALL = 0.01
 """Where the interval of a positive parameter reaches zero, the box begins at this share of its value."""
-_POSITIVE = ("alpha_0", "v_s", "sigma_0")
-"""And what else the shape of a peak takes."""
 
 
 class Span(NamedTuple):
@@ -75,14 +74,9 @@ def ordered(box: Mapping[ParameterName, tuple[float, float]], law: Law) -> tuple
                 f"box: got {str(name)!r} among {', '.join(map(str, box))}; expected {', '.join(estimated_of(law))}, "
                 "each for both directions, or with + and - for one"
             )
-        if low < least_of(name.name) or (low == 0 and _positive(name.name)):
+        if not is_possible(name.name, low):
             raise InputError(f"box: {name}: got a low end of {low:g}; expected a physical value, not below zero")
     return spans_of({name: box[name] for name in known if name in box})
-
-
-def _positive(name: str) -> bool:
-    """Whether a parameter cannot be zero."""
-    return name in _POSITIVE or of_shape(name)
 
 
 def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[Array]:
@@ -120,8 +114,8 @@ def box_of(
             notes.append(Kind.BOX_HELD(name=name, value=e.value, unit=e.unit))
             continue
         low, high = e.interval
-        if low < least or (low == 0 and _positive(bare)):
-            low = _SMALL * min(e.value, high) if _positive(bare) else least
+        if not is_possible(bare, low):
+            low = _SMALL * min(e.value, high) if is_positive(bare) else least
             notes.append(Kind.BOX_CUT(name=name, low=low, unit=e.unit))
         box[name] = (low, high)
     return box, tuple(notes)
