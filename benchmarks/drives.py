@@ -7,8 +7,8 @@ README on each set. Nothing is written there: each entry gets a temporary folder
 drafted by `bristle.draft` (`bristle new`) with no more than a user must tell, or come with an experiment file, and are
 identified with default settings. A held-out log is added to the draft afterwards, so that it has no part in it. Where
 torque, voltage or columns must be computed first, a function here does it. `kinova_gen3_joint7/breakaway.csv` is no log
-and has no entry. Beside each result stands what is right: published values, or what the READMEs say; a number
-without a name is Coulomb friction, then after a comma or a slash viscous friction, in SI.
+and has no entry. Beside each result stands what is right: published values, or what the READMEs say; numbers without a
+name are Coulomb friction, then viscous friction, in SI.
 """
 
 import argparse
@@ -106,7 +106,7 @@ CART = f"time=0,s current=1,A position=2,m velocity=3,m/s torque_constant={0.093
 ENTRIES = (
     Entry("emps", "emps/DATA_EMPS.mat", """published M 95.11, viscous 203.5, Coulomb 20.39, offset -3.17, 4.08 %, held out
         5.98 %; per direction M 95.15, viscous 166.7 / 240.4, Coulomb 20.14 / 20.63, 3.11 %, held out 4.96 %; no Stribeck peak""",
-        "time=t,s position=qm,m torque=vir,N,35.15N/V", "emps/DATA_EMPS_PULSES.mat"),
+        "time=t,s position=qm,m torque=vir,V,35.15N/V", "emps/DATA_EMPS_PULSES.mat"),
     Entry("kinova_gen3_joint7", "kinova_gen3_joint7/velocity_*.csv", "1.326, alpha_1 0.198, v_s 0.092, viscous 0.754; wide; one direction",
         "position=1,rad velocity=2,rad/s current=5,A rate=999Hz torque_constant=7.6N*m/A"),
     Entry("servo_lugre J", "servo_lugre/J_*.txt", SERVO_RIGHT, SERVO),
@@ -164,6 +164,7 @@ ENTRIES = (
     Entry("one_direction_stroke", f"{CASES}one_direction_stroke.mat", "only the sum is known: 14.5 + 54 v after a delay of 3 ms",
         "time=t,s velocity=v,m/s torque=F,N"),
     Entry("speed_in_1_per_min", f"{CASES}speed_in_1_per_min.csv", "read the unit of the header"),
+    Entry("speed_in_1_per_min, columns told", f"{CASES}speed_in_1_per_min.csv", "read the unit of the header", "velocity=0 torque=1"),
     Entry("with_object", f"{CASES}with_object.mat", "read its arrays", "time=t,s position=q,rad torque=tau,N*m"),
     Entry("coarse-torque-ramp", f"{CASES}coarse-torque-ramp/x.yaml", "few levels of torque: wide, or refused"),
     Entry("wear-in-shuffled-speeds", f"{CASES}wear-in-shuffled-speeds/x.yaml", "drift over time named, with its size, 30 %; 0.8, 0.35, 0.6, 0.05"),
@@ -206,7 +207,7 @@ def results(entry: Entry, data: Path) -> Iterator[dict[str, Any]]:
     with tempfile.TemporaryDirectory() as place:
         try:
             text = experiment(entry, data, Path(place))
-            runs = Counter(re.findall(r"\{.*experiment: (\w+)", text))
+            runs = Counter(re.findall(r"^  - \{.*experiment: (\w+(?:, hold_out)?)", text, re.M))
             fit = [line.partition("#")[0] for line in re.findall(r"^fit:.*", text, re.M)]
             row["draft"] = "; ".join([*(f"{n} {kind}" for kind, n in runs.items()), *fit])
             joints = bristle.identify(Path(place) / "experiment.yaml").joints
