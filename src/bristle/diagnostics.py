@@ -4,7 +4,7 @@ It stands on the ground, and not in `estimation`: readers of data, fits and page
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from enum import Enum, StrEnum
 from string import Formatter
 from types import NoneType
@@ -142,7 +142,7 @@ PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))
 def with_subjects(
     value: Any, subjects: Mapping[str, tuple[str, ...]], units: Mapping[str, str], subject: tuple[str, ...] = ()
 ) -> Any:
-    """The same result, in which each diagnostic knows its subject, the way to it from `subject` on, and the joint's units, by quantity.
+    """The same result (the very same where it holds none), in which each diagnostic knows its subject, the way to it from `subject` on, and the joint's units, by quantity.
 
     A field is a step of that way as `subjects` names it, an entry of a mapping by its key; a value with a `subject` of its own begins it anew.
     """
@@ -153,15 +153,19 @@ def with_subjects(
     subject = getattr(value, "subject", subject)
     match value:
         case Mapping():
-            return {key: with_subjects(x, subjects, units, (*subject, str(key))) for key, x in value.items()}
+            made = {key: with_subjects(x, subjects, units, (*subject, str(key))) for key, x in value.items()}
+            return made if any(made[key] is not x for key, x in value.items()) else value
         case tuple() if not hasattr(value, "_fields"):
-            return tuple(with_subjects(x, subjects, units, subject) for x in value)
+            inner = tuple(with_subjects(x, subjects, units, subject) for x in value)
+            return inner if any(x is not y for x, y in zip(inner, value, strict=True)) else value
         case _ if is_dataclass(value) and not isinstance(value, type):
-            parts = {x.name: (*subject, *subjects.get(x.name, ())) for x in fields(value)}
-            return replace(
-                value,
-                **{name: with_subjects(getattr(value, name), subjects, units, way) for name, way in parts.items()},
-            )
+            changed = {}
+            for name in value.__dataclass_fields__:
+                old = getattr(value, name)
+                if type(old) not in PLAIN and old != ():
+                    new = with_subjects(old, subjects, units, (*subject, *subjects.get(name, ())))
+                    changed |= {} if new is old else {name: new}
+            return replace(value, **changed) if changed else value
         case _:
             return value
 

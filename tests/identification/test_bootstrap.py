@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from bristle.arrays import Array
 from bristle.estimation.bootstrap import residual_bootstrap, variances_differ
+from bristle.identification.static import uncertainty
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.uncertainty import StaticDraws, resample
@@ -53,6 +54,19 @@ def test_the_same_seed_gives_the_same_draws() -> None:
     assert (first.low == again.low).all()
     assert (first.high == again.high).all()
     assert (first.draws != other.draws).any()
+
+
+def test_of_many_points_one_step_is_a_refit(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 600 points the ends of the intervals that one step gives lie where refits have them, to a tenth of the interval."""
+    speeds = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 600)
+    noise = 2e-4 * np.random.default_rng(6).standard_normal(600)
+    problem = from_points(speeds, curve(speeds, GRIPPER) + noise, ("both",))
+    again = resampled(problem, 999)
+    monkeypatch.setattr(uncertainty, "MANY", 0)
+    step = resampled(problem, 999)
+    width = again.high - again.low
+    assert (np.abs(step.low - again.low) < 0.1 * width).all()
+    assert (np.abs(step.high - again.high) < 0.1 * width).all()
 
 
 def test_exact_data_have_no_width() -> None:

@@ -35,6 +35,8 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
 
 DRAWS, REFITS = 2000, 1999
+_AT_ONCE = 4_000_000
+"""Numbers that are drawn at once, so that memory does not grow with the equations."""
 """Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
 FEW = 8
 """Blocks below which a bootstrap has little to draw from, and gives no interval."""
@@ -112,13 +114,15 @@ def residual_bootstrap(
     rng, n = np.random.default_rng(seed), residuals.size
     leverage = np.minimum(np.einsum("np,pq,nq->n", jacobian, inverse_gram(jacobian), jacobian), _FULL)
     wild = variances_differ(residuals, place)
-    if wild:
-        noise = (residuals / (1 - leverage))[:, None] * rng.choice(_WEBB, (n, draws))
-    else:
-        even = residuals / np.sqrt(1 - leverage)
-        noise = (even - even.mean())[rng.integers(0, n, (n, draws))]
-    both = np.column_stack([residuals, noise])
-    steps, errors = refit(both, wild) if refit else linear_refit(jacobian, both, wild)
+    apart, even = residuals / (1 - leverage), residuals / np.sqrt(1 - leverage)
+    even -= even.mean()
+    found = []
+    for first in range(0, draws, at_once := max(_AT_ONCE // n, 1)):
+        size = (n, min(at_once, draws - first))
+        noise = apart[:, None] * rng.choice(_WEBB, size) if wild else even[rng.integers(0, n, size)]
+        sets = noise if found else np.column_stack([residuals, noise])  # the estimate's own is the first of all
+        found.append(refit(sets, wild) if refit else linear_refit(jacobian, sets, wild))
+    steps, errors = (np.hstack(parts) for parts in zip(*found, strict=True))
     with np.errstate(divide="ignore", invalid="ignore"):
         studentised = steps[:, 1:] / errors[:, 1:]
     return Resampled(steps[:, 1:].T, studentised.T, n, wild, rounded=True), errors[:, 0]

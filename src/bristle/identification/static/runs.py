@@ -87,7 +87,9 @@ def _whole_curves(
     points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str], law: Law
 ) -> list[tuple[str, Regression]]:
     """Runs that each give more points than the law has parameters, by file."""
-    by_file = {s.file: [x for x in points if x.file == s.file] for s in points}
+    by_file: dict[str, list[Segment]] = {}
+    for s in points:
+        by_file.setdefault(s.file, []).append(s)
     posed = [(file, points_problem(own, sides, asked, law)) for file, own in by_file.items()]
     return [(file, one) for file, one in posed if one.torque.size > len(one.names)]
 

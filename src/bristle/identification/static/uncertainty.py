@@ -40,6 +40,8 @@ from bristle.model.parameters import INERTIA, ParameterName, of_curve
 
 SEED = 0
 """Of the bootstrap."""
+MANY = 2_000
+"""Points from which on one step does for the bootstrap: errors are then too small for the law to bend within them."""
 _FEW = 8
 """Points beyond the parameters, below which they are few."""
 _WIDE = 0.5
@@ -128,8 +130,8 @@ def resample(
 ) -> StaticDraws:
     """Intervals of every parameter in the order of the problem's `names`.
 
-    Points of which each stands alone, with at most one peak, are fitted again; parameters of others go one step of
-    Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw.
+    Points of which each stands alone, with at most one peak, are fitted again, up to `MANY`; parameters of others go one
+    step of Gauss and Newton, those at a bound none, and none does where moving data leave too few blocks to draw.
 
     Args:
         problem: the equations.
@@ -140,7 +142,8 @@ def resample(
         covariance: of the parameters at no bound; of moving data alone.
     """
     keep = np.ones(len(problem.names), dtype=bool)
-    if problem.smooth is None and len(problem.peaks) < 2 and not problem.shape:
+    alone = problem.smooth is None and len(problem.peaks) < 2 and not problem.shape
+    if alone and problem.torque.size <= MANY:
         drawn, errors = _refitted(problem, solution, v_s_range, draws, seed)
     else:
         keep = np.array([name not in solution.at_bound for name in problem.names])
