@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -166,9 +167,7 @@ def test_masked_values_are_missing_ones() -> None:
         "simulate": lambda x: bristle.simulate(x, 0.01, bristle.Lugre(0.02, 0.006, 0.04, 0.07, 6.0, 0.02)),
         "Record": lambda x: Record(file="f", time=t, torque=x),
     }
-    said = {
-        name: (refusal(lambda ask=ask: ask(masked)), refusal(lambda ask=ask: ask(gone))) for name, ask in asks.items()
-    }
+    said = {name: tuple(refusal(partial(ask, x)) for x in (masked, gone)) for name, ask in asks.items()}
     assert not {name: both for name, both in said.items() if both[0] != both[1] or not both[0] or "Error" in both[0]}
     assert "torque is missing or not finite in 3 of 400 rows, first in row 3 (from 0)" in said["fit"][0]
     instants = np.ma.array(np.datetime64("2026-01-01") + (1000 * t).astype("m8[ms]"), mask=hidden)

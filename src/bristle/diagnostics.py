@@ -142,7 +142,7 @@ PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))
 def with_subjects(
     value: Any, subjects: Mapping[str, tuple[str, ...]], units: Mapping[str, str], subject: tuple[str, ...] = ()
 ) -> Any:
-    """The same result (the very same where it holds none), in which each diagnostic knows its subject, the way to it from `subject` on, and the joint's units, by quantity.
+    """The same result, in which each diagnostic knows its subject, the way to it from `subject` on, and the joint's units, by quantity.
 
     A field is a step of that way as `subjects` names it, an entry of a mapping by its key; a value with a `subject` of its own begins it anew.
     """
@@ -159,7 +159,7 @@ def with_subjects(
             inner = tuple(with_subjects(x, subjects, units, subject) for x in value)
             return inner if any(x is not y for x, y in zip(inner, value, strict=True)) else value
         case _ if is_dataclass(value) and not isinstance(value, type):
-            changed = {}
+            changed = dict[str, Any]()
             for name in value.__dataclass_fields__:
                 old = getattr(value, name)
                 if type(old) not in PLAIN and old != ():

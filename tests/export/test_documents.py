@@ -42,6 +42,11 @@ intervals = st.tuples(ends, ends).map(lambda x: (min(x), max(x)))
 words = st.text(st.characters(codec="utf-8"), max_size=12)
 
 
+def _holding(interval: tuple[float, float], value: float) -> tuple[float, float]:
+    """The interval, widened to hold a value."""
+    return min(*interval, value), max(*interval, value)
+
+
 @st.composite
 def parameters(draw: st.DrawFn, kind: JointKind) -> tuple[ExportedParameter, ...]:
     """A whole set for both directions, or one of each."""
@@ -54,7 +59,7 @@ def parameters(draw: st.DrawFn, kind: JointKind) -> tuple[ExportedParameter, ...
         ExportedParameter(
             parameter=name, value=value, unit=unit(name.name, kind),
             standard_error=draw(st.none() | positive | st.just(math.inf)),
-            interval=draw(st.none() | intervals.map(lambda x, value=value: (min(*x, value), max(*x, value)))),
+            interval=draw(st.none() | st.builds(_holding, intervals, st.just(value))),
             source=draw(st.sampled_from(["joint", "static", "given", "assumed"])),
         )
         for name, value in zip(names, values, strict=True)

@@ -116,7 +116,7 @@ def residual_bootstrap(
     wild = variances_differ(residuals, place)
     apart, even = residuals / (1 - leverage), residuals / np.sqrt(1 - leverage)
     even -= even.mean()
-    found = []
+    found = list[tuple[Array, Array]]()
     for first in range(0, draws, at_once := max(_AT_ONCE // n, 1)):
         size = (n, min(at_once, draws - first))
         noise = apart[:, None] * rng.choice(_WEBB, size) if wild else even[rng.integers(0, n, size)]

@@ -92,14 +92,15 @@ def check_absent(path: Path) -> None:
         raise InputError(f"{path}: is there already; move it, or name another file")
 
 
-def check_folder(folder: Path, claims: Collection[str] = ()) -> None:
-    """Whether a page can be written into a folder: a new one, an empty one, or one that bristle made. Asked before anything is computed.
+def check_folder(folder: Path, claims: Collection[str] = ()) -> set[str]:
+    """What bristle made in a folder that it may write to, as `made_in` has it. Asked before anything is computed.
 
     Raises InputError as `made_in` does, and where the folder, one in it that a page writes to, or the nearest one above that exists is not writable.
     """
     with _named(folder, "folder"):
-        made_in(folder, claims)
+        made = made_in(folder, claims)
         _check_folders(folder, ("figures", "tables"))
+        return made
 
 
 def made_in(folder: Path, claims: Collection[str] = ()) -> set[str]:
@@ -155,9 +156,8 @@ def marker_of(names: Iterable[str]) -> bytes:
 
 def claim(folder: Path, claims: Collection[str]) -> None:
     """Mark a folder, made where it is not there, as bristle's, with these names in it. Raises as `check_folder`, and OSError."""
-    check_folder(folder, claims)
+    made = check_folder(folder, claims)
     with _named(folder, "folder"):
-        made = made_in(folder, claims)
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=folder, prefix=".bristle-") as stage:
             _write(Path(stage) / MARKER, marker_of({*made, *claims}))
@@ -251,12 +251,10 @@ def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:
     """
     if odd := [name for name in files if not _PAGE.fullmatch(name)]:
         raise ValueError(f"{odd[0]}: is no name of a report's file")
-    check_folder(folder, files)
-    real = resolved(folder)
+    made, real = check_folder(folder, files), resolved(folder)
     absent = [path for path in (real, *real.parents) if not path.exists()]
     try:
         with _named(folder, "folder"):
-            made = made_in(real)
             (real.parent if absent else real).mkdir(parents=True, exist_ok=True)
             with tempfile.TemporaryDirectory(dir=real.parent if absent else real, prefix=".bristle-") as stage:
                 new, kept = Path(stage) / "new", {name for name in made if not _PAGE.fullmatch(name)}
