@@ -68,7 +68,9 @@ class Server:
 @contextmanager
 def server() -> Iterator[Server]:
     """A server, and a folder of its own, which are gone afterwards."""
+    # A forked command ends without what Python does at exit, so that the tracker of its own workers would complain.
     threads = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "ARROW_NUM_THREADS": "1"}
+    threads |= {"PYTHONWARNINGS": "ignore:resource_tracker:UserWarning"}
     command = [sys.executable, "-m", "tests.fuzz.server"]
     with (
         tempfile.TemporaryDirectory(prefix="bristle-fuzz-") as folder,
