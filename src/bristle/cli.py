@@ -86,7 +86,7 @@ def report(
     Example: bristle report wrist.yaml --uncertainty -o reports/wrist
     """
     sources = experiments or []
-    folder = output_folder(output, sources[0] if sources else None)
+    folder = output_folder(output, sources[0] if sources else None, "", "results.json")
     workers = workers or cores()
     with shown() as progress:
         if workers > 1:
@@ -350,12 +350,9 @@ def compare(
 
     Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
     """
-    from bristle.page.output_folder import check_folder, resolved
+    from bristle.page.output_folder import check_folder
 
     if output is not None:
-        for session in (first, second):
-            if resolved(session).parent == resolved(output):
-                raise InputError(f"{output}: holds {session}, whose report the page would replace; name another folder")
         check_folder(output)
     with shown():
         from bristle import compare as run

@@ -98,12 +98,12 @@ def _called(experiment: Path) -> str:
     return (resolved(experiment).parent.name if experiment.name == "results.json" else "") or experiment.stem
 
 
-def output_folder(output: Path | None, experiment: Path | None, what: str = "") -> Path:
+def output_folder(output: Path | None, experiment: Path | None, what: str = "", *claims: str) -> Path:
     """The folder asked for, or reports/NAME and what it is of, which can be written there."""
     from bristle.page.output_folder import check_folder
 
     folder = output or Path("reports") / f"{_called(experiment) if experiment else 'edro'}{what}"
-    check_folder(folder)
+    check_folder(folder, claims)
     return folder
 
 

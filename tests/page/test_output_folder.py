@@ -103,6 +103,20 @@ def test_a_marker_that_is_none_is_refused(tmp_path: Path) -> None:
         assert _tree(folder) == before
 
 
+def test_no_page_replaces_that_of_another_question(tmp_path: Path) -> None:
+    """A report gives way to a report alone, and a fleet to a fleet: nothing that was identified is lost."""
+    report = {**OLD, "results.json": b"{}"}
+    output_folder.replace_files(tmp_path / "report", report)
+    output_folder.replace_files(tmp_path / "report", {**NEW, "results.json": b"{}"})
+    refused(tmp_path / "report", "holds a report, which another page would replace; name another folder")
+    output_folder.claim(tmp_path / "fleet", output_folder.FLEET)
+    output_folder.replace_files(tmp_path / "fleet", OLD, output_folder.FLEET)
+    refused(tmp_path / "fleet", "holds a fleet, which another page would replace; name another folder")
+    for name, page, claims in (("fleet", report, ()), ("report", OLD, output_folder.FLEET)):
+        with pytest.raises(InputError, match="which another page would replace"):
+            output_folder.replace_files(tmp_path / name, page, claims)
+
+
 def test_a_folder_of_an_older_bristle_is_known(tmp_path: Path) -> None:
     """Its marker has a hash before each name."""
     output_folder.replace_files(tmp_path, OLD)
@@ -117,8 +131,8 @@ def test_what_is_claimed_is_neither_removed_nor_another_s(tmp_path: Path) -> Non
     output_folder.claim(out, output_folder.FLEET)
     (out / "tasks").mkdir()
     (out / "ledger.parquet").write_bytes(b"ledger")
-    output_folder.replace_files(out, OLD)
-    output_folder.replace_files(out, NEW)
+    output_folder.replace_files(out, OLD, output_folder.FLEET)
+    output_folder.replace_files(out, NEW, output_folder.FLEET)
     output_folder.claim(out, output_folder.FLEET)
     listed = {**NEW, **dict.fromkeys(output_folder.FLEET, b"")}
     assert _tree(out) == {**NEW, "ledger.parquet": b"ledger", output_folder.MARKER: output_folder.marker_of(listed)}

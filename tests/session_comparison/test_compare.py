@@ -578,13 +578,13 @@ def test_one_file_twice_is_refused(sessions: tuple[Path, Path], tmp_path: Path) 
 
 
 def test_a_page_replaces_no_session(sessions: tuple[Path, Path]) -> None:
-    """The folder of either session is refused as output, by any path: its report would be replaced, and its results removed."""
+    """The folder of either session is refused as output, by any path: that of a report too, by what `check_folder` says of all pages."""
     before = tree(sessions[0].parent)
     for session in sessions:
         folder = session.parent / ".." / session.parent.name
         code, _, said = run("compare", *sessions, "-o", folder)
         assert (code, len(said)) == (2, 1)
-        assert "whose report the page would replace; name another folder" in said[0]
+        assert "is not empty, and bristle did not make it; name a new or an empty folder" in said[0]
     assert tree(sessions[0].parent) == before
 
 

@@ -62,7 +62,7 @@ def report(
 
     Raises InputError in one sentence where a file cannot be used, or the folder cannot be written.
     """
-    check_folder(Path(folder))
+    check_folder(Path(folder), ("results.json",))
     with sharing(workers, *REPORT) as share:
         from bristle.questions.joint_report.page import begin  # while the processes load it too
 

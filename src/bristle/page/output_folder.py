@@ -22,6 +22,8 @@ _PAGE = re.compile(
 """What a page and its files are called."""
 RESULTS, TASKS, LEDGER, LOCK = FLEET = ("results", "tasks", "ledger.parquet", ".lock")
 """What the dataset of a fleet is called. A marker may list nothing else than these and the files of a page."""
+_WHOLE = {"results.json": "a report", "ledger.parquet": "a fleet"}
+"""What tells whose folder it is: no page of another question replaces that."""
 _FILES = ("index.html", "results.json", "timings.json", "report.zip")
 """Files that most pages have."""
 _TAKEN = frozenset({MARKER, *_FILES, "figures", "tables"})
@@ -110,8 +112,8 @@ def made_in(folder: Path, claims: Collection[str] = ()) -> set[str]:
         folder: where something is to be written.
         claims: names in it that are to be written, as far as they are known.
 
-    Raises InputError where it is no folder, is neither empty nor marked as bristle's, has a marker that cannot be believed, or holds a file under a
-    name that is to be written and that the marker does not list, or a link in place of one.
+    Raises InputError where it is no folder, is neither empty nor marked as bristle's, has a marker that cannot be believed, holds a report or a
+    fleet that is not to be written anew, or a file under a name that is to be written and that the marker does not list, or a link in place of one.
     """
     if os.path.lexists(folder) and not folder.is_dir():
         what = "a symbolic link to no folder" if folder.is_symlink() else "a file" if folder.is_file() else "no folder"
@@ -146,6 +148,8 @@ def listed(folder: str, marker: bytes, names: Iterable[str], claims: Collection[
     if foreign := [x for x in sorted(names) if x in {*_FILES, *claims} and x not in lines]:
         why = "is there already, and bristle did not make it; move it, or name another folder"
         raise InputError(f"{folder}/{foreign[0]}: {why}")
+    if others := [what for name, what in _WHOLE.items() if name in lines and name not in claims]:
+        raise InputError(f"{folder}: holds {others[0]}, which another page would replace; name another folder")
     return set(lines[:-1])
 
 
@@ -240,7 +244,7 @@ def zipped(files: Mapping[str, bytes]) -> bytes:
     return buffer.getvalue()
 
 
-def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:
+def replace_files(folder: Path, files: Mapping[str, bytes], claims: Collection[str] = ()) -> None:
     """Put files, by relative POSIX path, into a folder: all of them are written beside their places first, and renamed only then.
 
     A folder that is not there appears with all its files in one rename. In one that bristle made, the files of the last page are replaced, or
@@ -251,7 +255,7 @@ def replace_files(folder: Path, files: Mapping[str, bytes]) -> None:
     """
     if odd := [name for name in files if not _PAGE.fullmatch(name)]:
         raise ValueError(f"{odd[0]}: is no name of a report's file")
-    made, real = check_folder(folder, files), resolved(folder)
+    made, real = check_folder(folder, {*files, *claims}), resolved(folder)
     absent = [path for path in (real, *real.parents) if not path.exists()]
     try:
         with _named(folder, "folder"):

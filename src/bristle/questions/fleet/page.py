@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from bristle.diagnostics import Kind
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.bokeh_page import bokeh_script, json_block, numbered_document, policy, script_elements
-from bristle.page.output_folder import replace_files
+from bristle.page.output_folder import FLEET, replace_files
 from bristle.page.page import encoded, html, tables_of, versions
 from bristle.page.wording import PARAMETERS, counted, pretty, symbol
 from bristle.questions.fleet.figures import (
@@ -81,7 +81,7 @@ def write_fleet(
         reports = [name for name, slug in made if (folder / "reports" / slug / "index.html").is_file()]
     if commands is None:
         commands = report_commands(found.joints, str(folder), base)
-    replace_files(folder, fleet_files(found, reports=reports, commands=commands))
+    replace_files(folder, fleet_files(found, reports=reports, commands=commands), FLEET)
     return folder / "index.html"
 
 
