@@ -131,7 +131,7 @@ def unwritten(*shape: str) -> Mapping[str, Any]:
 
 def as_floats(values: Any) -> Floats:
     """A new array of floats; what a NumPy mask hides is nan, as a missing value is."""
-    return np.asarray(np.ma.filled(np.ma.array(values, dtype=float), np.nan))
+    return np.asarray(np.ma.filled(np.ma.array(values, dtype=float, copy=True), np.nan))
 
 
 def freeze(value: "DataclassInstance") -> None:
