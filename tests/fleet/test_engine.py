@@ -368,6 +368,7 @@ def test_files_in_memory_of_another_machine(ran: Any, tmp_path: Path) -> None:
         far = ran("memory://fleet/catalog.csv", "memory://fleet/out")
         pd.testing.assert_frame_equal(local.frame, far.frame)
         assert {Path(x).name for x in memory.ls("/fleet/out/results", detail=False)} == set(dataset())
+        assert far.write("memory://fleet/out") == "memory://fleet/out/index.html"
         assert ran("memory://fleet/catalog.csv", "memory://fleet/out").unchanged == 4
         memory.pipe("/fleet/logs/r0/2026-01-01/wrist.csv", b"t,q,T\n1,x,y\n")
         again = ran("memory://fleet/logs/{unit}/{session}/{type}.yaml", "memory://fleet/out")

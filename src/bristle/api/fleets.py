@@ -64,12 +64,14 @@ class Fleet(NamedTuple):
 
         In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with nothing half-written.
         """
+        from bristle.page.output_folder import FLEET
         from bristle.questions.fleet.files import claim_folder, is_remote, joined_path, write_whole
         from bristle.questions.fleet.page import fleet_files, write_fleet
 
         if not is_remote(str(folder)):
             return str(write_fleet(self.findings, Path(folder), base=self.base))
-        claim_folder(str(folder), files := fleet_files(self.findings))
+        files = fleet_files(self.findings)
+        claim_folder(str(folder), {*files, *FLEET})
         for name, data in files.items():
             write_whole(joined_path(str(folder), name), data)
         return joined_path(str(folder), "index.html")

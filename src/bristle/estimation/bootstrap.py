@@ -35,9 +35,9 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
 
 DRAWS, REFITS = 2000, 1999
+"""Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
 _AT_ONCE = 4_000_000
 """Numbers that are drawn at once, so that memory does not grow with the equations."""
-"""Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
 FEW = 8
 """Blocks below which a bootstrap has little to draw from, and gives no interval."""
 ENOUGH = 20

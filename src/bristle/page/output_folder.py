@@ -137,7 +137,10 @@ def made_in(folder: Path, claims: Collection[str] = ()) -> set[str]:
 
 
 def listed(folder: str, marker: bytes, names: Iterable[str], claims: Collection[str]) -> set[str]:
-    """What a marker lists. InputError where it cannot be believed, or lists none of these names in its folder that is to be written."""
+    """The names that a marker lists.
+
+    Raises InputError where it is no marker, does not list a name in its folder that is to be written, or is of a report or a fleet that is not.
+    """
     # In older markers a SHA-256 and two spaces stand before each name.
     lines = [line.rpartition("  ")[2] for line in marker.decode("utf-8", "replace").split("\n")]
     shown, instead = f"{folder}/{MARKER}", f"move or remove the folder {folder}, or name another one"

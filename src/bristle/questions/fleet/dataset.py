@@ -151,15 +151,14 @@ def _part(name: str) -> "pa.Table":
     try:
         table = pq.ParquetFile(pa.BufferReader(read_bytes(name))).read()
         known = (table.schema.metadata or {}).get(b"bristle")
-        if known is None:
-            raise InputError(f"{name}: is no part of a fleet's dataset; move it, or name another folder")
         schema = schema_of(tuple(COLUMNS), coded=True)
         # Another version's results are identified anew; a column that only it has is left out.
-        return table.select(schema.names).cast(schema) if known == SCHEMA.encode() else schema.empty_table()
+        rows = table.select(schema.names).cast(schema) if known == SCHEMA.encode() else schema.empty_table()
     except (pa.ArrowException, ValueError, KeyError) as error:
-        if isinstance(error, InputError):
-            raise
         raise InputError(f"{name}: is damaged ({one_line(str(error), 100)}); remove it, and run again") from error
+    if known is None:
+        raise InputError(f"{name}: is no part of a fleet's dataset; move it, or name another folder")
+    return rows
 
 
 def _codes(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:

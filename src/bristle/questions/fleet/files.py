@@ -107,17 +107,16 @@ def stamp(name: str) -> Stamp:
 
 def read_bytes(name: str, most: int | None = None) -> bytes:
     """The bytes of a file. Raises OSError where it cannot be read, and InputError where it has more than `most`."""
-    size = 0
     if is_remote(name):
         with _remote(name) as (system, place):
             data = bytes(system.cat_file(place, end=None if most is None else most + 1))
-    else:
-        check_regular(local_path(name))
-        size = local_path(name).stat().st_size
-        data = b"" if most is not None and size > most else local_path(name).read_bytes()
-    if most is not None and max(len(data), size) > most:
-        raise InputError(f"{name}: larger than {most} bytes")
-    return data
+        if most is None or len(data) <= most:
+            return data
+    else:  # by its size: a read of so many bytes at the most would reserve them all
+        check_regular(path := local_path(name))
+        if most is None or path.stat().st_size <= most:
+            return path.read_bytes()
+    raise InputError(f"{name}: larger than {most} bytes")
 
 
 def digest_of(name: str) -> str:
