@@ -12,7 +12,7 @@ from scipy.optimize import curve_fit
 
 from bristle.arrays import Array
 from bristle.estimation.covariance import covariance
-from bristle.identification.static.batch import Batch, solve_batch
+from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.uncertainty import resample
@@ -66,9 +66,10 @@ def main() -> None:
     def loop() -> Array:
         return np.array([curve_fit(model, v, t, p0=START)[0] for t in torques.T])
 
-    batch = least({"batch": lambda: solve_batch(v, torques, default_range(v))}, 50)["batch"]
+    problem = from_points(v, torque, ("both",))
+    batch = least({"batch": lambda: Batch(problem, torques, default_range(v), COARSE)}, 50)["batch"]
     one_by_one = least({"loop": loop}, 3)["loop"]
-    together, _ = solve_batch(v, torques, default_range(v))
+    together = Batch(problem, torques, default_range(v), COARSE).theta
     apart = loop().T
     print("(b) 1000 sets of 200 points at shared velocities")
     print(f"  bristle, batch               {1e3 * batch:9.2f} ms")

@@ -162,7 +162,7 @@ def with_subjects(
             changed = dict[str, Any]()
             for name in value.__dataclass_fields__:
                 old = getattr(value, name)
-                if type(old) not in PLAIN and old != ():
+                if type(old) not in PLAIN and old not in ((), {}):
                     new = with_subjects(old, subjects, units, (*subject, *subjects.get(name, ())))
                     changed |= {} if new is old else {name: new}
             return replace(value, **changed) if changed else value

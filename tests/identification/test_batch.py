@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from bristle.arrays import Array
 from bristle.estimation import covariance
 from bristle.identification.moving_runs import load_columns
-from bristle.identification.static.batch import Batch, solve_batch
+from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.profiles import profiled
@@ -130,15 +130,6 @@ def test_where_no_peak_is_seen_v_s_has_no_error() -> None:
     for robust in (False, True):
         assert np.isfinite(found.errors(robust=robust)[:, 0]).all()
         assert np.isinf(found.errors(robust=robust)[-1, 1])
-
-
-def test_solve_batch_is_the_batch() -> None:
-    """The short form gives the estimates and costs of `Batch`."""
-    velocity = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
-    found = batch(velocity, 0.01, 10, 5)
-    theta, cost = solve_batch(velocity, found.torques, found.v_s_range, found.grid)
-    assert theta == pytest.approx(found.theta)
-    assert cost == pytest.approx(found.cost)
 
 
 def covered(low: Array, high: Array) -> Array:

@@ -18,8 +18,9 @@ from bristle.identification.fisher import (
     static_jacobian,
     unseen_directions,
 )
-from bristle.identification.static.batch import solve_batch
+from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.grid import default_range
+from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre, Pair, ParameterName, Stribeck
 from bristle.model.rollout import rollout
 from bristle.simulation.bench import steady_points
@@ -53,7 +54,7 @@ def test_information_is_the_inverse_of_a_fits_covariance() -> None:
 def test_expected_errors_are_those_that_fits_show() -> None:
     """2000 simulated fits scatter as the information says, each parameter within a tenth."""
     torques = steady_points(P, V, NOISE, np.random.default_rng(0), 2000)
-    theta, _ = solve_batch(V, torques.T, default_range(V))
+    theta = Batch(from_points(V, torques[0], ("both",)), torques.T, default_range(V), COARSE).theta
     spread = theta.std(axis=1)
     expected = covariance(static_information(V, P, NOISE))[0]
     order = [0, 2, 1, 3]  # the fit has alpha_2 before alpha_1

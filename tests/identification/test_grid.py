@@ -6,7 +6,7 @@ from scipy.optimize import curve_fit, nnls
 
 from bristle.arrays import Array
 from bristle.identification.moving_runs import load_columns
-from bristle.identification.static.batch import solve_batch
+from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.grid import Projected, default_range, plain_grid, solve, solve_at
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre
@@ -179,7 +179,8 @@ def test_a_batch_is_its_sets_one_by_one(gripper: Lugre[float], speeds: Array) ->
     rng = np.random.default_rng(13)
     torques = curve(speeds, gripper)[:, None] + 3e-4 * rng.standard_normal((speeds.size, 200))
     v_s_range = default_range(speeds)
-    theta, cost = solve_batch(speeds, torques, v_s_range)
+    found = Batch(from_points(speeds, torques[:, 0], ("both",)), torques, v_s_range, COARSE)
+    theta, cost = found.theta, found.cost
     single = [solve(from_points(speeds, torque, ("both",)), v_s_range) for torque in torques.T]
     spread = theta.std(axis=1)
     assert (np.abs(theta - np.array([s.theta for s in single]).T) <= 0.01 * spread[:, None]).all()

@@ -146,8 +146,8 @@ def fleet_on(
     from bristle.questions.fleet.engine import held, run_fleet
     from bristle.questions.fleet.findings import check_rate, findings
 
-    check_installed()
     check_rate(rate, baseline)
+    check_installed()
     step(progress, "reading the catalog")
     rows = read_catalog(catalog)
     step(progress, "starting the cluster")

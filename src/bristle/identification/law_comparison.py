@@ -58,7 +58,8 @@ def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
     Raises InputError as the fit of points does.
     """
     asked = point_regressors(measured.experiment)
-    stray = strays_under_all(measured.experiment, measured.searches, laws_beside(in_force))
+    others = [law for law in competing() if law != in_force]
+    stray = strays_under_all(measured.experiment, measured.searches, others)
     chosen = groups(measured.experiment, [s for s in sliding_points(measured.searches) if s.place not in stray])
 
     def pose(law: Law) -> Sequence[Regression]:

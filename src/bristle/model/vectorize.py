@@ -133,6 +133,12 @@ class Vectorised:
         shape = np.broadcast(*arrays).shape
         if out is None and shape and prod(shape) <= _BLOCK:
             return self._run_small(arrays, shape)
+        if out is None and len(shape) == 2 and shape[0] > 1 and shape[1] > _BLOCK:
+            # a row at a time: what is one number in it is not repeated
+            out = tuple(np.empty(shape) for _ in range(self._n_out))
+            for i, rows in enumerate(zip(*out, strict=True)):
+                self(*(x if x.ndim < 2 else x[min(i, len(x) - 1)] for x in arrays), out=rows)
+            return out
         is_array = tuple(x.size != 1 for x in arrays)
         if is_array not in self._plans:
             self._plans[is_array] = self._plan(is_array)

@@ -6,9 +6,11 @@ interpolated by polynomials through six neighbours. Each set then has a few smal
 closed form are for speed: a projection or a Jacobian for each set would take many times as long.
 """
 
+from math import ceil
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
@@ -16,12 +18,14 @@ from bristle.estimation.conditional_profile import Conditional, ConditionalProfi
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.grid import Projected, solve
-from bristle.identification.static.problem import Regression, from_points, log_grid
+from bristle.identification.static.problem import Regression, log_grid
 from bristle.identification.static.profiles import profiled
 
 GRID = 96
 """Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them.
 """
+_IN_CACHE = 400_000
+"""Residuals of sets, of which robust errors are computed at a time."""
 COARSE = 48
 """As many are enough for the minimum alone."""
 _NEWTON = 4
@@ -105,7 +109,8 @@ class Batch:
         over one less its leverage).
         """
         if robust:
-            return self._robust_errors()
+            blocks = np.array_split(np.arange(self.cost.size), ceil(self.torques.size / _IN_CACHE))
+            return np.hstack([self._robust_errors(sets) for sets in blocks])
         at = self._at(self._x[:, None])
         b, d = at.inside[..., 0]
         scale, cross, steep = np.exp(at.log_length[:, 0]), at.cross[:, 0], at.steep[:, 0]
@@ -116,21 +121,19 @@ class Batch:
         variance: Array = np.vstack([linear, steep / alone / scale**2, v_s**2 * u]) * self.cost / self.freedom
         return np.sqrt(variance)
 
-    def _robust_errors(self) -> Array:
-        shapes, slopes = self.problem.slopes(self.theta[-1])
-        m, (n, sets) = len(self.problem.linear_names), shapes.shape
-        jacobian = np.empty((sets, n, m + 2))
-        jacobian[:, :, :m] = self.problem.linear
-        jacobian[:, :, m], jacobian[:, :, m + 1] = shapes.T, (slopes * self.theta[-2]).T
-        size = np.maximum(np.sqrt(np.einsum("snp,snp->sp", jacobian, jacobian)), 1e-300)
-        jacobian /= size[:, None]
-        weights = np.linalg.pinv(np.einsum("snp,snq->spq", jacobian, jacobian), hermitian=True) @ jacobian.swapaxes(
-            1, 2
-        )
-        left = self.torques.T - (self.theta[:m].T @ self.problem.linear.T + (self.theta[m] * shapes).T)
-        kept = 1 - np.minimum(np.einsum("snp,spn->sn", jacobian, weights), 1 - 1e-6)
-        errors: Array = np.sqrt(np.einsum("spn,sn->ps", weights**2, (left / kept) ** 2)) / size.T
-        errors[-1, self.theta[-2] <= 0] = np.inf
+    def _robust_errors(self, sets: NDArray[np.intp]) -> Array:
+        theta, linear = self.theta[:, sets], self.problem.linear.T
+        shapes, slopes = (table.T for table in self.problem.slopes(theta[-1]))
+        fixed = np.broadcast_to(linear, (sets.size, *linear.shape))
+        jacobian = np.concatenate([fixed, shapes[:, None], (slopes * theta[-2][:, None])[:, None]], axis=1)
+        gram = jacobian @ jacobian.swapaxes(1, 2)
+        size = np.maximum(np.sqrt(np.einsum("spp->sp", gram)), 1e-150)
+        scale = size[:, :, None] * size[:, None]
+        weights = np.linalg.pinv(gram / scale, hermitian=True) / scale @ jacobian
+        left = self.torques.T[sets] - (theta[:-2].T @ linear + theta[-2][:, None] * shapes)
+        kept = 1 - np.minimum(np.einsum("spn,spn->sn", jacobian, weights), 1 - 1e-6)
+        errors: Array = np.sqrt(weights**2 @ ((left / kept) ** 2)[..., None])[..., 0].T
+        errors[-1, theta[-2] <= 0] = np.inf
         return errors
 
     def covariance_intervals(self) -> tuple[Array, Array]:
@@ -259,45 +262,12 @@ class Batch:
         return Conditional(np.moveaxis(theta, 0, -1), np.moveaxis(spread, (0, 1), (-2, -1)), self._costs(at))
 
 
-def solve_batch(
-    velocity: Array, torques: Array, v_s_range: tuple[float, float], grid: int = COARSE
-) -> tuple[Array, Array]:
-    """Many data sets that share their velocities, in a few matrix products (one direction, no extra regressors).
-
-    Args:
-        velocity: rad/s, shape (n,), one sign or symmetric.
-        torques: N*m, shape (n, sets).
-        v_s_range: as in `solve`.
-        grid: as in `solve`, >= 8.
-
-    Returns:
-        theta, shape (4, sets), in the order alpha_0, alpha_2, alpha_1, v_s; and the cost, shape (sets,). Sets whose
-        minimum lies at the end of the range, or whose free solution breaks a bound, are solved one by one, as `solve`
-        does.
-    """
-    batch = Batch(from_points(velocity, torques[:, 0], ("both",)), torques, v_s_range, grid)
-    return batch.theta, batch.cost
-
-
 def _steepest(along: Array) -> Array:
     """Where a polynomial along(t) > 0 is highest, by Newton's method from t = 0; coefficients (6, sets)."""
-    slope = _derivative(along)
-    bend = _derivative(slope)
+    slope, bend = polyder(along), polyder(along, 2)
     t = np.zeros(along.shape[1])
     for _ in range(_NEWTON):
-        curved = _horner(bend, t)
-        step = np.divide(-_horner(slope, t), curved, out=np.full_like(t, np.inf), where=curved < 0)
+        curved = polyval(t, bend, tensor=False)
+        step = np.divide(-polyval(t, slope, tensor=False), curved, out=np.full_like(t, np.inf), where=curved < 0)
         t = t + np.clip(step, -0.7, 0.7)
     return t
-
-
-def _horner(coefficients: Array, t: Array) -> Array:
-    value: Array = coefficients[-1]
-    for c in coefficients[-2::-1]:
-        value = value * t + c
-    return value
-
-
-def _derivative(coefficients: Array) -> Array:
-    result: Array = coefficients[1:] * np.arange(1.0, coefficients.shape[0])[:, None]
-    return result

@@ -96,7 +96,8 @@ def fit_static(
     )
     label = _parts(problem)[-1]
     started = perf_counter()
-    checked = crosscheck(core.problem, core.solution.theta, core.solution.cost, _errors(core), v_s_range)
+    errors_of_grid = np.array([core.parameters[name].standard_error or np.nan for name in core.problem.names])
+    checked = crosscheck(core.problem, core.solution.theta, core.solution.cost, errors_of_grid, v_s_range)
     if timings is not None:
         checked_at = perf_counter()
         solve(core.problem, v_s_range, options.grid)  # once more, for its time alone
@@ -272,8 +273,9 @@ def _static_fit(
     names = [name for name in problem.names if not two or name.direction is part]
     parameters = {name.name: _with_warnings(core.parameters[name], comparisons.three[name]) for name in names}
     if part != "shared" and part in core.dropped:
-        missing = {n: _not_identifiable(core, n, part, kind) for n in peak_parameters(problem.law)}
-        parameters |= missing
+        lost = (core.dropped[part],)
+        names_lost = peak_parameters(problem.law)
+        parameters |= {n: Estimate(value=None, unit=unit(n, kind), warnings=lost) for n in names_lost}
     parameters |= {name.name: e for name, e in core.beside.items() if name.direction is part}
     order = sorted(parameters, key=lambda name: (*static_fields_of(problem.law), name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
@@ -319,12 +321,3 @@ def _outcome(core: StaticSolution, part: Direction, comparisons: _Comparisons) -
     name = ParameterName("alpha_1", part)
     rests = name in core.parameters and bool(comparisons.without) and name not in comparisons.without
     return Kind.STATIC_STICK_SLIP() if rests else core.outcome
-
-
-def _not_identifiable(core: StaticSolution, name: str, part: Direction, kind: JointKind) -> Estimate:
-    """A parameter of the Stribeck term that the data do not support, with the reason."""
-    return Estimate(value=None, unit=unit(name, kind), warnings=(core.dropped[part],))
-
-
-def _errors(core: StaticSolution) -> Array:
-    return np.array([core.parameters[name].standard_error or np.nan for name in core.problem.names])

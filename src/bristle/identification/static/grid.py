@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import chain, combinations
-from math import exp, log
+from math import ceil, exp, log
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -36,6 +36,8 @@ _TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))
 """From five equally spaced values to the coefficients of the polynomial through them, highest power first."""
 _BLOCK = 500
 """Values of v_s worked on at a time, of many sets."""
+_AT_ONCE = 4_000_000
+"""Elements of the columns of one set, over values of v_s, worked on at a time."""
 _STEPS = 20
 _SETTLED = 1e-12
 """A further step is not worth it if it lowers the cost by less than this part of the residuals' variance."""
@@ -106,6 +108,9 @@ class Projected:
 
     def costs(self, v_s: Array) -> Array:
         """J_s at each v_s (k,), with alpha_0, alpha_1, alpha_2 >= 0; one peak."""
+        blocks = min(ceil(v_s.size * self.rest.size / _AT_ONCE), v_s.size)
+        if blocks > 1:
+            return np.concatenate([self.costs(part) for part in np.array_split(v_s, blocks)])
         shapes = self.problem.shapes(v_s)
         alpha_1, along, broken = self._peak(shapes)
         costs = np.maximum(self.rest_cost - alpha_1 * along, 0.0)

@@ -71,7 +71,7 @@ def search_points(experiment: Experiment, points: Sequence[Segment], law: Law | 
 def strays_under_all(
     experiment: Experiment, searches: Sequence[PointSearch], laws: Sequence[Law]
 ) -> frozenset[tuple[str, int, int]]:
-    """The places of the points that belong to none of some laws, those of `searches` among them.
+    """The places of the points that belong neither to the law of `searches` nor to one of some others.
 
     What is off one law may be what another has and that one lacks: only a point that is off all of them is none of friction's.
     """
@@ -109,7 +109,7 @@ def _search(
     if not rows:
         return replace(nothing, strays=())
     residuals, spread = _from_the_law(problem, rows, v_s_range)
-    resting = tuple(k for k in rows if _rests(problem.velocity, residuals, all_but(n, rows), k))
+    resting = _resting(problem.velocity, residuals, rows)
     return replace(
         nothing,
         strays=tuple(k for k in rows if k not in resting),
@@ -139,11 +139,13 @@ def _explained(point: Segment, residual: float, n: int) -> bool:
     return bool(abs(residual) <= ndtri(1 - LEVEL / (2 * n)) * error)
 
 
-def _rests(velocity: Array, residuals: Array, kept: NDArray[np.bool_], k: int) -> bool:
-    """Whether point k hardly moves, and its torque is smaller than friction there."""
-    sign = np.sign(velocity[k])
-    speeds = np.abs(velocity[kept & (velocity * sign > 0)])
-    return bool(speeds.size and abs(velocity[k]) < _VANISHING * speeds.min() and residuals[k] * sign < 0)
+def _resting(velocity: Array, residuals: Array, rows: Sequence[int]) -> tuple[int, ...]:
+    """Which of some points hardly move beside the others of their direction, with a torque that is smaller than friction there."""
+    kept = velocity[all_but(velocity.size, rows)]
+    slowest = {sign: np.abs(kept[kept * sign > 0]).min(initial=np.inf) for sign in (-1.0, 1.0)}
+    signs = {k: float(np.sign(velocity[k])) for k in rows}
+    slow = [k for k in rows if abs(velocity[k]) < _VANISHING * slowest[signs[k]] < np.inf]
+    return tuple(k for k in slow if residuals[k] * signs[k] < 0)
 
 
 def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> Iterator[Segment]:

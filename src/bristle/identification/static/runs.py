@@ -3,7 +3,8 @@
 From points at constant velocity, direction by direction or of both, or from moving runs.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -61,8 +62,8 @@ def fit_points(
     searches = {search.sides: search for search in measured.searches}
     for sides, group in groups(experiment, points):
         signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())
-        by_file = {s.file: [h for h in held if h.file == s.file and np.sign(h.velocity) in signs] for s in held}
-        tests = [(file, points_problem(s, sides, asked, law)) for file, s in by_file.items() if s]
+        own = by_file(s for s in held if np.sign(s.velocity) in signs)
+        tests = [(file, points_problem(s, sides, asked, law)) for file, s in own.items()]
         fits, checked = fit_static(
             points_problem(group, sides, asked, law),
             experiment.fit,
@@ -77,20 +78,25 @@ def fit_points(
     return static, checks
 
 
+def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
+    """The points of each run, in their order."""
+    found = defaultdict[str, list[Segment]](list)
+    for s in points:
+        found[s.file].append(s)
+    return found
+
+
 def pulled_points(points: Sequence[Segment], fits: Mapping[str, StaticFit]) -> tuple[Segment, ...]:
     """The points with the torques that Huber's loss gave them in their fits; as they are under least squares."""
     pulled = {s.place: x for f in fits.values() for s, x in zip(f.segments, f.pulled.tolist(), strict=False)}
-    return tuple(replace(s, torque=s.torque - pulled.get(s.place, 0.0)) for s in points)
+    return tuple(replace(s, torque=s.torque - x) if (x := pulled.get(s.place)) else s for s in points)
 
 
 def _whole_curves(
     points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str], law: Law
 ) -> list[tuple[str, Regression]]:
     """Runs that each give more points than the law has parameters, by file."""
-    by_file: dict[str, list[Segment]] = {}
-    for s in points:
-        by_file.setdefault(s.file, []).append(s)
-    posed = [(file, points_problem(own, sides, asked, law)) for file, own in by_file.items()]
+    posed = [(file, points_problem(own, sides, asked, law)) for file, own in by_file(points).items()]
     return [(file, one) for file, one in posed if one.torque.size > len(one.names)]
 
 

@@ -1,6 +1,6 @@
 """What is said of points that do not belong to the law: how far off they are, and what the fit becomes without them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -12,9 +12,12 @@ from bristle.identification.fits import Estimate, OtherPoints, StaticFit, Stray
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.solution import StaticSolution, solve_static
-from bristle.identification.static.strays import most_strays
-from bristle.model.parameters import Direction, ParameterName
+from bristle.identification.static.strays import SINGLY, most_strays
+from bristle.model.parameters import Direction
 from bristle.model.parameters import Kind as JointKind
+
+_LISTED = 50
+"""Points that a warning names; of more it says how many there are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,8 +31,7 @@ class StrayReport:
 
     def of(self, part: Direction) -> tuple[Stray, ...]:
         """Those of a direction; all of what both share."""
-        sign = DIRECTIONS.get(part)
-        return tuple(stray for stray in self.strays if sign is None or stray.velocity * sign > 0)
+        return tuple(stray for stray in self.strays if DIRECTIONS.get(part, 0.0) * stray.velocity >= 0)
 
 
 def report_strays(
@@ -48,12 +50,9 @@ def report_strays(
     side = search.sides[0] if len(search.sides) == 1 else ""
     warnings = []
     if search.resting:
-        warnings.append(
-            Kind.RESTING_LEFT_OUT(
-                count=len(search.resting), direction=side, points=tuple(_named(search, k) for k in search.resting)
-            )
-        )
-    named = tuple(_named(search, k) for k in search.strays)
+        resting = _listed(search, search.resting)
+        warnings.append(Kind.RESTING_LEFT_OUT(count=len(search.resting), direction=side, points=resting))
+    named = _listed(search, search.strays)
     if search.misfit:
         warnings.append(
             Kind.MISFIT(direction=side, most=most_strays(search.problem), count=len(search.points), points=named)
@@ -66,17 +65,12 @@ def report_strays(
     values = _values(core, second)
     numbers = {"values": values, "error": _relative_error(second), "now": _relative_error(core)}
     moved = _moved(core, second)
+    said = {"count": len(search.strays), "points": named}
     if dropped:
-        warning = Kind.STRAYS_LEFT_OUT(count=len(named), points=named, other=Kind.WITH_STRAYS(**numbers))
-    elif moved:
-        other = Kind.WITHOUT_STRAYS(**numbers)
-        warning = Kind.STRAYS_MATTER(
-            count=len(named), points=named, other=other, moved=moved, advice=Kind.TO_LEAVE_OUT()
-        )
+        warning = Kind.STRAYS_LEFT_OUT(**said, other=Kind.WITH_STRAYS(**numbers))
     else:
-        warning = Kind.STRAYS(
-            count=len(named), points=named, other=Kind.WITHOUT_STRAYS(**numbers), advice=Kind.TO_LEAVE_OUT()
-        )
+        said |= {"other": Kind.WITHOUT_STRAYS(**numbers), "advice": Kind.TO_LEAVE_OUT()}
+        warning = Kind.STRAYS_MATTER(**said, moved=moved) if moved else Kind.STRAYS(**said)
     parts = search.problem.directions
     return StrayReport(strays=strays, other={d: _other_points(second, d) for d in parts}, warnings=(*warnings, warning))
 
@@ -105,6 +99,12 @@ def _share(changed: Any) -> float:
     return float(x["share"] if "share" in x else 1 - (x["error"] / x["now"]) ** 2)
 
 
+def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[Diagnostic | str, ...]:
+    """The first points by name, and how many there are beside them."""
+    rest = len(rows) - _LISTED
+    return (*(_named(search, k) for k in rows[:_LISTED]), *([f"and {rest} more"] if rest > 0 else []))
+
+
 def _named(search: PointSearch, k: int) -> Diagnostic:
     s = search.points[k]
     file, where = s.subject
@@ -116,20 +116,17 @@ def _named(search: PointSearch, k: int) -> Diagnostic:
 def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) -> Stray:
     """One stray, and what the parameters become without it alone."""
     s = search.points[k]
-    keep = search.sliding
-    keep[k] = False
-    alone = solve_static(search.problem.rows(keep), options, kind)
     file, where = s.subject
-    own = {n.name: e for n, e in alone.parameters.items() if len(search.sides) == 1 or _is_of(n, s.velocity)}
+    own = dict[str, Estimate]()
+    if len(search.points) <= SINGLY:
+        keep = search.sliding
+        keep[k] = False
+        alone = solve_static(search.problem.rows(keep), options, kind)
+        own = {n.name: e for n, e in alone.parameters.items() if DIRECTIONS.get(n.direction, 0.0) * s.velocity >= 0}
     return Stray(
         file=file, where=where, velocity=s.velocity, torque=s.torque, deviations=float(search.deviations[k]),
         without={name: e.value for name, e in own.items() if e.value is not None},
     )  # fmt: skip  # a list of values
-
-
-def _is_of(name: ParameterName, velocity: float) -> bool:
-    sign = DIRECTIONS.get(name.direction)
-    return sign is None or velocity * sign > 0
 
 
 def _relative_error(solved: StaticSolution) -> float:

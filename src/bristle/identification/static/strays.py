@@ -7,7 +7,8 @@ eighth of the points are strays: where one more would be, it is the law that doe
 To leave a point out is to give it a parameter of its own. So at a given v_s the cost falls by r**2 / (1 - h), with r
 the point's residual and h its leverage, and by a quadratic form in their residuals for two or three: all of them are
 tried at every v_s of a grid in a few array operations, and the best few are refitted exactly (Cook and Weisberg,
-Residuals and Influence in Regression, 1982).
+Residuals and Influence in Regression, 1982). Of more than a thousand points one hardly moves the law: the grid is then the
+v_s of the fit, and those are left out together that the test finds and that are at least half as far off as the farthest.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,7 +34,11 @@ _GRIDS = {1: 96, 2: 24}
 """Values of v_s for each of so many peaks."""
 _LEVELS = {1: LEVEL, 2: LEVEL, 3: LEVEL / 10}
 """By how many are left out at once: threes, of which there are so many, only where there is no doubt."""
-_TRIED = {1: 10_000, 2: 200, 3: 24}
+SINGLY = 1000
+"""Points up to which strays are left out, and looked at, one by one."""
+_ALIKE = 0.25
+"""Of the largest fall of the cost: of more points, strays with at least as large a one are left out with it."""
+_TRIED = {1: None, 2: 200, 3: 24}
 """By how many are left out at once: of more points only those that lower the cost most by themselves are tried."""
 _REFITTED = 5
 """Of the points, pairs or threes that lower the cost most on the grid, so many are refitted."""
@@ -79,17 +84,23 @@ def _significant(problem: Regression, v_s_range: tuple[float, float] | None) -> 
     n, parameters = problem.torque.size, len(problem.names)
     if n < parameters + 2:
         return []
-    base = refit(problem, v_s_range).cost
-    noise = 1e-20 * float(problem.torque @ problem.torque)
-    for chosen, tried in _candidates(problem, v_s_range):
-        freedom = n - parameters - len(chosen[0])
-        costs = [refit(problem.rows(all_but(n, rows)), v_s_range).cost for rows in chosen]
-        least = int(np.argmin(costs))
-        fall = (base - costs[least]) / len(chosen[0])
-        if fall > noise:
-            p = fdtrc(len(chosen[0]), freedom, fall * freedom / max(costs[least], noise)) * tried
-            if p < _LEVELS[len(chosen[0])]:
-                return list(chosen[least])
+    solution = refit(problem, v_s_range)
+    base, v_s = solution.cost, problem.split(solution.theta)[1][:, None]
+    if n <= SINGLY and problem.peaks:
+        v_s = np.tile(log_grid(v_s_range or default_range(problem.velocity), _GRIDS[v_s.size]), (v_s.size, 1))
+    noise = 1e-20 * float(problem.torque @ problem.torque) or 1e-300
+    for sets, falls in _candidates(problem, v_s):
+        size, chosen, exact = sets.shape[1], sets[0].tolist(), float(falls[0])
+        if n <= SINGLY:
+            few = sets[:_REFITTED].tolist()
+            costs = [refit(problem.rows(all_but(n, rows)), v_s_range).cost for rows in few]
+            chosen, exact = few[int(np.argmin(costs))], base - min(costs)
+        together = n > SINGLY and size == 1
+        fall = np.append(exact, falls[falls > _ALIKE * falls[0]] if together else [])
+        F = fall / size * (n - parameters - size) / np.maximum(base - fall, noise)
+        rare = fdtrc(size, n - parameters - size, F) * comb(n, size) < _LEVELS[size]
+        if rare[0] and exact > noise * size:
+            return list(sets[: fall.size - 1, 0][rare[1:]].tolist() if together else chosen)
     return []
 
 
@@ -105,12 +116,10 @@ def all_but(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:
     return keep
 
 
-def _candidates(
-    problem: Regression, v_s_range: tuple[float, float] | None
-) -> Iterator[tuple[list[tuple[int, ...]], int]]:
-    """The single points that lower the cost most on the grid, then the pairs and the threes; each with how many there are."""
+def _candidates(problem: Regression, v_s: Array) -> Iterator[tuple[NDArray[np.intp], Array]]:
+    """The single points, (k, 1), by how much they lower the cost at values of v_s, (k,), most first; then the pairs and the threes."""
     n = problem.torque.size
-    nodes = list(_nodes(problem, v_s_range or default_range(problem.velocity)))
+    nodes = list(_nodes(problem, v_s))
     order = np.arange(n)
     for size, most in _TRIED.items():
         if n - len(problem.names) - size < 1:
@@ -119,7 +128,7 @@ def _candidates(
         costs = reduce(np.minimum, (node.cost - node.falls(sets) for node in nodes))
         best = np.argsort(costs)
         order = sets[best, 0] if size == 1 else order
-        yield [tuple(rows) for rows in sets[best[:_REFITTED]].tolist()], comb(n, size)
+        yield sets[best], min(node.cost for node in nodes) - costs[best]
 
 
 class _Node(NamedTuple):
@@ -152,19 +161,18 @@ class _Node(NamedTuple):
         return np.where(apart, falls, 0.0)
 
 
-def _nodes(problem: Regression, v_s_range: tuple[float, float]) -> Iterator[_Node]:
-    """The problem at each v_s of a grid, without the Stribeck terms that would be negative there; bounds on the others are left to the refit."""
+def _nodes(problem: Regression, v_s: Array) -> Iterator[_Node]:
+    """The problem at each v_s, (peaks, k), without the Stribeck terms that would be negative there; bounds on the others are left to the refit."""
     projected = Projected(problem)
     peaks = len(problem.peaks)
     if not peaks:
         yield _Node(projected.rest_cost, projected.rest, projected.q)
         return
-    values = log_grid(v_s_range, _GRIDS[peaks])
     columns = []
     for k in range(peaks):
-        off, length = projected.off(values, k)
+        off, length = projected.off(v_s[k], k)
         columns.append(off / np.sqrt(length))
-    for chosen in product(range(values.size), repeat=peaks):
+    for chosen in product(range(v_s.shape[1]), repeat=peaks):
         own = np.stack([unit[:, j] for unit, j in zip(columns, chosen, strict=True)], axis=1)
         basis = np.linalg.qr(own)[0] if peaks > 1 else own
         along = np.linalg.lstsq(own, projected.rest, rcond=None)[0] if peaks > 1 else own.T @ projected.rest

@@ -117,7 +117,7 @@ def _other_points(fit: StaticFit, said: set[str]) -> Iterator[str]:
     how = "without" if other.n < fit.n else "with"
     yield from _parameters(f"{how} the {counted(len(fit.strays), 'stray')}", other.parameters, said)
     yield f"      {'rms residual:':<13} {_number(other.rms)} {_torque_unit(fit)}, relative error {_percent(other.relative_error)}".rstrip()
-    for x in fit.strays:
+    for x in (stray for stray in fit.strays if stray.without):
         alone = ", ".join(f"{name} {_number(value)}" for name, value in x.without.items())
         yield f"      without {printable(x.file)} {x.where} alone: {alone}"
 
