@@ -107,7 +107,7 @@ def both(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
         return dynamic_problem(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
 
     found = fit_tracking(pose([run], {}), truth(), "revolute", starts=1)
-    return found.fit, without_count_bias(found, [run], pose, edro.CUTOFF, quantum)
+    return found.fit, without_count_bias(found, [run], pose, quantum)
 
 
 def routes() -> None:
@@ -138,9 +138,7 @@ def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     found = fit_tracking(pose([run], known), start, "revolute", starts=1)
     whole = dynamic_problem([run], ("+", "-"), ("inertia",), 1, None, known)
     windows = simulation([run], whole, edro.motor("gripper rotation"), 0.5, edro.DECIMATION)
-    return without_count_bias(found, [run], pose, edro.CUTOFF, quantum), fit_tracking(
-        windows, start, "revolute", starts=1
-    ).fit
+    return without_count_bias(found, [run], pose, quantum), fit_tracking(windows, start, "revolute", starts=1).fit
 
 
 def relative(fit: TrackingFit, name: ParameterName) -> float:

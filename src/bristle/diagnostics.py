@@ -623,7 +623,7 @@ class Kind(Enum):
         (
             "The position of {files!l} is noisy in proportion to its speed, as if sampled {jitter:.2g} of a sample (standard "
             "deviation) off its time: this takes away from the inertia. Log the time at which each sample was taken, in the "
-            "loop of the controller, or lower `position_cutoff` under fit."
+            "loop of the controller."
         ),
     )
     VELOCITY_LAGS = (
@@ -632,21 +632,6 @@ class Kind(Enum):
             "The logged velocity of {files!l} {lags} its position by {lag:.2g} s ({samples:.2g} samples, standard error {error:.2g}), "
             "as where it is {why}: friction at reversals and the inertia are wrong. Leave `velocity` out under signals to "
             "have it estimated from the position, or log {remedy}."
-        ),
-    )
-    COARSE_ACCELERATION = (
-        _CAUTION,
-        (
-            "Counts of {count:.3g position} hide the acceleration of {files!l}: they make noise of {noise:.3g acceleration} in one of "
-            "{acceleration:.3g acceleration} (rms), which takes some {share:.0%} off the inertia. Try `position_cutoff: {cutoff:.2g} Hz` "
-            "under fit, a finer encoder, or an inertia that is given."
-        ),
-    )
-    COARSE_VELOCITY = (
-        _CAUTION,
-        (
-            "Counts hide v_s{direction!d}: they make noise of {noise:.3g velocity} in the velocity, and v_s is {v_s:.3g velocity}. A finer "
-            "encoder, a lower fit.position_cutoff, or runs at constant velocity would show it."
         ),
     )
 
@@ -1040,7 +1025,7 @@ class Kind(Enum):
         _CAUTION,
         (
             "Not estimated: the motion leaves {equations} equations for {unknowns} unknowns, and at least {least} are needed; log "
-            "longer or faster, or write a smaller fit.decimation."
+            "longer or faster."
         ),
     )
     UNSEEN_BELOW_COUNT = (
@@ -1641,14 +1626,6 @@ class Kind(Enum):
         "Highest frequency of the motion: {frequency:.3g} Hz, not the declared {declared:g} Hz: at {frequency:.3g} Hz {why}.",
     )
     CAPPED_BY_RATE = _NOTE, "plan.rate, {rate:g} Hz, gives {samples:g} samples to a period"
-    CAPPED_BY_DECIMATION = (
-        _NOTE,
-        "fit.decimation, {decimation}, leaves one equation in {step:.3g} s, {least:g} to a period",
-    )
-    CAPPED_BY_SAMPLING = (
-        _NOTE,
-        "the sampling of the moving runs leaves one equation in {step:.3g} s, {least:g} to a period",
-    )
 
     # what a plan starts from
     DIRECTION_TAKEN = _CAUTION, "Direction {direction} is not identified: it is assumed to be as direction {other}."
@@ -1738,13 +1715,6 @@ class Kind(Enum):
         (
             "{names!l}: {value:.3g} is assumed, the middle of what is searched, since motion hardly shows it; add points at constant "
             "velocity, or give it under fit.fixed."
-        ),
-    )
-    DECIMATION_LOWERED = (
-        _NOTE,
-        (
-            "fit.decimation: one sample in {decimation} in place of {usual}, for {file} has no more than {samples} samples between gaps (set it to "
-            "override)."
         ),
     )
     SAMPLED_FASTER = (
@@ -2217,16 +2187,27 @@ class Kind(Enum):
         _NOTE,
         (
             "Velocity and acceleration from position: Butterworth low pass of order {order}, forward and backward, "
-            "cut-off {cutoff:g} Hz{lowered}; then the derivatives of a quintic spline."
+            "cut-off {cutoff:.3g} Hz{why}; then the derivatives of a quintic spline."
         ),
     )
     ACCELERATION_FROM_VELOCITY = (
         _NOTE,
         (
             "Acceleration from velocity: Butterworth low pass of order {order}, forward and backward, "
-            "cut-off {cutoff:g} Hz{lowered}; then the derivatives of a quintic spline."
+            "cut-off {cutoff:.3g} Hz{why}; then the derivatives of a quintic spline."
         ),
     )
+    TORQUE_SMOOTHED = _NOTE, "Torque of slow loading: low pass of {cutoff:.3g} Hz{why}."
+    CUTOFF_ASKED = _NOTE, ", as asked"
+    CUTOFF_OF_MOTION = (
+        _NOTE,
+        (
+            ", for 99.9 % of the motion lies below {motion:.3g} Hz, and motion and effort show more than noise up to {shown:.3g} Hz "
+            "(fit.position_cutoff overrules)"
+        ),
+    )
+    CUTOFF_OF_HOLDS = _NOTE, ", half of the frequency up to which the position shows more than noise, {shown:.3g} Hz"
+    CUTOFF_OF_LOADING = _NOTE, ", ten times the frequency below which 99.9 % of it lies, {own:.3g} Hz"
     CUTOFF_LOWERED = _CAUTION, ", lowered from {asked:g} Hz, which is not below the Nyquist frequency"
     TORQUE_FROM_CURRENT = _NOTE, "Torque from current: k_t = {k_t:g} {unit}."
     TORQUE_FROM_VOLTAGE = _NOTE, "Torque from voltage by (8): k_t = {k_t:g} {unit}, R = {R:g} ohm."
@@ -2630,8 +2611,7 @@ REASONS: Mapping[str, str] = {
         "LOADED_AT_START ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED POINTS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
     ),
     "Encoder counts bias the number by about its error.": (
-        "COARSE_ACCELERATION COARSE_VELOCITY COUNT_BIAS COUNTS_BIAS FEW_COUNTS WITHIN_NOISE SIGMA_0_AT_LEAST COUNT_ROUNDED COUNT_BIAS_UNKNOWN "
-        "WHOLE_DEGREES"
+        "COUNT_BIAS COUNTS_BIAS FEW_COUNTS WITHIN_NOISE SIGMA_0_AT_LEAST COUNT_ROUNDED COUNT_BIAS_UNKNOWN WHOLE_DEGREES"
     ),
     "Runs or parts differ by more than the errors say.": (
         "RUNS_SCATTER OUTLIER STAGES_DIFFER STAGE_DIFFERS STATIC_WITHOUT_PRESLIDING DISTRUST_MOVING DISTRUST_STAGE INERTIA_DOUBTED HUBER_DIFFERS "
@@ -2699,7 +2679,7 @@ REASONS: Mapping[str, str] = {
         "OR_MINIMUM_VELOCITY OR_VELOCITY_TOLERANCE LIMIT_GIVEN LIMIT_SEEN POINTS_FOR_PARAMETERS RESIDUAL_BLOCKS SAMPLE_BLOCKS EDGE_BLOCKS "
         "STRAY_POINT BELIEVE_MOVING MOVING_IN_DOUBT POINT_NAMED TO_LEAVE_OUT TERM_FIRST WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE "
         "PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS NO_INERTIA ONE_EDGE EDGES NO_STRIBECK_TERM POINTS_WITHOUT_NOISE TOO_FEW_TO_VALIDATE "
-        "FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH CAPPED_BY_RATE CAPPED_BY_DECIMATION CAPPED_BY_SAMPLING PEAK_TO_LOOK_FOR AMID_THE_SPEEDS "
+        "FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH CAPPED_BY_RATE PEAK_TO_LOOK_FOR AMID_THE_SPEEDS "
         "WITHOUT_INERTIA_UNDAMPED "
         "AMID_WHAT_IS_SEARCHED "
         "BENT_BRISTLE BY_DAMPING_RATIO VISCOUS_SHARE FAR_POINTS RATE_OF_ZERO DEFLECTION_OF_AMPLITUDE WITH_DAMPING_RATIO DEFLECTION_OF_TRAVEL "
@@ -2728,9 +2708,10 @@ REASONS: Mapping[str, str] = {
     ),
     "It says how a signal was read, or a number made.": (
         "LINKS_TAKEN_OFF RATE_DECLARED COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION "
-        "ACCELERATION_FROM_VELOCITY TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED "
+        "ACCELERATION_FROM_VELOCITY TORQUE_SMOOTHED CUTOFF_ASKED CUTOFF_OF_MOTION CUTOFF_OF_HOLDS CUTOFF_OF_LOADING "
+        "TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED "
         "RUN_IN ENCODER_COUNT ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE LIMIT_LINKS "
-        "ROWS_MOTOR_OFF DECIMATION_LOWERED SAMPLED_FASTER "
+        "ROWS_MOTOR_OFF SAMPLED_FASTER "
         "INERTIA_EXACT NOISE_OF_EQUATIONS NOISE_OF_INDEPENDENT NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD "
         "GRIPPER_FRICTION NOISE_OF_FIT NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED TIME_RECEIVED TOPICS_INTERPOLATED OWN_TIME FILES_JOINED "
         "PART_TAKEN GEAR_TAKEN ORDERS_FOUND NO_ORDERS"

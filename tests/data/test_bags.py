@@ -11,7 +11,9 @@ from bristle.data.columns import Key
 from bristle.data.experiment.draft import Told, draft_experiment
 from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.data.ros import messages as decoding
-from bristle.data.ros.read import bag_columns, bag_joints, bag_topics
+from bristle.data.ros.files import open_bag
+from bristle.data.ros.read import bag_columns, bag_joints
+from bristle.data.ros.topics import topics_of
 from bristle.data.text_table import RawTable, read_table
 from bristle.errors import InputError
 
@@ -273,7 +275,7 @@ def _made(folder: Path) -> Path:
 def test_joints_topics_and_columns_are_listed(tmp_path: Path) -> None:
     """What a bag offers: its topics with their types, its joints in their order, and the names of its columns."""
     bag = write_bag(tmp_path, "bag", [*_states(2), wrench(START, 1.0)])
-    assert bag_topics(bag) == {
+    assert {name: topic.kind for name, topic in topics_of(open_bag(bag)).items()} == {
         "/joint_states": "sensor_msgs/msg/JointState",
         "/wrench": "geometry_msgs/msg/WrenchStamped",
     }

@@ -31,7 +31,11 @@ def test_a_slow_sine_comes_back() -> None:
     np.testing.assert_allclose(_of(record.velocity)[inside], w * np.cos(w * t)[inside], atol=1e-4 * w)
     np.testing.assert_allclose(_of(record.acceleration)[inside], -(w**2) * np.sin(w * t)[inside], atol=1e-3 * w**2)
     (note,) = record.notes
-    assert (note.kind, note.numbers["cutoff"], note.numbers["lowered"]) == (Kind.MOTION_FROM_POSITION, 50.0, "")
+    assert (note.kind, note.numbers["cutoff"], note.numbers["why"]) == (
+        Kind.MOTION_FROM_POSITION,
+        50.0,
+        Kind.CUTOFF_ASKED(),
+    )
 
 
 def test_the_filter_is_zero_phase_and_of_twice_half_power() -> None:
@@ -80,7 +84,7 @@ def test_a_cutoff_beyond_nyquist_is_lowered_and_said() -> None:
     t = np.arange(100) * 0.05
     (note,) = estimate_motion(_record(t, np.sin(t)), 100.0).notes
     assert note.numbers["cutoff"] == pytest.approx(8.0)
-    assert note.numbers["lowered"] == Kind.CUTOFF_LOWERED(asked=100.0)
+    assert note.numbers["why"] == Kind.CUTOFF_LOWERED(asked=100.0)
 
 
 def test_a_logged_velocity_stays_and_is_differentiated() -> None:

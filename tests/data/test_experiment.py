@@ -59,7 +59,7 @@ def test_everything_in_si(tmp_path: Path) -> None:
     assert (e.segments.minimum_duration, e.segments.torque_limit) == (0.5, None)
     assert e.segments.minimum_velocity == pytest.approx(np.pi / 180)
     assert e.fit.v_s_range == pytest.approx((np.pi / 180, 1.0))
-    assert (e.fit.position_cutoff, e.fit.velocity_cutoff, e.fit.grid, e.fit.regressors) == (50.0, 10.0, 32, None)
+    assert (e.fit.position_cutoff, e.fit.velocity_cutoff, e.fit.grid, e.fit.regressors) == (50.0, None, 32, None)
     assert e.truth["+"][:4] == pytest.approx((0.4, 0.1, 0.7, 0.1))
     assert math.isnan(e.truth["+"].sigma_0)
     assert e.path == tmp_path / "experiment.yaml"

@@ -232,7 +232,7 @@ def test_velocity_from_position_where_it_is_not_logged(tmp_path: Path) -> None:
     assert record.velocity is not None
     assert float(np.median(record.velocity)) == pytest.approx(0.3, rel=0.2)
     (derived,) = of_kind(record.notes, Kind.MOTION_FROM_POSITION)
-    assert derived.numbers["cutoff"] == 10
+    assert derived.numbers["why"].kind is Kind.CUTOFF_OF_HOLDS
     assert Kind.RATE_DECLARED(rate=1000.0) in record.notes
 
 

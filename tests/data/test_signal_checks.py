@@ -10,13 +10,13 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Thresholds, find_segments
-from bristle.data.differentiation import estimate_motion, smoothed
+from bristle.data.differentiation import estimate_motion
 from bristle.data.encoder import count_mismatch
 from bristle.data.experiment.load import load_experiment, read_runs
-from bristle.data.experiment.schema import FitOptions, RunKind
+from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Position, Signals
 from bristle.data.record import Record
-from bristle.data.signal_checks import Counts, check_signals, count_noise, merged, travel_ratio
+from bristle.data.signal_checks import check_signals, merged, travel_ratio
 from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
@@ -58,9 +58,7 @@ def moving(seed: int, kind: str = "sines", *, logged: bool = True, duration: flo
 def checked(record: Record, kind: RunKind = "tracking", cutoff: float = 100.0, **more: Any) -> tuple[Diagnostic, ...]:
     """What is said of a record that is read as declared."""
     given_signals = signals(**more) if record.velocity is not None else signals(velocity=None, **more)
-    return check_signals(
-        estimate_motion(record, cutoff), kind, given_signals, Context(), FitOptions(position_cutoff=cutoff)
-    )
+    return check_signals(estimate_motion(record, cutoff), kind, given_signals, Context())
 
 
 @pytest.mark.parametrize("kind", ["sines", "trapezia", "ramps"])
@@ -251,46 +249,6 @@ def test_a_plateau_that_is_clipped_in_whole_is_rejected(limit: float) -> None:
         replace(record, torque=torque, voltage=np.minimum(10 * held, 16)),
     ):
         assert any(s.accepted and s.velocity > 0.9 for s in find_segments(open_loop, Thresholds()))
-
-
-@pytest.mark.parametrize(("count", "least"), [(1e-2, 0.1), (5e-2, 0.5)])
-def test_counts_that_hide_the_inertia(count: float, least: float) -> None:
-    """What counts take off a regression on the acceleration is what is said; at the cut-off that is proposed less is lost."""
-    for seed in range(5):
-        record, v = moving(seed, logged=False)
-        assert record.position is not None
-        step = count * float(np.std(v))
-        coarse = replace(record, position=np.round(record.position / step) * step)
-        (found,) = [d for d in checked(coarse) if d.kind is Kind.COARSE_ACCELERATION]
-        seen = estimate_motion(coarse, 100.0)
-        assert seen.acceleration is not None
-        band = 0.4 * RATE / 10
-        of_fit, true = smoothed(seen, seen.acceleration, band), smoothed(seen, np.gradient(v, 1 / RATE), band)
-        inner = slice(200, -200)
-        lost = 1 - float(of_fit[inner] @ true[inner]) / float(of_fit[inner] @ of_fit[inner])
-        assert lost > least / 2
-        assert found.numbers["share"] == pytest.approx(lost, rel=0.5)
-        assert not [
-            d for d in checked(coarse, cutoff=found.numbers["cutoff"]) if d.kind is Kind.COARSE_ACCELERATION
-        ] or (lost > 0.5)
-
-
-def test_the_noise_of_counts_is_that_of_white_noise_through_the_filters() -> None:
-    """Position quantised at random goes through filter and spline with the standard deviation that is computed, to 10 %."""
-    rng, step = np.random.default_rng(0), 1e-3
-    time = step * np.arange(20000.0)
-    record = Record(file="noise.csv", time=time, position=rng.uniform(-0.5, 0.5, time.size))
-    for cutoff in (20.0, 100.0):
-        found = estimate_motion(record, cutoff)
-        assert found.velocity is not None
-        assert found.acceleration is not None
-        for order, values in ((1, found.velocity), (2, found.acceleration)):
-            assert np.std(values[500:-500]) == pytest.approx(
-                count_noise(Counts(1.0, np.inf), order, step, (cutoff,)), rel=0.1
-            )
-
-
-# as a user meets them
 
 
 def written(folder: Path, position: str, columns: Array) -> tuple[Diagnostic, ...]:

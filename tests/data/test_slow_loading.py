@@ -155,10 +155,10 @@ def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
     higher = ramp(0.0, share=0.9)
     (alone,) = find_loadings(creep, 5.0, None, None)
     assert alone.breakaway == pytest.approx(0.78 * G0, rel=0.02)
-    (with_more,), (more,) = find_all_loadings([creep, higher], 5.0, None, None)
+    (with_more,), (more,) = find_all_loadings([replace(x, cutoff=5.0) for x in (creep, higher)], None, None)
     assert (with_more.breakaway, more.breakaway) == (None, None)
     assert with_more.torque.size > alone.torque.size
-    (slid,), _ = find_all_loadings([slipped(0.7 * G0, G0), higher], 2.0, None, None)
+    (slid,), _ = find_all_loadings([replace(x, cutoff=2.0) for x in (slipped(0.7 * G0, G0), higher)], None, None)
     assert slid.breakaway == pytest.approx(0.7 * G0, rel=0.12)
 
 

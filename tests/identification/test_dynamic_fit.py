@@ -293,7 +293,7 @@ def test_coarse_counts_bias_and_the_bootstrap_takes_it_off() -> None:
     run = estimate_motion(counted, 40.0)
     truth = values_of(GRIPPER)
     found = fit_tracking(pose([run], {}), truth, "revolute", starts=1)
-    better = without_count_bias(found, [run], pose, 40.0, quantum)
+    better = without_count_bias(found, [run], pose, quantum)
     off = [
         np.array([(f.parameters[n].value or 0.0) / truth[n] - 1 for n in map(parse, ("alpha_0", "alpha_2", "sigma_0"))])
         for f in (found.fit, better)
@@ -318,7 +318,7 @@ def test_counts_too_fine_to_matter_take_nothing_off() -> None:
 
     run = estimate_motion(counted, 40.0)
     found = fit_tracking(pose([run], {}), values_of(GRIPPER), "revolute", starts=1)
-    better = without_count_bias(found, [run], pose, 40.0, quantum)
+    better = without_count_bias(found, [run], pose, quantum)
     for name, bias in better.count_bias.items():
         error = found.fit.parameters[name].standard_error
         assert error is not None
@@ -330,13 +330,14 @@ def test_the_motion_between_the_counts_is_nearer_to_the_truth() -> None:
     t, v = motion()
     position, quantum = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)]), 2 * np.pi / 2**12
     run = Record(file="run.csv", time=t, position=quantum * (np.floor(position / quantum) + 0.5))
-    read, smooth = estimate_motion(run, 100.0), between_counts(run, 100.0, quantum)
+    read = estimate_motion(run, 100.0)
+    smooth = between_counts(read, quantum)
     assert smooth.velocity is not None
     assert smooth.position is not None
     assert read.velocity is not None
     assert np.std(smooth.position - position) < quantum / np.sqrt(12)
     assert np.std(smooth.velocity - v) < np.std(read.velocity - v) / 3
-    assert between_counts(run, 100.0, quantum / 10).velocity == pytest.approx(read.velocity)
+    assert between_counts(read, quantum / 10).velocity == pytest.approx(read.velocity)
 
 
 @pytest.mark.parametrize("bits", [9, 17])
@@ -352,7 +353,7 @@ def test_a_bend_of_a_few_counts_is_withdrawn_and_one_of_many_is_right(bits: int)
 
     run = estimate_motion(counted, 40.0)
     solved = fit_tracking(pose([run], {}), values_of(GRIPPER), "revolute", starts=1)
-    sigma_0 = without_count_bias(solved, [run], pose, 40.0, quantum).parameters[parse("sigma_0")]
+    sigma_0 = without_count_bias(solved, [run], pose, quantum).parameters[parse("sigma_0")]
     assert (sigma_0.value is None) == (sigma_0.interval is None) == (bits == 9)
     assert sigma_0.interval is None or sigma_0.interval[0] <= GRIPPER.sigma_0 <= sigma_0.interval[1]
 

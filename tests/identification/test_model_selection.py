@@ -230,7 +230,7 @@ def fitted(
     asked = model_selection.asked_regressors(experiment, directions, moving=True)
     start = {ParameterName(n, Direction(d)): x for d in directions for n, x in sets[d]._asdict().items()}
     start |= {INERTIA: J, parse("offset"): 0.0} if "offset" in asked else {INERTIA: J}
-    problem, test = (dynamic_problem(r, directions, asked, experiment.fit.decimation, None) for r in (records, held))
+    problem, test = (dynamic_problem(r, directions, asked, experiment.fit.every, None) for r in (records, held))
     return fit_tracking(problem, start, "revolute", [("held", test)], starts=1).fit
 
 

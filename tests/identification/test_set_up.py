@@ -47,7 +47,13 @@ def motion(seed: float = 0, noise: float = 0.05, **loads: float) -> Record:
 def found(folder: Path, record: Record, fit: str = "") -> BetterSetUp | None:
     """The better set-up of a run."""
     path = folder / "e.yaml"
-    path.write_text(YAML.format(experiment="tracking", fit=fit, moves="position: {column: q, unit: rad}"))
+    path.write_text(
+        YAML.format(
+            experiment="tracking",
+            fit=", ".join(["decimation: 10", *([fit] if fit else [])]),
+            moves="position: {column: q, unit: rad}",
+        )
+    )
     return better_for_motion(load_experiment(path), [record])
 
 

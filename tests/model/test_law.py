@@ -109,12 +109,6 @@ def test_motor_equations_agree(V: float, w: float, k_t: float, R: float, J: floa
     assert motor.drive_torque(V, w, m) == pytest.approx(k_t * i, rel=1e-12, abs=1e-300)
     assert motor.voltage(motor.drive_torque(V, w, m), w, m) == pytest.approx(V, abs=1e-12 * size)
     assert motor.acceleration(i, motor.drive_torque(V, w, m), m) == pytest.approx(0, abs=1e-12 * k_t * size / R / J)
-    assert float(evaluate(functions.drive_torque_function(), V, w, k_t, R)[0]) == pytest.approx(
-        motor.drive_torque(V, w, m), abs=1e-12 * k_t * size / R
-    )
-    assert float(evaluate(functions.voltage_function(), 1.0, w, k_t, R)[0]) == pytest.approx(
-        motor.voltage(1.0, w, m), rel=1e-12
-    )
 
 
 def test_units_are_those_of_the_equations() -> None:

@@ -59,10 +59,10 @@ def test_noise_is_what_was_asked_for() -> None:
 def test_the_seed_alone_decides() -> None:
     """One seed gives one log, bit for bit, whichever seeds run beside it; another seed gives another."""
     joint, short = gripper(NOISE), Ramps((0.2,), plateau=0.5)
-    alone = bench.ramp_experiment(joint, short, 7)
+    alone = bench.ramp_logs(joint, short, [7])
     batch = bench.ramp_logs(joint, short, [3, 7])
-    np.testing.assert_array_equal(alone["voltage"], batch.voltage[1])
-    np.testing.assert_array_equal(alone["position"], batch.position[1])
+    np.testing.assert_array_equal(alone.voltage[0], batch.voltage[1])
+    np.testing.assert_array_equal(alone.position[0], batch.position[1])
     assert not np.array_equal(batch.voltage[0], batch.voltage[1])
 
 

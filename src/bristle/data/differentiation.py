@@ -3,15 +3,18 @@
 A zero-phase low pass, then the derivatives of a spline through it.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
+from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 
+Choice = Callable[[Record], tuple[float, Diagnostic]]
+"""A rule for the cut-off of a record's low pass, Hz, with the reason."""
 ORDER = 4
 """Order of the Butterworth filter, which runs forward and backward."""
 _PAD = 15
@@ -23,10 +26,10 @@ SHORTEST = 16
 """Samples that a segment between gaps must have to be filtered."""
 
 
-def estimate_motion(record: Record, cutoff: float) -> Record:
+def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
     """The record with velocity and acceleration filled, segment by segment; its notes state the cut-off.
 
-    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, forward and backward; a quintic spline
+    Position goes through a Butterworth low pass of order 4 with `cutoff`, Hz, or by a rule for it, forward and backward; a quintic spline
     through it gives both derivatives (central differences would lose 1.5 % of an acceleration at a thirtieth of the
     sampling rate). A velocity that was logged stays as it is; the acceleration is then its derivative, after the same
     filter. A cut-off at or above the Nyquist frequency is lowered to 0.8 of it. Segments between gaps shorter than 16
@@ -38,8 +41,7 @@ def estimate_motion(record: Record, cutoff: float) -> Record:
     values = record.position if record.velocity is None else record.velocity
     if values is None:
         raise InputError(f"{record.file}: neither position nor velocity; name one of them under signals")
-    used = usable(record, cutoff)
-    lowered = Kind.CUTOFF_LOWERED(asked=cutoff) if used < cutoff else ""
+    used, why = low_pass(record, cutoff)
     smooth = smoothed(record, values, used)
     velocity = derivative(record, smooth) if record.velocity is None else record.velocity
     acceleration = derivative(record, smooth, 2 if record.velocity is None else 1)
@@ -49,8 +51,17 @@ def estimate_motion(record: Record, cutoff: float) -> Record:
         velocity=velocity,
         velocity_estimated=record.velocity is None,
         acceleration=acceleration,
-        notes=(*record.notes, done(order=ORDER, cutoff=used, lowered=lowered)),
+        cutoff=used,
+        notes=(*record.notes, done(order=ORDER, cutoff=used, why=why)),
     )
+
+
+def low_pass(record: Record, cutoff: float | Choice) -> tuple[float, Diagnostic]:
+    """A cut-off that can be, Hz, and why it is that: as asked, or by a rule."""
+    if callable(cutoff):
+        return cutoff(record)
+    used = usable(record, cutoff)
+    return used, Kind.CUTOFF_LOWERED(asked=cutoff) if used < cutoff else Kind.CUTOFF_ASKED()
 
 
 def usable(record: Record, cutoff: float) -> float:

@@ -42,6 +42,8 @@ class Record:
     """rad/s**2, estimated."""
     link_torque: Array | None = None
     """N*m: what the links of a robot ask of the joint, as computed from its URDF and the motion of all joints."""
+    cutoff: float = 0.0
+    """Of the low pass through which its motion was estimated, or the torque of slow loading is to go, Hz; 0: none."""
     oversampled: float = 1.0
     """How many times as fast as the slowest moving run of its experiment it was sampled."""
     starts: tuple[int, ...] = (0,)

@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bristle.arrays import Array
 from bristle.data import units
-from bristle.data.differentiation import ORDER, between_gaps, smoothed, usable
-from bristle.data.encoder import POSITION_UNITS, count_mismatch, smallest_step
-from bristle.data.experiment.schema import FitOptions, RunKind
+from bristle.data.differentiation import between_gaps
+from bristle.data.encoder import POSITION_UNITS, count_mismatch
+from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Position, Signal, Signals
 from bristle.data.motion_checks import held_position, irregular_sampling, position_jumps, shortened, velocity_lag
 from bristle.data.record import Record
@@ -42,23 +41,6 @@ _UNITS = {
     "position": POSITION_UNITS,
 }
 _TIMES = ("s", "ms", "us")
-_LOW = 0.05
-"""Of the inertia: what the noise of an acceleration takes off it."""
-_HARMONICS = 3.0
-"""Times the rate of count edges, below which most of the error of counts lies."""
-_ENDS = 8
-"""Samples in one of the decimated, at each end, in which filters settle."""
-_FINE = 0.01
-"""... and what it should."""
-
-
-class Counts(NamedTuple):
-    """The steps of a signal."""
-
-    size: float
-    """rad, or rad/s; 0 where none are seen."""
-    rate: float
-    """How many are passed in a second, on average, Hz."""
 
 
 class TravelRatio(NamedTuple):
@@ -72,9 +54,7 @@ class TravelRatio(NamedTuple):
     correlation: float
 
 
-def check_signals(
-    record: Record, kind: RunKind, signals: Signals, context: Context, options: FitOptions
-) -> tuple[Diagnostic, ...]:
+def check_signals(record: Record, kind: RunKind, signals: Signals, context: Context) -> tuple[Diagnostic, ...]:
     """What is wrong with the signals of a run, as far as they show it by themselves.
 
     Args:
@@ -82,7 +62,6 @@ def check_signals(
         kind: points have no course over time, and nothing is said of them but of their torque.
         signals: as declared, for the line to change.
         context: kind of the joint, and size of a count.
-        options: the filters.
     """
     found: list[Diagnostic | None] = [*check_torque(record, kind)]
     if kind != "points":
@@ -91,7 +70,6 @@ def check_signals(
         found.append(count_mismatch(record, signals.position, context))
     if kind == "tracking":
         found += [
-            _coarse(record, context, options),
             irregular_sampling(record),
             None if factor else velocity_lag(record),
         ]
@@ -195,70 +173,3 @@ def _factors(signals: Signals, size: float) -> list[str]:
 
 def _near(x: float, wanted: float) -> bool:
     return abs(float(np.log(abs(x) / wanted))) < _FACTOR
-
-
-def _coarse(record: Record, context: Context, options: FitOptions) -> Diagnostic | None:
-    """Counts that make so much acceleration that the inertia is lost in it, as the fit sees both: through its filters."""
-    if record.acceleration is None:
-        return None
-    source, order = (record.position, 2) if record.velocity_estimated else (record.velocity, 1)
-    counts = _counts(source, context.count if record.velocity_estimated else None, record)
-    decimated = 0.4 / (record.step * options.decimation)
-    ends = min(_ENDS * options.decimation, record.time.size // 4)
-    seen = smoothed(record, record.acceleration, decimated) if options.decimation > 1 else record.acceleration
-    inner = np.concatenate([seen[s.start + ends : s.stop - ends] for s in between_gaps(record)])
-    acceleration = float(np.std(inner)) if inner.size else 0.0
-    if not counts.size or not acceleration > 0:
-        return None
-
-    def share(cutoff: float) -> float:
-        """Of the acceleration's variance, what is noise with this cut-off: what a regression loses."""
-        return (count_noise(counts, order, record.step, (cutoff, decimated)) / acceleration) ** 2
-
-    cutoff = usable(record, options.position_cutoff)
-    if share(cutoff) < _LOW:
-        return None
-    return Kind.COARSE_ACCELERATION(
-        files=(record.file,),
-        count=counts.size,
-        noise=count_noise(counts, order, record.step, (cutoff, decimated)),
-        acceleration=acceleration,
-        share=min(share(cutoff), 1.0),
-        cutoff=next((c for c in cutoff * 0.8 ** np.arange(1, 40) if share(c) < _FINE), cutoff / 10),
-    )
-
-
-def velocity_noise(record: Record, resolution: float | None, cutoff: float) -> float:
-    """Standard deviation that counts give the velocity of a moving run, rad/s: logged, or from position through `cutoff`, Hz."""
-    if record.velocity_estimated:
-        return count_noise(_counts(record.position, resolution, record), 1, record.step, (cutoff,))
-    return float(_counts(record.velocity, None, record).size / np.sqrt(12))
-
-
-def _counts(values: Array | None, declared: float | None, record: Record) -> Counts:
-    if values is None:
-        return Counts(0.0, np.inf)
-    size = declared or smallest_step(values)
-    travelled = float(np.abs(np.diff(values)).sum()) / float(np.ptp(record.time))
-    return Counts(size, travelled / size if size else np.inf)
-
-
-def count_noise(counts: Counts, order: int, step: float, cutoffs: Iterable[float]) -> float:
-    """Standard deviation that counts give a derivative of this order after zero-phase low passes.
-
-    The error of a count has the variance count**2 / 12 and is white (Widrow and Kollar, Quantization Noise, 2008,
-    chapter 1), or lies below some harmonics of the rate at which edges are crossed, where that is slower than the
-    sampling. Its derivative has (2 pi f)**order times its spectrum, each filter of ORDER 1 / (1 + (f / cutoff)**(2 ORDER)).
-
-    Args:
-        counts: of the position or the velocity.
-        order: of the derivative.
-        step: sampling interval, s.
-        cutoffs: Hz, each of a filter that runs forward and backward.
-    """
-    widest = min(0.5 / step, _HARMONICS * counts.rate)
-    f = np.linspace(0.0, widest, 4001)
-    gain = (2 * np.pi * f) ** order
-    for cutoff in cutoffs:
-        gain = gain / (1 + (f / cutoff) ** (2 * ORDER))
-    return float(counts.size * np.sqrt(np.trapezoid(gain**2, f) / widest / 12)) if widest > 0 else 0.0

@@ -125,15 +125,15 @@ class Loop:
 
 
 def find_all_loadings(
-    records: Sequence[Record], cutoff: float, resolution: float | None, breakaway: float | None
+    records: Sequence[Record], resolution: float | None, breakaway: float | None
 ) -> tuple[tuple[Loading, ...], ...]:
-    """`find_loadings` of each record, with what the loadings of all of them held; arguments and errors as there.
+    """`find_loadings` of each record at its own cut-off, with what the loadings of all of them held; arguments and errors as there.
 
     A torque that another loading exceeds without sliding is no breakaway, unless the joint slid far.
     """
     held: dict[str, float] = {}
     while True:
-        found = tuple(find_loadings(record, cutoff, resolution, breakaway, held) for record in records)
+        found = tuple(find_loadings(record, record.cutoff, resolution, breakaway, held) for record in records)
         reached = {d: max(x.held for one in found for x in one if x.direction == d) for d in _directions(found)}
         if reached == held:
             return found

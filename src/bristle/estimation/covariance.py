@@ -27,6 +27,8 @@ class Covariance(NamedTuple):
     freedom: float
     widening: float
     """Median factor by which correlated residuals widen the errors of the shared unknowns."""
+    freedoms: Array
+    """Degrees of freedom of each unknown, (p,): what it rests on may change more slowly than what others do."""
 
 
 def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Array, float]:
@@ -86,8 +88,10 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     ratio = np.sqrt(spread / plain.diagonal())
     shared = np.isin(np.flatnonzero(known), problem.shared)
     widening = float(np.median(ratio[shared])) if shared.any() else 1.0
-    freedom = max(n / float(variance_inflation[shared].max(initial=1.0)) - p, 1.0)
-    return _in_units(problem, minimum.x, known, spread, plain * np.outer(ratio, ratio), freedom, widening)
+    freedoms = np.ones(known.size)
+    freedoms[known] = np.maximum((n - p) / variance_inflation, 1.0)
+    freedom = float(np.median(freedoms[known][shared])) if shared.any() else 1.0
+    return _in_units(problem, minimum.x, known, spread, plain * np.outer(ratio, ratio), freedom, widening, freedoms)
 
 
 def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
@@ -113,7 +117,9 @@ def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     plain = np.diag(inner) / size**2 * minimum.cost / max(rest.size - minimum.x.size, 1)
     known = np.isin(np.arange(minimum.x.size), influential)
     widening = float(np.median(np.sqrt(spread.diagonal() / plain)))
-    return _in_units(problem, minimum.x, known, spread.diagonal(), spread, max(count - 1.0, 1.0), widening)
+    freedom = max(count - 1.0, 1.0)
+    freedoms = np.full(known.size, freedom)
+    return _in_units(problem, minimum.x, known, spread.diagonal(), spread, freedom, widening, freedoms)
 
 
 def _in_units(
@@ -124,13 +130,14 @@ def _in_units(
     matrix: Array,
     freedom: float,
     widening: float,
+    freedoms: Array,
 ) -> Covariance:
     """The covariance from the variances, (k,), and covariance, (k, k), of the known scaled unknowns."""
     errors, whole = np.full(x.size, np.inf), np.full((x.size, x.size), np.nan)
     errors[known] = np.sqrt(spread)
     chain = problem.unknowns.slopes(x)[known]
     whole[np.ix_(known, known)] = matrix * np.outer(chain, chain)
-    return Covariance(errors, whole, freedom, widening)
+    return Covariance(errors, whole, freedom, widening, freedoms)
 
 
 def condition(jacobian: Array) -> float:

@@ -40,6 +40,7 @@ class MultistartSolution(NamedTuple, Generic[Name]):
     covariance: Array
     freedom: float
     widening: float
+    freedoms: Array
 
 
 def solve_from_starts(

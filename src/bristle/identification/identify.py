@@ -33,7 +33,6 @@ from bristle.identification.moving_runs import (
     loads_slowly,
     refuse_noise,
     refuse_opposing_runs,
-    smeared_by_counts,
 )
 from bristle.identification.periods import with_periods
 from bristle.identification.point_checks import offset_left_out, point_warnings
@@ -157,7 +156,7 @@ def _identified(
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
-        settings=settings_of(experiment, asked_law, moving=bool(training)),
+        settings=settings_of(experiment, asked_law, training),
     )
 
 
@@ -203,7 +202,7 @@ def _training(measured: Measured) -> tuple[Record, ...]:
     experiment, training = measured.experiment, measured.moving(hold_out=False)
     for record in measured.slow:
         q, torque = record.position, record.torque
-        if q is not None and torque is not None and not loads_slowly(record, experiment.fit.presliding_cutoff):
+        if q is not None and torque is not None and not loads_slowly(record):
             nothing = np.zeros((q.size, 0))
             refuse_noise(experiment, q - q.mean(), torque, f"of {record.file}, taken as presliding", nothing)
     if training:
@@ -376,7 +375,6 @@ def _joint_warnings(
     warnings += offset_left_out(experiment, static, warnings)
     if experiment.fit.loss == "huber" and alone is not None:
         warnings.append(Kind.LOSS_OF_STATIC_FIT())
-    warnings += smeared_by_counts(experiment, measured.moving(hold_out=False), alone.parameters if alone else {})
     return tuple(warnings)
 
 

@@ -18,9 +18,7 @@ _HOLDS = (1.0, 10.0)
 FREQUENCY = 10.0
 """Highest of the tracking motion where nothing is declared, Hz ..."""
 SAMPLES = 10.0
-"""... with so many samples of its reference, and so many equations, to a period at least; ..."""
-EQUATIONS = 5.0
-"""... and where it is declared, so many equations: the decimation filter halves what has 2.5."""
+"""... with so many samples of its reference to a period at least."""
 _SLOW_SHARE = 0.02
 """Of the fastest speed: the slowest where no run at constant velocity shows one that does not stick."""
 _REACH = 0.5
@@ -146,31 +144,16 @@ def _constant_speeds(measured: Measured, speeds: Array, choice: _Choice) -> tupl
     return slowest, velocity
 
 
-def followed(limits: Limits, measured: Measured, step: float | None) -> tuple[Limits, tuple[Diagnostic, ...]]:
-    """The limits with the highest frequency that a motion can have, and a diagnostic where that is not what was declared.
-
-    Args:
-        limits: as declared.
-        measured: what they are of.
-        step: time between equations of the moving runs so far, s; None: there are none, which caps nothing.
-    """
-    asked, decimation = measured.experiment.plan, measured.experiment.fit.decimation
-    caps = {limits.rate / SAMPLES: Kind.CAPPED_BY_RATE(rate=limits.rate, samples=SAMPLES)}
-    if step is not None:
-        least = EQUATIONS if asked.frequency else SAMPLES
-        caps[1 / (least * step)] = (
-            Kind.CAPPED_BY_DECIMATION(decimation=decimation, step=step, least=least)
-            if decimation > 1
-            else Kind.CAPPED_BY_SAMPLING(step=step, least=least)
-        )
-    cap = min(caps)
+def followed(limits: Limits, declared: float | None) -> tuple[Limits, tuple[Diagnostic, ...]]:
+    """The limits with the highest frequency that the rate of the references lets a motion have, and a diagnostic where that was not declared, Hz."""
+    cap, why = limits.rate / SAMPLES, Kind.CAPPED_BY_RATE(rate=limits.rate, samples=SAMPLES)
     reachable = replace(limits, frequency=min(limits.frequency, cap))
-    if asked.frequency is None:
-        capped = Kind.AT_WHICH(why=caps[cap]) if cap < FREQUENCY else ""
+    if declared is None:
+        capped = Kind.AT_WHICH(why=why) if cap < FREQUENCY else ""
         return reachable, (Kind.LIMIT_FREQUENCY(frequency=reachable.frequency, capped=capped),)
-    if asked.frequency <= cap:
+    if declared <= cap:
         return reachable, ()
-    return reachable, (Kind.FREQUENCY_LOWERED(frequency=cap, declared=asked.frequency, why=caps[cap]),)
+    return reachable, (Kind.FREQUENCY_LOWERED(frequency=cap, declared=declared, why=why),)
 
 
 def shortened(limits: Limits, share: float) -> Limits:

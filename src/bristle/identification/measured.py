@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.data.bandwidth import decimation
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
+from bristle.data.differentiation import estimate_motion
 from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
@@ -119,22 +121,27 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
 
 
 def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment, tuple[Run, ...]]:
-    """With a decimation that every moving run is long enough for, where none is asked for; the shortest run notes it."""
+    """With the decimation that the fitted moving runs need, and others through their low pass, where none is asked for."""
     runs = _beside_the_slowest(runs)
-    if "decimation" in experiment.fit.model_fields_set:
-        return experiment, runs
-    moving = {k: run.record for k, run in enumerate(runs) if run.kind == "tracking"}
-    longest = {k: int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for k, r in moving.items()}
-    if not longest:
-        return experiment, runs
-    k, usual = min(longest, key=lambda k: longest[k]), experiment.fit.decimation
-    decimation = longest_decimation(usual, longest[k])
-    if decimation == usual:
-        return experiment, runs
-    short = runs[k].record
-    note = Kind.DECIMATION_LOWERED(decimation=decimation, usual=usual, file=short.file, samples=longest[k])
-    noted = replace(runs[k], record=replace(short, notes=(*short.notes, note)))
-    return _asking(experiment, decimation=decimation), (*runs[:k], noted, *runs[k + 1 :])
+    moving = [run.record for run in runs if run.kind == "tracking"]
+    fitted = [run.record for run in runs if run.kind == "tracking" and not run.hold_out]
+    if fitted and experiment.fit.position_cutoff is None:
+        widest = max(r.cutoff for r in fitted)
+        runs = tuple(
+            replace(run, record=_through(run.record, widest)) if run.kind == "tracking" and run.hold_out else run
+            for run in runs
+        )
+    if experiment.fit.decimation is not None or not moving:
+        return _asking(experiment, decimation=experiment.fit.decimation or 1), runs
+    longest = min(int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for r in moving)
+    return _asking(experiment, decimation=longest_decimation(decimation(fitted or moving), longest)), runs
+
+
+def _through(record: Record, cutoff: float) -> Record:
+    """A moving run with its motion estimated anew, through the low pass of others."""
+    kept = tuple(n for n in record.notes if n.kind not in {Kind.MOTION_FROM_POSITION, Kind.ACCELERATION_FROM_VELOCITY})
+    velocity = None if record.velocity_estimated else record.velocity
+    return estimate_motion(replace(record, velocity=velocity, acceleration=None, notes=kept), cutoff)
 
 
 def _beside_the_slowest(runs: tuple[Run, ...]) -> tuple[Run, ...]:
@@ -171,8 +178,10 @@ def with_options(measured: Measured, **options: object) -> Measured:
 
 
 def _asking(experiment: Experiment, **options: object) -> Experiment:
-    """The experiment with other options under `fit`."""
-    return experiment.model_copy(update={"fit": experiment.fit.model_copy(update=options)})
+    """The experiment with other options under `fit`, of which its file set what it did."""
+    fit = experiment.fit.model_copy(update=options)
+    fit.model_fields_set.intersection_update(experiment.fit.model_fields_set)
+    return experiment.model_copy(update={"fit": fit})
 
 
 def nothing_to_fit(measured: Measured) -> str:

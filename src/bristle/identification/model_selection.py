@@ -92,7 +92,7 @@ def compare_on_motion(
 
     def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
         """The regression of the training runs, and of each held-out one."""
-        options = (directions, asked, experiment.fit.decimation, fixed, law)
+        options = (directions, asked, experiment.fit.every, fixed, law)
         training = regression.from_records(records, *options)[0]
         return training, [regression.from_records([r], *options, training.weights)[0] for r in held]
 
@@ -228,9 +228,7 @@ def _refitted(
 
     def posed(chosen: Sequence[Record]) -> DynamicProblem:
         """The problem of some records, with what the experiment fixes."""
-        whole = dynamic_problem(
-            chosen, directions, asked, experiment.fit.decimation, fixed, law=experiment.fit.friction
-        )
+        whole = dynamic_problem(chosen, directions, asked, experiment.fit.every, fixed, law=experiment.fit.friction)
         return replace(whole, fixed=_held(_carried(whole, alone.known), alone))
 
     problem = posed(records)

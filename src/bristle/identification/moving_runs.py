@@ -3,7 +3,7 @@
 Directions, regressors, inertia, the decimation filter, and what is refused before any is fitted.
 """
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,15 +16,14 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.orders import PERIODIC
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
-from bristle.data.signal_checks import merged, velocity_noise
+from bristle.data.signal_checks import merged
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
-from bristle.identification.fits import Estimate
 from bristle.model.functions import load_terms_function, periodic_terms_function
 from bristle.model.laws import registry
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import ParameterName, periodic, slides
+from bristle.model.parameters import periodic, slides
 from bristle.model.vectorize import evaluate
 
 _PASSES, _MOSTLY = 0.3, 0.5
@@ -37,8 +36,6 @@ _EXPLAINED = 0.1
 """Of the variance of a torque that belongs to a motion, at the least."""
 _FEWEST = 4
 """Samples for each column, below which a relation cannot be tested."""
-_SMEARED = 0.3
-"""Of v_s: noise of the velocity widens the peak to sqrt(v_s**2 + 2 noise**2), which is then 9 % more."""
 ONE_RATE = 1.05
 """Ratio of two sampling intervals that count as one."""
 _DROWNS = 1e9
@@ -70,8 +67,8 @@ _NEEDED = ("position", "velocity", "acceleration", "link_torque")
 """What `law.load_terms` is of, in its order."""
 _PER_METRE = "/m"
 """At the end of an order that is of a joint that slides."""
-_KERNEL_TAIL = 1e-8
-"""Where the smoothing kernel is cut, relative to its peak."""
+_KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8
+"""Where the smoothing kernel is cut, relative to its peak, and where it has died out: ends of a segment within are dropped."""
 
 
 def terms_of(regressor: str) -> Regressor:
@@ -203,9 +200,9 @@ def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str
         )
 
 
-def loads_slowly(record: Record, cutoff: float) -> bool:
-    """Whether the torque of a record is mostly slow, Hz, and turns seldom, as one that is commanded does and noise does not."""
-    torque = np.asarray(record.torque)
+def loads_slowly(record: Record) -> bool:
+    """Whether the torque of a record is mostly slow, and turns seldom, as one that is commanded does and noise does not."""
+    torque, cutoff = np.asarray(record.torque), record.cutoff
     slow = smoothed(record, torque, cutoff, noisy=True) if cutoff < 0.5 / record.step else torque
     passes = np.count_nonzero(np.diff(np.signbit(slow - slow.mean())))
     seldom = passes < max(_PASSES * cutoff * torque.size * record.step, 2)
@@ -249,17 +246,6 @@ def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bo
     if freedom < 1 or left <= 0 or (course and (smooth or explained > _EXPLAINED)):
         return False
     return float(fdtrc(k, freedom, (total - left) / k / left * freedom)) > _RELATED
-
-
-def smeared_by_counts(
-    experiment: Experiment, records: Sequence[Record], parameters: Mapping[ParameterName, Estimate]
-) -> Iterator[Diagnostic]:
-    """Warnings about each v_s of some moving runs that the noise of counts in their velocity widens by a tenth or more."""
-    cutoff = experiment.fit.position_cutoff
-    noise = max((velocity_noise(r, experiment.encoder_resolution, cutoff) for r in records), default=0.0)
-    for name, estimate in parameters.items() if experiment.fit.predict == "torque" else ():
-        if name.name == "v_s" and estimate.value and noise > _SMEARED * estimate.value:
-            yield Kind.COARSE_VELOCITY(direction=name.direction, noise=noise, v_s=estimate.value)
 
 
 def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
@@ -338,8 +324,7 @@ def decimator(segments: Sequence[Array], decimation: int, file: str) -> tuple[sp
     samples = int(lengths.sum())
     if decimation == 1:
         return sparse.eye_array(samples, format="csr"), 0
-    kernel = _kernel(decimation)
-    half = kernel.size // 2
+    kernel, half = _kernel(decimation, _KERNEL_TAIL), _kernel(decimation).size // 2
     ends = np.cumsum(lengths)
     pairs = zip(ends - lengths, ends, strict=True)
     centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
@@ -348,7 +333,7 @@ def decimator(segments: Sequence[Array], decimation: int, file: str) -> tuple[sp
             f"{file}: no segment between gaps is longer than {2 * half} samples, the transient of the decimation filter; "
             f"log longer, or set fit.decimation below {decimation}"
         )
-    columns = (centres[:, None] + np.arange(-half, half + 1)).ravel()
+    columns = (centres[:, None] + np.arange(kernel.size) - kernel.size // 2).ravel()
     pointers = np.arange(0, columns.size + 1, kernel.size)
     smooth = sparse.csr_array((np.tile(kernel, centres.size), columns, pointers), shape=(centres.size, samples))
     return smooth, int(np.minimum(lengths, 2 * half).sum())
@@ -360,14 +345,14 @@ def longest_decimation(usual: int, samples: int) -> int:
     return next(fitting, 1)
 
 
-def _kernel(decimation: int) -> Array:
-    """Impulse response of the zero-phase decimation filter, cut where it has died out; odd length, sum 1."""
+def _kernel(decimation: int, tail: float = _DIED_OUT) -> Array:
+    """Impulse response of the zero-phase decimation filter, cut where it is lower than this share of its peak; odd length, sum 1."""
     sections = signal.butter(4, 0.8 / decimation, output="sos")
     reach = 80 * decimation
     impulse = np.zeros(2 * reach + 1)
     impulse[reach] = 1.0
     response = signal.sosfiltfilt(sections, impulse, padtype=None)
-    alive = np.flatnonzero(np.abs(response) > _KERNEL_TAIL * np.abs(response).max())
+    alive = np.flatnonzero(np.abs(response) > tail * np.abs(response).max())
     half = int(max(reach - alive[0], alive[-1] - reach))
     kernel: Array = response[reach - half : reach + half + 1]
     kernel /= kernel.sum()

@@ -101,7 +101,7 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
 
 def _resolved(experiment: Experiment, records: Sequence[Record]) -> int:
     """The highest order of which a typical step between two equations of some runs covers no more than half a period."""
-    every = experiment.fit.decimation
+    every = experiment.fit.every
     steps = np.concatenate(
         [np.zeros(0), *(np.abs(np.diff(r.position[:: r.decimation(every)])) for r in records if r.position is not None)]
     )

@@ -103,14 +103,14 @@ def completed(path: Path) -> tuple[str, str]:
     comment. Raises InputError where a file cannot be used.
     """
     text, kinds = _with_kinds(read_text(path), path)
-    measured = measure(experiment_of(text, path))
-    better = _asked_for(measured)
+    asked = experiment_of(text, path)
+    better = _asked_for(measure(asked))
     if better is None:
         return (
             text,
             f"{kinds or 'nothing added: '}no regressor, nor other directions, would explain these runs clearly better",
         )
-    has_fit = "fit" in measured.experiment.model_fields_set
+    has_fit = "fit" in asked.model_fields_set
     line = f"# under fit: {better.lines}" if has_fit else f"fit: {{{better.lines}}}"
     why = f"relative error {better.asked_error:.2g} -> {better.error:.2g} % on parts held out in turn"
     done = "to be written" if has_fit else "added"

@@ -53,7 +53,7 @@ class RunFit(NamedTuple, Generic[Key]):
 def scatter_of(
     runs: Sequence[RunFit[Key]],
     of_all: Mapping[Key, Estimate],
-    freedom: float,
+    freedom: float | Mapping[Any, float],
     logarithmic: Container[Key] = (),
 ) -> dict[Key, RunScatter]:
     """Each parameter's scatter over the runs that show it, where at least two do.
@@ -61,7 +61,7 @@ def scatter_of(
     Args:
         runs: each fitted apart.
         of_all: the estimates from all runs at once.
-        freedom: degrees of freedom of their intervals.
+        freedom: degrees of freedom of their intervals; of each, by name.
         logarithmic: parameters whose logarithms are compared, not they themselves.
     """
     found, compared = {}, [_compared(run, logarithmic) for run in runs]
@@ -77,7 +77,7 @@ def scatter_of(
             mean_error = before * sum(1 / float(run.covariance[0, 0]) for run in own) ** -0.5
             own_error = e.standard_error / (e.value if name in logarithmic else 1.0)
             after, factor = 1.0, max(mean_error, errors.get(name, 0.0)) / own_error
-            stretched = factor * student(min(len(own) - 1, freedom)) / student(freedom)
+            stretched = factor * _fewer(len(own) - 1, freedom, name)
         values = {run.file: float(run.values[run.names.index(name)]) for run in runs if name in run.names}
         found[name] = RunScatter(
             before=before, after=after, widened=max(factor, 1.0), stretched=max(stretched, 1.0), by_run=values
@@ -89,19 +89,20 @@ def clustered(
     names: Sequence[Hashable],
     parts: Mapping[str, tuple[Array, Array]],
     of_all: Mapping[Key, Estimate],
-    freedom: float,
+    freedom: float | Mapping[Any, float],
     logarithmic: Container[Key] = (),
 ) -> dict[Key, RunScatter]:
     """Each parameter's scatter over runs that say too little alone to be fitted apart: what one leaves counts as one number.
 
-    The covariance is k / (k - 1) H**-1 (sum of s_i s_i') H**-1 over k runs, H the sum of J_i' J_i, s_i = J_i' r_i (Liang and
-    Zeger, Biometrika 73, 1986); an error of the supply, say, that a whole run has in common is in it.
+    The covariance is that of the jackknife, (k - 1) / k times the sum of m_i m_i' over k runs, to first order: to leave run i
+    out moves the estimate by m_i = H**-1 (I - H_i H**-1)**-1 J_i' r_i, H the sum of H_i = J_i' J_i (Bell and McCaffrey,
+    Survey Methodology 28, 2002); an error of the supply, say, that a whole run has in common is in it.
 
     Args:
         names: of the p columns of a Jacobian.
         parts: of each run J_i, (n, p), the derivative of what is modelled, and what it leaves, r_i, (n,), by file.
         of_all: the estimates.
-        freedom: degrees of freedom of their intervals.
+        freedom: degrees of freedom of their intervals; of each, by name.
         logarithmic: columns that are derivatives by a logarithm.
     """
     if len(parts) < 2:
@@ -109,9 +110,13 @@ def clustered(
     J = np.concatenate([jacobian for jacobian, _ in parts.values()])
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     inverse = np.linalg.pinv((J / size).T @ (J / size), hermitian=True)
-    moves = np.array([inverse @ (jacobian / size).T @ left for jacobian, left in parts.values()]) / size
-    count, found = len(parts), dict[Key, RunScatter]()
-    errors = np.sqrt(count / (count - 1) * (moves**2).sum(axis=0))
+    count, found, one = len(parts), dict[Key, RunScatter](), np.eye(size.size)
+    scaled = [(jacobian / size, left) for jacobian, left in parts.values()]
+    moves = (
+        np.array([inverse @ np.linalg.lstsq(one - X.T @ X @ inverse, X.T @ left, rcond=None)[0] for X, left in scaled])
+        / size
+    )
+    errors = np.sqrt((count - 1) / count * (moves**2).sum(axis=0))
     column = {name: k for k, name in enumerate(names)}
     for name, e in of_all.items():
         if name not in column or e.value is None or not e.standard_error:
@@ -119,16 +124,22 @@ def clustered(
         error, move = float(errors[column[name]]), moves[:, column[name]]
         as_logarithm = name in logarithmic
         ratio = error / (e.standard_error / (e.value if as_logarithm else 1.0))
-        values = e.value * np.exp(count * move) if as_logarithm else e.value + count * move
+        values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
             before=ratio,
             after=min(ratio, 1.0),
             widened=max(ratio, 1.0),
-            stretched=max(ratio * student(min(count - 1, freedom)) / student(freedom), 1.0),
+            stretched=max(ratio * _fewer(count - 1, freedom, name), 1.0),
             by_run=dict(zip(parts, values.tolist(), strict=True)),
             clustered=True,
         )
     return found
+
+
+def _fewer(most: int, freedom: float | Mapping[Any, float], name: Hashable) -> float:
+    """How much wider an interval is with no more than so many degrees of freedom."""
+    own = freedom[name] if isinstance(freedom, Mapping) else freedom
+    return student(min(most, own)) / student(own)
 
 
 def _compared(run: RunFit[Key], logarithmic: Container[Key], names: Sequence[Key] | None = None) -> RunFit[Key]:

@@ -1,12 +1,15 @@
 """The settings of an identification, as the report states them."""
 
+from collections.abc import Sequence
+
 from bristle.data.experiment.load import Experiment
+from bristle.data.record import Record
 from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.moving_runs import turn_of
 from bristle.model.laws.registry import AUTO
 
 
-def settings_of(experiment: Experiment, asked_law: str, *, moving: bool) -> dict[str, str]:
+def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Record]) -> dict[str, str]:
     """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as the file has it, which may leave the choice to the data."""
     fit = experiment.fit
     law, loads = fit.friction, fit.load
@@ -25,15 +28,17 @@ def settings_of(experiment: Experiment, asked_law: str, *, moving: bool) -> dict
     if isinstance(fit.orders, tuple):
         _, turn = turn_of(experiment.joint.kind)
         settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {turn}"
-    if moving:
+    if training:
+        cutoffs = dict.fromkeys(f"{f(r.cutoff for r in training):.3g}" for f in (min, max))
+        chosen = " by the spectra" if fit.position_cutoff is None else ""
         settings |= {
-            "position filter": f"4th-order Butterworth, zero phase, {fit.position_cutoff:g} Hz",
-            "decimation": f"one sample in {fit.decimation}, both sides through 0.8 of the new Nyquist frequency, zero phase",
+            "position filter": f"4th-order Butterworth, zero phase, {' to '.join(cutoffs)} Hz{chosen}",
+            "decimation": f"one sample in {fit.every}, both sides through 0.8 of the new Nyquist frequency, zero phase",
             "regressors": ", ".join(asked_regressors(experiment)) or "none",
         }
         if fit.predict == "position":
             settings |= {
-                "moving runs": f"the motor simulated in windows of {fit.horizon:g} s, and its position averaged over {fit.decimation} samples; "
+                "moving runs": f"the motor simulated in windows of {fit.horizon:g} s, and its position averaged over {fit.every} samples; "
                 "position filter and decimation serve the start alone"
             }
         if experiment.inertia is not None:

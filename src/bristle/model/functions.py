@@ -122,20 +122,6 @@ def presliding_damping_function() -> ca.Function:
 
 
 @cache
-def drive_torque_function() -> ca.Function:
-    """(V, w, k_t, R) -> T: the torque that voltage V drives at velocity w (7)-(8), N*m."""
-    s = _symbols("V", "w", "k_t", "R")
-    return _function("drive_torque", s, {"T": motor.drive_torque(s["V"], s["w"], Motor(s["k_t"], s["R"], 0.0, 0.0))})
-
-
-@cache
-def voltage_function() -> ca.Function:
-    """(T, w, k_t, R) -> V: the voltage that drives torque T at velocity w, the inverse of (7)-(8), V."""
-    s = _symbols("T", "w", "k_t", "R")
-    return _function("voltage", s, {"V": motor.voltage(s["T"], s["w"], Motor(s["k_t"], s["R"], 0.0, 0.0))})
-
-
-@cache
 def faded_sine_function() -> ca.Function:
     """(t, amplitude, frequency, phase, duration, rest) -> (x, x_t, x_tt).
 

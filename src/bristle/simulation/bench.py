@@ -9,7 +9,6 @@ from math import ceil
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 
 from bristle.arrays import Array
 from bristle.control.closed_loop import Trajectory, simulate
@@ -94,12 +93,6 @@ def ramp_logs(rig: Rig, ramps: Ramps, seeds: Sequence[Seed]) -> Logs:
     """The same ramp experiment, once for each seed; one seed gives the same numbers whatever the others are."""
     time = rig.clock.instants(ramps.duration)
     return _logged(rig, time, ramps.at(time), seeds)._replace(plateaus=ramps.plateaus)
-
-
-def ramp_experiment(rig: Rig, ramps: Ramps, seed: Seed) -> pd.DataFrame:
-    """One ramp experiment as a table of time (s), position (rad) and voltage (V)."""
-    logs = ramp_logs(rig, ramps, [seed])
-    return pd.DataFrame({"time": logs.time, "position": logs.position[0], "voltage": logs.voltage[0]})
 
 
 def record_tracking(rig: Rig, sines: Multisine, duration: float, seeds: Sequence[Seed]) -> Logs:

@@ -328,7 +328,7 @@ def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str
                 *check_units(
                     shown, {name: table.units.get(key, "") for name, key in keys_of(signals).items()}, signals
                 ),
-                *check_signals(record, run.experiment, signals, experiment.context, experiment.fit),
+                *check_signals(record, run.experiment, signals, experiment.context),
             ]
             shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context)
             return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
@@ -337,22 +337,24 @@ def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str
 
 
 def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str | None) -> Record:
-    """The record with velocity and torque, and for tracking with acceleration."""
-    from bristle.data.differentiation import estimate_motion
+    """The record with velocity and torque, for tracking with acceleration, and with the low pass that its kind needs."""
+    from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading
+    from bristle.data.differentiation import estimate_motion, low_pass
     from bristle.model.motor import drive_torque
 
+    fit, motor = experiment.fit, experiment.motor
     if kind == "tracking":
-        record = estimate_motion(record, experiment.fit.position_cutoff)
+        record = estimate_motion(record, fit.position_cutoff or of_motion)
     elif record.velocity is None:
-        record = estimate_motion(record, experiment.fit.velocity_cutoff)
-    motor = experiment.motor
+        record = estimate_motion(record, fit.velocity_cutoff or of_held_speeds)
     if drive == "current" and motor is not None and record.torque is not None:
-        return replace(
-            record,
-            torque=motor.k_t * record.torque,
-            notes=(*record.notes, Kind.TORQUE_FROM_CURRENT(k_t=motor.k_t, unit=si("k_t", experiment.context))),
-        )
-    if drive == "voltage" and motor is not None:
+        note = Kind.TORQUE_FROM_CURRENT(k_t=motor.k_t, unit=si("k_t", experiment.context))
+        record = replace(record, torque=motor.k_t * record.torque, notes=(*record.notes, note))
+    elif drive == "voltage" and motor is not None:
         note = Kind.TORQUE_FROM_VOLTAGE(k_t=motor.k_t, unit=si("k_t", experiment.context), R=motor.R)
-        return replace(record, torque=drive_torque(record.voltage, record.velocity, motor), notes=(*record.notes, note))
+        torque = drive_torque(record.voltage, record.velocity, motor)
+        record = replace(record, torque=torque, notes=(*record.notes, note))
+    if kind == "presliding" and record.torque is not None:
+        cutoff, why = low_pass(record, fit.presliding_cutoff or of_slow_loading)
+        record = replace(record, cutoff=cutoff, notes=(*record.notes, Kind.TORQUE_SMOOTHED(cutoff=cutoff, why=why)))
     return record

@@ -240,11 +240,11 @@ class FitOptions(StrictModel):
     """Stribeck velocities that are searched, rad/s; None: from the data."""
     grid: Annotated[int, Field(ge=8, le=2_000)] = 32
     plain_grid: Annotated[int, Field(ge=8, le=100_000)] = 500
-    position_cutoff: Hertz = 100.0
-    """Low pass of position before it is differentiated, tracking runs, Hz."""
-    velocity_cutoff: Hertz = 10.0
+    position_cutoff: Hertz | None = None
+    """Low pass of position before it is differentiated, tracking runs, Hz; None: by each run's own spectra."""
+    velocity_cutoff: Hertz | None = None
     """The same, ramp and presliding runs without logged velocity, Hz."""
-    presliding_cutoff: Hertz = 2.0
+    presliding_cutoff: Hertz | None = None
     """Low pass of the torque of presliding runs, Hz."""
     breakaway_displacement: Annotated[float, quantity("position"), Field(gt=0)] | None = None
     """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of
@@ -264,7 +264,13 @@ class FitOptions(StrictModel):
     position."""
     horizon: Seconds = 0.5
     """Length of the windows that are simulated, s."""
-    decimation: Annotated[int, Field(ge=1, le=10_000)] = 10
+    decimation: Annotated[int, Field(ge=1, le=10_000)] | None = None
+    """One sample of how many of the slowest moving run makes an equation; None: as the runs' spectra need."""
+
+    @property
+    def every(self) -> int:
+        """One sample of how many makes an equation, once the runs are read."""
+        return self.decimation or 1
 
     @property
     def friction(self) -> Law:

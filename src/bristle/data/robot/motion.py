@@ -7,6 +7,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data import cleaning as clean
+from bristle.data.bandwidth import of_motion
 from bristle.data.differentiation import estimate_motion
 from bristle.data.experiment.load import Experiment, Run, files_of, read_run, table_of_run
 from bristle.data.experiment.run_files import RunFiles
@@ -110,7 +111,7 @@ def _motion(experiment: Experiment, run: RunFiles, sources: list[Source], read: 
         record = clean.make_record(shown, table, signals, experiment.cleaning, experiment.context)
     except InputError as error:
         raise InputError(f"{shown}: {experiment.joint.name}: {str(error).removeprefix(f'{shown}: ')}") from error
-    return shown, estimate_motion(record, experiment.fit.position_cutoff)
+    return shown, estimate_motion(record, experiment.fit.position_cutoff or of_motion)
 
 
 def _travel(x: Record | float) -> float:

@@ -203,11 +203,6 @@ def _notes(
     return notes
 
 
-def bag_topics(path: Path) -> dict[str, str]:
-    """Type of the messages by topic, as `sensor_msgs/msg/JointState`. Raises InputError and OSError; needs the extra `ros`."""
-    return {name: topic.kind for name, topic in topics_of(open_bag(path)).items()}
-
-
 def bag_joints(path: Path, topic: str | None = None) -> tuple[str, ...]:
     """Names of the joints in the joint states of a bag, in the order in which they are first seen.
 

@@ -23,7 +23,7 @@ WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
 _SAMPLES = 5
 """In which a motion has to pass the bristle's deflection."""
-_LEVEL = 0.01
+LEVEL = 0.01
 """Of the tests: of each Stribeck term, and whether the halves of the record agree, over all parameters of bristles together."""
 _NOTHING = 1e-8
 """Share of its column that a half must have, to say anything of a parameter."""
@@ -69,7 +69,7 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         C = solution.covariance
         held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
         p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
-        if not p < _LEVEL:
+        if not p < LEVEL:
             doubts[alpha_1] = Kind.UNSEEN_PEAK(percent=100 * p) if p < NO_SIGN else Kind.UNSEEN_NO_PEAK()
     return doubts
 
@@ -205,6 +205,6 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
         inverse = inverse_gram(J[rows] / size)
         steps.append(-inverse @ (J[rows].T @ left[rows] / size) / size)
         spreads.append(np.where(size < np.inf, variance * np.diag(inverse) / size**2, np.inf))
-    limit = float(stdtrit(freedom, 1 - _LEVEL / (2 * len(looked_at))))
+    limit = float(stdtrit(freedom, 1 - LEVEL / (2 * len(looked_at))))
     apart = (steps[0] - steps[1]) / np.sqrt(np.maximum(spreads[0] + spreads[1], 1e-300))
     return {name: Kind.UNSEEN_HALVES(apart=abs(apart[k])) for name, k in looked_at.items() if abs(apart[k]) > limit}

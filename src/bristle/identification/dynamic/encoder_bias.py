@@ -19,7 +19,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.control.plant import quantise
-from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed, usable
+from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.identification.dynamic.claims import warned, without_weak
@@ -48,7 +48,7 @@ Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProble
 
 
 def without_count_bias(
-    solved: DynamicSolution, records: Sequence[Record], pose: Pose, cutoff: float, resolution: float
+    solved: DynamicSolution, records: Sequence[Record], pose: Pose, resolution: float
 ) -> TrackingFit:
     """The fit with the bias that counting adds taken off each parameter, and its scatter added to the standard error.
 
@@ -61,13 +61,12 @@ def without_count_bias(
         solved: the fit.
         records: its training runs, whose velocity comes from the position.
         pose: makes the problem from such runs, with some parameters fixed.
-        cutoff: of the position, Hz.
         resolution: one count, rad.
     """
     if any(r.position is None for r in records):
         return solved.fit
     rng = np.random.default_rng(_SEED)
-    true = [between_counts(r, cutoff, resolution) for r in records]
+    true = [between_counts(r, resolution) for r in records]
     smooth = pose(true, solved.problem.fixed)
     ratio = _worse(solved, smooth)
     if ratio > _LOST:
@@ -83,7 +82,7 @@ def without_count_bias(
     enough = _EXACT**2 * minimum.cost / minimum.residuals.size
     ends = []
     for count in (0.0, *[resolution] * REPETITIONS):
-        counted = [_counted(r, T, cutoff, count, rng.uniform()) for r, T in zip(true, torques, strict=True)]
+        counted = [_counted(r, T, count, rng.uniform()) for r, T in zip(true, torques, strict=True)]
         posed = pose(counted, solved.problem.fixed)
         pairs = zip(posed.motions, solved.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
@@ -99,16 +98,16 @@ def without_count_bias(
     return _judged(solved, _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name)))
 
 
-def between_counts(record: Record, cutoff: float, resolution: float) -> Record:
+def between_counts(record: Record, resolution: float) -> Record:
     """The record with the smoothest motion that leaves of its positions, (n,), no more than counts of this size do.
 
-    As it is where it has none. The low pass of `estimate_motion` with the lowest cut-off, from `cutoff`, Hz, down, whose
+    As it is where it has none. The low pass of `estimate_motion` with the lowest cut-off, from the record's own down, whose
     root mean square distance from the readings is at most that of counts, resolution / sqrt(12), rad. Raises InputError
     as `smoothed` does.
     """
     if record.position is None:
         return record
-    position, used = np.asarray(record.position), usable(record, cutoff)
+    position, used = np.asarray(record.position), record.cutoff
     lower = used / _LADDER
     while lower * record.step > LOWEST and _off(record, position, lower) <= resolution / np.sqrt(12):
         used, lower = lower, lower / _LADDER
@@ -135,13 +134,14 @@ def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
     return replace(left, warnings=(*left.warnings, Kind.COUNT_BIAS_UNKNOWN()))
 
 
-def _counted(record: Record, torque: Array, cutoff: float, resolution: float, phase: float) -> Record:
+def _counted(record: Record, torque: Array, resolution: float, phase: float) -> Record:
     """The record as an encoder of these counts, 0 for one without, resting at this phase, has it, differentiated."""
     position = np.asarray(record.position)
     if resolution:
         position = np.asarray(quantise(position + phase * resolution, resolution)).ravel()
     return replace(
-        estimate_motion(replace(record, position=position, velocity=None, acceleration=None), cutoff), torque=torque
+        estimate_motion(replace(record, position=position, velocity=None, acceleration=None), record.cutoff),
+        torque=torque,
     )
 
 

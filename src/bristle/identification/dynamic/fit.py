@@ -9,14 +9,23 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.claims import WIDE, bristle_doubts, loads_alike, peak_doubts, warned, without_weak
-from bristle.identification.dynamic.left_out_peak import absent_peaks, takes_up_peak
+from bristle.identification.dynamic.claims import (
+    LEVEL,
+    WIDE,
+    bristle_doubts,
+    loads_alike,
+    peak_doubts,
+    warned,
+    without_weak,
+)
+from bristle.identification.dynamic.left_out_peak import takes_up_peak
 from bristle.identification.dynamic.missing_terms import missing_terms, pattern_left
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
@@ -93,9 +102,9 @@ def fit_tracking(
 
     Raises InputError where a start shows no dependence on any parameter.
     """
-    problem, solution, dropped = _settled(problem, start, starts, seed, others, progress)
+    problem, solution, dropped, shown = _settled(problem, start, starts, seed, others, progress)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    estimates = _all_estimates(problem, solution, kind, dropped)
+    estimates = _all_estimates(problem, solution, kind, dropped, shown)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
@@ -148,38 +157,43 @@ def _settled(
     seed: int,
     others: Sequence[Values],
     progress: Progress | None,
-) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Diagnostic]]:
-    """The problem as it is solved in the end, its solution, and why Stribeck terms that are none are not in it.
+) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Diagnostic], set[ParameterName]]:
+    """The problem as it is solved in the end, its solution, why Stribeck terms that are none are not in it, and which are shown to be there.
 
-    It has the weights that its runs ask for, and not those terms. Between its first and its last form, from all starts
-    each, it is solved from where the first one ended alone.
+    It has the weights that its runs ask for, and not those terms.
     """
     if sum(m.size for m in problem.motions) < FEWEST * len(problem.names):  # of which nothing is estimated
         starts, others = 1, ()
     solution = solve_dynamic(problem, start, starts, seed, others, progress)
     problem, changed = _weighted(problem, solution)
     if changed:
-        solution = solve_dynamic(problem, without_deflections(solution.values), 1, seed, progress=progress)
-    bent = _bent(problem, solution)
-    problem = replace(problem, fixed={**problem.fixed, **bent}) if bent else problem
-    if bent or (changed and starts > 1):
-        solution = solve_dynamic(problem, _unbent(solution.values, bent), starts, seed, progress=progress)
-    dropped = dict.fromkeys(bent, Kind.UNSEEN_BEND())
-    absent = absent_peaks(problem, solution)
-    if absent:
-        without = replace(problem, fixed={**problem.fixed, **absent})
-        rest = {name: x for name, x in without_deflections(solution.values).items() if name not in absent}
-        found = solve_dynamic(without, rest, 1, seed, progress=progress)
-        if found.minimum.converged:
-            problem, solution = without, found._replace(starts=solution.starts, reached=solution.reached)
-            dropped |= dict.fromkeys(absent, Kind.UNSEEN_NO_PEAK())
-    return problem, solution, dropped
+        solution = solve_dynamic(problem, without_deflections(solution.values), starts, seed, progress=progress)
+    dropped, shown = dict[ParameterName, Diagnostic](), set[ParameterName]()
+    while more := _not_shown(problem, solution, shown):
+        held = {name: value for name, (value, _) in more.items()}
+        without, near = replace(problem, fixed={**problem.fixed, **held}), _unbent(solution.values, held)
+        kinds = {why.kind for _, why in more.values()}
+        again = Kind.UNSEEN_BEND in kinds
+        found = solve_dynamic(without, near, starts if again else 1, seed, progress=progress)
+        if not found.minimum.converged:
+            break
+        # the covariance tells less than the costs, where the law bends within the errors
+        F = solution.freedom / 2 * (found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1)
+        if not again and Kind.UNSEEN_WIDE not in kinds and fdtrc(2, solution.freedom, F) < LEVEL:
+            shown |= more.keys()
+            continue
+        rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
+        problem, solution = without, rest
+        dropped |= {name: why for name, (_, why) in more.items()}
+    return problem, solution, dropped, shown
 
 
 def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
     """Values to start from without Stribeck terms that are none: a Coulomb torque that became such a term is one again."""
     known = without_deflections(values)
-    taken = {name._replace(name="alpha_0"): known[name] for name in bent if name.name == "alpha_1"}
+    taken = {
+        name._replace(name="alpha_0"): known[name] for name, at in bent.items() if name.name == "alpha_1" and not at
+    }
     rest = {name: value for name, value in known.items() if name not in bent}
     return {n: value + taken[n] if n in taken and taken[n] > value else value for n, value in rest.items()}
 
@@ -189,6 +203,7 @@ def _all_estimates(
     solution: MultistartSolution[Unknown],
     kind: JointKind,
     dropped: Mapping[ParameterName, Diagnostic],
+    shown: set[ParameterName],
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value.
 
@@ -202,7 +217,8 @@ def _all_estimates(
     if equations < FEWEST * unknowns:
         few = Kind.UNSEEN_TOO_FEW(equations=equations, unknowns=unknowns, least=FEWEST * unknowns)
         estimates = warned(estimates, dict.fromkeys(estimates, few))
-    estimates = warned(estimates, peak_doubts(problem, solution))
+    doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
+    estimates = warned(estimates, doubts)
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
     bent = [name for name, why in dropped.items() if why.kind is Kind.UNSEEN_BEND]
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
@@ -232,28 +248,33 @@ def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) ->
     return replace(problem, motions=motions), True
 
 
-def _bent(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
-    """Stribeck terms that bend the curve over all speeds and are no peak: what each is fixed at.
+def _not_shown(
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], shown: set[ParameterName]
+) -> dict[ParameterName, tuple[float, Diagnostic]]:
+    """What the motion does not show of Stribeck terms but those `shown`, alpha_1 and v_s: what it is held at, and why.
 
-    Their v_s went to the upper end of its range, or they are not significant and leave alpha_0 unknown.
+    A term of no significance is none, and one that leaves alpha_0 unknown, or has v_s at the upper end of its range, is Coulomb
+    friction. One that is there, and whose size is not known, is no larger than Coulomb friction.
     """
     if problem.stribeck == "stribeck":
         return {}
-    values, upper = solution.values, solution.posed.unknowns.upper
-    errors, doubts = (
-        dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True)),
-        peak_doubts(problem, solution),
-    )
-    bent: dict[ParameterName, float] = {}
-    for name, most in zip(problem.names, upper.tolist(), strict=True):
-        if not isinstance(name, ParameterName) or name.name != "v_s":
+    upper = dict(zip(problem.names, solution.posed.unknowns.upper.tolist(), strict=True))
+    size = solution.scaled_errors * solution.posed.unknowns.scale
+    errors = dict(zip(solution.names, size.tolist(), strict=True))
+    doubts = peak_doubts(problem, solution)
+    bends, wide, none = (dict[ParameterName, tuple[float, Diagnostic]]() for _ in range(3))
+    for direction in problem.directions:
+        alpha_0, alpha_1, v_s = (problem.key(name, direction) for name in ("alpha_0", "alpha_1", "v_s"))
+        values = solution.values
+        if not {alpha_1, v_s} <= values.keys() or problem.with_prior & {v_s, alpha_1}:
             continue
-        alpha_0, alpha_1 = (name._replace(name=bare) for bare in ("alpha_0", "alpha_1"))
-        if alpha_1 not in values or problem.with_prior & {name, alpha_1}:
-            continue
-        if np.log(values[name]) > most - _EDGE or (alpha_1 in doubts and errors.get(alpha_0, 0.0) > WIDE):
-            bent |= {alpha_1: 0.0, name: values[name]}
-    return bent
+        if errors.get(alpha_0, 0.0) > WIDE or np.log(values[v_s]) > upper[v_s] - _EDGE:
+            bends |= {alpha_1: (0.0, Kind.UNSEEN_BEND()), v_s: (values[v_s], Kind.UNSEEN_BEND())}
+        elif alpha_1 in doubts.keys() - shown:
+            none |= {alpha_1: (0.0, doubts[alpha_1]), v_s: (values[v_s], doubts[alpha_1])}
+        elif values[alpha_1] > values.get(alpha_0, np.inf) and errors[alpha_1] > WIDE * values[alpha_1]:
+            wide[alpha_1] = values[alpha_0], Kind.UNSEEN_WIDE(share=errors[alpha_1] / values[alpha_1])
+    return bends or wide or none
 
 
 def _refused(name: ParameterName, kind: JointKind, why: Diagnostic) -> Estimate:
@@ -316,9 +337,9 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
     """Each parameter but the deflections at the start, in SI units."""
     scale = solution.posed.unknowns.scale
     out = {}
-    reach = student(solution.freedom)
-    for name, x, error, size in zip(
-        solution.names, solution.minimum.x, solution.scaled_errors.tolist(), scale.tolist(), strict=True
+    reaches = [student(x) for x in solution.freedoms.tolist()]
+    for name, x, error, size, reach in zip(
+        solution.names, solution.minimum.x, solution.scaled_errors.tolist(), scale.tolist(), reaches, strict=True
     ):
         if not isinstance(name, ParameterName):
             continue

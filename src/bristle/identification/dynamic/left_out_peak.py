@@ -1,4 +1,4 @@
-"""Which Stribeck terms are left out of a fit of moving runs, and which parameters take one up that was."""
+"""Which parameters of a fit of moving runs take up a Stribeck term that was left out of it."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,11 +8,9 @@ import numpy as np
 from scipy.special import stdtr
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.identification.dynamic.claims import WIDE, peak_doubts
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, residuals
 from bristle.model.parameters import Direction, ParameterName
 
@@ -21,22 +19,6 @@ _SPEEDS = 8
 _SLOWEST = 1e-2
 _CHANCE = 1e-3
 """A term is found where there is none at most this often."""
-
-
-def absent_peaks(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, float]:
-    """Stribeck terms of which there is no sign, and that hide the bristle of their direction: what they are fixed at.
-
-    A term that is none is at any v_s, and one far below all speeds is like a bristle.
-    """
-    if problem.stribeck == "stribeck":
-        return {}
-    errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
-    absent: dict[ParameterName, float] = {}
-    for alpha_1, why in peak_doubts(problem, solution).items():
-        v_s, sigma_0 = (alpha_1._replace(name=name) for name in ("v_s", "sigma_0"))
-        if why.kind is Kind.UNSEEN_NO_PEAK and errors.get(sigma_0, 0.0) > WIDE and v_s in solution.values:
-            absent |= {alpha_1: 0.0, v_s: solution.values[v_s]}
-    return absent
 
 
 class AskedPeak(NamedTuple):

@@ -120,7 +120,7 @@ def fit_with_priors(
 
         Each only where there are counts, and where intervals are asked for.
         """
-        fit = without_count_bias(solved, records, pose, options.position_cutoff, count) if count else solved.fit
+        fit = without_count_bias(solved, records, pose, count) if count else solved.fit
         return with_three_ways(solved, fit, profiles) if uncertainty else fit
 
     # a static fit of the moving runs themselves takes presliding for sliding: then g0 comes from the fit of all parameters
@@ -130,7 +130,7 @@ def fit_with_priors(
     solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
-    fit, freedom = solved.fit, solved.solution.freedom
+    fit, freedom = solved.fit, dict(zip(solved.solution.names, solved.solution.freedoms.tolist(), strict=True))
     if any(m.load for m in problem.motions):
         scatter = clustered(*parts_of_runs(solved), fit.parameters, freedom, logarithms(fit.names))
     else:
@@ -174,7 +174,7 @@ def posed_and_start(
         return whole, start
     # a position takes long to simulate: begin where the velocity between the counts leads, with a peak where it shows none
     count = _count(experiment, records)
-    smooth = [between_counts(r, experiment.fit.position_cutoff, count) for r in records] if count else records
+    smooth = [between_counts(r, count) for r in records] if count else records
     near = replace(_equation_error_problem(experiment, moving, smooth, fixed), fixed=fixed)
     found = without_deflections(solve_dynamic(near, start, _SURE, SEED).values)
     none = [d for d in whole.directions if found.get(whole.key("alpha_1", d)) == 0]
@@ -199,7 +199,7 @@ def _output_error_problem(
         asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
     posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared, options.friction)
     posed = replace(posed, count=_count(experiment, records), stribeck=options.model)
-    return simulation(records, posed, experiment.motor, options.horizon, options.decimation)
+    return simulation(records, posed, experiment.motor, options.horizon, options.every)
 
 
 def _equation_error_problem(
@@ -212,14 +212,14 @@ def _equation_error_problem(
         records,
         moving,
         regressors(experiment),
-        options.decimation,
+        options.every,
         known,
         fixed,
         options.shared,
         options.friction,
     )
     count = _count(experiment, records)
-    return replace(posed, count=count, cutoff=options.position_cutoff, stribeck=options.model)
+    return replace(posed, count=count, cutoff=max(r.cutoff for r in records), stribeck=options.model)
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:

@@ -8,6 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from bristle.data.bandwidth import of_slow_loading
+from bristle.data.differentiation import low_pass
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import ONSET, Loading, Loop, find_all_loadings, find_loops
@@ -74,7 +76,9 @@ def identify_presliding(
 
     Raises InputError where a run holds no loading from zero torque, or slides from its start.
     """
-    found = find_all_loadings(records, options.presliding_cutoff, resolution, options.breakaway_displacement)
+    chosen = options.presliding_cutoff or of_slow_loading
+    records = [r if r.cutoff else replace(r, cutoff=low_pass(r, chosen)[0]) for r in records]
+    found = find_all_loadings(records, resolution, options.breakaway_displacement)
     for record, of_record in zip(records, found, strict=True):
         if not of_record:
             raise InputError(
@@ -93,7 +97,7 @@ def identify_presliding(
         own = [x for x in loadings if x.direction == direction]
         level = levels.get(direction) or _from_breakaway(breakaway, direction, max(x.held for x in own), creep)
         fits[direction] = fit_presliding(own, level, inertia, kind)
-    cycles = [find_loops(r, options.presliding_cutoff, resolution) for r in records]
+    cycles = [find_loops(r, r.cutoff, resolution) for r in records]
     loops = tuple(loop for closed, _ in cycles for loop in closed)
     warnings += _loop_warnings(loops, [drift for _, drifts in cycles for drift in drifts], fits)
     warnings += turning_lag(records, loadings, {d: fit.level for d, fit in fits.items()}, options, resolution)

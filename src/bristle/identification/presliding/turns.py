@@ -81,7 +81,7 @@ def turning_lag(
         options: the experiment's `fit`.
         resolution: one encoder count, rad; None: from the data.
     """
-    lags = [lag for record in records for lag in _lags(record, loadings, levels, options.presliding_cutoff)]
+    lags = [lag for record in records for lag in _lags(record, loadings, levels)]
     if not lags:
         return []
     values, errors = np.array(lags).T
@@ -92,7 +92,7 @@ def turning_lag(
         return []
     in_time = [replace(r, torque=np.interp(r.time + lag, r.time, np.asarray(r.torque))) for r in records]
     try:
-        found = find_all_loadings(in_time, options.presliding_cutoff, resolution, options.breakaway_displacement)
+        found = find_all_loadings(in_time, resolution, options.breakaway_displacement)
     except InputError:
         return []
     moved = [x for of_record in found for x in of_record]
@@ -110,13 +110,13 @@ def _stiffness(loadings: Sequence[Loading], direction: str, g0: float) -> float:
     return by_samples(pieces)[0] if pieces else np.nan
 
 
-def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float], cutoff: float) -> list[_Lag]:
+def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float]) -> list[_Lag]:
     """Of each turn before which the joint does not slide."""
     own = [x for x in loadings if x.file == record.file]
     slid = [x.start for x in own if x.breakaway is not None]
     torque, position, time = np.asarray(record.torque), np.asarray(record.position), record.time
     lags = []
-    for turn in _turns(record, cutoff):
+    for turn in _turns(record):
         side = _SIDE * float(min(time[turn.at] - time[turn.before], time[turn.after] - time[turn.at]))
         g0 = levels.get("+" if turn.sign > 0 else "-", 0.0)
         if any(turn.before <= start < turn.at for start in slid) or not g0:
@@ -145,10 +145,10 @@ class _Turn(NamedTuple):
     """1 where the torque is largest, -1 where it is smallest."""
 
 
-def _turns(record: Record, cutoff: float) -> list[_Turn]:
-    """The turns of a presliding run's torque through the low pass, Hz."""
+def _turns(record: Record) -> list[_Turn]:
+    """The turns of a presliding run's torque through the low pass."""
     torque = np.asarray(record.torque)
-    slow = smoothed(record, torque, cutoff) if cutoff < 0.5 / record.step else torque
+    slow = smoothed(record, torque, record.cutoff) if record.cutoff < 0.5 / record.step else torque
     found = []
     for segment in between_gaps(record):
         tops, bottoms = torque_turns(slow[segment])

@@ -7,6 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
@@ -53,7 +54,9 @@ class LinkScale:
 def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale | None:
     """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor; None of too few samples."""
     asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
-    problem = from_records(records, directions(experiment, records), asked, experiment.fit.decimation, None)[0]
+    problem = from_records(
+        records, directions(experiment, records), asked, experiment.fit.decimation or decimation(records), None
+    )[0]
     if problem.torque.size <= len(problem.names):
         return None
     estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]

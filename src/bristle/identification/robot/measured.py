@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment, Run
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.experiment.signals import Signal, Signals
@@ -288,7 +289,8 @@ def _of_all(
         torque[:, robot.names.index(name)] = np.interp(first.time, r.time, np.asarray(r.torque))
     kinds = tuple(joint.experiment.joint.kind for joint in robot.joints)
     whole = Course(time=first.time, q=q, v=v, a=a, torque=torque, kinds=kinds)
-    course, moved = thinned(whole, robot.joints[0].experiment.fit.decimation, file)
+    every = robot.joints[0].experiment.fit.decimation or decimation([*own.values()])
+    course, moved = thinned(whole, every, file)
     if body is None:
         shares = {name: coupling(course, moved, robot.names.index(name)) for name in own}
         return {name: (Kind.LINKS_NOT_REMOVED(share=100 * x),) for name, x in shares.items() if x > _LEAST}

@@ -16,12 +16,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.identification.static.grid import Solution, solve
+from bristle.identification.static.grid import Solution, descended, solve
 from bristle.identification.static.problem import Regression
 
 TUNING = 1.345
 """Residuals beyond this many scales count linearly: 95 % efficiency on Gaussian noise (Huber, 1981)."""
-_REFITS = 50
+_REFITS, _OF_MOTION = 50, 15
 _SETTLED = 1e-6
 """Of the limit: torques that are pulled in no further than that."""
 
@@ -52,7 +52,7 @@ def huber(problem: Regression, v_s_range: tuple[float, float], grid: int) -> Hub
     measured = np.arange(n) < n - problem.priors
     solution = solve(problem, v_s_range, grid)
     p = solution.theta.size
-    for _ in range(_REFITS):
+    for _ in range(_REFITS if problem.smooth is None else _OF_MOTION):
         residuals = problem.residuals(solution.theta)
         size = np.abs(residuals)
         limit = TUNING * 1.4826 * float(np.median(size[measured])) / np.sqrt(max(n - p, 1) / n)
@@ -63,7 +63,9 @@ def huber(problem: Regression, v_s_range: tuple[float, float], grid: int) -> Hub
         stretch = (1 + p * (1 - inside) / (n * inside)) / inside
         kept = np.where(measured, stretch * np.clip(residuals, -limit, limit), residuals)
         before, pulled = pulled, replace(problem, torque=problem.torque - residuals + kept)
-        solution = solve(pulled, v_s_range, grid)
+        near = problem.split(solution.theta)[1].tolist()
+        two = len(near) > 1  # whose grid takes long, and whose minimum moves little from step to step
+        solution = descended(pulled, solution, near, v_s_range) if two else solve(pulled, v_s_range, grid)
         if np.abs(pulled.torque - before.torque).max() < _SETTLED * limit:
             break
     return HuberFit(pulled, solution, far)

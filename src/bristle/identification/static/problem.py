@@ -12,6 +12,7 @@ through the same linear smoothing; points at constant velocity pass as they are.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import ceil
 
 import casadi as ca
 import numpy as np
@@ -30,6 +31,8 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, Direction, ParameterName, least_of, of_curve
 from bristle.model.vectorize import evaluate
 
+_AT_ONCE = 1_000_000
+"""Samples times values of v_s that are smoothed together."""
 Tables = tuple[Array, ...]
 """Columns over v_s, one table per output of a function, each (n, k)."""
 
@@ -190,8 +193,11 @@ class Regression:
 
     def _smoothed(self, function: ca.Function, v_s: Array, direction: str, smooth: sparse.csr_array) -> Tables:
         key = (function, direction, v_s.tobytes(), self.shape)
-        if key not in self.memory:  # column by column: N samples times k values need not stand in memory at once
-            by_v_s = [[smooth @ t for t in self._raw(function, s[None], direction)] for s in v_s]
+        if (
+            key not in self.memory
+        ):  # a few values of v_s at a time: N samples times k values need not stand in memory at once
+            parts = np.array_split(v_s, min(ceil(v_s.size * smooth.shape[1] / _AT_ONCE), v_s.size))
+            by_v_s = [[np.asarray(smooth @ t) for t in self._raw(function, part, direction)] for part in parts]
             self.memory[key] = tuple(np.concatenate(columns, axis=1) for columns in zip(*by_v_s, strict=True))
         return self.memory[key]
 

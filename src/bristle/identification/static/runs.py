@@ -129,7 +129,7 @@ def fit_moving(
         chosen: Sequence[Record], weights: Mapping[str, float] | None
     ) -> tuple[Regression, tuple[Array, Array], int]:
         """The regression of some records, time and position of each equation, samples dropped at ends."""
-        return from_records(chosen, moving, asked, experiment.fit.decimation, fixed, experiment.fit.friction, weights)
+        return from_records(chosen, moving, asked, experiment.fit.every, fixed, experiment.fit.friction, weights)
 
     weights = _weights(experiment, lambda at: problem(records, at)[0]) if levels_of(asked) else {}
     every, (time, position), _ = problem(records, weights)

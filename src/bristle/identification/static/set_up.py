@@ -164,7 +164,7 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     ] + _periodic(regressors(experiment))
     return _Trial(
         possible,
-        lambda sides: from_records(records, sides, possible, experiment.fit.decimation, fixed)[0],
+        lambda sides: from_records(records, sides, possible, experiment.fit.every, fixed)[0],
         lambda n: np.arange(n) * _BLOCKS // n % _PARTS,
     )
 

@@ -70,7 +70,7 @@ def plan_loading(
     of_g0 = seen_covariance(start.known, start.indices(direction, ("alpha_0", "alpha_1")))
     g0_error = float(np.sqrt(of_g0.sum())) if of_g0.size else hold_noise
     slow = joint.presliding.fits.get(direction) if joint.presliding else None
-    noise = _loading_noise(slow.loadings, p, measured.experiment.fit.presliding_cutoff) if slow else 0.0
+    noise = _loading_noise(slow.loadings, p, max(r.cutoff for r in measured.slow)) if slow else 0.0
     noise = noise or hold_noise * float(np.sqrt(limits.hold / share / _TENTH))
     return design_loading(direction, p, g0_error, noise, start.resolution, share)
 

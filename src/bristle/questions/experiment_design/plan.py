@@ -198,8 +198,7 @@ def plan(
         raise InputError(
             f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
         )
-    torque_fitted = joint.moving is not None and joint.moving.quantity == "torque"
-    limits, of_frequency = followed(limits, measured, start.equation_step if torque_fitted else None)
+    limits, of_frequency = followed(limits, measured.experiment.plan.frequency)
     runs, loadings, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
     information = _information(start, runs, loadings)
     problem = excitation.motion_problem(start, limits, information["with loading"], aim, share * DURATION)

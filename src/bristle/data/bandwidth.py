@@ -1,0 +1,174 @@
+"""Low pass and decimation of a run, from its own spectra: wide enough for the motion, and no wider than what its signals show above noise.
+
+Friction at a reversal, presliding and inertia need the fast part of a motion; what a position holds beyond it is noise, whose second
+derivative drowns the acceleration, so that a fit finds less inertia. A moving run is cut off at twice the frequency at which its motion or
+its effort falls into its own noise, and then lower, as long as that raises its inertia; but at no less than four times the frequency below
+which 99.9 % of the position's power lies, for noise may hide what a smooth motion does in its reversals. Both sides of the equations go
+through the filter of the decimation alike, which biases nothing: it keeps more than that. Of speeds that are held nothing fast is asked.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bristle.arrays import Array
+from bristle.data.differentiation import between_gaps, estimate_motion, smoothed, usable
+from bristle.data.encoder import smallest_step
+from bristle.data.record import Record
+from bristle.diagnostics import Diagnostic, Kind
+
+_POWER = 0.999
+"""Of the position's power, which lies below the motion's bandwidth."""
+_WIDER, _ABOVE = 4.0, 2.0
+"""Cut-off over the bandwidth, at the least, and over the frequency at which a signal falls into noise."""
+_HELD, _SLOW = 0.5, 10.0
+"""The latter of held speeds, and the former of slow loading, whose breakaway is a corner of the position."""
+_EQUATIONS = 16.0, 0.7
+"""Equations per second over the bandwidth, and over the cut-off, at the least."""
+_NOISE = 4.0
+"""Times the noise, below which a spectrum shows nothing."""
+_UNEVEN = 0.01
+"""Of all samples, that are another number of counts apart than most."""
+_GAP = 4.0
+"""Times a frequency, up to where nothing is seen beyond the end of a signal."""
+_SILENT = 1e-6
+"""Of its power, below which the noise of an effort is that of none that was measured."""
+_LADDER = 2**0.5
+"""A cut-off over the next one that is tried."""
+_STANDS = 0.003, 0.25
+"""The inertia stands still where the next cut-off raises it by no more than this share of itself, or of its standard error."""
+_SEEN = 3.0
+"""Standard errors, below which an inertia is none to go by."""
+_PER_OCTAVE, _LEAST = 12, 3
+"""Bins of a spectrum per octave, and lines in each at the least."""
+
+
+def of_motion(record: Record) -> tuple[float, Diagnostic]:
+    """Cut-off of the low pass of a moving run, Hz, with the reason.
+
+    From the longest piece between gaps, its position or its velocity, and its effort as far as it is known.
+    """
+    part, own = _longest(record), _own(record)
+    motion, effort = _known(record, "velocity", "position"), _known(record, "torque", "voltage")
+    moves, least = _shown(np.asarray(motion)[part], record.step), usable(record, _WIDER * own)
+    if effort is None:
+        shown = _first(moves, own)
+        return usable(record, max(least, _ABOVE * shown)), Kind.CUTOFF_OF_MOTION(motion=own, shown=shown)
+
+    # where the inertia makes as much of the motion's noise as the effort has itself, white both; one that is commanded has none
+    drives, order = _shown(effort[part], record.step), 2 if record.velocity is None else 1
+    shown = min(_first(moves, own), _first(drives, own))
+    if drives.noise > _SILENT * 2 * record.step * np.var(effort[part]):
+        made = max((sum(_inertia(record, effort, least)) ** 2) * moves.noise, 1e-300)  # by an inertia that may be
+        shown = min(shown, float((drives.noise / made) ** (0.5 / order) / (2 * np.pi)))
+    cutoff = usable(record, max(least, _ABOVE * shown))
+    if moves.counted:  # what counts take the fit gives back
+        return cutoff, Kind.CUTOFF_OF_MOTION(motion=own, shown=shown)
+
+    # down the ladder while the acceleration is noise, which takes from the inertia
+    (inertia, error), tried = _inertia(record, effort, cutoff), cutoff / _LADDER
+    while tried > least:
+        lower, its_error = _inertia(record, effort, tried)
+        if lower < _SEEN * its_error or lower - inertia <= max(_STANDS[0] * lower, _STANDS[1] * error):
+            break
+        cutoff, inertia, error, tried = tried, lower, its_error, tried / _LADDER
+    return cutoff, Kind.CUTOFF_OF_MOTION(motion=own, shown=shown)
+
+
+def of_held_speeds(record: Record) -> tuple[float, Diagnostic]:
+    """Cut-off of the low pass of a position at held speeds, Hz, with the reason: half of the frequency at which it falls into noise."""
+    position = _shown(np.asarray(record.position)[_longest(record)], record.step)
+    shown = _first(position, position.own)
+    return usable(record, _HELD * shown), Kind.CUTOFF_OF_HOLDS(shown=shown)
+
+
+def of_slow_loading(record: Record) -> tuple[float, Diagnostic]:
+    """Cut-off of the low pass of slow loading, Hz, with the reason: ten times the bandwidth of the torque."""
+    own = _shown(np.asarray(record.torque)[_longest(record)], record.step).own
+    return usable(record, _SLOW * own), Kind.CUTOFF_OF_LOADING(own=own)
+
+
+def decimation(records: Sequence[Record]) -> int:
+    """One sample of how many makes an equation of some moving runs, of the slowest of them."""
+    per_motion, per_cutoff = _EQUATIONS
+    needed = max(max(per_motion * _own(r), per_cutoff * r.cutoff) for r in records)
+    return max(int(1 / (max(r.step for r in records) * needed)), 1)
+
+
+def _longest(record: Record) -> slice:
+    return max(between_gaps(record), key=lambda s: s.stop - s.start)
+
+
+def _known(record: Record, *names: str) -> Array | None:
+    """The first of some signals that the record has."""
+    return next((x for name in names if (x := getattr(record, name)) is not None), None)
+
+
+def _own(record: Record) -> float:
+    """The frequency below which 99.9 % of the position's power lies, of the velocity's where there is no position, Hz."""
+    return _shown(np.asarray(_known(record, "position", "velocity"))[_longest(record)], record.step).own
+
+
+def _spectrum(x: Array, step: float) -> tuple[Array, Array]:
+    """Frequencies above 0, Hz, and the one-sided power spectral density of a signal, its mean taken off, under a Hann window."""
+    window = np.hanning(x.size + 2)[1:-1]
+    power = np.abs(np.fft.rfft((x - x.mean()) * window)) ** 2 * 2 * step / np.sum(window**2)
+    return np.arange(1.0, power.size) / (x.size * step), power[1:]
+
+
+class _Shown(NamedTuple):
+    """What a signal shows, in bins that grow with the frequency."""
+
+    f: Array
+    """Hz."""
+    seen: NDArray[np.bool_]
+    """Whether it stands out of its noise there."""
+    own: float
+    """Below which 99.9 % of its power lies, noise apart, Hz."""
+    noise: float
+    """Its density, per Hz."""
+    counted: bool
+    """Whether it is mostly of counts."""
+
+
+def _shown(x: Array, step: float) -> _Shown:
+    f, power = _spectrum(x, step)
+    count, moved = smallest_step(x), np.abs(np.diff(x))
+    uneven = (
+        np.mean(np.abs(moved - np.median(moved)) > count / 2) > _UNEVEN
+    )  # else it is what an even motion makes of a sample
+    highest, counts = float(np.median(power[f >= f[-1] / 2])) / np.log(2), count**2 / 6 * step if uneven else 0.0
+    noise = max(highest, counts)
+    below = np.cumsum(power - noise)
+    own = float(f[np.argmax(below >= _POWER * below[-1])])
+
+    edges = [0]
+    while edges[-1] < f.size:
+        edges.append(max(edges[-1] + _LEAST, round(edges[-1] * 2 ** (1 / _PER_OCTAVE))))
+    size = np.diff([*edges[:-1], f.size])
+    f, power = (np.add.reduceat(values, edges[:-1]) / size for values in (f, power))
+    return _Shown(f, power > _NOISE * noise, own, noise, counts > highest / 2)
+
+
+def _first(shown: _Shown, above: float) -> float:
+    """The first frequency above one beyond which nothing is seen for a while, for a square has gaps between its lines; else the last one."""
+    f, sure = shown.f, np.append(0, np.cumsum(shown.seen))
+    empty = sure[np.searchsorted(f, _GAP * f, "right")] == sure[:-1]
+    lost = np.flatnonzero(empty & (f > above))
+    return float(f[lost[0]]) if lost.size else float(f[-1])
+
+
+def _inertia(record: Record, effort: Array, cutoff: float) -> tuple[float, float]:
+    """Inertia, and its standard error, by a regression below a cut-off, Hz, beside Coulomb and viscous friction, gravity and an offset."""
+    moved = estimate_motion(record, cutoff)
+    v, a = np.asarray(moved.velocity), np.asarray(moved.acceleration)
+    q = np.zeros(v.size) if moved.position is None else moved.position
+    every = max(int(0.4 / (cutoff * record.step)), 1)
+    signals = (a, np.sign(v), v, np.sin(q), np.cos(q), np.ones(q.size), effort)
+    *columns, y = (smoothed(record, x, cutoff)[::every] for x in signals)
+    X = np.column_stack(columns)
+    theta = np.linalg.lstsq(X, y, rcond=None)[0]
+    variance = np.linalg.pinv(X.T @ X)[0, 0] * float(np.var(y - X @ theta))
+    return float(abs(theta[0])), float(np.sqrt(variance))
