@@ -8,6 +8,7 @@ from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, mixed, value_fits
 from bristle.identification.results import Joint
+from bristle.identification.settings import BY_SPECTRA
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, effort, of_curve, of_friction, unit
@@ -51,7 +52,7 @@ def _joint(joint: Joint) -> Iterator[str]:
     lines = list(wrapped([f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}"]))
     if found.reason is not None:
         lines += shortened_lines(_sentence(joint, found.reason), _LONGEST)
-    lines += wrapped(law_in_force(joint))
+    lines += wrapped([*law_in_force(joint), *_filters(joint)])
     lines += [*shortened_lines(list(wrapped(_errors(joint))), _LONGEST), *_values(joint), *wrapped([_count(joint)])]
     yield from lines
     yield from _rest(joint, found.reason, LINES - len(lines) - 2)
@@ -62,6 +63,14 @@ def law_in_force(joint: Joint) -> Iterator[str]:
     told = joint.settings.get("law", joint.law_name)
     if not told.startswith(f"{GAUSSIAN.name}:") and told != GAUSSIAN.name:
         yield f"  law: {printable(told)}"
+
+
+def _filters(joint: Joint) -> Iterator[str]:
+    """The low pass and the decimation of moving runs whose values these are, where their spectra chose them."""
+    position, decimation = (joint.settings.get(name, "") for name in ("position filter", "decimation"))
+    if position.endswith(BY_SPECTRA) and any(isinstance(fit, TrackingFit) for fit in value_fits(joint)):
+        chosen = position.removesuffix(BY_SPECTRA).rpartition(", ")[2], decimation.partition(",")[0]
+        yield f"  filters: {printable('; '.join(chosen))}, by the spectra (fit.position_cutoff, fit.decimation)"
 
 
 def _errors(joint: Joint) -> Iterator[str]:
