@@ -178,8 +178,8 @@ def _settled(
         if not found.minimum.converged:
             break
         # the covariance tells less than the costs, where the law bends within the errors
-        F = solution.freedom / 2 * (found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1)
-        if not again and Kind.UNSEEN_WIDE not in kinds and fdtrc(2, solution.freedom, F) < LEVEL:
+        F = solution.freedom / len(more) * (found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1)
+        if not again and Kind.UNSEEN_WIDE not in kinds and fdtrc(len(more), solution.freedom, F) < LEVEL:
             shown |= more.keys()
             continue
         rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
@@ -270,7 +270,7 @@ def _not_shown(
             continue
         if errors.get(alpha_0, 0.0) > WIDE or np.log(values[v_s]) > upper[v_s] - _EDGE:
             bends |= {alpha_1: (0.0, Kind.UNSEEN_BEND()), v_s: (values[v_s], Kind.UNSEEN_BEND())}
-        elif alpha_1 in doubts.keys() - shown:
+        elif alpha_1 in doubts.keys() - shown and doubts[alpha_1].kind is Kind.UNSEEN_NO_PEAK:
             none |= {alpha_1: (0.0, doubts[alpha_1]), v_s: (values[v_s], doubts[alpha_1])}
         elif values[alpha_1] > values.get(alpha_0, np.inf) and errors[alpha_1] > WIDE * values[alpha_1]:
             wide[alpha_1] = values[alpha_0], Kind.UNSEEN_WIDE(share=errors[alpha_1] / values[alpha_1])
