@@ -16,6 +16,7 @@ signals:
   time:     {{rate: 1 kHz}}
   position: {{column: 0, unit: rad}}
   torque:   {{column: 4, unit: N*m}}
+fit: {{presliding_cutoff: 2 Hz}}
 runs:
   - {{files: "${{BRISTLE_DATA}}/servo_lugre/Fs_{k}.txt", experiment: presliding}}
   - {{files: "${{BRISTLE_DATA}}/servo_lugre/sigma0_{k}.txt", experiment: presliding}}

@@ -43,7 +43,7 @@ signals:
 runs:
   - {files: "${BRISTLE_DATA}/emps/DATA_EMPS.mat", experiment: tracking}
   - {files: "${BRISTLE_DATA}/emps/DATA_EMPS_PULSES.mat", experiment: tracking, hold_out: true}
-fit: {directions: DIRECTIONS}
+fit: {directions: DIRECTIONS, position_cutoff: 100 Hz, decimation: 10}
 """
 
 

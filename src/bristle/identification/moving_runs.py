@@ -67,6 +67,8 @@ _NEEDED = ("position", "velocity", "acceleration", "link_torque")
 """What `law.load_terms` is of, in its order."""
 _PER_METRE = "/m"
 """At the end of an order that is of a joint that slides."""
+_ENDS = 5
+"""Times the transients of a decimation, which a run has at the least."""
 _KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8
 """Where the smoothing kernel is cut, relative to its peak, and where it has died out: ends of a segment within are dropped."""
 
@@ -340,8 +342,8 @@ def decimator(segments: Sequence[Array], decimation: int, file: str) -> tuple[sp
 
 
 def longest_decimation(usual: int, samples: int) -> int:
-    """The largest decimation, at most the usual one, whose transients so many samples between gaps are longer than."""
-    fitting = (d for d in range(usual, 1, -1) if samples > _kernel(d).size - 1)
+    """The largest decimation, at most the usual one, whose transients take at most a fifth of so many samples between gaps."""
+    fitting = (d for d in range(usual, 1, -1) if samples > _ENDS * (_kernel(d).size - 1))
     return next(fitting, 1)
 
 

@@ -8,9 +8,6 @@ from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.moving_runs import turn_of
 from bristle.model.laws.registry import AUTO
 
-BY_SPECTRA = " by the spectra"
-"""The end of the setting of a low pass that the runs chose."""
-
 
 def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Record]) -> dict[str, str]:
     """Thresholds, cut-offs and options in force; `asked_law` is `fit.law` as the file has it, which may leave the choice to the data."""
@@ -33,12 +30,15 @@ def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Recor
         settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {turn}"
     if training:
         cutoffs = dict.fromkeys(f"{f(r.cutoff for r in training):.3g}" for f in (min, max))
-        chosen = BY_SPECTRA if fit.position_cutoff is None else ""
+        low_pass = f"{' to '.join(cutoffs)} Hz"
         settings |= {
-            "position filter": f"4th-order Butterworth, zero phase, {' to '.join(cutoffs)} Hz{chosen}",
+            "position filter": f"4th-order Butterworth, zero phase, {low_pass}",
             "decimation": f"one sample in {fit.every}, both sides through 0.8 of the new Nyquist frequency, zero phase",
             "regressors": ", ".join(asked_regressors(experiment)) or "none",
         }
+        if fit.position_cutoff is None:
+            told = f"low pass of {low_pass}, one sample in {fit.every}, by the spectra"
+            settings["filters"] = f"{told} (fit.position_cutoff and fit.decimation overrule)"
         if fit.predict == "position":
             settings |= {
                 "moving runs": f"the motor simulated in windows of {fit.horizon:g} s, and its position averaged over {fit.every} samples; "

@@ -8,7 +8,6 @@ from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, mixed, value_fits
 from bristle.identification.results import Joint
-from bristle.identification.settings import BY_SPECTRA
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, effort, of_curve, of_friction, unit
@@ -67,10 +66,8 @@ def law_in_force(joint: Joint) -> Iterator[str]:
 
 def _filters(joint: Joint) -> Iterator[str]:
     """The low pass and the decimation of moving runs whose values these are, where their spectra chose them."""
-    position, decimation = (joint.settings.get(name, "") for name in ("position filter", "decimation"))
-    if position.endswith(BY_SPECTRA) and any(isinstance(fit, TrackingFit) for fit in value_fits(joint)):
-        chosen = position.removesuffix(BY_SPECTRA).rpartition(", ")[2], decimation.partition(",")[0]
-        yield f"  filters: {printable('; '.join(chosen))}, by the spectra (fit.position_cutoff, fit.decimation)"
+    if "filters" in joint.settings and any(isinstance(fit, TrackingFit) for fit in value_fits(joint)):
+        yield f"  filters: {printable(joint.settings['filters'])}"
 
 
 def _errors(joint: Joint) -> Iterator[str]:
