@@ -2,9 +2,10 @@
 
 Friction at a reversal, presliding and inertia need the fast part of a motion; what a position holds beyond it is noise, whose second
 derivative drowns the acceleration, so that a fit finds less inertia. A moving run is cut off at twice the frequency at which its motion or
-its effort falls into its own noise, and then lower, as long as that raises its inertia; but at no less than four times the frequency below
-which 99.9 % of the position's power lies, for noise may hide what a smooth motion does in its reversals. Both sides of the equations go
-through the filter of the decimation alike, which biases nothing: it keeps more than that. Of speeds that are held nothing fast is asked.
+its effort falls into its own noise, or the inertia makes more torque of the motion's noise than the effort has, and then lower, as long as
+that raises the inertia; but at no less than four times the frequency below which 99.9 % of the position's power lies, for noise may hide
+what a smooth motion does in its reversals. Both sides of the equations go through the filter of the decimation alike, which biases nothing.
+Of speeds that are held nothing fast is asked.
 """
 
 from collections.abc import Sequence
@@ -50,9 +51,10 @@ def of_motion(record: Record) -> tuple[float, Diagnostic]:
 
     From the longest piece between gaps, its position or its velocity, and its effort as far as it is known.
     """
-    part, own = _longest(record), _own(record)
-    motion, effort = _known(record, "velocity", "position"), _known(record, "torque", "voltage")
-    moves, least = _shown(np.asarray(motion)[part], record.step), usable(record, _WIDER * own)
+    part, motion, effort = _longest(record), _known(record, "velocity", "position"), _known(record, "torque", "voltage")
+    moves = _shown(np.asarray(motion)[part], record.step)
+    own = moves.own if motion is record.position else _own(record)
+    least = usable(record, _WIDER * own)
     if effort is None:
         shown = _first(moves, own)
         return usable(record, max(least, _ABOVE * shown)), Kind.CUTOFF_OF_MOTION(motion=own, shown=shown)
@@ -136,9 +138,8 @@ class _Shown(NamedTuple):
 def _shown(x: Array, step: float) -> _Shown:
     f, power = _spectrum(x, step)
     count, moved = smallest_step(x), np.abs(np.diff(x))
-    uneven = (
-        np.mean(np.abs(moved - np.median(moved)) > count / 2) > _UNEVEN
-    )  # else it is what an even motion makes of a sample
+    # steps that are all alike are those of an even motion, not of counts
+    uneven = np.mean(np.abs(moved - np.median(moved)) > count / 2) > _UNEVEN
     highest, counts = float(np.median(power[f >= f[-1] / 2])) / np.log(2), count**2 / 6 * step if uneven else 0.0
     noise = max(highest, counts)
     below = np.cumsum(power - noise)

@@ -22,6 +22,7 @@ from bristle.identification.static.problem import Regression
 TUNING = 1.345
 """Residuals beyond this many scales count linearly: 95 % efficiency on Gaussian noise (Huber, 1981)."""
 _REFITS, _OF_MOTION = 50, 5
+"""Refits of points, and of moving runs, whose own fit is that of all parameters."""
 _SETTLED = 1e-6
 """Of the limit: torques that are pulled in no further than that."""
 
