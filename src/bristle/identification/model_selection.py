@@ -15,6 +15,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
+from bristle.identification.dynamic.starts import carried
 from bristle.identification.dynamic.unknowns import fit, with_deflections
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.model_criteria import (
@@ -34,7 +35,7 @@ from bristle.identification.results import ModelComparison
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
-from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction
+from bristle.model.parameters import SIGNED, ParameterName
 
 _STEPS = 100
 """Of the LuGre fit that no stage has done yet, at the most: one set of friction for directions that differ has a long way along a flat valley."""
@@ -42,7 +43,6 @@ _DEPENDENT = 1e8
 """Condition number beyond which columns are told apart by rounding alone."""
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
 """(directions, regressors) -> the equations to fit, and those to predict."""
-_OFFSET = ParameterName("offset", Direction.SHARED)
 
 
 def compare_on_points(
@@ -229,10 +229,10 @@ def _refitted(
     def posed(chosen: Sequence[Record]) -> DynamicProblem:
         """The problem of some records, with what the experiment fixes."""
         whole = dynamic_problem(chosen, directions, asked, experiment.fit.every, fixed, law=experiment.fit.friction)
-        return replace(whole, fixed=_held(_carried(whole, alone.known), alone))
+        return replace(whole, fixed=_held(carried(whole, alone.known), alone))
 
     problem = posed(records)
-    start = {name: value for name, value in _carried(problem, alone.known).items() if name not in problem.fixed}
+    start = {name: value for name, value in carried(problem, alone.known).items() if name not in problem.fixed}
     values, minimum = fit(problem, with_deflections(problem, start), _STEPS)
     known = {name: value for name, value in values.items() if isinstance(name, ParameterName)}
     return ModelCandidate(
@@ -245,33 +245,10 @@ def _refitted(
     )
 
 
-def _carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
-    """Values of one problem by the names of another: one set for both directions, or the geometric mean of two; 0 for what is not known.
-
-    An offset and half the difference of the two Coulomb terms are the same thing, and become one another.
-    """
-
-    def value(name: str, direction: Direction) -> float:
-        """Its own, or of both directions, or between those of each."""
-        own = in_direction(known, name, direction)
-        each = [x for d in SIGNED if (x := known.get(ParameterName(name, d))) is not None]
-        return own if own is not None else (float(np.prod(each)) ** (1 / len(each)) if each else 0.0)
-
-    carried = {name: value(*name) for name in (*problem.friction_names, *problem.extra_names)}
-    Coulomb = [ParameterName("alpha_0", d) for d in SIGNED]
-    if _OFFSET in problem.extra_names and Coulomb[0] in known and _OFFSET not in known:
-        carried[_OFFSET] = (known[Coulomb[0]] - known[Coulomb[1]]) / 2
-    for name, sign in zip(Coulomb, DIRECTIONS.values(), strict=True):
-        if name in carried and name not in known:
-            both = known[name._replace(direction=Direction.BOTH)]
-            carried[name] = max(carried[name] + sign * known.get(_OFFSET, 0.0), 1e-3 * both)
-    return carried
-
-
-def _held(carried: Mapping[ParameterName, float], alone: TrackingFit) -> dict[ParameterName, float]:
+def _held(values: Mapping[ParameterName, float], alone: TrackingFit) -> dict[ParameterName, float]:
     """What was fixed in the fit, by its counterparts in other directions, with the values carried over."""
     fixed = {}
-    for name, value in carried.items():
+    for name, value in values.items():
         there = {other for other in alone.known if other.name == name.name}
         if there and not there & set(alone.names):
             fixed[name] = value

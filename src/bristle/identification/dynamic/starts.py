@@ -1,6 +1,7 @@
 """The fit of moving data from several starts: one from the other stages, others at random, and those that an end suggests."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -10,11 +11,13 @@ from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_s
 from bristle.identification.dynamic.left_out_peak import asked_peak
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.dynamic.unknowns import polished, solved, with_deflections, without_deflections
-from bristle.model.parameters import SIGNED, ParameterName, of_friction
+from bristle.identification.moving_runs import DIRECTIONS
+from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction, of_friction
 from bristle.progress import Progress
 
 _APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
 """How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
+_OFFSET = ParameterName("offset", Direction.SHARED)
 _WINDOWS = 2  # of a simulated position, for the jackknife over them
 _WORTH = 0.1
 """A Stribeck term that noise alone would ask for less often than this is worth a start."""
@@ -30,9 +33,10 @@ def solve_dynamic(
 ) -> MultistartSolution[Unknown]:
     """The lowest minimum from several starts, and the covariance there.
 
-    Where no more than half of several starts reached it, each direction's set there is tried for both: starts that are
-    drawn for both at once may each find one of them. Where a direction has no Stribeck term there and the residuals ask
-    for one, it is given the one that they ask for: without it its v_s, and so its alpha_1, has no slope to follow.
+    Of two directions that each have their friction, one set for both is found from several starts first, about an
+    offset: it has half the unknowns, and where it ends is a start for the two. Where a direction has no Stribeck term in
+    the end and the residuals ask for one, it is given the one that they ask for: without it its v_s, and so its alpha_1,
+    has no slope to follow.
 
     Raises InputError where there is one window alone, whose error no other one tells.
     """
@@ -41,31 +45,64 @@ def solve_dynamic(
             f"{problem.motions[0].file}: fit.horizon: the moving runs make one window; expected at least {_WINDOWS}, which "
             "tell the errors by how they differ: set fit.horizon to at most half of a run, or measure longer"
         )
-    rng = np.random.default_rng(seed)
-    moved = [{name: value * _factor(name.name, rng) for name, value in start.items()} for _ in range(starts - 1)]
-    first, random = with_deflections(problem, start), [with_deflections(problem, whole) for whole in moved]
+    first, random = with_deflections(problem, start), list[Values]()
+    if starts > 1 and len(problem.directions) == len(SIGNED) and problem.quantity == "torque":
+        one = _of_both(problem)
+        found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), starts, seed, progress=progress)
+        both = carried(problem, {**one.fixed, **without_deflections(found.values)})
+        random = [first]
+        first = with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed})
+    else:
+        rng = np.random.default_rng(seed)
+        moved = [{name: x * _factor(name.name, rng) for name, x in start.items()} for _ in range(starts - 1)]
+        random = [with_deflections(problem, whole) for whole in moved]
     solve, finish = partial(solved, problem), partial(polished, problem)
     best = solve_from_starts(solve, (first, *others), random, finish, progress)
-    if starts == 1:
-        return best
-    near = _peaked(problem, best) + (_mirrored(problem, best.values) if best.reached <= best.starts / 2 else [])
-    while near:
-        again = solve_from_starts(solve, (), near, finish, known=(best.posed, best.minimum))
+    while starts > 1 and (asked := _peaked(problem, best)):
+        again = solve_from_starts(solve, (), asked, finish, known=(best.posed, best.minimum))
         if again.minimum.cost > best.minimum.cost * (1 - SAME):
             break
-        best = again._replace(starts=best.starts + len(near))
-        near = _peaked(problem, best) + _mirrored(problem, best.values)
+        best = again._replace(starts=best.starts + 1)
     return best
 
 
-def _mirrored(problem: DynamicProblem, values: Values) -> list[dict[Unknown, float]]:
-    """Values with the friction of one direction in both, for each direction where there are two."""
-    known = without_deflections(values)
-    sets = [{n.name: x for n, x in known.items() if n.direction == d} for d in SIGNED if d in problem.directions]
-    if len(sets) < len(SIGNED):
-        return []
-    both = [{n: one.get(n.name, x) if n.direction in SIGNED else x for n, x in known.items()} for one in sets]
-    return [with_deflections(problem, start) for start in both]
+def _of_both(problem: DynamicProblem) -> DynamicProblem:
+    """The problem with one set of friction for both directions, about an offset, of which nothing but itself is told."""
+    motions, names = problem.motions, problem.extra_names
+    if _OFFSET not in names:
+        motions = tuple(replace(m, extra=np.column_stack([m.extra, np.ones(m.time.size)])) for m in motions)
+        names = (*names, _OFFSET)
+    one = replace(problem, motions=motions, extra_names=names, directions=(Direction.BOTH,), priors=(), fixed={})
+    both = {
+        n
+        for n in problem.fixed
+        if n.direction not in SIGNED or {n._replace(direction=d) for d in SIGNED} <= problem.fixed.keys()
+    }
+    known = carried(one, {n: problem.fixed[n] for n in both})
+    return replace(one, fixed={n: x for n, x in known.items() if n.name in {m.name for m in both}})
+
+
+def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
+    """Values of one problem by the names of another: one set for both directions, or the geometric mean of two; 0 for what is not known.
+
+    An offset and half the difference of the two Coulomb terms are the same thing, and become one another.
+    """
+
+    def value(name: str, direction: Direction) -> float:
+        """Its own, or of both directions, or between those of each."""
+        own = in_direction(known, name, direction)
+        each = [x for d in SIGNED if (x := known.get(ParameterName(name, d))) is not None]
+        return own if own is not None else (float(np.prod(each)) ** (1 / len(each)) if each else 0.0)
+
+    out = {name: value(*name) for name in (*problem.friction_names, *problem.extra_names)}
+    Coulomb = [ParameterName("alpha_0", d) for d in SIGNED]
+    if _OFFSET in problem.extra_names and Coulomb[0] in known and _OFFSET not in known:
+        out[_OFFSET] = (known[Coulomb[0]] - known[Coulomb[1]]) / 2
+    for name, sign in zip(Coulomb, DIRECTIONS.values(), strict=True):
+        if name in out and name not in known:
+            both = known[name._replace(direction=Direction.BOTH)]
+            out[name] = max(out[name] + sign * known.get(_OFFSET, 0.0), 1e-3 * both)
+    return out
 
 
 def _peaked(problem: DynamicProblem, best: MultistartSolution[Unknown]) -> list[dict[Unknown, float]]:
