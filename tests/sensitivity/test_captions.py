@@ -10,7 +10,7 @@ import pytest
 import bristle
 from bristle.diagnostics import Kind
 from bristle.identification.fisher import Information
-from bristle.questions.sensitivity.local import Map, Swing, Tornado
+from bristle.questions.sensitivity.local import Map
 from bristle.questions.sensitivity.page import captions
 from bristle.questions.sensitivity.parameter_box import spans_of
 from bristle.questions.sensitivity.sobol import Effect, Global, Indices, Output
@@ -44,19 +44,17 @@ def test_every_caption_begins_with_a_number(known: SensitivityStudy, tmp_path: P
     index = whole.write(tmp_path / "out")
     found = findings(page_text(index))
     assert found == list(captions(whole).values())
-    assert len(found) == 5 + len(known.expected) + 1
+    assert len(found) == 4 + len(known.expected) + 1
     assert [text for text in found if not re.search(r"\d", text)] == []
     assert_tables_are_named(index.parent)
 
 
 def test_captions_hold_the_numbers_of_the_study(known: SensitivityStudy) -> None:
-    """Largest share, extent of the paper's claim and widest swing are those of the study's own tables."""
+    """Largest share, and extent of the paper's claim are those of the study's own tables."""
     found, frame = captions(known), known.to_frame()
     assert f"RMS torque, {100 * frame['total'].max():.2g} %" in found["shares"]
     assert f"the smallest, {100 * frame['total'].min():.2g} %" in found["shares"]
     assert f"{known.map.claim.sum()} of {known.map.claim.size} motions" in found["first"]
-    widest = max(swing.width / chart.value for chart in known.tornado for swing in chart.swings)
-    assert f"by {100 * widest:.2g} % between" in found["tornado"]
 
 
 def test_the_largest_change_is_of_the_motion_and_of_its_second_period(known: SensitivityStudy) -> None:
@@ -85,24 +83,10 @@ def test_a_claim_that_holds_nowhere_is_said(known: SensitivityStudy) -> None:
     assert found["map"] == "The share of σ₀ varies most over the map, from less than 0.1 % to 120 %."
 
 
-@pytest.mark.parametrize(
-    ("high", "expected"),
-    [
-        (1.5, "vₛ changes the steady force at top speed most, by 50 % between the ends of its 95 % interval."),
-        (1.0, "No 95 % interval changes an output by more than 0.001 %."),
-    ],
-)
-def test_the_widest_swing(known: SensitivityStudy, high: float, expected: str) -> None:
-    """One parameter alone is named with its output, relative to that output; where nothing moves, that is said."""
-    swing = Swing(parse("v_s"), 2.0, 2.0 * high)
-    chart = Tornado(output="steady torque at top speed", quantity="torque", value=2.0, swings=(swing,))
-    assert captions(replace(known, tornado=(chart,), kind="prismatic"))["tornado"] == expected
-
-
 def test_what_is_not_there_has_no_caption(known: SensitivityStudy) -> None:
-    """Without a finite interval and without Sobol indices nothing is said of their figures."""
-    found = captions(replace(known, tornado=(), sobol=None))
-    assert {"tornado", "sobol"} & found.keys() == set()
+    """Without Sobol indices nothing is said of their figure."""
+    found = captions(replace(known, sobol=None))
+    assert "sobol" not in found
     assert {"time", "shares", "first", "map"} <= found.keys()
 
 

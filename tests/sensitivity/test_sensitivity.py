@@ -1,4 +1,4 @@
-"""Local sensitivity, its map and its tornado, by differences, identities and documented figures; and the command."""
+"""Local sensitivity and its map, by differences, identities and documented figures; and the command."""
 
 import sys
 from collections.abc import Mapping
@@ -14,7 +14,6 @@ import bristle
 from bristle.api import experiments
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
-from bristle.identification.fisher import names_of
 from bristle.identification.identify import identify_joint
 from bristle.identification.limits import limits_of
 from bristle.identification.measured import measure
@@ -35,10 +34,7 @@ from bristle.questions.sensitivity.local import (
     local,
     motion,
     ranked,
-    replaced,
-    rms,
     sensitivity_map,
-    tornado,
 )
 from bristle.questions.sensitivity.text import findings
 from bristle.simulation.edro import TABLE_1
@@ -46,7 +42,6 @@ from bristle.simulation.edro import TABLE_1
 from ..conftest import FEW as TOO_FEW
 from ..conftest import TRUTH, run, speeds, tree, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, registered, truth_of
-from ..names import parse
 from ..pages import page_text
 from ..sameness import held, of_kind, without_sentences
 
@@ -211,51 +206,6 @@ def test_a_bristle_that_only_bends_is_a_spring() -> None:
     shares = sensitivity_map(P, np.array([1e-6]), np.array([1e-3])).shares[0, 0]
     assert shares[4] == pytest.approx(1.0, abs=1e-3)
     assert np.delete(shares, 4).max() < 1e-3
-
-
-def test_tornado_of_closed_forms() -> None:
-    """Breakaway moves by the widths of alpha_0's and alpha_1's intervals alone.
-
-    The steady torque at top speed moves by the width of alpha_2's interval times the speed.
-    """
-    intervals = {parse(name): (0.9 * x, 1.2 * x) for name, x in P._asdict().items()}
-    charts = {chart.output: chart for chart in tornado(P, intervals, PAPER)}
-    widths = {name: {str(s.parameter): s.width for s in chart.swings} for name, chart in charts.items()}
-    broken = widths["breakaway torque"]
-    assert charts["breakaway torque"].value == pytest.approx(P.alpha_0 + P.alpha_1)
-    assert broken["alpha_0"] == pytest.approx(0.3 * P.alpha_0)
-    assert broken["alpha_1"] == pytest.approx(0.3 * P.alpha_1)
-    assert max(broken[name] for name in ("alpha_2", "v_s", "sigma_0", "sigma_1")) == 0
-    assert widths["steady torque at top speed"]["alpha_2"] == pytest.approx(0.3 * P.alpha_2 * np.pi)
-    reach = (P.alpha_0 + P.alpha_1) / P.sigma_0
-    assert widths["deflection at breakaway"]["sigma_0"] == pytest.approx(reach / 0.9 - reach / 1.2)
-    whole = charts["RMS friction torque of the settled motion"]
-    assert whole.value == pytest.approx(float(rms(local(P, PAPER).torque[-2000:])))
-    assert [s.width for s in whole.swings] == sorted((s.width for s in whole.swings), reverse=True)
-
-
-def test_tornado_agrees_with_the_derivatives() -> None:
-    """For narrow intervals the RMS torque moves as its own derivative says, <T p dT/dp> / RMS."""
-    found = local(P, PAPER)
-    narrow = {parse(name): (x * (1 - 1e-4), x * (1 + 1e-4)) for name, x in P._asdict().items()}
-    whole = tornado(P, narrow, PAPER)[0]
-    for s in whole.swings:
-        k = Lugre._fields.index(s.parameter.name)
-        slope = float(np.mean((found.torque * found.total[:, k])[-2000:])) / whole.value
-        assert s.at_high - s.at_low == pytest.approx(2e-4 * slope, rel=1e-5, abs=1e-15)
-
-
-def test_replaced_moves_one_parameter() -> None:
-    """A name moves its own set's parameter and nothing else; a bare one of a pair both sets'."""
-    values = dict(zip(names_of(PAIR), (*PAIR.positive, *PAIR.negative), strict=True))
-    for name in values:
-        found = replaced(PAIR, name, 9.0)
-        assert isinstance(found, Pair)
-        assert dict(zip(names_of(PAIR), (*found.positive, *found.negative), strict=True)) == values | {name: 9.0}
-    both = replaced(PAIR, parse("v_s"), 9.0)
-    assert isinstance(both, Pair)
-    assert (both.positive.v_s, both.negative.v_s, both.positive.alpha_0) == (9.0, 9.0, P.alpha_0)
-    assert replaced(P, parse("v_s"), 9.0) == P._replace(v_s=9.0)
 
 
 @FEW
@@ -423,9 +373,9 @@ def test_the_command_writes_a_page(
     assert (ran.code, ran.said) == (0, [])
     assert "The paper's claim" in ran.out
     made = {path.relative_to(folder / "out").as_posix() for path in (folder / "out").rglob("*.*")}
-    figures = ("time", "shares", "first", "map", "tornado", "correlation-1", "correlation-2")
+    figures = ("time", "shares", "first", "map", "correlation-1", "correlation-2")
     assert {f"figures/{name}.png" for name in figures} | {"index.html"} <= made
-    assert {f"tables/{name}.csv" for name in ("shares", "map", "tornado", "information", "formulas")} <= made
+    assert {f"tables/{name}.csv" for name in ("shares", "map", "information", "formulas")} <= made
     page = page_text(folder / "out" / "index.html")
     assert "nan" not in page.lower().replace("nanum", "")
     assert "in the friction of wrist" in page

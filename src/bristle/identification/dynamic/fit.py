@@ -178,7 +178,7 @@ def _settled(
         if not found.minimum.converged:
             break
         # the covariance tells less than the costs, where the law bends within the errors
-        F = solution.freedom / len(more) * (found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1)
+        F = solution.freedom / len(more) * max(found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1, 0.0)
         if not again and Kind.UNSEEN_WIDE not in kinds and fdtrc(len(more), solution.freedom, F) < LEVEL:
             shown |= more.keys()
             continue

@@ -1,6 +1,6 @@
-"""Sensitivity as matplotlib figures: derivatives vs time, shares, maps, tornado charts, correlations, Sobol indices."""
+"""Sensitivity as matplotlib figures: derivatives vs time, shares, maps, correlations, Sobol indices."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from itertools import cycle, islice
 from textwrap import fill
 from typing import Any
@@ -10,14 +10,12 @@ from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import ListedColormap, LogNorm
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from bristle.model.parameters import Kind, Lugre, ParameterName, unit
+from bristle.model.parameters import Kind, Lugre, unit
 from bristle.page.style import ON_DARK, ON_LIGHT, WIDTH, new_figure, styled, thinned, title
-from bristle.page.wording import axis, measured, number, pretty, printable, shortened, symbol
-from bristle.questions.sensitivity.local import Tornado
+from bristle.page.wording import axis, measured, number, pretty, printable, symbol
 from bristle.questions.sensitivity.sobol import Global, Indices, Output
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
 from bristle.questions.sensitivity.text import heading, output_name
@@ -38,8 +36,6 @@ _STAR: Mapping[str, Any] = {
     "markersize": 9,
 }
 """Where the motion is on the map."""
-_ENDS = (("white", "at the interval's lower end"), ("#0072B2", "at its upper end"))
-"""How tornado charts show both ends."""
 _PERIODS = 2
 """Of the motion, drawn over time."""
 _BEYOND = 4.0
@@ -47,8 +43,6 @@ _BEYOND = 4.0
 _MOST = 900
 LEAST = 1e-3
 """Shares below this are drawn as this."""
-SEEN = 1e-5
-"""A swing below this share of the output is none."""
 _INDICES = (
     ("first", "first order: alone", "#0072B2", "", -0.19),
     ("total", "total: with interactions", "#E69F00", "///", 0.19),
@@ -244,56 +238,6 @@ def _cells(ax: Axes, values: NDArray[Any], **look: Any) -> QuadMesh:
     """Cells by their values (rows, columns), centred on whole numbers; `look` as matplotlib's pcolormesh has it."""
     edges = (np.arange(size + 1) - 0.5 for size in values.shape[::-1])
     return ax.pcolormesh(*edges, values, edgecolors="face", linewidth=0.3, **look)
-
-
-@styled
-def tornado_figure(study: SensitivityStudy) -> Figure | None:
-    """What each parameter's interval does to each output, percent; None without intervals.
-
-    A bar is open at the interval's lower end and filled at its upper end.
-    """
-    if not study.tornado:
-        return None
-    rows = [max(len(_moving(chart)), 1) for chart in study.tornado]
-    height = 0.75 + sum(rows) * 0.24 + 0.62 * len(rows)
-    figure = new_figure(height)
-    figure.subplots_adjust(
-        left=0.14, bottom=0.5 / height, top=1 - 0.8 / height, hspace=0.62 * len(rows) / (0.24 * sum(rows))
-    )
-    axes: Sequence[Axes] = list(figure.subplots(len(rows), squeeze=False, height_ratios=rows)[:, 0])
-    for ax, chart in zip(axes, study.tornado, strict=True):
-        _tornado(ax, chart, study.kind)
-    name = f"{shortened(study.name, 40)}{' (SIMULATED data)' if study.simulated else ''}"
-    figure.text(0.14, 1 - 0.2 / height, name, fontsize=10.5, va="center")
-    ends = [Patch(facecolor=colour, edgecolor="black", label=label) for colour, label in _ENDS]
-    figure.legend(handles=ends, loc="center", bbox_to_anchor=(0.55, 1 - 0.45 / height), ncols=2, frameon=False)
-    axes[-1].set_xlabel("Change of the output (%)")
-    return figure
-
-
-def _moving(chart: Tornado) -> list[tuple[ParameterName, float, float]]:
-    """Parameters that move the output, with its change at both ends, percent."""
-    return [
-        (swing.parameter, 100 * (swing.at_low / chart.value - 1), 100 * (swing.at_high / chart.value - 1))
-        for swing in chart.swings
-        if swing.width > SEEN * abs(chart.value)
-    ]
-
-
-def _tornado(ax: Axes, chart: Tornado, kind: Kind) -> None:
-    """One output's bars, the widest above."""
-    rows = _moving(chart)
-    place = np.arange(len(rows))
-    for k, (colour, _) in enumerate(_ENDS):
-        ax.barh(place, [row[1 + k] for row in rows], 0.62, color=colour, edgecolor="black", linewidth=0.9)
-    ax.axvline(0, color="black", linewidth=1)
-    ax.set_yticks(place, [symbol(name) for name, *_ in rows])
-    ax.set_ylim(max(len(rows), 1) - 0.5, -0.5)
-    widest = 1.15 * max((max(abs(low), abs(high)) for _, low, high in rows), default=1.0)
-    ax.set_xlim(-widest, widest)
-    ax.grid(visible=False, axis="y")
-    value = f"{number(chart.value, 3)} {pretty(unit(chart.quantity, kind))}"
-    ax.set_title(f"{heading(chart.output, kind)}, {value}", loc="left", fontsize=9.5, pad=4)
 
 
 @styled

@@ -7,8 +7,7 @@ Both in N*m for a change of the parameter by its own size, so that parameters co
 change by the same share.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,8 +18,8 @@ from bristle.control.compensator import Reference
 from bristle.errors import InputError
 from bristle.identification.fisher import cleared, of_estimated, values_of
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair, ParameterName, estimated_of, fields_of
-from bristle.model.rollout import rollout, rollout_jacobian
+from bristle.model.parameters import Lugre, Pair, estimated_of, fields_of
+from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
 from bristle.simulation.references import Sine
 
@@ -34,8 +33,6 @@ _CELL = 1000
 """Samples of a period in the map."""
 FREQUENCIES = (1e-6, 1e4)
 """Hz, of a motion that makes sense."""
-_SLOWEST = 1e-300
-"""The speed at which the joint breaks away, in the limit."""
 
 
 class SineMotion(NamedTuple):
@@ -203,76 +200,3 @@ def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencie
 def _settled(p: Lugre[float] | Pair[float], amplitude: float, frequency: float) -> Array:
     reference = SineMotion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))
     return local(p, reference).shares(last=_CELL)
-
-
-class Swing(NamedTuple):
-    """What one parameter does to an output on its way through an interval."""
-
-    parameter: ParameterName
-    at_low: float
-    """The output at the interval's lower end, all else as it is."""
-    at_high: float
-
-    @property
-    def width(self) -> float:
-        """How far the output moves."""
-        return abs(self.at_high - self.at_low)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Tornado:
-    """What the parameters' intervals do to one output, the widest swing first."""
-
-    output: str
-    quantity: str
-    """`torque` or `position`: the unit of the output."""
-    value: float
-    """With every parameter as it is."""
-    swings: tuple[Swing, ...]
-
-
-OUTPUTS: dict[str, str] = {
-    "RMS friction torque of the settled motion": "torque",
-    "breakaway torque": "torque",
-    "steady torque at top speed": "torque",
-    "deflection at breakaway": "position",
-}
-"""What tornado charts are drawn of, and its quantity. Of a pair, what belongs to a direction is the mean of both."""
-
-
-def tornado(
-    p: Lugre[float] | Pair[float], intervals: Mapping[ParameterName, tuple[float, float]], reference: SineMotion
-) -> tuple[Tornado, ...]:
-    """Each output with every parameter moved alone from one end of its interval to the other.
-
-    A parameter without an interval is left out.
-    """
-    middle = _outputs(p, reference)
-    ends = {name: [_outputs(replaced(p, name, x), reference) for x in interval] for name, interval in intervals.items()}
-    charts = []
-    for output, quantity in OUTPUTS.items():
-        swings = [Swing(name, low[output], high[output]) for name, (low, high) in ends.items()]
-        widest = tuple(sorted(swings, key=lambda swing: -swing.width))
-        charts.append(Tornado(output=output, quantity=quantity, value=middle[output], swings=widest))
-    return tuple(charts)
-
-
-def replaced(p: Lugre[float] | Pair[float], parameter: ParameterName, value: float) -> Lugre[float] | Pair[float]:
-    """The parameters with one of them another, of one direction or in both sets of a pair."""
-    name, direction = parameter
-    if isinstance(p, Lugre):
-        return p._replace(**{name: value})
-    sets = zip("+-", p, strict=True)
-    return Pair(*(one if direction in "+-" and direction != d else one._replace(**{name: value}) for d, one in sets))
-
-
-def _outputs(p: Lugre[float] | Pair[float], reference: SineMotion) -> dict[str, float]:
-    sets: Sequence[Lugre[float]] = [p] if isinstance(p, Lugre) else p
-    torques = [
-        evaluate(functions.steady_torque_function(one.law), np.array([_SLOWEST, reference.top_speed]), *one.stribeck)[0]
-        for one in sets
-    ]
-    deflections = [evaluate(functions.steady_deflection_function(one.law), _SLOWEST, *one)[0] for one in sets]
-    breakaway, fast = np.mean(torques, axis=0).tolist()
-    settled = float(rms(rollout(reference.course.velocity, reference.period, p, 0.0).torque[-reference.samples :]))
-    return dict(zip(OUTPUTS, (settled, breakaway, fast, float(np.mean(deflections))), strict=True))

@@ -39,7 +39,6 @@ def write_sensitivity(study: SensitivityStudy, folder: Path) -> Path:
         "shares": (figures.shares_figure, "shares of the torque"),
         "first": (figures.first_figure, "first parameter vs amplitude and frequency"),
         "map": (figures.map_figure, "shares vs amplitude and frequency"),
-        "tornado": (figures.tornado_figure, "tornado charts"),
     }
     draw: dict[str, Any] = {
         name: (partial(figure, study), f"{label} of {study.name}") for name, (figure, label) in drawn.items()
@@ -90,7 +89,6 @@ def captions(study: SensitivityStudy) -> dict[str, str]:
         "shares": _shares(study),
         "first": _claim(study),
         "map": _most_varied(study),
-        "tornado": _widest_swing(study),
         **{f"correlation-{k + 1}": _correlation(expected) for k, expected in enumerate(study.expected)},
         "sobol": "" if study.sobol is None else _largest_index(study.sobol, study.kind),
     }
@@ -130,17 +128,6 @@ def _most_varied(study: SensitivityStudy) -> str:
     k = int((high - low).argmax())
     least = f"less than {in_percent(figures.LEAST)}" if low[k] < figures.LEAST else in_percent(low[k])
     return f"The share of {symbol(study.map.names[k])} varies most over the map, from {least} to {in_percent(high[k])}"
-
-
-def _widest_swing(study: SensitivityStudy) -> str:
-    """Empty without intervals; of each output the widest swing is the first."""
-    if not study.tornado:
-        return ""
-    share, chart = max(((x.swings[0].width / abs(x.value), x) for x in study.tornado), key=lambda x: x[0])
-    if share <= figures.SEEN:
-        return f"No 95 % interval changes an output by more than {in_percent(figures.SEEN)}"
-    name, output = symbol(chart.swings[0].parameter), output_name(chart.output, study.kind)
-    return f"{name} changes the {output} most, by {in_percent(share)} between the ends of its 95 % interval"
 
 
 def _correlation(expected: Expected) -> str:

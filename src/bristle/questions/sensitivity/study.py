@@ -30,7 +30,7 @@ from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import KnownFriction
-from bristle.questions.sensitivity.local import Local, Map, SineMotion, Tornado, grid, local, sensitivity_map, tornado
+from bristle.questions.sensitivity.local import Local, Map, SineMotion, grid, local, sensitivity_map
 from bristle.questions.sensitivity.parameter_box import box_of
 from bristle.questions.sensitivity.sobol import Global, global_sensitivity
 from bristle.simulation.joint_loop import JointLoop
@@ -86,7 +86,6 @@ class SensitivityStudy:
     settled: Array
     """Total shares over the last period of the motion, (6,), as of `local`."""
     map: Map
-    tornado: tuple[Tornado, ...]
     expected: tuple[Expected, ...]
     sobol: Global | None
     formulas: Formulas | None
@@ -155,14 +154,13 @@ def study_sensitivity(
     tell("map over amplitude and frequency")
     mapped = sensitivity_map(model.p, *grid(motion))
     box, cut = box_of(model.estimates)
-    tell("tornado charts and information")
-    charts = tornado(model.p, box, motion) if box else ()
+    tell("information")
     expected = (_motion_tells(joint, model, motion), _constant_velocities_tell(joint))
     sobol, no_sobol = _sobol(model, box, motion, loop, samples, progress)
     written, no_formulas = _formulas(model.p.law)
     return SensitivityStudy(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, model=model, motion=motion, box=box, local=along_motion,
-        settled=along_motion.shares(last=motion.samples), map=mapped, tornado=charts,
+        settled=along_motion.shares(last=motion.samples), map=mapped,
         expected=tuple(x for x in expected if x is not None), sobol=sobol, formulas=written,
         assumptions=(*model.assumptions, *cut, *no_sobol, *no_formulas),
     )  # fmt: skip  # a list of values

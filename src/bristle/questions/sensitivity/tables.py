@@ -19,7 +19,6 @@ def tables(study: SensitivityStudy) -> dict[str, Frame]:
         "parameters": parameter_table(study),
         "shares": share_table(study),
         "map": map_table(study),
-        "tornado": tornado_table(study),
         "information": pd.concat([information_table(study, e) for e in study.expected], ignore_index=True),
     }
     if study.formulas is not None:
@@ -68,17 +67,6 @@ def map_table(study: SensitivityStudy) -> Frame:
     frame["first"] = [ranked(row, names)[0] for row in shares]
     frame["claim"] = study.map.claim.ravel()
     return frame
-
-
-def tornado_table(study: SensitivityStudy) -> Frame:
-    """One row per output and parameter: the output as it is, and at both ends of the parameter's interval."""
-    columns = ("output", "value", "unit", "parameter", "at_low", "at_high")
-    rows = [
-        (chart.output, chart.value, unit(chart.quantity, study.kind), swing.parameter, swing.at_low, swing.at_high)
-        for chart in study.tornado
-        for swing in chart.swings
-    ]
-    return pd.DataFrame(rows, columns=list(columns))
 
 
 def information_table(study: SensitivityStudy, expected: Expected) -> Frame:
