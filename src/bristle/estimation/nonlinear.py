@@ -168,7 +168,7 @@ def minimise(
     """
     x = np.clip(start, lower, upper)
     residuals, jacobian = evaluate(x)
-    cost = float(residuals @ residuals)
+    cost = float(residuals @ residuals) if np.isfinite(np.vdot(jacobian, jacobian)) else np.inf
     if not np.isfinite(cost) or not (jacobian.T @ residuals).any():
         what = "the gradient is zero" if np.isfinite(cost) else "the cost is not finite"
         raise InputError(
@@ -186,7 +186,7 @@ def minimise(
             break
         trial = np.clip(x + step, lower, upper)
         new_residuals, new_jacobian = evaluate(trial)
-        new_cost = float(new_residuals @ new_residuals)
+        new_cost = float(new_residuals @ new_residuals) if np.isfinite(np.vdot(new_jacobian, new_jacobian)) else np.inf
         gained = (cost - new_cost) / expected if np.isfinite(new_cost) else -1.0
         if gained > 1e-4:
             converged = cost - new_cost <= _FLAT * cost

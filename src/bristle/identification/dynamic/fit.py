@@ -13,6 +13,7 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.diagnostics import Diagnostic, Kind
+from bristle.errors import InputError
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
@@ -174,7 +175,10 @@ def _settled(
         without, near = replace(problem, fixed={**problem.fixed, **held}), _unbent(solution.values, held)
         kinds = {why.kind for _, why in more.values()}
         again = Kind.UNSEEN_BEND in kinds
-        found = solve_dynamic(without, near, starts if again else 1, seed, progress=progress)
+        try:
+            found = solve_dynamic(without, near, starts if again else 1, seed, progress=progress)
+        except InputError:  # nothing to start from without it
+            break
         if not found.minimum.converged:
             break
         # the covariance tells less than the costs, where the law bends within the errors
