@@ -1020,7 +1020,7 @@ class Kind(Enum):
         ),
     )
     UNSEEN_NO_PEAK = _CAUTION, "Not identifiable from this motion: no sign of a Stribeck peak."
-    UNSEEN_UNCONVERGED = _CAUTION, "Not estimated: the fit did not converge."
+    UNSEEN_UNCONVERGED = _CAUTION, "Not estimated: the fit did not converge, or leaves more than was measured."
     UNSEEN_TOO_FEW = (
         _CAUTION,
         (

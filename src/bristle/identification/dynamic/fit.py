@@ -63,6 +63,8 @@ _TRIES = 30
 """Steps that the start of a held-out window is given."""
 _UNEVEN = 1.5
 """Runs whose residuals differ by less than this factor count alike."""
+_NOTHING = 100.0
+"""Percent: what no model at all would leave."""
 _UNSEEN = 1e-2
 """A direction whose singular value is this share of the largest is not seen."""
 
@@ -211,11 +213,11 @@ def _all_estimates(
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value.
 
-    None has where the fit did not converge.
+    None has where the fit did not converge, or leaves more than there was.
     """
     estimates = _estimates(solution, kind)
     estimates |= {name: _refused(name, kind, why) for name, why in dropped.items()}
-    if not solution.minimum.converged:
+    if not solution.minimum.converged or _percent(equations_left(problem, solution), problem) > _NOTHING:
         estimates = warned(estimates, dict.fromkeys(estimates, Kind.UNSEEN_UNCONVERGED()))
     equations, unknowns = solution.minimum.residuals.size, len(solution.names)
     if equations < FEWEST * unknowns:
