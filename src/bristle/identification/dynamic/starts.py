@@ -35,8 +35,8 @@ def solve_dynamic(
 
     Of two directions that each have their friction, one set for both is found from several starts first, about an
     offset: it has half the unknowns, and where it ends is a start for the two. Where a direction has no Stribeck term in
-    the end and the residuals ask for one, it is given the one that they ask for: without it its v_s, and so its alpha_1,
-    has no slope to follow.
+    the end, or one within its error, and the residuals ask for one, it is given the one that they ask for: without it
+    its v_s, and so its alpha_1, has no slope to follow.
 
     Raises InputError where there is one window alone, whose error no other one tells.
     """
@@ -108,10 +108,11 @@ def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> di
 def _peaked(problem: DynamicProblem, best: MultistartSolution[Unknown]) -> list[dict[Unknown, float]]:
     """Values with the Stribeck terms that the residuals ask for, none where they ask for none."""
     added = dict[ParameterName, float]()
+    errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
     for direction in problem.directions:
         alpha_1, v_s = (problem.key(name, direction) for name in ("alpha_1", "v_s"))
-        without = best.values.get(alpha_1) == 0 and v_s in best.values
-        if without and (asked := asked_peak(problem, best, direction, _WORTH)):
+        none = {alpha_1, v_s} <= best.values.keys() and best.values[alpha_1] <= errors[alpha_1]
+        if none and (asked := asked_peak(problem, best, direction, _WORTH)):
             added |= {alpha_1: asked.alpha_1, v_s: asked.v_s}
     return [with_deflections(problem, {**without_deflections(best.values), **added})] if added else []
 
