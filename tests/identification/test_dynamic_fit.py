@@ -32,6 +32,7 @@ from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.dynamic.unknowns import least_squares as posed_about
 from bristle.identification.fits import TrackingFit
+from bristle.identification.moving_runs import moved_in
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 
@@ -497,6 +498,36 @@ def test_rest_shows_nothing_and_is_refused() -> None:
         posed(still)
 
 
+def test_a_fit_that_leaves_more_than_was_measured_gives_no_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is worse than no model at all tells nothing: no parameter has a value, however small its error; a good fit has."""
+    problem = posed(record(GRIPPER, noise=2e-4), decimation=5)
+    values = values_of(GRIPPER)
+    assert fit_tracking(problem, values, "revolute", starts=1).fit.parameters[parse("alpha_0")].value is not None
+    monkeypatch.setattr(DynamicProblem, "extent", property(lambda _: 1e-9))
+    found = fit_tracking(problem, values, "revolute", starts=1).fit
+    assert {e.value for e in found.parameters.values()} == {None}
+
+
+def test_a_peak_of_one_direction_is_found_though_one_set_for_both_has_none() -> None:
+    """Where one set for both directions ends without a peak, or in one too narrow to matter, each direction still gets its own."""
+    uneven = Pair(
+        GRIPPER._replace(alpha_1=0.1 * GRIPPER.alpha_0), OTHER._replace(alpha_1=0.8 * OTHER.alpha_0, v_s=0.03)
+    )
+    problem, truth = posed(record(uneven, 1e-5), ("+", "-"), 10), values_of(uneven)
+    start = {name: x * (1e-2 if name.name == "v_s" else 1.0) for name, x in truth.items()}
+    whole = solve_dynamic(problem, start, 6, 0)
+    for name, true in truth.items():
+        assert whole.values[name] == pytest.approx(true, rel=0.02)
+
+
+def test_noise_about_rest_is_no_direction() -> None:
+    """A direction in which less than a hundredth of the way is gone is none; two hundredths are one."""
+    there = np.abs(motion()[1][:-100])
+    for back, sides in ((0.005, ("+",)), (0.02, ("+", "-"))):
+        velocity = np.append(there, np.full(100, -back * there.sum() / 100))
+        assert moved_in([record(GRIPPER, velocity=velocity)]) == sides
+
+
 def test_the_descent_respects_its_bounds() -> None:
     """Where the free minimum lies beyond a bound, the descent ends on the bound, at the least cost there; and it takes few steps when linear."""
     rng = np.random.default_rng(0)
@@ -519,6 +550,8 @@ def test_a_zero_gradient_is_an_error() -> None:
         minimise(lambda _: (np.ones(3), np.zeros((3, 1))), np.zeros(1), *box)
     with pytest.raises(ValueError, match="the cost is not finite"):
         minimise(lambda _: (np.full(3, np.nan), np.ones((3, 1))), np.zeros(1), *box)
+    with pytest.raises(ValueError, match="the cost is not finite"):  # whose derivatives have no squares
+        minimise(lambda _: (np.ones(3), np.full((3, 1), 1e200)), np.zeros(1), *box)
 
 
 @pytest.mark.parametrize("p", [GRIPPER, Pair(GRIPPER, OTHER)], ids=["one set", "pair"])

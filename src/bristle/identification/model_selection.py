@@ -30,7 +30,7 @@ from bristle.identification.model_criteria import (
     power_of,
     rank_models,
 )
-from bristle.identification.moving_runs import DIRECTIONS, declared, inertia, regressors
+from bristle.identification.moving_runs import DIRECTIONS, declared, inertia, moved_in, regressors
 from bristle.identification.results import ModelComparison
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
@@ -58,7 +58,12 @@ def compare_on_points(
         pose: poses the problem.
         static: what the fit found.
     """
-    candidates, left = _static_candidates(experiment, _variants(velocity), pose, press=True)
+    candidates, left = _static_candidates(
+        experiment,
+        _variants(tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())),
+        pose,
+        press=True,
+    )
     held_by = (Kind.HELD_OUT_RUNS if pose(("both",), ())[1] else Kind.EACH_LEFT_OUT)()
     left_out = (*left, Kind.LUGRE_IS_ITS_CURVE())
     return rank_models("points", candidates, held_by, 1.0, _measured(pose), static, None, left_out)
@@ -88,7 +93,7 @@ def compare_on_motion(
     if alone.quantity != "torque":
         return None
     (fixed, _), law = inertia(experiment), experiment.fit.friction
-    variants = _variants(np.concatenate([_velocity(r) for r in records]))
+    variants = _variants(moved_in(records))
 
     def pose(directions: tuple[str, ...], asked: Sequence[str]) -> tuple[Regression, Sequence[Regression]]:
         """The regression of the training runs, and of each held-out one."""
@@ -116,14 +121,9 @@ def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, mov
     return tuple(r for r in asked if r != "offset" or directions == ("both",))
 
 
-def _variants(velocity: Array) -> dict[str, tuple[str, ...]]:
+def _variants(present: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     """Directions of the regression by what they are called."""
-    present = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
     return {SYMMETRIC: ("both",), APART: present} if len(present) == 2 else {ONE: present}
-
-
-def _velocity(record: Record) -> Array:
-    return np.zeros(0) if record.velocity is None else record.velocity
 
 
 def _measured(pose: Pose) -> float:

@@ -34,6 +34,8 @@ _ROUGHER = 3.0
 """Times one less the correlation with the next sample: noise against a motion."""
 _EXPLAINED = 0.1
 """Of the variance of a torque that belongs to a motion, at the least."""
+_AT_REST = 0.01
+"""Of the way: a direction in which less is gone is none."""
 _FEWEST = 4
 """Samples for each column, below which a relation cannot be tested."""
 ONE_RATE = 1.05
@@ -280,8 +282,14 @@ def _motion(record: Record) -> Array:
 
 def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, ...]:
     """`both`, or those in which the records move."""
-    moving = (d for d, sign in DIRECTIONS.items() if any((_of(r, "velocity") * sign > 0).any() for r in records))
-    return tuple(moving) if experiment.fit.directions == "separate" else ("both",)
+    return moved_in(records) if experiment.fit.directions == "separate" else ("both",)
+
+
+def moved_in(records: Sequence[Record]) -> tuple[str, ...]:
+    """The directions in which some records go a hundredth of their way or more: less is noise about rest."""
+    velocity = np.concatenate([_of(r, "velocity") for r in records])
+    way = {d: float(np.maximum(velocity * sign, 0.0).sum()) for d, sign in DIRECTIONS.items()}
+    return tuple(d for d, x in way.items() if x > _AT_REST * sum(way.values()))
 
 
 def inertia(experiment: Experiment) -> tuple[float | None, PlusMinus | None]:

@@ -24,6 +24,7 @@ from bristle.identification.moving_runs import (
     REGRESSORS,
     directions,
     inertia,
+    moved_in,
     regressor_line,
     regressors,
     terms_of,
@@ -140,12 +141,13 @@ def proposed_for_motion(experiment: Experiment, records: Sequence[Record]) -> Be
     """The set-up to begin with, where nobody has asked for one, beside the plainest one; None where nothing can be tried.
 
     One friction for both directions, with an offset, unless separate ones predict the parts held out better, in all of
-    them but one; and what clearly pays beside. Raises InputError as the fit of moving runs does.
+    them but one, or there is hardly any motion in one of them; and what clearly pays beside. Raises InputError as the fit of moving runs does.
     """
+    trial = _of_motion(experiment, records)
+    plain = [name for name in trial.possible if name == "inertia"]
     velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
     sides = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
-    trial = _of_motion(experiment, records)
-    return _proposed(sides, [name for name in trial.possible if name == "inertia"], trial, simplest=True)
+    return _proposed(sides, plain, trial, simplest=len(moved_in(records)) == len(DIRECTIONS))
 
 
 def proposed_for_points(points: Sequence[Segment]) -> BetterSetUp | None:
