@@ -26,11 +26,14 @@ from bristle.identification.law_comparison import (
     with_averages,
     with_averages_of_motion,
 )
-from bristle.identification.measured import Measured, nothing_to_fit, with_law
-from bristle.identification.model_selection import compare_on_motion, compare_on_points
+from bristle.identification.measured import Measured, nothing_to_fit, through_wider, with_law, with_options
+from bristle.identification.model_criteria import APART, LUGRE, SYMMETRIC
+from bristle.identification.model_selection import compare_on_motion, compare_on_points, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
+    directions,
     loads_slowly,
+    moved_in,
     refuse_noise,
     refuse_opposing_runs,
 )
@@ -50,6 +53,8 @@ from bristle.model.laws.registry import AUTO, PAPER
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
 
+_WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
+"""Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
 _CHOICES = 2
 """Of a law by moving runs: of the load, and of the peak and terms beside it."""
 _OF_THE_DATA = {
@@ -81,8 +86,17 @@ def identify_joint(
     identified = partial(
         _identified, timings=timings, asked_law=asked, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
     )
-    measured, laws = _with_law(with_periods(measured))
+    auto = measured.experiment.fit.directions == "auto"
+    measured, laws = _with_law(with_periods(_with_directions(measured) if auto else measured))
     joint = identified(measured, laws)
+    bic = {row.directions: row.bic for data in joint.models for row in data.rows if row.model == LUGRE} if auto else {}
+    if bic.get(APART, np.inf) < bic.get(SYMMETRIC, -np.inf):
+        measured = _with_directions(measured, "separate")
+        joint = identified(measured, laws)
+    if wider := _wider(measured, joint.tracking):
+        measured, joint = wider, identified(wider, laws)
+    if {APART, SYMMETRIC} <= bic.keys():
+        joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic)})
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
         laws = laws_of_motion(measured, joint.tracking)
@@ -95,6 +109,47 @@ def identify_joint(
                 laws = laws_of_motion(measured, joint.tracking) or laws
         joint = replace(joint, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
     return joint.with_subjects()
+
+
+def _with_directions(measured: Measured, directions: str | None = None) -> Measured:
+    """The same with directions, whose offset is a regressor where one set of friction serves both.
+
+    None: as a first choice one for both, of moving runs that go both ways; points show each by itself, and a simulated
+    position is fitted as ever.
+    """
+    fit, training = measured.experiment.fit, measured.moving(hold_out=False)
+    ways = len(moved_in(training)) if training and not measured.points(hold_out=False) else 0
+    chosen = directions or ("symmetric" if ways == len(DIRECTIONS) and fit.predict == "torque" else "separate")
+    asked = None if fit.regressors is None else [name for name in fit.regressors if name != "offset"]
+    about = ("offset",) if chosen == "symmetric" else ()
+    return with_options(measured, directions=chosen, regressors=None if asked is None else (*asked, *about))
+
+
+def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
+    """Moving runs through a wider low pass, where their fit leaves less through it: the narrow one took what the motion does.
+
+    Equations and decimation are the same; noise that a wider one lets in makes it leave more. The widest that leaves no
+    more than the spectra's own; None where the next one does not leave a tenth less, or the file asks for one.
+    """
+    experiment = measured.experiment
+    if experiment.fit.position_cutoff is not None or alone is None or alone.quantity != "torque":
+        return None
+    found, sides = None, directions(experiment, measured.moving(hold_out=False))
+    for factor in _WIDER:
+        wide = through_wider(measured, factor)
+        records = wide.moving(hold_out=False)
+        left = refitted(experiment, records, (), alone, "", sides).residuals
+        if np.linalg.norm(left) > (1.0 if found else _LESS) * np.sqrt(left.size) * alone.rms:
+            break
+        found = wide
+    return found
+
+
+def _chosen(bic: Mapping[str, float]) -> str:
+    """What was chosen, why, and what overrules it."""
+    more = bic[APART] - bic[SYMMETRIC]
+    which = "one friction for both, two having" if more >= 0 else "each its own friction, one for both having"
+    return f"{which} a BIC {abs(more):.3g} higher (fit.directions overrules)"
 
 
 def _identified(

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
-from bristle.data.differentiation import estimate_motion
+from bristle.data.differentiation import estimate_motion, usable
 from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
@@ -142,6 +142,17 @@ def _through(record: Record, cutoff: float) -> Record:
     kept = tuple(n for n in record.notes if n.kind not in {Kind.MOTION_FROM_POSITION, Kind.ACCELERATION_FROM_VELOCITY})
     velocity = None if record.velocity_estimated else record.velocity
     return estimate_motion(replace(record, velocity=velocity, acceleration=None, notes=kept), cutoff)
+
+
+def through_wider(measured: Measured, factor: float) -> Measured:
+    """The same with the low pass of every moving run so many times as wide, and the decimation as it is."""
+    runs = tuple(
+        replace(run, record=_through(run.record, usable(run.record, factor * run.record.cutoff)))
+        if run.kind == "tracking"
+        else run
+        for run in measured.runs
+    )
+    return replace(measured, runs=runs)
 
 
 def _beside_the_slowest(runs: tuple[Run, ...]) -> tuple[Run, ...]:

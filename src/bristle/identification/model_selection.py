@@ -211,11 +211,11 @@ def _lugre(
     for called, directions in variants.items():
         if called != done and not experiment.fit.shared:
             with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
-                candidates[called] = _refitted(experiment, records, held, alone, called, directions)
+                candidates[called] = refitted(experiment, records, held, alone, called, directions)
     return [candidates[called] for called in variants if called in candidates]
 
 
-def _refitted(
+def refitted(
     experiment: Experiment,
     records: Sequence[Record],
     held: Sequence[Record],

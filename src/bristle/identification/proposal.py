@@ -15,7 +15,7 @@ from bristle.data.robot.robot_file import robot_of
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
 from bristle.diagnostics import Severity
 from bristle.identification.measured import Measured, measure
-from bristle.identification.moving_runs import refuse_opposing_runs, regressor_line
+from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
 from bristle.identification.robot.measured import against_urdf
 from bristle.identification.static.runs import refuse_opposing_points
 from bristle.identification.static.set_up import (
@@ -147,9 +147,10 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
         refuse_opposing_points(measured.experiment, points, ("offset",))
     if not known:
         return "", ""
-    apart = any(x.set_up.directions != ("both",) for x in known)
-    pays = {name for x in known for name in x.set_up.regressors} - ({"offset"} if apart else set())
-    lines = f"directions: {'separate' if apart else 'symmetric'}"
+    sided = "separate" if any(x.set_up.directions != ("both",) for x in known) else "symmetric"
+    sided = "auto" if not points and len(moved_in(moving)) == len(DIRECTIONS) else sided
+    pays = {name for x in known for name in x.set_up.regressors} - ({"offset"} if sided != "symmetric" else set())
+    lines = f"directions: {sided}"
     lines += f", {regressor_line(pays)}" if pays or moving else ""
     why = f"relative error on parts held out in turn {', '.join(map(_errors, known))}"
     return f"fit: {{{lines}}}   # {why}", f"fit: {lines}; {why}"
@@ -157,14 +158,12 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
 
 def _errors(x: BetterSetUp) -> str:
     """The error of a set-up beside the plainest, where that tells anything."""
-    one = x.asked.directions in {("+",), ("-",)}
-    plain = "without regressors" if one else "with one friction for both directions"
     error = (
         f"{x.error:.2g} %"
         if x.error < _NOTHING
         else "above 100 %: too few points to tell, so what assumes least is taken"
     )
-    return f"{error} ({plain}: {x.asked_error:.2g} %)"
+    return f"{error} (the plainest set-up: {x.asked_error:.2g} %)"
 
 
 def _with_kinds(text: str, path: Path) -> tuple[str, str]:

@@ -36,9 +36,11 @@ def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Recor
             "decimation": f"one sample in {fit.every}, both sides through 0.8 of the new Nyquist frequency, zero phase",
             "regressors": ", ".join(asked_regressors(experiment)) or "none",
         }
-        if fit.position_cutoff is None:
-            told = f"low pass of {low_pass}, one sample in {fit.every}, by the spectra"
-            settings["filters"] = f"{told} (fit.position_cutoff and fit.decimation overrule)"
+        chosen = ["fit.position_cutoff"] if fit.position_cutoff is None else []
+        chosen += ["fit.decimation"] if "decimation" not in fit.model_fields_set else []
+        if chosen:
+            by = f"by the spectra, {' and '.join(chosen)} overrule{'s'[len(chosen) - 1 :]}"
+            settings["filters"] = f"low pass of {low_pass}, one sample in {fit.every} ({by})"
         if fit.predict == "position":
             settings |= {
                 "moving runs": f"the motor simulated in windows of {fit.horizon:g} s, and its position averaged over {fit.every} samples; "

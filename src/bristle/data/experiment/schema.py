@@ -221,7 +221,8 @@ def read_law(name: str) -> str:
 class FitOptions(StrictModel):
     """How the static parameters are fitted."""
 
-    directions: Literal["separate", "symmetric"] = "separate"
+    directions: Literal["auto", "separate", "symmetric"] = "separate"
+    """Of the friction: `auto` has moving runs choose between one set for both, about an offset, and one for each."""
     model: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
     """Whether the Stribeck term is fitted: where the data support it, never, or always."""
     law: Annotated[StrictStr, AfterValidator(read_law)] = PAPER

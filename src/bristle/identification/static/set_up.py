@@ -24,7 +24,6 @@ from bristle.identification.moving_runs import (
     REGRESSORS,
     directions,
     inertia,
-    moved_in,
     regressor_line,
     regressors,
     terms_of,
@@ -140,19 +139,18 @@ def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> Bett
 def proposed_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
     """The set-up to begin with, where nobody has asked for one, beside the plainest one; None where nothing can be tried.
 
-    One friction for both directions, with an offset, unless separate ones predict the parts held out better, in all of
-    them but one, or there is hardly any motion in one of them; and what clearly pays beside. Raises InputError as the fit of moving runs does.
+    Separate directions, unless one friction for both, with an offset, fits and predicts the parts held out better, in
+    all of them but one; and what clearly pays beside. Raises InputError as the fit of moving runs does.
     """
-    trial = _of_motion(experiment, records)
-    plain = [name for name in trial.possible if name == "inertia"]
     velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
     sides = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
-    return _proposed(sides, plain, trial, simplest=len(moved_in(records)) == len(DIRECTIONS))
+    trial = _of_motion(experiment, records)
+    return _proposed(sides, [name for name in trial.possible if name == "inertia"], trial)
 
 
 def proposed_for_points(points: Sequence[Segment]) -> BetterSetUp | None:
-    """The same of points at constant velocity, which show each direction by itself: separate ones, unless one friction fits and predicts better."""
-    return _proposed(_sides(points), [], _of_points(points), simplest=False)
+    """The same of points at constant velocity."""
+    return _proposed(_sides(points), [], _of_points(points))
 
 
 def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
@@ -191,7 +189,7 @@ def _clear(better: BetterSetUp | None) -> BetterSetUp | None:
     return better if better and better.error < _CLEARLY * better.asked_error else None
 
 
-def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial, *, simplest: bool) -> BetterSetUp | None:
+def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial) -> BetterSetUp | None:
     apart = _better(SetUp(sides, tuple(plain)), trial)
     if len(sides) < len(DIRECTIONS):
         return apart and (_clear(apart) or _as_asked(apart))
@@ -200,12 +198,8 @@ def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial, *, si
         return together or apart
     apart, together = _clear(apart) or _as_asked(apart), _clear(together) or _as_asked(together)
     errors, now = (_errors(x.set_up, trial) for x in (together, apart))
-    if together.set_up.directions == sides or errors is None or now is None:
-        alike = False
-    elif simplest:
-        alike = not _pays(now, errors, 1.0)
-    else:
-        alike = together.error < _EXPLAINS and _pays(errors, now, 1.0)
+    shown = errors is not None and now is not None and together.error < _EXPLAINS and _pays(errors, now, 1.0)
+    alike = together.set_up.directions != sides and shown
     return together if alike else replace(apart, asked_error=together.asked_error)
 
 

@@ -51,7 +51,7 @@ def _joint(joint: Joint) -> Iterator[str]:
     lines = list(wrapped([f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}"]))
     if found.reason is not None:
         lines += shortened_lines(_sentence(joint, found.reason), _LONGEST)
-    lines += wrapped([*law_in_force(joint), *_filters(joint)])
+    lines += wrapped([*law_in_force(joint), *_chosen(joint)])
     lines += [*shortened_lines(list(wrapped(_errors(joint))), _LONGEST), *_values(joint), *wrapped([_count(joint)])]
     yield from lines
     yield from _rest(joint, found.reason, LINES - len(lines) - 2)
@@ -64,10 +64,13 @@ def law_in_force(joint: Joint) -> Iterator[str]:
         yield f"  law: {printable(told)}"
 
 
-def _filters(joint: Joint) -> Iterator[str]:
-    """The low pass and the decimation of moving runs whose values these are, where their spectra chose them."""
-    if "filters" in joint.settings and any(isinstance(fit, TrackingFit) for fit in value_fits(joint)):
-        yield f"  filters: {printable(joint.settings['filters'])}"
+def _chosen(joint: Joint) -> Iterator[str]:
+    """Directions, low pass and decimation of moving runs whose values these are, where the data chose them."""
+    if any(isinstance(fit, TrackingFit) for fit in value_fits(joint)):
+        told = {"directions": "chosen directions", "filters": "filters"}
+        yield from (
+            f"  {name}: {printable(joint.settings[key])}" for name, key in told.items() if key in joint.settings
+        )
 
 
 def _errors(joint: Joint) -> Iterator[str]:
