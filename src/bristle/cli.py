@@ -285,7 +285,7 @@ def export(
         typer.Option(
             "--to",
             metavar="FORMAT",
-            help="c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, yaml, matlab or latex.",
+            help="c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.",
             show_default=False,
         ),
     ],

@@ -140,7 +140,6 @@ def test_a_damping_that_is_not_identified_is_assumed_and_marked(handed: Handed) 
         ("c", b"ASSUMED"),
         ("mujoco", b"ASSUMED"),
         ("json", b'"assumed"'),
-        ("yaml", b"assumed"),
         ("latex", b"assumed"),
     ):
         assert mark in target(to).write([replace(joint, parameters=rows)], Request()).content
@@ -162,7 +161,7 @@ def test_a_current_is_no_torque(handed: Handed) -> None:
     for to in ("urdf", "sdf", "isaac", "mujoco", "mujoco-frictionloss", "fmu"):
         with pytest.raises(bristle.InputError, match="known as a current alone"):
             target(to).write([joint], request)
-    for to in ("c", "json", "yaml", "matlab", "latex"):
+    for to in ("c", "json", "matlab", "latex"):
         assert target(to).write([joint], request).content
 
 

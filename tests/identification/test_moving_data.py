@@ -5,7 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import bristle
 from bristle.arrays import Array
+from bristle.data import bandwidth
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
@@ -27,6 +29,8 @@ from .conftest import curve
 
 STRONG = Lugre(0.02, 0.03, 0.04, 0.15, 1.0, 0.0)
 INERTIA = 0.004
+NARROW = 3.0
+"""Hz: a low pass that takes of the motion what it does at its reversals."""
 
 
 def moving(seed: int = 0, starts: tuple[int, ...] = (0,), noise: float = 2e-4) -> Record:
@@ -215,3 +219,24 @@ def test_hold_out_is_judged_and_never_fitted() -> None:
     by_hand = 100 * np.linalg.norm(other.residuals(theta)) / np.linalg.norm(other.torque)
     assert fit.hold_out[0].file == "other.csv"
     assert fit.hold_out[0].relative_error == pytest.approx(by_hand, rel=1e-9)
+
+
+def test_a_low_pass_that_takes_motion_is_widened(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where spectra would cut the motion off, the fit goes through the widest filter that leaves no more, and is right; a good one stays."""
+    t = np.arange(0, 12, 0.002)
+    v = 0.6 * np.sin(2.0 * t) + 0.4 * np.sin(5.3 * t) + 0.2 * np.sin(13.0 * t)
+    q = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)]) * 0.002
+    law = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
+    T = bristle.simulate(v, 0.002, law) + 0.001 * np.gradient(v, t)
+    T = T + 1e-4 * np.random.default_rng(0).standard_normal(t.size)
+    usual = bristle.fit_dynamic(t, q, T, directions="symmetric")
+    chosen, why = bandwidth.of_motion(usual.measured.moving(hold_out=False)[0])
+    assert f"{chosen:.3g} Hz" in usual.joint.settings["filters"]
+    monkeypatch.setattr(bandwidth, "of_motion", lambda _: (NARROW, why))
+    widened, asked = (
+        bristle.fit_dynamic(t, q, T, directions="symmetric", **cut) for cut in ({}, {"position_cutoff": f"{NARROW} Hz"})
+    )
+    assert f"{4 * NARROW:.3g} Hz" in widened.joint.settings["filters"]
+    off = [abs(fit.params["alpha_0"] / law.alpha_0 - 1) for fit in (usual, widened, asked)]
+    assert max(off[:2]) < 0.001, off
+    assert off[2] > 0.01, off

@@ -13,6 +13,7 @@ from bristle.data.experiment.load import load_experiment
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.measured import measure
+from bristle.model.parameters import SIGNED, Direction, Lugre, Pair
 
 RATE = 250.0
 
@@ -39,19 +40,45 @@ MOTOR = Told(torque_constant="0.5 N*m/A")
 @pytest.mark.parametrize(
     ("gravity", "apart", "lines"),
     [
-        (3.0, 1.0, "directions: symmetric, regressors: [inertia, offset, gravity]"),
-        (0.0, 1.6, "directions: separate, regressors: [inertia]"),
-        (3.0, 1.6, "directions: separate, regressors: [inertia, gravity]"),
+        (3.0, 1.0, "directions: auto, regressors: [inertia, gravity]"),
+        (0.0, 1.6, "directions: auto, regressors: [inertia]"),
+        (3.0, 1.6, "directions: auto, regressors: [inertia, gravity]"),
     ],
 )
 def test_a_draft_has_the_set_up_that_pays(tmp_path: Path, gravity: float, apart: float, lines: str) -> None:
-    """Gravity is drafted where it is there, and separate directions where these differ; the draft loads as it is."""
+    """Gravity is drafted where it is there, and the directions are left to the fit; the draft loads as it is."""
     text, said = api.draft(swung(tmp_path, gravity=gravity, apart=apart), told=MOTOR, folder=tmp_path)
     (tmp_path / "draft.yaml").write_text(text)
     experiment = load_experiment(tmp_path / "draft.yaml")
     assert f"fit: {{{lines}}}" in text
     assert any(sentence.startswith(f"fit: {lines}; relative error") for sentence in said)
     assert [run.kind for run in measure(experiment).runs] == ["tracking"]
+
+
+@pytest.mark.parametrize(("apart", "which"), [(1.0, "one friction for both"), (1.2, "each its own friction")])
+def test_directions_are_chosen_by_the_fit(tmp_path: Path, apart: float, which: str) -> None:
+    """One friction for both where they are alike, one for each where they differ by a fifth, which is said; a line overrules it."""
+    t = np.arange(int(15 * RATE)) / RATE
+    q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
+    v = np.gradient(q, t)
+    sets = Lugre(0.8, 0.3, 0.4, 0.1, 400.0, 2.0), Lugre(0.8 * apart, 0.3 * apart, 0.4 * apart, 0.1, 400.0, 2.0)
+    T = bristle.simulate(v, 1 / RATE, Pair(*sets)) + 0.05 * np.gradient(v, t)
+    T += 0.01 * np.random.default_rng(0).standard_normal(t.size)
+    log = written(tmp_path / "log.csv", "time_s,pos_deg,motor_current_A", t, np.degrees(q), T / 0.5)
+    text, _ = api.draft(log, told=MOTOR, folder=tmp_path)
+    (tmp_path / "draft.yaml").write_text(text)
+    found = bristle.identify(tmp_path / "draft.yaml")
+    tracking = found.joint().tracking
+    assert tracking is not None
+    sided = {name.direction for name in tracking.parameters if name.name == "alpha_0"}
+    assert sided == (set(SIGNED) if apart > 1 else {Direction.BOTH})
+    assert f"directions: {which}" in found.text()
+    assert "fit.directions overrules" in " ".join(found.text().split())
+    other = "symmetric" if apart > 1 else "separate"
+    (tmp_path / "other.yaml").write_text(text.replace("directions: auto", f"directions: {other}"))
+    overruled = bristle.identify(tmp_path / "other.yaml").joint()
+    assert overruled.settings["directions"] == other
+    assert "chosen directions" not in overruled.settings
 
 
 def test_a_draft_of_a_gravity_joint_identifies(tmp_path: Path) -> None:

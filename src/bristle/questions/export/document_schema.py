@@ -1,4 +1,4 @@
-"""Exported joints as a document of schema bristle-export/1, which JSON and YAML have in common, read off the classes themselves."""
+"""Exported joints as a document of schema bristle-export/1, read off the classes themselves."""
 
 import json
 from collections import Counter

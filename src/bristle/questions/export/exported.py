@@ -172,7 +172,7 @@ class ExportedJoint:
         if not self.has_bristle:
             raise InputError(
                 f"{self.name}: sigma_0 is not identified, and {target} holds a LuGre bristle; add a presliding or tracking run "
-                "that shows it, or export to c with compensator stribeck, urdf, sdf, isaac, mujoco-frictionloss, json, yaml, matlab or latex"
+                "that shows it, or export to c with compensator stribeck, urdf, sdf, isaac, mujoco-frictionloss, json, matlab or latex"
             )
         return self
 

@@ -1,10 +1,9 @@
-"""JSON of schema bristle-export/1: all that is known of the joints, to the last digit; and how it is read back, from JSON or YAML."""
+"""JSON of schema bristle-export/1: all that is known of the joints, to the last digit; and how it is read back."""
 
 import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from bristle.data.experiment.yaml_file import parse
 from bristle.errors import InputError, one_line, read_at_most
 from bristle.identification.results import first_reason
 from bristle.questions.export.artefact import Artefact, ExportTarget, Failed, Request, slug, told_by
@@ -46,20 +45,12 @@ def told_back(read: Sequence[ExportedJoint], joints: Sequence[ExportedJoint]) ->
 
 
 def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
-    """The joints of a document of schema bristle-export/1, in JSON or, by its name, in YAML: .yaml or .yml.
-
-    Raises InputError where it cannot be read, or is no such document.
-    """
+    """The joints of a document of schema bristle-export/1. Raises InputError where it cannot be read, or is no such document."""
     path = Path(path)
     data = read_at_most(path, LARGEST_EXPORT, "an export of bristle")
     try:
-        text = data.decode("utf-8")
-        return joints_in(json.dumps(parse(text, path.name)) if path.suffix in {".yaml", ".yml"} else text)
-    except (
-        ValueError,
-        TypeError,
-        RecursionError,
-    ) as error:  # InputError is a ValueError; a date of YAML has no form in JSON
+        return joints_in(data.decode("utf-8"))
+    except (ValueError, TypeError, RecursionError) as error:  # InputError is a ValueError
         why = str(error) if isinstance(error, InputError) else first_reason(error)
         raise InputError(
             f"{path}: is no document of schema {SCHEMA} ({one_line(why, _SHOWN)}); expected one that bristle exported"

@@ -14,7 +14,6 @@ _MODULES = {
     "sdf": "sdf",
     "isaac": "isaac",
     "json": "json_document",
-    "yaml": "yaml_document",
     "matlab": "matlab",
     "latex": "latex",
 }
