@@ -442,9 +442,10 @@ def catalogs(draw: Draw) -> bytes:
         {name: draw(good.get(name, odd) if draw(usual) else odd) for name in columns}
         for _ in range(draw(st.integers(0, 4)))
     ]
-    return (
-        pd.DataFrame(rows, columns=columns if not rows else None).to_csv(index=False).encode("utf-8", "surrogatepass")
-    )
+    table = pd.DataFrame(
+        rows, columns=columns if not rows else None, dtype=object
+    )  # strings of pandas have no lone surrogate
+    return table.to_csv(index=False).encode("utf-8", "surrogatepass")
 
 
 _COMMANDS: list[tuple[str, ...]] = (

@@ -142,15 +142,15 @@ def _shown(x: Array, step: float) -> _Shown:
     uneven = np.mean(np.abs(moved - np.median(moved)) > count / 2) > _UNEVEN
     highest, counts = float(np.median(power[f >= f[-1] / 2])) / np.log(2), count**2 / 6 * step if uneven else 0.0
     noise = max(highest, counts)
-    below = np.cumsum(power - noise)
-    own = float(f[np.argmax(below >= _POWER * below[-1])])
-
     edges = [0]
     while edges[-1] < f.size:
         edges.append(max(edges[-1] + _LEAST, round(edges[-1] * 2 ** (1 / _PER_OCTAVE))))
     size = np.diff([*edges[:-1], f.size])
-    f, power = (np.add.reduceat(values, edges[:-1]) / size for values in (f, power))
-    return _Shown(f, power > _NOISE * noise, own, noise, counts > highest / 2)
+    middle, mean = (np.add.reduceat(values, edges[:-1]) / size for values in (f, power))
+    seen = mean > _NOISE * noise
+    below = np.cumsum((power - noise) * np.repeat(seen, size))  # what noise adds up to beyond is no motion
+    own = float(f[np.argmax(below >= _POWER * below[-1])])
+    return _Shown(middle, seen, own, noise, counts > highest / 2)
 
 
 def _first(shown: _Shown, above: float) -> float:
