@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from functools import partial
-from multiprocessing import active_children
+from multiprocessing import active_children, forkserver
 from pathlib import Path
 
 import pytest
@@ -44,6 +44,7 @@ def test_workers_have_one_thread_and_keep_the_order(monkeypatch: pytest.MonkeyPa
     """Parts come back in their order, from other processes with one thread each; the environment is then as it was."""
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "7")
     monkeypatch.delenv("OMP_NUM_THREADS", raising=False)
+    vars(forkserver)["_forkserver"]._stop()  # one that another test began has the environment of then
     with sharing(2, "bristle.model.law") as share:
         assert list(share(called, [partial(int, k) for k in range(20)])) == list(range(20))
         one = (os.getpid, threads, partial(os.getenv, "OMP_NUM_THREADS"), partial(os.getenv, "OPENBLAS_NUM_THREADS"))
