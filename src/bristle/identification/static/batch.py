@@ -21,7 +21,7 @@ from bristle.identification.static.grid import Projected, solve
 from bristle.identification.static.problem import Regression, log_grid
 from bristle.identification.static.profiles import profiled
 
-GRID = 96
+GRID = 128
 """Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them.
 """
 _IN_CACHE = 400_000
