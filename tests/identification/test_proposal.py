@@ -74,6 +74,8 @@ def test_directions_are_chosen_by_the_fit(tmp_path: Path, apart: float, which: s
     assert sided == (set(SIGNED) if apart > 1 else {Direction.BOTH})
     assert f"directions: {which}" in found.text()
     assert "fit.directions overrules" in " ".join(found.text().split())
+    (tmp_path / "law.yaml").write_text(text.replace("directions: auto", "directions: auto, law: auto"))
+    assert which in bristle.identify(tmp_path / "law.yaml").joint().settings["chosen directions"]
     other = "symmetric" if apart > 1 else "separate"
     (tmp_path / "other.yaml").write_text(text.replace("directions: auto", f"directions: {other}"))
     overruled = bristle.identify(tmp_path / "other.yaml").joint()

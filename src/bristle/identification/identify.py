@@ -95,8 +95,6 @@ def identify_joint(
         joint = identified(measured, laws)
     if wider := _wider(measured, joint.tracking):
         measured, joint = wider, identified(wider, laws)
-    if {APART, SYMMETRIC} <= bic.keys():
-        joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic)})
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
         laws = laws_of_motion(measured, joint.tracking)
@@ -108,6 +106,8 @@ def identify_joint(
             if measured.experiment.fit.load and joint.tracking is not None:  # which peak and terms beside the load
                 laws = laws_of_motion(measured, joint.tracking) or laws
         joint = replace(joint, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
+    if {APART, SYMMETRIC} <= bic.keys():
+        joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic)})
     return joint.with_subjects()
 
 
