@@ -124,7 +124,8 @@ def _candidates(problem: Regression, v_s: Array) -> Iterator[tuple[NDArray[np.in
     for size, most in _TRIED.items():
         if n - len(problem.names) - size < 1:
             return
-        sets = np.array(list(combinations(np.sort(order[:most]).tolist(), size)))
+        among = np.sort(order[:most])
+        sets = among[:, None] if size == 1 else np.array(list(combinations(among.tolist(), size)))
         costs = reduce(np.minimum, (node.cost - node.falls(sets) for node in nodes))
         best = np.argsort(costs)
         order = sets[best, 0] if size == 1 else order
