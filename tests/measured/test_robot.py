@@ -85,6 +85,14 @@ def test_the_bristle_is_not_claimed(joints: Mapping[str, Measured]) -> None:
     assert joint.torque_constant == joints["elbow_joint"].torque_constant
 
 
+def test_links_beside_a_bristle_are_a_regressor(joints: Mapping[str, Measured]) -> None:
+    """Wrist 2, in A: beside LuGre the links' torque is told, which the static law hides, and its fit predicts another motion within 11 %."""
+    joint = identify_joint(joints["wrist_2_joint"])
+    assert joint.tracking is not None
+    assert "links" in {name.name for name in joint.tracking.parameters}
+    assert joint.tracking.hold_out[0].relative_error <= 11
+
+
 @pytest.mark.parametrize(
     ("order", "up", "kind"),
     [

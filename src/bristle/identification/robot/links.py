@@ -66,12 +66,12 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale |
 
 
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
-    """The scale of the links' torque by the fit of all LuGre parameters, where it is told and that explains the runs better.
+    """The scale of the links' torque by the fit of all LuGre parameters, where that explains the runs better.
 
     The static fit takes presliding for something else, the links' torque among it: its error is wide. `experiment` has the
     links among its regressors, and its torque in the logged unit.
     """
-    if not found.told:
+    if not found.scale:
         return found
     fit = fit_alone(experiment, records, fit_moving(experiment, records, (), None)[0])
     links = fit.parameters[ParameterName("links", Direction.SHARED)]

@@ -153,8 +153,9 @@ def _measured(part: _Part) -> Measured:
     findings, constant = list(part.findings), None
     if part.linked and part.joint.free:
         seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
-        constant = part.constant or torque_constant(_refined(part, seen), experiment.joint.kind)
-        experiment, runs = _with_constant(experiment, runs, seen, constant.value, constant.standard_error)
+        refined = _refined(part, seen)  # which may be told by more than the links: then it is a regressor, and no constant
+        constant = part.constant or torque_constant(refined if seen.told else seen, experiment.joint.kind)
+        experiment, runs = _with_constant(experiment, runs, refined, constant.value, constant.standard_error)
         findings += [] if constant.value else constant.warnings
     elif found is not None:
         findings += scale_warnings(found)
