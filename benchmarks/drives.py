@@ -267,7 +267,7 @@ def of_joint(joint: Joint) -> dict[str, str]:
     held = [f"{x.relative_error:.3g} %" for fit in fits for x in fit.hold_out]
     fitted = [f"{fit.relative_error:.3g} %" for fit in fits if fit.relative_error is not None]
     return {
-        "verdict": f"{found.trust}" + (f" [{found.reason.kind.code}]" if found.reason else ""),
+        "verdict": f"{found.trust}" + (f" [{found.reason.code}]" if found.reason else ""),
         "hold-out": " ".join(held) or "-",
         "in the fit": " ".join(fitted) or "-",
         "values": "; ".join(values) or "none",

@@ -25,17 +25,17 @@ from typing import NamedTuple
 import numpy as np
 
 import bristle
-from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.errors import InputError
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.results import Joint
 from bristle.model.parameters import Lugre, ParameterName
 from faulty_logs import CLEAN, FAULTS, UNSEEN, Fault, J, Log
 
 FLAT = {
-    Kind.NO_STRIBECK, Kind.STATIC_NO_STRIBECK, Kind.UNSEEN, Kind.UNSEEN_PEAK, Kind.UNSEEN_BEND, Kind.UNSEEN_COMPANION,
-    Kind.UNSEEN_NO_PEAK, Kind.NOTHING_SEEN, Kind.ONLY_AS_SUM,
-    Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.ONLY_SUM_SEEN, Kind.ONLY_SUM_SEEN_OF_FIT, Kind.AT_BOUND, Kind.INTERVALS_AT_BOUND,
+    "no-stribeck", "static-no-stribeck", "unseen", "unseen-peak", "unseen-bend", "unseen-companion",
+    "unseen-no-peak", "nothing-seen", "only-as-sum",
+    "unseen-wide", "unseen-far", "only-sum-seen", "only-sum-seen-of-fit", "at-bound", "intervals-at-bound",
 }  # fmt: skip  # a list
 """What says that alpha_1 or v_s is not identifiable."""
 SERIOUS = {Severity.CRITICAL, Severity.CAUTION}
@@ -70,7 +70,7 @@ class Number(NamedTuple):
     fit: str
     name: str
     estimate: Estimate
-    of_fit: tuple[Diagnostic, ...]
+    of_fit: tuple[Finding, ...]
 
     @property
     def bare(self) -> str:
@@ -140,14 +140,14 @@ def is_wrong(number: Number, true: dict[str, float]) -> bool:
     )
 
 
-def warns(w: Diagnostic, number: Number, named_by: tuple[Kind, ...]) -> bool:
+def warns(w: Finding, number: Number, named_by: tuple[str, ...]) -> bool:
     """Whether a warning about the fit or the whole joint is about this estimate: critical, or it names the fault, or the number."""
     texts = str(list(w.numbers.values()))
     named = any(f"'{name}'" in texts for name in (number.name, number.bare))
-    return w.severity is Severity.CRITICAL or (w.severity is Severity.CAUTION and (w.kind in named_by or named))
+    return w.severity is Severity.CRITICAL or (w.severity is Severity.CAUTION and (w.code in named_by or named))
 
 
-def judged(joint: Joint, truth: Lugre[float], named_by: tuple[Kind, ...]) -> tuple[set[str], list[str]]:
+def judged(joint: Joint, truth: Lugre[float], named_by: tuple[str, ...]) -> tuple[set[str], list[str]]:
     """The kinds that warn of wrong estimates, and the wrong estimates of which none does."""
     true, kinds, silent = true_values(truth), set[str](), []
     whole = (*joint.warnings, *(w for s in joint.segments if s.accepted for w in s.warnings))
@@ -155,8 +155,8 @@ def judged(joint: Joint, truth: Lugre[float], named_by: tuple[Kind, ...]) -> tup
         e = number.estimate
         if not is_wrong(number, true):
             continue
-        said = {w.kind.name for w in e.warnings if w.severity in SERIOUS}
-        said |= {w.kind.name for w in (*whole, *number.of_fit) if warns(w, number, named_by)}
+        said = {w.code for w in e.warnings if w.severity in SERIOUS}
+        said |= {w.code for w in (*whole, *number.of_fit) if warns(w, number, named_by)}
         kinds |= said
         if not said:
             silent.append(
@@ -193,14 +193,14 @@ def controlled(case: Case, log: Log, folder: Path) -> Verdict:
     wrong = {x.fit.split()[0] for x in every if is_wrong(x, true)}
     said = {str(w): w for w in joint.all_warnings() if w.severity in SERIOUS}
     feeds_back = log.truth.sigma_1 * log.truth.alpha_1 > log.truth.alpha_0 * log.truth.alpha_2
-    true_kinds = (FLAT if flat else set()) | ({Kind.NOT_PASSIVE} if feeds_back else set())
-    false = [w for w in said.values() if stage(w) not in wrong and w.kind not in true_kinds]
+    true_kinds = (FLAT if flat else set()) | ({"not-passive"} if feeds_back else set())
+    false = [w for w in said.values() if stage(w) not in wrong and w.code not in true_kinds]
     _, silent = judged(joint, log.truth, ())
     names = {x.name for x in every if true.get(x.bare) and x.bare not in flat}
     return Verdict(
         case,
         "silent" if silent else "right",
-        tuple(f"{w.severity} {w.kind.name} of {stage(w) or 'the joint'}" for w in false),
+        tuple(f"{w.severity} {w.code} of {stage(w) or 'the joint'}" for w in false),
         tuple(silent),
         tuple(
             (f"{x.fit} {x.name}", e / true[x.bare])
@@ -211,7 +211,7 @@ def controlled(case: Case, log: Log, folder: Path) -> Verdict:
     )
 
 
-def stage(w: Diagnostic) -> str:
+def stage(w: Finding) -> str:
     """The stage that a warning is about, as fits are called here; empty: the joint."""
     called = {"static": "static", "moving runs": "moving", "joint fit": "joint", "presliding": "slow"}
     return called.get(w.subject[0], "") if w.subject else ""

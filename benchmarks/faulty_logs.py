@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.model.functions import steady_torque_function
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
@@ -270,54 +269,54 @@ class Fault(NamedTuple):
     make: Callable[[int], Log]
     change: Change
     strengths: tuple[float, float]
-    named_by: tuple[Kind, ...] = ()
+    named_by: tuple[str, ...] = ()
     """Kinds whose sentence names the fault, or the pattern that it leaves."""
 
 
-DRIFT = (Kind.DRIFT_IN_ORDER, Kind.DRIFT_OVER_RUNS, Kind.RESIDUAL_TREND)
-TERM = (Kind.LACKS_A_TERM, Kind.LACKS_UNKNOWN_TERM, Kind.RESIDUAL_TREND)
-DELAY = (Kind.TORQUE_DELAYED,)
-WARMS = (Kind.TORQUE_DRIFTS_IN_RUNS, Kind.RESIDUAL_TREND)
-RIPPLE = (Kind.RESIDUAL_RIPPLE, Kind.LACKS_A_TERM)
-SPEED = (Kind.VELOCITY_FACTOR, Kind.VELOCITY_UNRELATED)
-COARSE = (Kind.WHOLE_POSITIONS, Kind.COUNT_BIAS)
-PEAK = (Kind.NO_STRIBECK, Kind.FEW_BELOW_V_S, Kind.TAKES_UP_PEAK, Kind.ONE_SIDED_PROFILE)
-STRAYS = (Kind.STRAYS, Kind.HUBER_DIFFERS)
-SIDES = (Kind.OFFSET_OR_FRICTION, Kind.DIRECTIONS_DIFFER, Kind.LACKS_A_TERM)
-LOADED = (Kind.LOADED_AT_START, Kind.OPEN_CYCLES, Kind.ABOVE_G0)
-STICKS = (Kind.STICK_SLIP, Kind.STICK_SLIP_POINTS)
+DRIFT = ("drift-in-order", "drift-over-runs", "residual-trend")
+TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend")
+DELAY = ("torque-delayed",)
+WARMS = ("torque-drifts-in-runs", "residual-trend")
+RIPPLE = ("residual-ripple", "lacks-a-term")
+SPEED = ("velocity-factor", "velocity-unrelated")
+COARSE = ("whole-positions", "count-bias")
+PEAK = ("no-stribeck", "few-below-v-s", "takes-up-peak", "one-sided-profile")
+STRAYS = ("strays", "huber-differs")
+SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
+LOADED = ("loaded-at-start", "open-cycles", "above-g0")
+STICKS = ("stick-slip", "stick-slip-points")
 
 FAULTS: dict[str, Fault] = {
     "torque late by 2, 8 ms": Fault(motion, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (2e-3, 8e-3), DELAY),
-    "torque through a slow filter": Fault(motion, torque(lambda x, s: low_passed(x.torque, s)), (20.0, 3.0), (*DELAY, Kind.REVERSALS_LEFT)),
+    "torque through a slow filter": Fault(motion, torque(lambda x, s: low_passed(x.torque, s)), (20.0, 3.0), (*DELAY, "reversals-left")),
     "torque of the wrong sign": Fault(motion, torque(lambda x, s: -s * x.torque), (1.0, 2.0)),
-    "torque clipped": Fault(motion, torque(lambda x, s: np.clip(x.torque, -s * rms(x.torque), s * rms(x.torque))), (1.4, 1.0), (Kind.CLIPPED,)),
+    "torque clipped": Fault(motion, torque(lambda x, s: np.clip(x.torque, -s * rms(x.torque), s * rms(x.torque))), (1.4, 1.0), ("clipped",)),
     "torque overflows its integer": Fault(motion, torque(lambda x, s: wrapped(x.torque, s * largest(x))), (0.9, 0.6)),
-    "torque of few bits": Fault(motion, torque(lambda x, s: np.round(x.torque / s) * s), (0.1, 0.4), (Kind.TORQUE_COARSE,)),
-    "dead zone of the torque sensor": Fault(motion, torque(lambda x, s: dead(x.torque, s)), (0.05, 0.2), (Kind.DEAD_ZONE,)),
+    "torque of few bits": Fault(motion, torque(lambda x, s: np.round(x.torque / s) * s), (0.1, 0.4), ("torque-coarse",)),
+    "dead zone of the torque sensor": Fault(motion, torque(lambda x, s: dead(x.torque, s)), (0.05, 0.2), ("dead-zone",)),
     "torque offset": Fault(motion, torque(lambda x, s: x.torque + s), (0.05, 0.2), SIDES),
-    "spikes in the torque": Fault(motion, torque(lambda x, s: x.torque + s * (np.arange(x.t.size) % 997 == 5)), (2.0, 10.0), (Kind.HUBER_DIFFERS,)),
+    "spikes in the torque": Fault(motion, torque(lambda x, s: x.torque + s * (np.arange(x.t.size) % 997 == 5)), (2.0, 10.0), ("huber-differs",)),
     "noise for torque": Fault(motion, torque(lambda x, s: s * np.random.default_rng(1).standard_normal(x.t.size)), (0.1, 1.0)),
     "hum of 50 Hz": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(2 * np.pi * 50 * x.t)), (0.1, 0.4)),
     "temperature drift": Fault(motion, torque(lambda x, s: x.torque * (1 + s * (0.5 - x.t / x.t[-1]))), (0.1, 0.4), WARMS),
     "quadratic drag": Fault(motion, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.1, 0.4), TERM),
-    "gravity": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(x.q)), (0.1, 1.0), (*TERM, Kind.RESIDUAL_RIPPLE)),
+    "gravity": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(x.q)), (0.1, 1.0), (*TERM, "residual-ripple")),
     "cogging": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(20 * x.q)), (0.03, 0.1), RIPPLE),
     "friction by direction": Fault(motion, by_direction, (0.1, 0.4), SIDES),
-    "friction by load": Fault(motion, by_load, (0.1, 0.3), (*TERM, Kind.FRICTION_BY_LOAD)),
-    "backlash": Fault(motion, position(lambda x, s: x.q + s / 2 * np.tanh(x.v / 0.01)), (0.005, 0.02), (Kind.REVERSALS_LEFT,)),
+    "friction by load": Fault(motion, by_load, (0.1, 0.3), (*TERM, "friction-by-load")),
+    "backlash": Fault(motion, position(lambda x, s: x.q + s / 2 * np.tanh(x.v / 0.01)), (0.005, 0.02), ("reversals-left",)),
     "position of 8, 10 bits": Fault(motion, position(lambda x, s: counted(x.q, s)), (10, 8), COARSE),
     "counts as rad": Fault(motion, position(lambda x, s: np.round(x.q * 2**s / (2 * np.pi))), (14, 18), COARSE),
     "degrees as rad, velocity logged": Fault(motion, lambda x, s: replace(x, q=s * x.q, velocity_logged=True), (180 / np.pi, 1000.0), SPEED),
-    "position freezes": Fault(motion, position(frozen), (10, 40), (Kind.LOST_SAMPLES, Kind.POSITION_HELD)),
-    "encoder slips": Fault(motion, position(jumped), (0.01, 0.1), (Kind.LOST_SAMPLES, Kind.POSITION_JUMPS)),
-    "samples lost": Fault(motion, lost, (5, 40), (Kind.LOST_SAMPLES,)),
-    "time stamps jitter": Fault(motion, jittered, (0.5, 2.0), (Kind.SAMPLED_IRREGULARLY, Kind.STAMPS_JITTER)),
+    "position freezes": Fault(motion, position(frozen), (10, 40), ("lost-samples", "position-held")),
+    "encoder slips": Fault(motion, position(jumped), (0.01, 0.1), ("lost-samples", "position-jumps")),
+    "samples lost": Fault(motion, lost, (5, 40), ("lost-samples",)),
+    "time stamps jitter": Fault(motion, jittered, (0.5, 2.0), ("sampled-irregularly", "stamps-jitter")),
     "logged too seldom": Fault(motion, lambda x, s: rows(x, np.arange(0, x.t.size, int(s))), (10, 25)),
     "velocity by a factor": Fault(motion, speed(lambda x, s: s * x.v), (1.2, 0.5), SPEED),
     "velocity of the wrong sign": Fault(motion, speed(lambda x, s: -s * x.v), (1.0, 2.0), SPEED),
-    "velocity through a slow filter": Fault(motion, speed(lambda x, s: low_passed(x.v, s)), (20.0, 3.0), (*DELAY, *SPEED, Kind.VELOCITY_LAGS)),
-    "inertia given wrong": Fault(motion, lambda x, s: replace(x, more=f"inertia: {s * J} kg*m**2\n"), (0.7, 1.3), (Kind.INERTIA_DOUBTED,)),
+    "velocity through a slow filter": Fault(motion, speed(lambda x, s: low_passed(x.v, s)), (20.0, 3.0), (*DELAY, *SPEED, "velocity-lags")),
+    "inertia given wrong": Fault(motion, lambda x, s: replace(x, more=f"inertia: {s * J} kg*m**2\n"), (0.7, 1.3), ("inertia-doubted",)),
     "ramps: temperature drift in order": Fault(ordered, torque(lambda x, s: x.torque * (1 + s * (x.t / x.t[-1] - 0.5))), (0.1, 0.3), DRIFT),
     "ramps: temperature drift": Fault(ramps, torque(lambda x, s: x.torque * (1 + s * (x.t / x.t[-1] - 0.5))), (0.1, 0.3), DRIFT),
     "ramps: too few speeds": Fault(few_speeds, lambda x, s: x if s > 3 else rows(x, np.flatnonzero(x.holds < 6)), (4, 3), PEAK),
@@ -325,24 +324,24 @@ FAULTS: dict[str, Fault] = {
     "ramps: none above v_s": Fault(lambda k: ramps(k, np.geomspace(0.1, 0.9, 12)), noisier, (0, 1), PEAK),
     "ramps: torque offset": Fault(ramps, torque(lambda x, s: x.torque + s), (0.05, 0.15), SIDES),
     "ramps: two stray holds": Fault(ramps, torque(lambda x, s: off_at(x, (3, 11), s)), (0.2, 0.5), STRAYS),
-    "ramps: torque clipped": Fault(ramps, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), (Kind.CLIPPED,)),
+    "ramps: torque clipped": Fault(ramps, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), ("clipped",)),
     "ramps: quadratic drag": Fault(ramps, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.05, 0.2), TERM),
-    "ramps: cogging": Fault(short_holds, torque(lambda x, s: x.torque + s * np.sin(8 * x.q)), (0.03, 0.1), (*RIPPLE, Kind.TORQUES_DOUBTED)),
+    "ramps: cogging": Fault(short_holds, torque(lambda x, s: x.torque + s * np.sin(8 * x.q)), (0.03, 0.1), (*RIPPLE, "torques-doubted")),
     "ramps: stick-slip": Fault(ramps, stick_slip, (0.7, 1.2), STICKS),
     "ramps: holds that accelerate": Fault(ramps, accelerating, (0.2, 0.6), TERM),
     "ramps: degrees as rad, velocity logged": Fault(ramps, lambda x, s: replace(x, q=s * x.q, velocity_logged=True), (180 / np.pi, 1000.0), SPEED),
     "points: strays": Fault(points, torque(lambda x, s: off_at(x, (2, 30), s)), (0.2, 0.5), STRAYS),
     "points: sign of one direction": Fault(points, torque(lambda x, s: np.abs(x.torque) * s), (1.0, 2.0)),
-    "points: torque clipped": Fault(points, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), (Kind.CLIPPED,)),
+    "points: torque clipped": Fault(points, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), ("clipped",)),
     "points: torque offset": Fault(points, torque(lambda x, s: x.torque + s), (0.05, 0.15), SIDES),
     "points: quadratic drag": Fault(points, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.05, 0.2), TERM),
     "points: some that do not slide": Fault(points, torque(resting), (0.0, 0.1), STRAYS),
     "slow loading: load cell offset": Fault(slow, torque(lambda x, s: x.torque + s), (0.05, 0.2), LOADED),
-    "slow loading: position drifts": Fault(slow, position(lambda x, s: x.q + s * x.t), (3e-5, 1e-4), (Kind.OPEN_CYCLES,)),
-    "slow loading: torque clipped": Fault(slow, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.5), (Kind.CLIPPED,)),
-    "slow loading: torque late": Fault(slow, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (0.1, 0.5), (Kind.TURNS_LATE, Kind.OPEN_CYCLES)),
-    "slow loading: position of 12, 14 bits": Fault(slow, position(lambda x, s: counted(x.q, s)), (14, 12), (Kind.FEW_COUNTS, Kind.WITHIN_NOISE)),
-    "slow loading: backlash": Fault(slow, position(lambda x, s: x.q + s / 2 * np.tanh(x.torque / 0.02)), (0.0003, 0.002), (Kind.OPEN_CYCLES,)),
+    "slow loading: position drifts": Fault(slow, position(lambda x, s: x.q + s * x.t), (3e-5, 1e-4), ("open-cycles",)),
+    "slow loading: torque clipped": Fault(slow, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.5), ("clipped",)),
+    "slow loading: torque late": Fault(slow, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (0.1, 0.5), ("turns-late", "open-cycles")),
+    "slow loading: position of 12, 14 bits": Fault(slow, position(lambda x, s: counted(x.q, s)), (14, 12), ("few-counts", "within-noise")),
+    "slow loading: backlash": Fault(slow, position(lambda x, s: x.q + s / 2 * np.tanh(x.torque / 0.02)), (0.0003, 0.002), ("open-cycles",)),
     "slow loading: wrong sign": Fault(slow, torque(lambda x, s: -s * x.torque), (1.0, 2.0)),
 }  # fmt: skip  # a table
 UNSEEN: dict[str, Fault] = {

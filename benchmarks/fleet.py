@@ -17,7 +17,6 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from bristle.diagnostics import Kind
 from bristle.estimation.multiple_tests import false_discovery
 from bristle.questions.fleet.findings import Findings, findings
 from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
@@ -143,7 +142,7 @@ def scored(found: Findings, truth: FleetTruth) -> Score:
         plain_false=len(accused - worn.keys()) / max(len(accused), 1),
         plain_power=len(accused & worn.keys()) / len(worn) if worn else float("nan"),
         accused=len(names) - len(hits),
-        shift=float(any(x.kind is Kind.COMMON_SHIFT for x in found.notes)),
+        shift=float(any(x.code == "common-shift" for x in found.notes)),
         error=float(np.mean([abs(place[x] - worn[x]) for x in hits])) if hits else float("nan"),
         unlike=float(len(others) < len(outside)),
         outside=len(others),

@@ -39,8 +39,8 @@ from scipy.interpolate import make_interp_spline
 
 import bristle
 from bristle.arrays import Array
-from bristle.diagnostics import Severity
 from bristle.errors import InputError
+from bristle.findings import Severity
 from bristle.identification.verdict import Trust, value_warnings, verdict
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
@@ -185,8 +185,8 @@ def fitted(seed: int, k: int) -> Row:
         return row | {"seconds": time.process_time() - began, "verdict": "refused", "reason": reason}
     row["seconds"] = time.process_time() - began
     found = verdict(fit.joint)
-    row |= {"verdict": str(found.trust), "code": "" if found.reason is None else found.reason.kind.code}
-    row |= {"reason": str(found.reason or ""), "warnings": " ".join(w.kind.code for w in value_warnings(fit.joint))}
+    row |= {"verdict": str(found.trust), "code": "" if found.reason is None else found.reason.code}
+    row |= {"reason": str(found.reason or ""), "warnings": " ".join(w.code for w in value_warnings(fit.joint))}
     row["critical"] = sum(w.severity is Severity.CRITICAL for w in value_warnings(fit.joint))
 
     # the curve of steady sliding, in % of its RMS; nan where a direction has none

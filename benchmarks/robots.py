@@ -87,7 +87,7 @@ def _of_seed(seed: int) -> tuple[list[Found], list[str]]:
         for measured in measure_robot(robot):
             joint = identify_joint(measured)
             found += list(_numbers(seed, measured, joint))
-            kinds += [w.kind.name for w in joint.fit_warnings() if w.severity.name != "NOTE"]
+            kinds += [w.code for w in joint.fit_warnings() if w.severity.name != "NOTE"]
         return found, kinds
 
 

@@ -9,19 +9,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.findings import Finding, Severity
 from bristle.model.laws.parts import Law
 
 
 def without_sentences(patch: pytest.MonkeyPatch) -> None:
-    """Make every template the name of its kind, as if all sentences had been worded anew."""
-    for kind in Kind:
-        patch.setattr(kind, "template", kind.name)
+    """Make every message the finding's code, as if all had been worded anew."""
+    made = Finding.__init__
+
+    def bare(x: Finding, code: str, severity: Severity, message: str, *more: Any, **named: Any) -> None:
+        made(x, code, severity, code, *more, **named)
+
+    patch.setattr(Finding, "__init__", bare)
 
 
-def of_kind(diagnostics: Iterable[Diagnostic], *kinds: Kind) -> list[Diagnostic]:
+def of_kind(diagnostics: Iterable[Finding], *kinds: str) -> list[Finding]:
     """Those of these kinds."""
-    return [d for d in diagnostics if d.kind in kinds]
+    return [d for d in diagnostics if d.code in kinds]
 
 
 def held(result: Any) -> list[str]:
@@ -30,8 +34,8 @@ def held(result: Any) -> list[str]:
 
 
 def _plain(x: Any) -> Any:
-    if isinstance(x, Diagnostic):
-        return [x.kind.name, x.severity, _plain(x.numbers)]
+    if isinstance(x, Finding):
+        return [x.code, x.severity, _plain(x.numbers)]
     if isinstance(x, Enum | Law):
         return x.name
     if is_dataclass(x):

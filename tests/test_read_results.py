@@ -22,8 +22,8 @@ from bristle import Results
 from bristle.api import experiments, identifying, joints
 from bristle.arrays import UNWRITTEN
 from bristle.data.experiment.load import load_experiment
-from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.results import Joint
 
 from .conftest import run, speeds, tree, write
@@ -83,8 +83,8 @@ def read(folder: Path, fresh: Results, monkeypatch: pytest.MonkeyPatch) -> Resul
 def leaves(value: Any, at: str = "") -> Iterator[tuple[str, Any]]:
     """Everything that a value holds at any depth, exactly, by the way to it; fields that do not compare included."""
     match value:
-        case Diagnostic():
-            yield at, (value.kind, str(value), value.subject)
+        case Finding():
+            yield at, (value.code, str(value), value.subject)
         case np.ndarray():
             yield at, (value.shape, value.dtype, value.tobytes(), value.flags.writeable)
         case float():
@@ -106,7 +106,7 @@ def leaves(value: Any, at: str = "") -> Iterator[tuple[str, Any]]:
 
 def unwritten(value: Any) -> Iterator[str]:
     """The names of fields that are marked as unwritten and hold something, at any depth."""
-    if is_dataclass(value) and not isinstance(value, Diagnostic):
+    if is_dataclass(value) and not isinstance(value, Finding):
         for item in fields(value):
             held = getattr(value, item.name)
             if item.metadata.get("exclude") and np.size(held):

@@ -9,7 +9,7 @@ import pytest
 import bristle
 from bristle.api import Results
 from bristle.data.experiment.load import load_experiment
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.findings import Finding
 from bristle.identification.results import Joint
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.next_measurements import next_measurements
@@ -35,7 +35,7 @@ def scarce(joint: Joint) -> Joint:
     )
 
 
-def advised(joints: tuple[Joint, ...]) -> Iterator[Diagnostic | None]:
+def advised(joints: tuple[Joint, ...]) -> Iterator[Finding | None]:
     """What to measure next, which sigma_0 to use, what (14) would be off by, and whether the stages agree."""
     for joint in (*joints, *map(scarce, joints)):
         yield from next_measurements(joint)
@@ -44,7 +44,7 @@ def advised(joints: tuple[Joint, ...]) -> Iterator[Diagnostic | None]:
             yield from (choice(fit), bias(fit, joint.kind))
 
 
-def found(results: Results) -> Iterator[Diagnostic]:
+def found(results: Results) -> Iterator[Finding]:
     """What is said of the first joint's sensitivity, Sobol indices included, and of the adaptation on its runs."""
     joint, measured = results.joints[0], results.measured[0]
     study = bristle.sensitivity(results, joint=joint.name, samples=32)
@@ -65,7 +65,7 @@ def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPa
     worded = [str(warning) for warning in first.warnings]
     loops = held((*of_paper(first.joints), of_experiment(gripper, first.joints[0])))
     said = (*advised(first.joints), *found(first))
-    kinds = {x.kind for x in said if x is not None}
+    kinds = {x.code for x in said if x is not None}
     before = held(said)
     without_sentences(monkeypatch)
     second = bristle.identify(*experiments)
@@ -73,12 +73,12 @@ def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPa
     assert held((*of_paper(second.joints), of_experiment(gripper, second.joints[0]))) == loops
     assert held((*advised(second.joints), *found(second))) == before
     assert {
-        Kind.UNLIMITED_BELOW,
-        Kind.ALPHA_2_WIDE,
-        Kind.BRISTLE_OPEN,
-        Kind.HOLD_BACK,
-        Kind.CLAIM_ON_MAP,
-        Kind.SOBOL_INDICES,
+        "unlimited-below",
+        "alpha-2-wide",
+        "bristle-open",
+        "hold-back",
+        "claim-on-map",
+        "sobol-indices",
     } < kinds
-    assert [d.kind for d in first.serious] == [d.kind for d in second.serious]
+    assert [d.code for d in first.serious] == [d.code for d in second.serious]
     assert worded != [str(warning) for warning in second.warnings]

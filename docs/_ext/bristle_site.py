@@ -24,7 +24,7 @@ from bristle import cli
 DOCS = Path(__file__).parents[1]
 RETURNED = (
     "bristle.identification.results.Joint",
-    "bristle.diagnostics.Diagnostic",
+    "bristle.diagnostics.Finding",
     "bristle.diagnostics.Severity",
     "bristle.identification.measured.Measured",
     "bristle.questions.compensation.study.Study",

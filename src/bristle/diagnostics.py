@@ -1,212 +1,36 @@
-"""What a user must know beside a number, as values; every sentence about it stands in one table, `Kind`.
+"""Sentences of findings that have no place of their own yet, by name."""
 
-It stands on the ground, and not in `estimation`: readers of data, fits and pages all make or show diagnostics, and least squares knows no friction.
-"""
-
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, is_dataclass, replace
-from enum import Enum, StrEnum
+from collections.abc import Callable
+from dataclasses import replace
+from enum import Enum
 from string import Formatter
-from types import NoneType
 from typing import Any
 
 import numpy as np
 
-from bristle.arrays import JsonForm, to_bound
-
-Value = Any
-"""A number, a word, a tuple of words or of named numbers, or a diagnostic that is a part of the sentence."""
-
-
-class Severity(StrEnum):
-    """What a diagnostic does to the number that it is about."""
-
-    CRITICAL = "critical"
-    """Do not use this number."""
-    CAUTION = "caution"
-    """Its interval is wider than it looks, or something is assumed."""
-    NOTE = "note"
-    """Worth knowing; the number is as good as it says."""
-
-
-@dataclass(frozen=True, slots=True)
-class Diagnostic:
-    """One thing to know about an estimate, a fit, a segment or a run, by kind and numbers; `str` makes the sentence."""
-
-    kind: "Kind"
-    numbers: Mapping[str, Value]
-    """What the sentence names, by name; a part of a sentence is a diagnostic of its own."""
-    subject: tuple[str, ...] = field(default=(), compare=False)
-    """What it is about, from the stage to the parameter, as `static`, `+`, `alpha_0`, or the file and its rows; empty: the joint as a whole."""
-    units: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
-    """Of its numbers, by quantity, as `velocity`; empty where it is not known yet whether the joint turns or slides."""
-
-    @property
-    def severity(self) -> Severity:
-        """Of its kind."""
-        return self.kind.severity
-
-    @property
-    def coded(self) -> str:
-        """The sentence, then in brackets the code that `bristle explain` takes."""
-        return f"{self} [{self.kind.code}]"
-
-    @property
-    def flagged(self) -> str:
-        """The same where it is critical or calls for caution; of a note the sentence alone."""
-        return str(self) if self.severity is Severity.NOTE else self.coded
-
-    def but(self, **numbers: Value) -> "Diagnostic":
-        """The same with other numbers."""
-        return replace(self, numbers={**self.numbers, **numbers})
-
-    def __str__(self) -> str:
-        return self._text(self.units)
-
-    def _text(self, units: Mapping[str, str]) -> str:
-        return _Formatter(units).vformat(self.kind.template, (), self.numbers)
-
-    def __hash__(self) -> int:
-        return hash((self.kind, self._text({})))
-
-    @classmethod
-    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
-        """In JSON, kind and numbers, which are read back; severity and sentence, which follow from them."""
-        return JsonForm(WrittenDiagnostic, _written, _read).__get_pydantic_core_schema__(source, handler)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WrittenDiagnostic:
-    """A diagnostic in results.json."""
-
-    kind: str
-    severity: Severity
-    text: str
-    """The sentence."""
-    numbers: dict[str, Any]
-    """What the sentence names; a part of it that is a diagnostic has a kind, a text and numbers of its own."""
-    subject: tuple[str, ...] = ()
-    """What it is about, from the stage to the parameter; empty: the joint as a whole."""
-
-
-def _written(x: Diagnostic) -> WrittenDiagnostic:
-    numbers = {name: _to_json(value) for name, value in x.numbers.items()}
-    return WrittenDiagnostic(kind=x.kind.name, severity=x.severity, text=str(x), numbers=numbers, subject=x.subject)
-
-
-def _to_json(value: Value) -> Any:
-    """A diagnostic, a list, a number or a word; whatever else is told by its text."""
-    match value:
-        case Diagnostic():
-            return {name: getattr(_written(value), name) for name in ("kind", "text", "numbers")}
-        case tuple() | list() if not hasattr(value, "_fields"):
-            return [_to_json(x) for x in value]
-        case np.generic():
-            return _to_json(value.item())
-        case float():
-            return to_bound(value)
-        case bool() | int():
-            return value
-        case _:
-            return str(value)
-
-
-def _read(x: WrittenDiagnostic) -> Diagnostic:
-    """The diagnostic; one of a kind, or with numbers, that this version does not know keeps its sentence."""
-    if x.kind not in Kind.__members__ or not _names(Kind[x.kind].template) <= x.numbers.keys():
-        return replace(Kind.UNKNOWN(text=x.text), subject=x.subject)
-    return Diagnostic(Kind[x.kind], {name: _from_json(value) for name, value in x.numbers.items()}, x.subject)
-
-
-def _names(template: str) -> set[str]:
-    """What a sentence names."""
-    return {name for _, name, _, _ in Formatter().parse(template) if name}
-
-
-def _from_json(value: Any) -> Value:
-    match value:
-        case {"kind": str(kind), "text": str(text), "numbers": dict(numbers)}:
-            return _read(WrittenDiagnostic(kind=kind, severity=Severity.NOTE, text=text, numbers=numbers))
-        case list():
-            return tuple(map(_from_json, value))
-        case None | "inf" | "-inf":
-            return float(value or "nan")
-        case _:
-            return value
-
-
-PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))
-"""Types of values that hold no others."""
-
-
-def with_subjects(
-    value: Any, subjects: Mapping[str, tuple[str, ...]], units: Mapping[str, str], subject: tuple[str, ...] = ()
-) -> Any:
-    """The same result, in which each diagnostic knows its subject, the way to it from `subject` on, and the joint's units, by quantity.
-
-    A field is a step of that way as `subjects` names it, an entry of a mapping by its key; a value with a `subject` of its own begins it anew.
-    """
-    if type(value) in PLAIN:  # most of what a result holds, which is soon done with
-        return value
-    if isinstance(value, Diagnostic):
-        return replace(value, subject=subject, units=units)
-    subject = getattr(value, "subject", subject)
-    match value:
-        case Mapping():
-            made = {key: with_subjects(x, subjects, units, (*subject, str(key))) for key, x in value.items()}
-            return made if any(made[key] is not x for key, x in value.items()) else value
-        case tuple() if not hasattr(value, "_fields"):
-            inner = tuple(with_subjects(x, subjects, units, subject) for x in value)
-            return inner if any(x is not y for x, y in zip(inner, value, strict=True)) else value
-        case _ if is_dataclass(value) and not isinstance(value, type):
-            changed = dict[str, Any]()
-            for name in value.__dataclass_fields__:
-                old = getattr(value, name)
-                if type(old) not in PLAIN and old not in ((), {}):
-                    new = with_subjects(old, subjects, units, (*subject, *subjects.get(name, ())))
-                    changed |= {} if new is old else {name: new}
-            return replace(value, **changed) if changed else value
-        case _:
-            return value
-
-
-def in_direction(direction: str) -> str:
-    """What names a direction inside a sentence; nothing where both directions are one."""
-    return f" in direction {direction}" if direction in {"+", "-"} else ""
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, Severity, in_direction, unit_of
 
 
 class _Formatter(Formatter):
     """Python's formatting, a few conversions for words, and after a number's format the quantity whose unit it has: `{v_s:.3g velocity}`."""
 
-    def __init__(self, units: Mapping[str, str]) -> None:
-        self._units = units
-
-    def get_field(self, field_name: str, args: Any, kwargs: Any) -> Any:
-        """A part that is a sentence has the units of the whole."""
-        value, first = super().get_field(field_name, args, kwargs)
-        return self._in_units(value), first
-
-    def _in_units(self, value: Any) -> Any:
-        if isinstance(value, tuple) and not hasattr(value, "_fields"):
-            return tuple(map(self._in_units, value))
-        return replace(value, units=self._units) if isinstance(value, Diagnostic) else value
-
     def convert_field(self, value: Any, conversion: str | None) -> Any:
         """A value in the words that `_CONVERSIONS` has for it, or the unit of what it names; others as Python converts them."""
         if conversion == "u":
-            return self._unit(str(value))
+            return unit_of(str(value))
         words = _CONVERSIONS.get(conversion or "")
         return words(value) if words else super().convert_field(value, conversion)
 
     def format_field(self, value: Any, format_spec: str) -> Any:
         """As Python formats it, with a space before the percent sign or a unit."""
         number, _, quantity = format_spec.partition(" ")
-        text = super().format_field(value, number)
-        return f"{text[:-1]} %" if number.endswith("%") else text + self._unit(quantity)
+        text = super().format_field(_raw(value), number)
+        return f"{text[:-1]} %" if number.endswith("%") else text + (unit_of(quantity) if quantity else "")
 
-    def _unit(self, quantity: str) -> str:
-        unit = self._units.get(quantity.rstrip("+-"))
-        return f" {unit}" if unit else ""
+
+def _raw(value: Any) -> Any:
+    """A part that is a sentence keeps its units open."""
+    return value.message if isinstance(value, Finding) else value
 
 
 _CONVERSIONS: dict[str, Callable[[Any], str]] = {
@@ -216,43 +40,35 @@ _CONVERSIONS: dict[str, Callable[[Any], str]] = {
     "e": lambda count: "" if count == 1 else "s",
     "g": lambda numbers: ", ".join(f"{number:.3g}" for number in numbers),
     "i": lambda ends: ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends),
-    "j": lambda words: " and ".join(map(str, words)),
-    "l": lambda words: ", ".join(map(str, words)),
-    "m": lambda words: "; ".join(map(str, words)),
+    "j": lambda words: " and ".join(str(_raw(x)) for x in words),
+    "l": lambda words: ", ".join(str(_raw(x)) for x in words),
+    "m": lambda words: "; ".join(str(_raw(x)) for x in words),
     "n": lambda numbers: ", ".join(f"{name} {number:.3g}" for name, number in numbers),
     "p": lambda numbers: ", ".join(f"{name} ({number:.1f})" for name, number in numbers),
-    "t": lambda sentences: "".join(f" {sentence}" for sentence in sentences),
+    "t": lambda sentences: "".join(f" {_raw(sentence)}" for sentence in sentences),
     "w": lambda alone: "would make it pass" if alone else "would remove this reason, not the other",
     "x": lambda numbers: ", ".join(f"{name} {number:.2g}" for name, number in numbers),
 }
 """Of a direction in brackets, of named percentages, of a direction, the ending of what is counted, of numbers, of named intervals, of lists of names
 and of long things, of named numbers, the same in brackets, of sentences that follow, of whether a reason stands alone, and of named ratios."""
-_CRITICAL, _CAUTION, _NOTE = Severity.CRITICAL, Severity.CAUTION, Severity.NOTE
+_CRITICAL, _CAUTION, _NOTE = CRITICAL, CAUTION, NOTE
 
 
 class Kind(Enum):
-    """Every kind of diagnostic with its severity and its sentence; called with numbers it makes one."""
+    """Sentences by name, with their severity; called with numbers each makes a finding."""
 
     def __init__(self, severity: Severity, template: str) -> None:
         self.severity, self.template = severity, template
 
-    def __call__(self, **numbers: Any) -> Diagnostic:
-        """A diagnostic of this kind; NumPy's numbers become Python's."""
+    def __call__(self, **numbers: Any) -> Finding:
+        """A finding of this kind; NumPy's numbers become Python's."""
         plain = {name: x.item() if isinstance(x, np.generic) else x for name, x in numbers.items()}
-        return Diagnostic(self, plain)
+        return Finding(self.code, self.severity, _Formatter().vformat(self.template, (), plain), plain)
 
     @property
     def code(self) -> str:
         """Its name as a user types it, and as documents have it for an anchor: `lacks-a-term`."""
         return self.name.lower().replace("_", "-")
-
-    @property
-    def title(self) -> str:
-        """What its sentence begins with, up to the colon."""
-        return self.template.partition(":")[0]
-
-    # read from a results file
-    UNKNOWN = _CAUTION, "{text}"
 
     # segments: why one is rejected
     TOO_SHORT = (
@@ -2571,314 +2387,58 @@ class Kind(Enum):
 
 
 UNRESOLVED = frozenset({
-    Kind.UNSEEN_UNCONVERGED, Kind.UNSEEN_BELOW_COUNT, Kind.UNSEEN_NO_REVERSAL, Kind.UNSEEN_FAST, Kind.UNSEEN_HALVES,
-    Kind.UNSEEN_COMPANION, Kind.UNSEEN_IN_COUNTS, Kind.UNSEEN_BIASED, Kind.UNSEEN_TOO_FEW,
+    "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
+    "unseen-companion", "unseen-in-counts", "unseen-biased", "unseen-too-few",
 })  # fmt: skip  # a list of values
 """Kinds that leave no interval either: what was fitted is not what the parameter means."""
 NOT_IDENTIFIABLE = UNRESOLVED | {
-    Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_BEND, Kind.UNSEEN_PEAK, Kind.UNSEEN_NO_PEAK,
+    "unseen-wide", "unseen-far", "unseen-bend", "unseen-peak", "unseen-no-peak",
 }  # fmt: skip  # a list of values
 """Kinds by which a motion refuses a parameter."""
 
-REASONS: Mapping[str, str] = {
-    # critical
-    "The model does not describe the data, so its parameters mean nothing.": "UNEXPLAINED MISFIT INERTIA_BELOW_ZERO",
-    "A factor between two signals goes into every number made of them.": (
-        "VELOCITY_FACTOR VELOCITY_UNRELATED WHOLE_POSITIONS COUNT_UNIT COUNT_CONTRADICTS EFFORT_FAR_BEYOND"
-    ),
-    "The torque holds what the links of the arm ask for, which is not friction.": (
-        "LINKS_NOT_REMOVED JOINT_ORDER GRAVITY_DIRECTION LINKS_OPPOSE"
-    ),
-    "The lowest cost was not found, so the numbers are not those of the fit.": (
-        "NOT_CONVERGED OUT_OF_STEPS STILL_LOWER FULL_FIT_LOWER IPOPT_LOWER UNDERCUT IPOPT_UNDERCUTS"
-    ),
-    "The range searched, and not the data, sets the number.": "STATIC_AT_EDGE AT_EDGE FLAT_PROFILE V_S_UNKNOWABLE",
-    "There is too little data for any number.": "STATIC_TOO_FEW TOO_FEW_POINTS INDISTINCT",
-    "With and without a few points the number differs by more than its error.": "STRAYS_MATTER",
-    "Two experiments contradict each other, so at least one number is wrong.": "STAGES_DO_NOT_FIT",
-    "The motion is not the one that the method is for.": "YIELDS NOT_POSITIVE",
-    # caution
-    "Sticking, a drift or a contradiction moves the point by more than its error.": (
-        "STICK_SLIP HOLDS_SWING POSITION_DIFFERS TORQUE_DRIFTS POSITIONS_DISAGREE TORQUES_DOUBTED STICK_SLIP_POINTS NOTHING_WITHOUT"
-    ),
-    "A pattern is left, which biases what takes part of it up.": (
-        "OTHER_LAW "
-        "LACKS_A_TERM LACKS_UNKNOWN_TERM BURSTS REVERSALS_LEFT DIRECTIONS_DIFFER RESIDUAL_TREND RESIDUAL_RIPPLE OFFSET_OR_FRICTION DRIFT_IN_ORDER "
-        "TAKES_UP_PEAK TORQUE_DELAYED TURNS_LATE DELAY_OR_PRESLIDING DRIFT_OF_ROWS DRIFT_OVER_RUNS TORQUE_DRIFTS_IN_RUNS FRICTION_BY_LOAD"
-    ),
-    "Samples are wrong or missing, and what they do to the number is not in its error.": (
-        "CLIPPED LOST_SAMPLES POSITION_JUMPS POSITION_HELD STAMPS_JITTER SAMPLED_IRREGULARLY VELOCITY_LAGS DEAD_ZONE TORQUE_COARSE "
-        "LOADED_AT_START ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED POINTS_REPEATED ROWS_OF_SHORT_SEGMENTS GAPS"
-    ),
-    "Encoder counts bias the number by about its error.": (
-        "COUNT_BIAS COUNTS_BIAS FEW_COUNTS WITHIN_NOISE SIGMA_0_AT_LEAST COUNT_ROUNDED COUNT_BIAS_UNKNOWN WHOLE_DEGREES"
-    ),
-    "Runs or parts differ by more than the errors say.": (
-        "RUNS_SCATTER OUTLIER STAGES_DIFFER STAGE_DIFFERS STATIC_WITHOUT_PRESLIDING DISTRUST_MOVING DISTRUST_STAGE INERTIA_DOUBTED HUBER_DIFFERS "
-        "RESPONSIBLE"
-    ),
-    "Methods give different intervals, and the widest is the safe one.": (
-        "INTERVALS_DIFFER COST_STAYS_LOW PROFILE_SKEWED FEW_TO_RESAMPLE UNEVEN_RESIDUALS PROFILE_LOST OVER_LAWS"
-    ),
-    "The interval is open, or one-sided.": (
-        "AT_BOUND INTERVALS_AT_BOUND NO_BOOTSTRAP_AT_BOUND PROFILE_OPEN STATIC_AT_BOUND BOUND ONE_SIDED_PROFILE ALPHA_1_OPEN V_S_OPEN_BELOW "
-        "V_S_OPEN_ABOVE SHAPE_OPEN CONVERGED_AT_BOUND G0_AT_LEAST"
-    ),
-    "A point far from the others may not belong, and the number is still within its error.": "STRAYS STRAYS_LEFT_OUT",
-    "The data do not show the term or the parameter, so no number is given for it.": (
-        "CONSTANT_UNSEEN STATIC_NO_STRIBECK NO_STRIBECK LIKE_NOISE NO_PEAK BEND ONE_SPEED V_S_DOWN_TO_ZERO V_S_UP_TO_ANY NONE_BELOW_V_S "
-        "TOO_FEW_FOR_PEAK PEAK_LEFT_OUT PROFILE_UNSEEN UNSEEN UNSEEN_WIDE UNSEEN_FAR UNSEEN_COMPANION UNSEEN_PEAK UNSEEN_NO_PEAK "
-        "UNSEEN_UNCONVERGED UNSEEN_TOO_FEW UNSEEN_BELOW_COUNT UNSEEN_IN_COUNTS UNSEEN_BIASED STRAYS_AS_WELL UNSEEN_NO_REVERSAL UNSEEN_FAST "
-        "INTERVAL_WITH_ZERO_IMPOSSIBLE "
-        "UNSEEN_HALVES UNSEEN_BEND NOTHING_SEEN DIRECTION_UNKNOWN NONE_KEPT NOT_MEASURED SIGMA_0_UNKNOWN NO_MODEL NOTHING_SEEN_OF "
-        "NOTHING_COMPARED NOT_TOLD STILL_UNSEEN"
-    ),
-    "The number rests on few points, runs or starts.": (
-        "STATIC_STICK_SLIP PEAK_OF_STICK_SLIP FEW_BELOW_V_S SINGLE_RUN OF_ONE_BREAKAWAY FEW_STARTS DID_NOT_MOVE FEW_VELOCITIES SLOWEST_TOO_FAST"
-    ),
-    "Only a combination is determined, so that no parameter of it stands alone.": (
-        "LOAD_COLLINEAR ILL_CONDITIONED ONLY_SUM_SEEN ONLY_SUM_SEEN_OF_FIT HARDLY_SEEN ONLY_AGAINST ONLY_AS_SUM"
-    ),
-    "Another minimum is about as good.": "SECOND_MINIMUM LOWER_OUTSIDE_RANGE POLISHING_MOVES LUGRE_UNSETTLED",
-    "The fit stands, and the model or what it is used for is physically doubtful.": (
-        "NOT_PASSIVE ODD_DAMPING ABOVE_G0 SOFTENS OPEN_CYCLES CYCLES_MOVE OF_LARGEST_HELD"
-    ),
-    "Something is assumed that was not measured.": (
-        "PRIOR CURVE_HELD DIRECTION_TAKEN INERTIA_GUESSED GUESSED NOISE_OF_HOLDS_GUESSED NOISE_OF_MOTION_GUESSED NOISE_OF_OTHER_POINTS DEFAULT_PID "
-        "PEAK_TAKEN_AS_NONE "
-        "LOAD_LEFT_OUT LOAD_OF_REFERENCE SHAPE_HELD "
-        "BRISTLE_FILLED PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT PAPER_REFERENCE PAPER_CONTROL PAPER_INERTIA PAPER_RATES PAPER_SAMPLING PAPER_TABLE_2 "
-        "ONE_DIRECTION_KNOWN BRISTLE_ASSUMED GRIPPER_INTERVALS GRIPPER_NOISE GRIPPER_REFERENCE BOX_HELD BOX_CUT NOISE_ASSUMED HELD_AS_KNOWN "
-        "EXTRAPOLATED LIMIT_SLOWEST_GUESSED LIMIT_HOLD_GUESSED LIMIT_POSITIONS_GUESSED LIMIT_ACCELERATION_GUESSED LIMIT_RATE LIMIT_FREQUENCY "
-        "FREQUENCY_LOWERED"
-    ),
-    "What was read may not be what was meant.": (
-        "LINKS_SCALE CONSTANT_BY_MASSES BEYOND_URDF EFFORT_BEYOND HEADER_LINES DECIMAL_COMMA COUNTS_OF_A_TURN CUTOFF_LOWERED TRUTH_UNDECLARED "
-        "UNKNOWN UNIT_DIFFERS"
-    ),
-    "The sessions are not alike, so a change may not be one of the joint.": (
-        "IN_ONE_SESSION FILES_ALL_SHARED FILES_SHARED ONE_SIMULATED FIT_DISTRUSTED MODELS_DIFFER LAWS_DIFFER COMMON_SHIFT WARNED_SINCE "
-        "MIXED_VALUE_UNITS SCATTER_OF_FEW"
-    ),
-    "What was simulated shows a use of the model that does harm or fails.": (
-        "ERROR_INCREASED GAIN_AT_LIMIT MODEL_UNFIT ADAPTATION_WORSE ADAPTATION_HARMS PLANTS_REFUSED LOOP_DIVERGES MOTION_WORSE"
-    ),
-    "The target of an export cannot hold it, so that a part of the torque is lost there.": (
-        "EXPORT_LOSES EXPORT_LEAVES_OUT EXPORT_WITHOUT_INERTIA EXPORT_WITHOUT_BRISTLE EXPORT_JOINT_LEFT_OUT"
-    ),
-    # note
-    "It says why a segment, a point or a run is left out, and no number rests on it.": (
-        "TOO_SHORT TRANSIENT AT_REST ACCELERATING HUNTING UNSTEADY UNSETTLED SATURATED SETTLING POINT_AT_REST POINT_TOO_SLOW BELOW_BREAKAWAY "
-        "STRAY_DROPPED EXCLUDED RESTING_LEFT_OUT SLOW_LEFT_OUT HELD_OUT_UNUSED OFFSET_LEFT_OUT SESSIONS_FAILED SESSIONS_LEFT_OUT BASELINES_BEGUN "
-        "VALUES_CRITICAL OF_OTHER_FITS"
-    ),
-    "A part of another sentence, whose severity counts.": (
-        "PLAN_OPENS OR_MINIMUM_DURATION G0_BY_BEND JOINT_CHANGED AND_JOINTS SHIFT_UNLOGGED SHIFT_LOGGED UNTESTED_BY_SESSIONS UNTESTED_BY_SCATTER "
-        "MORE_STEPS "
-        "TERM_EXPLAINS DURATION_ASKED DEPENDENT_TORQUE SAMPLES_ASKED USUAL_ASKED NOISE_FLOOR MINIMUM_VELOCITY "
-        "OR_MINIMUM_VELOCITY OR_VELOCITY_TOLERANCE LIMIT_GIVEN LIMIT_SEEN POINTS_FOR_PARAMETERS RESIDUAL_BLOCKS SAMPLE_BLOCKS EDGE_BLOCKS "
-        "STRAY_POINT BELIEVE_MOVING MOVING_IN_DOUBT POINT_NAMED TO_LEAVE_OUT TERM_FIRST WITHOUT_STRAYS WITH_STRAYS PARAMETER_VALUE "
-        "PARAMETER_WITH_ERROR RANGE_ASKED NO_STIFFNESS NO_INERTIA ONE_EDGE EDGES NO_STRIBECK_TERM POINTS_WITHOUT_NOISE TOO_FEW_TO_VALIDATE "
-        "FINE_GRID NO_FINE_GRID AND_OTHER_JOINTS AT_WHICH CAPPED_BY_RATE PEAK_TO_LOOK_FOR AMID_THE_SPEEDS "
-        "WITHOUT_INERTIA_UNDAMPED "
-        "AMID_WHAT_IS_SEARCHED "
-        "BENT_BRISTLE BY_DAMPING_RATIO VISCOUS_SHARE FAR_POINTS RATE_OF_ZERO DEFLECTION_OF_AMPLITUDE WITH_DAMPING_RATIO DEFLECTION_OF_TRAVEL "
-        "WITH_GUESSED_INERTIA AS_HELD TIMES_FOR_CORRELATION LOWEST_BIC LOWEST_BIC_OF_SUPPORTED NEXT_MODEL NEXT_HARDLY_WORSE AICC_PREFERS "
-        "PEAK_NOT_SUPPORTED PEAK_LOWERS_BIC BRISTLE_NOT_SHOWN IN_OTHER_DIRECTIONS NOT_IN_SESSION NOT_IDENTIFIABLE_IN OF_OTHER_STAGES OF_OTHER_LAWS "
-        "OPEN_IN "
-        "ONE_SESSION BOTH_SESSIONS CHANGED_BY CHANGED_BY_POWERS SETS_CHANGED_TOO MORE_NOT_COMPARABLE IN_BOTH_DIRECTIONS HEADER_LINE MORE_LINES "
-        "TORQUE_REST_EXACT ENDS OF_STATIC_FIT OF_MOVING_RUNS OF_EXPERIMENT_FILE OF_STATIC_FIT_WITHOUT_PEAK OF_MOVING_RUNS_WITHOUT_PEAK "
-        "OF_BREAKAWAY CREEP_ADDED MISSES_TOGETHER MORE_UNSEEN ONCE_SETTLED AT_EVERY_AMPLITUDE NOT_AT_THE_LARGEST FROM_AMPLITUDE SOBOL_INDEX "
-        "INTERACTIONS DRAWN_SPAN DRAWN_LOGARITHM PRINTED_IS_ANOTHER"
-    ),
-    "Its effect is in the interval already, or in no number.": (
-        "CORRELATED TORQUE_UNSURE WHOLE_COUNT REST_EXCLUDES COUNTS_HIDE COARSE_LOOPS COARSE_LOOPS_BETWEEN TORQUE_EXACT TORQUE_UNCERTAIN "
-        "SYSTEMATIC_STAYS SYSTEMATIC_DRAWN COMMON_CONSTANTS OWN_CONSTANTS PROFILE_ROUGH WIDENED_TO_MOVING INTERVAL_WITH_ZERO RUNS_CLUSTERED"
-    ),
-    "It says what was not computed, and why.": (
-        "NO_BOOTSTRAP NO_BLOCKS NOT_FITTED NO_STRIBECK_ASKED NO_SIGMA_1 NO_COUNTS NOTHING_BELOW_G0 STAGE_UNSEEN NONE_COMPARED NO_GRID_FIT "
-        "NOTHING_TRIED SOBOL_NOT_ASKED SOBOL_WITHOUT_INTERVALS NO_SOBOL NO_FORMULAS TOO_FEW_FOR_MODELS LUGRE_IS_ITS_CURVE NOT_COMPARABLE "
-        "BIAS_UNKNOWN NO_INDICES NOTHING_CHANGES_IT NO_STARTS SEE_MOVING FLEET_UNTESTED JOINTS_UNTESTED"
-    ),
-    "It says how the fit ended, or that two routes agree.": (
-        "STATIC_CONVERGED STATIC_SUPERSEDED STATIC_AS_ASKED CONVERGED REFITTED_FROM_GRID REFITTED WITHOUT_STICK_SLIP GRID_LOWER ROUTES_AGREE "
-        "IPOPT_AGREES IPOPT_HIGHER STAGE_AGREES STARTS_REACHED COST_HIGHER COST_LOWER COST_EQUAL STAGES_COMPARED HELD_OUT_RUNS EACH_LEFT_OUT "
-        "TRUTH_INSIDE FROM_TRANSITIONS FROM_SAMPLES BIAS_OF_PRINTED EDGES_CROSSED MEDIAN_BREAKAWAY USE_MODEL LAW_WANTED LAW_BEST "
-        "LAW_KEPT LAW_NOT_PREDICTING LAWS_TOO_FEW FASTEST_MEASURED"
-    ),
-    "It says how a signal was read, or a number made.": (
-        "LINKS_TAKEN_OFF RATE_DECLARED COUNT_BITS LOSS_OF_STATIC_FIT SAMPLING UNWRAPPED TAKEN_EARLIER TAKEN_LATER MOTION_FROM_POSITION "
-        "ACCELERATION_FROM_VELOCITY TORQUE_SMOOTHED CUTOFF_ASKED CUTOFF_OF_MOTION CUTOFF_OF_HOLDS CUTOFF_OF_LOADING "
-        "TORQUE_FROM_CURRENT TORQUE_FROM_VOLTAGE POINTS_SIMULATED DIRECTIONS_ALONE PLAN_LOCAL REFERENCES_FOLLOWED "
-        "RUN_IN ENCODER_COUNT ENCODER_FINE LIMIT_SPEED LIMIT_SLOWEST LIMIT_HOLD LIMIT_POSITIONS LIMIT_ACCELERATION LIMIT_TORQUE LIMIT_LINKS "
-        "ROWS_MOTOR_OFF SAMPLED_FASTER "
-        "INERTIA_EXACT NOISE_OF_EQUATIONS NOISE_OF_INDEPENDENT NOISE_AVERAGED NOISE_OF_POINTS REFERENCE_TAKEN RATES_TAKEN PAPER_FEED_FORWARD "
-        "GRIPPER_FRICTION NOISE_OF_FIT NOISE_OF_STATIC_FIT DRAWN_FROM INDICES_SIMULATED TIME_RECEIVED TOPICS_INTERPOLATED OWN_TIME FILES_JOINED "
-        "PART_TAKEN GEAR_TAKEN ORDERS_FOUND NO_ORDERS"
-    ),
-    "It says what to measure or to write next.": (
-        "SET_UP_PAYS MEASURE_SPEEDS RISES_BELOW RISE_NOT_SHOWN FEW_POINTS_BELOW UNLIMITED_BELOW UNLIMITED_ABOVE V_S_WIDE ALPHA_2_WIDE "
-        "REPEAT_STICKING MEASURE_DIRECTION PEAK_OPEN VISCOUS_OPEN BRISTLE_OPEN INERTIA_OPEN AVOID_COUNTS HOLD_BACK ORDER_TO_WRITE"
-    ),
-    "It is a finding, and not about a number's error.": (
-        "NEVER_UNDERCUT DESIGN_VALIDATED V_S_KNOWABLE IPOPT_NEVER_LOWER POLISHING_STAYS STARTS_PART STARTS_AGREE PLAIN_GRID_ERROR FIT_TIMES "
-        "PLAIN_GRID_ENOUGH ROSE FELL NO_CHANGE PARAMETERS_CHANGED ONLY_SETS_CHANGED NONE_CHANGED TORQUE_SCALE ALPHA_0_ROSE ALPHA_0_FELL "
-        "ALPHA_2_ROSE ALPHA_2_FELL SIGMA_0_ROSE SIGMA_0_FELL INERTIA_ROSE INERTIA_FELL CLAIM_HOLDS CLAIM_FAILS OTHER_AT_FIXED_Z CLAIM_ON_MAP "
-        "ALL_TOLD SOBOL_INDICES PRINTED_IS PRINTED_IS_NONE TOTAL_DERIVATIVES "
-        "FORMULAS_AS_MEASURED ERRORS_COMPENSATED ERROR_REDUCED ADAPTED_TO ABLATED ADAPTATION_HELPS "
-        "ADAPTATION_IDLE PLAN_NARROWS STRIBECK_AS_GOOD CURVE_MIXED FLEET_CHANGED FLEET_UNCHANGED BEYOND_ERRORS"
-    ),
-}
-"""Reason -> the kinds that have their severity for it, by name: each kind stands at one, and the kinds of one have one severity (a test)."""
 
-ADVICE: Mapping[str, str] = {
-    # critical
-    "The model does not describe the data, so its parameters mean nothing.": (
-        "Check units, signs and columns of velocity and torque first; then add the lines under `fit` that the warning names. "
-        "Do not use the parameters until the warning is gone."
-    ),
-    "A factor between two signals goes into every number made of them.": (
-        "Find out which of the two signals is wrong, from the data sheet or by a motion of known length, and correct its `unit`, its `scale` or "
-        "`encoder_resolution`."
-    ),
-    "The torque holds what the links of the arm ask for, which is not friction.": (
-        "Name the URDF under `robot`; check the order of the columns against the names of the joints, the signs of positions and currents, and "
-        "`robot.gravity`."
-    ),
-    "The lowest cost was not found, so the numbers are not those of the fit.": (
-        "Use the lower fit where one is given. Else add data about what the parameters depend on: slow speeds for v_s, reversals for sigma_0."
-    ),
-    "The range searched, and not the data, sets the number.": (
-        "Measure speeds on both sides of the Stribeck region, from well below v_s to several times v_s; widening the range alone "
-        "moves the number with it."
-    ),
-    "There is too little data for any number.": (
-        "Measure more speeds, at least five in each direction, or let more segments pass: `bristle inspect` says what each lacks."
-    ),
-    "With and without a few points the number differs by more than its error.": (
-        "Look at the points named. Measure them again, or leave out with `fit.exclude` those that you know to be wrong."
-    ),
-    "Two experiments contradict each other, so at least one number is wrong.": (
-        "Check that both were logged with the same units, scales and torque constant, and with the joint equally warm; "
-        "repeat the one that you trust less."
-    ),
-    "The motion is not the one that the method is for.": (
-        "Repeat the experiment as its kind asks (docs/measuring.md), or give the run the kind that it is."
-    ),
-    # caution
-    "Sticking, a drift or a contradiction moves the point by more than its error.": (
-        "Hold that speed again: longer, with a stiffer controller, and after warming up."
-    ),
-    "A pattern is left, which biases what takes part of it up.": (
-        "Add the term where one is named, under `fit`; else remove the cause at the bench: a delay of the torque, a drift, a load that changes."
-    ),
-    "Samples are wrong or missing, and what they do to the number is not in its error.": (
-        "Log again without the fault named. Where that cannot be, declare it (`delay`, `scale`, `rate`), or leave the run out."
-    ),
-    "Encoder counts bias the number by about its error.": (
-        "Give `encoder_resolution`; then move faster or farther, so that a sample or a loading covers more counts, or use a finer encoder."
-    ),
-    "Runs or parts differ by more than the errors say.": (
-        "Repeat the runs on a warm joint. While they differ, their scatter is the error to count with."
-    ),
-    "Methods give different intervals, and the widest is the safe one.": (
-        "Quote the widest of the three intervals (docs/uncertainty.md); more data make them agree."
-    ),
-    "The interval is open, or one-sided.": (
-        "Use the bound that is there. To close the interval measure where the parameter acts, as `bristle plan --for NAME` has it."
-    ),
-    "A point far from the others may not belong, and the number is still within its error.": (
-        "Look at the points named; measure them again if it costs little. `fit.stray: drop` leaves them out, `fit.exclude` those that you name."
-    ),
-    "The data do not show the term or the parameter, so no number is given for it.": (
-        "If you need it, `bristle plan` says what to measure; if not, use the fit without it."
-    ),
-    "The number rests on few points, runs or starts.": "Repeat the measurement, with more speeds or more runs of the same kind.",
-    "Only a combination is determined, so that no parameter of it stands alone.": (
-        "Use the combination, or the friction curve, within the speeds measured; do not quote the single parameters. Speeds outside them separate it."
-    ),
-    "Another minimum is about as good.": (
-        "Use the curve, on which both agree, and not the single parameters; slow speeds in both directions decide between them."
-    ),
-    "The fit stands, and the model or what it is used for is physically doubtful.": (
-        "Use the numbers for what was measured, and not beyond it; test a compensator made of them at low gain first."
-    ),
-    "Something is assumed that was not measured.": (
-        "If the value named is wrong for your joint, give yours in the experiment file; else quote the result with the assumption."
-    ),
-    "What was read may not be what was meant.": "Compare what was read with the file, and say in the experiment file what it is.",
-    "The sessions are not alike, so a change may not be one of the joint.": (
-        "Identify both sessions with the same settings and from files of their own, then compare again."
-    ),
-    "What was simulated shows a use of the model that does harm or fails.": (
-        "Do not use it like this on the joint: follow the limit or the gain that the warning names, or leave it off."
-    ),
-    "The target of an export cannot hold it, so that a part of the torque is lost there.": (
-        "Judge the loss along your own motion (`--amplitude`, `--frequency`); where it matters, use a target that holds LuGre (docs/export.md)."
-    ),
-    # note
-    "It says why a segment, a point or a run is left out, and no number rests on it.": (
-        "Nothing, unless too little is left: then change the run or the setting that it names."
-    ),
-    "A part of another sentence, whose severity counts.": "See the warning that it is part of.",
-    "Its effect is in the interval already, or in no number.": "Nothing.",
-    "It says what was not computed, and why.": "Nothing, unless you need it: the sentence says what is missing.",
-    "It says how the fit ended, or that two routes agree.": "Nothing.",
-    "It says how a signal was read, or a number made.": "Check that it is what you meant.",
-    "It says what to measure or to write next.": "What it says, before you measure again.",
-    "It is a finding, and not about a number's error.": "Nothing: it is a result.",
-}
-"""Reason -> what to do about a kind that has its severity for it; the sentence of the kind may say it in particular."""
+def but(finding: Finding, **numbers: Any) -> Finding:
+    """A finding of a kind with other numbers."""
+    made = Kind[finding.code.upper().replace("-", "_")](**{**finding.numbers, **numbers})
+    return replace(made, subject=finding.subject)
 
-OWN_ADVICE: Mapping[str, str] = {
-    "Write the line, and see what it does to the parameters that you use: the curve is the better one, and v_s is another peak's.": "OTHER_LAW",
-    "Use the wider interval where the parameter itself matters; within the speeds measured the curve is known better.": "OVER_LAWS",
-    "Do not run the compensator faster than that before you have measured there.": "CURVE_HELD",
-    "Check signs, units and the kind of each run first. Then limit what is fitted: `fit.v_s_range`, `fit.fixed`, fewer `fit.regressors`.": (
-        "NOT_CONVERGED OUT_OF_STEPS DID_NOT_MOVE UNSEEN_UNCONVERGED"
-    ),
-    "Set `fit.v_s_range` so that it holds the lower minimum, and fit again. If the two still differ, it is a defect: report it with the data.": (
-        "FULL_FIT_LOWER IPOPT_LOWER IPOPT_UNDERCUTS"
-    ),
-    "Measure slower speeds if v_s is at the lower edge, faster ones if it is at the upper; set `fit.v_s_range` only where you know the range.": (
-        "STATIC_AT_EDGE AT_EDGE"
-    ),
-    "Start from rest, load by less than breakaway, and rise slowly; or call the run `tracking` if it is a motion.": "YIELDS NOT_POSITIVE",
-    "Check unit, scale and rate of position and velocity. Leave the velocity out if it is filtered.": "POSITION_DIFFERS POSITIONS_DISAGREE",
-    "Hold longer, over whole turns of motor and gear, after warming up.": "TORQUE_DRIFTS",
-    "With time: warm up before logging, check the torque's zero. With velocity: try `regressors: [quadratic]`. With position: try `gravity`.": (
-        "RESIDUAL_TREND"
-    ),
-    "Compare the period with that of motor poles, gear teeth and one turn: fit it as cogging or ripple, or hold each speed over whole periods.": (
-        "RESIDUAL_RIPPLE"
-    ),
-    "Look at the residuals vs time and position for what is missing: gravity, a delay, a ripple, backlash, a flexible link.": "LACKS_UNKNOWN_TERM",
-    "Nothing where they are few. Many point to the logger; `cleaning` in the experiment file says what is done with such rows.": (
-        "ROWS_NOT_FINITE ROWS_BACKWARD ROWS_REPEATED ROWS_OF_SHORT_SEGMENTS"
-    ),
-    "Nothing if the log was paused there; else find out why rows are missing.": "GAPS",
-    "Use the fit if its intervals are narrow and a hold-out agrees; else add slow speeds and reversals until the starts agree.": "FEW_STARTS",
-    "Repeat the run, three times or more.": "SINGLE_RUN",
-    "Plan for the parameter that matters (`bristle plan --for`), or add the measured motion to the plan.": "MOTION_WORSE",
-    "Write `fit.model: auto`, or leave the line out, to have it fitted.": "PEAK_LEFT_OUT",
-    "`bristle inspect` says why each was rejected, and what would make it pass.": "NONE_KEPT",
-    "Measure that direction as well.": "NOT_MEASURED DIRECTION_UNKNOWN DIRECTION_TAKEN ONE_DIRECTION_KNOWN",
-    "Do not quote it as measured. A motion with slow reversals (`tracking`) estimates sigma_1.": "PRIOR",
-    "Check the inertia that it rests on, then estimate sigma_1 from a motion with slow reversals.": "ODD_DAMPING",
-    "Use the stiffness at the amplitude that your application has; LuGre holds for one amplitude only.": "SOFTENS",
-    "Load both directions to the same ratio of their breakaway, and record a further cycle: the first, from rest, never closes.": "OPEN_CYCLES",
-    "Measure up to that speed, or ask for a slower reference.": "EXTRAPOLATED",
-    "Keep it in mind: the real joint does worse than the simulation, so test at low gain first.": (
-        "LOAD_LEFT_OUT LOAD_OF_REFERENCE PLANT_IS_MODEL DRIVE_WITHOUT_LIMIT"
-    ),
-    "Nothing if the file has them so.": "DECIMAL_COMMA HEADER_LINES",
-    "Log faster if the faster part of the signal matters.": "CUTOFF_LOWERED",
-    "Write `simulated: true` if the data are, else remove `truth`.": "TRUTH_UNDECLARED",
-    "Go by its sentence: another version of bristle wrote it.": "UNKNOWN",
-    "Compare measured sessions with measured ones.": "ONE_SIMULATED",
-    "Nothing: what one session does not know cannot be compared.": "IN_ONE_SESSION",
-    "Nothing: the paper leaves it open, and this is what is assumed in its place.": (
-        "PAPER_REFERENCE PAPER_CONTROL PAPER_INERTIA PAPER_RATES PAPER_SAMPLING PAPER_TABLE_2 GRIPPER_INTERVALS GRIPPER_NOISE GRIPPER_REFERENCE"
-    ),
-}
-"""What to do about a kind whose sentence does not say it, where the advice of its reason is not enough -> those kinds, by name."""
+
+WEIGHTIEST_FIRST = (
+    "unexplained misfit inertia-below-zero velocity-factor velocity-unrelated whole-positions count-unit "
+    "count-contradicts effort-far-beyond links-not-removed joint-order gravity-direction links-oppose not-converged "
+    "out-of-steps still-lower full-fit-lower ipopt-lower undercut ipopt-undercuts static-at-edge at-edge flat-profile "
+    "v-s-unknowable static-too-few too-few-points indistinct strays-matter stages-do-not-fit yields not-positive "
+    "stick-slip holds-swing position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
+    "nothing-without other-law lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
+    "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed turns-late delay-or-presliding "
+    "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
+    "position-held stamps-jitter sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
+    "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
+    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter outlier "
+    "stages-differ stage-differs static-without-presliding distrust-moving distrust-stage inertia-doubted "
+    "huber-differs responsible intervals-differ cost-stays-low profile-skewed few-to-resample uneven-residuals "
+    "profile-lost over-laws at-bound intervals-at-bound no-bootstrap-at-bound profile-open static-at-bound bound "
+    "one-sided-profile alpha-1-open v-s-open-below v-s-open-above shape-open converged-at-bound g0-at-least strays "
+    "strays-left-out constant-unseen static-no-stribeck no-stribeck like-noise no-peak bend one-speed "
+    "v-s-down-to-zero v-s-up-to-any none-below-v-s too-few-for-peak peak-left-out profile-unseen unseen unseen-wide "
+    "unseen-far unseen-companion unseen-peak unseen-no-peak unseen-unconverged unseen-too-few unseen-below-count "
+    "unseen-in-counts unseen-biased strays-as-well unseen-no-reversal unseen-fast interval-with-zero-impossible "
+    "unseen-halves unseen-bend nothing-seen direction-unknown none-kept not-measured sigma-0-unknown no-model "
+    "nothing-seen-of nothing-compared not-told still-unseen static-stick-slip peak-of-stick-slip few-below-v-s "
+    "single-run of-one-breakaway few-starts did-not-move few-velocities slowest-too-fast load-collinear "
+    "ill-conditioned only-sum-seen only-sum-seen-of-fit hardly-seen only-against only-as-sum second-minimum "
+    "lower-outside-range polishing-moves lugre-unsettled not-passive odd-damping above-g0 softens open-cycles "
+    "cycles-move of-largest-held prior curve-held direction-taken inertia-guessed guessed noise-of-holds-guessed "
+    "noise-of-motion-guessed noise-of-other-points default-pid peak-taken-as-none load-left-out load-of-reference "
+    "shape-held bristle-filled plant-is-model drive-without-limit paper-reference paper-control paper-inertia "
+    "paper-rates paper-sampling paper-table-2 one-direction-known bristle-assumed gripper-intervals gripper-noise "
+    "gripper-reference box-held box-cut noise-assumed held-as-known extrapolated limit-slowest-guessed "
+    "limit-hold-guessed limit-positions-guessed limit-acceleration-guessed limit-rate limit-frequency "
+    "frequency-lowered links-scale constant-by-masses beyond-urdf effort-beyond header-lines decimal-comma "
+    "counts-of-a-turn cutoff-lowered truth-undeclared unit-differs in-one-session files-all-shared "
+    "files-shared one-simulated fit-distrusted models-differ laws-differ common-shift warned-since mixed-value-units "
+    "scatter-of-few error-increased gain-at-limit model-unfit adaptation-worse adaptation-harms plants-refused "
+    "loop-diverges motion-worse export-loses export-leaves-out export-without-inertia export-without-bristle "
+    "export-joint-left-out"
+).split()  # noqa: SIM905  # a list of words
+"""Codes of what is critical, then of what calls for caution, in the order in which warnings are named."""

@@ -120,7 +120,7 @@ def test_a_gain_at_its_limit_is_not_trusted(tmp_path: Path) -> None:
     one = joint_loop(adaptation=Adaptation(limits=(0.5, 1.2)))
     run, _ = replayed(tmp_path, 1.5, one)
     assert run.theta.max() == pytest.approx(1.2)
-    assert run.verdict.kind is Kind.GAIN_AT_LIMIT
+    assert run.verdict.code == "gain-at-limit"
 
 
 def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
@@ -128,17 +128,17 @@ def test_an_adaptation_that_harms_is_left_off(tmp_path: Path) -> None:
     run, _ = replayed(tmp_path, 1.0, joint_loop(adaptation=Adaptation(gamma=(0.0, 1e5), limits=(0.01, 100.0))))
     before, after = run.relative_errors()
     assert after > before + 10
-    assert run.verdict.kind is Kind.ADAPTATION_HARMS
+    assert run.verdict.code == "adaptation-harms"
 
 
 def test_a_gain_is_judged_by_how_far_it_went(tmp_path: Path) -> None:
     """Limits are those of the gains, not of the shares: one that never moved is at none, one that doubled is at two."""
     still = joint_loop(start={"alpha_0": 0.4}, adaptation=Adaptation(gamma=(0.0, 0.0), limits=(0.5, 2.0)))
-    assert replayed(tmp_path, 1.0, still)[1].verdict.kind is not Kind.GAIN_AT_LIMIT
+    assert replayed(tmp_path, 1.0, still)[1].verdict.code != "gain-at-limit"
     driven = joint_loop(
         start={"alpha_0": 0.3, "alpha_2": 0.1}, adaptation=Adaptation(gamma=(20.0, 200.0), limits=(0.05, 2.0))
     )
-    assert replayed(tmp_path, 1.0, driven)[1].verdict.kind is Kind.GAIN_AT_LIMIT
+    assert replayed(tmp_path, 1.0, driven)[1].verdict.code == "gain-at-limit"
 
 
 def test_without_adaptation_a_replay_is_the_rollout(tmp_path: Path) -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.questions.compensation import ablation, parameter_studies
 from bristle.questions.compensation.page import context, draw, outcomes_of
@@ -43,7 +42,7 @@ def test_its_text_has_a_line_for_each_error_and_each_adapted_parameter(compensat
     plain = [row for row in compensated.errors if not row.inertia]
     factors = compensated.adapted.factors
     assert compensated.text().splitlines() == list(map(str, found))
-    assert [x.kind for x in found] == [Kind.ERRORS_COMPENSATED] * len(plain) + [Kind.ADAPTED_TO] * len(factors)
+    assert [x.code for x in found] == ["errors-compensated"] * len(plain) + ["adapted-to"] * len(factors)
     for said, row in zip(found, plain, strict=False):
         assert said.numbers["unit"] == "mrad"
         assert (said.numbers["without"], said.numbers["identified"]) == (1e3 * row.without, 1e3 * row.identified)
@@ -62,7 +61,7 @@ def test_a_stribeck_curve_as_good_as_lugre_is_said(compensated: Study, share: fl
     found = [
         x
         for x in context(replace(compensated, ablation=tuple(rows.values())))["adverse"]
-        if x.kind is Kind.STRIBECK_AS_GOOD
+        if x.code == "stribeck-as-good"
     ]
     assert [x.numbers["stribeck"] for x in found] == ([pytest.approx(1e3 * share * lugre.rms)] if said else [])
 

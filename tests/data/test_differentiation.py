@@ -31,8 +31,8 @@ def test_a_slow_sine_comes_back() -> None:
     np.testing.assert_allclose(_of(record.velocity)[inside], w * np.cos(w * t)[inside], atol=1e-4 * w)
     np.testing.assert_allclose(_of(record.acceleration)[inside], -(w**2) * np.sin(w * t)[inside], atol=1e-3 * w**2)
     (note,) = record.notes
-    assert (note.kind, note.numbers["cutoff"], note.numbers["why"]) == (
-        Kind.MOTION_FROM_POSITION,
+    assert (note.code, note.numbers["cutoff"], note.numbers["why"]) == (
+        "motion-from-position",
         50.0,
         Kind.CUTOFF_ASKED(),
     )
@@ -94,7 +94,7 @@ def test_a_logged_velocity_stays_and_is_differentiated() -> None:
     moved = estimate_motion(record, 5.0)
     np.testing.assert_array_equal(_of(moved.velocity), t**2)
     np.testing.assert_allclose(_of(moved.acceleration)[100:-100], 2 * t[100:-100], atol=1e-3)
-    assert moved.notes[-1].kind is Kind.ACCELERATION_FROM_VELOCITY
+    assert moved.notes[-1].code == "acceleration-from-velocity"
     with pytest.raises(ValueError, match="neither position nor velocity"):
         estimate_motion(replace(record, velocity=None), 5.0)
 

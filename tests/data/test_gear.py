@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from bristle.data.experiment.load import Experiment, load_experiment, read_runs
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 
 K_T, R, RATIO = 0.05, 2.0, 100.0
@@ -77,7 +76,7 @@ def test_the_motor_side_is_the_joint_side(tmp_path: Path, size: float, sign: int
     for got, wanted in ((found.position, Q), (found.velocity, W), (found.torque, TAU)):
         assert got is not None
         np.testing.assert_allclose(got, wanted, atol=1e-9 * max(1, size))
-    assert [n for n in found.notes if n.kind is Kind.GEAR_TAKEN]
+    assert [n for n in found.notes if n.code == "gear-taken"]
 
 
 def test_sides_may_differ(tmp_path: Path) -> None:
@@ -164,7 +163,7 @@ def test_a_wrong_side_is_named(tmp_path: Path) -> None:
     (found,) = record(
         tmp_path, {"ratio": RATIO, **MOTOR}, position="qm rad", velocity="w rad/s", current="i A"
     ).warnings
-    assert found.kind is Kind.VELOCITY_FACTOR
+    assert found.code == "velocity-factor"
     assert "the other side for velocity under motor.gear" in str(found)
 
 

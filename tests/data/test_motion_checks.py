@@ -9,18 +9,18 @@ from scipy.signal import lfilter
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.findings import Finding, Severity
 
 from .test_signal_checks import RATE, checked, moving
 
-MOTION = (Kind.LOST_SAMPLES, Kind.POSITION_JUMPS, Kind.STAMPS_JITTER, Kind.SAMPLED_IRREGULARLY, Kind.VELOCITY_LAGS)
+MOTION = ("lost-samples", "position-jumps", "stamps-jitter", "sampled-irregularly", "velocity-lags")
 STAMPED = {"column": "t", "unit": "s"}
 
 
-def said(record: Record, stamped: bool = False) -> list[Diagnostic]:
+def said(record: Record, stamped: bool = False) -> list[Finding]:
     """What is said of the motion of a moving run."""
     found = checked(record, time=STAMPED) if stamped else checked(record)
-    return [d for d in found if d.kind in MOTION]
+    return [d for d in found if d.code in MOTION]
 
 
 def position(record: Record) -> Array:
@@ -44,7 +44,7 @@ def test_clean_motions_are_left_alone() -> None:
         at = record.time + rng.uniform(-0.4, 0.4, v.size) / RATE
         found += said(replace(record, position=position(record) + noise * (seed % 4 == 1)))
         found += said(replace(record, time=at, position=sampled(record, at)), stamped=True) if seed % 4 == 0 else []
-    assert len(found) <= 1, Counter(d.kind for d in found)
+    assert len(found) <= 1, Counter(d.code for d in found)
 
 
 @pytest.mark.parametrize("stamped", [False, True])
@@ -61,8 +61,8 @@ def test_an_encoder_that_slips_is_named_by_its_row(samples: float, stamped: bool
         (found,) = said(replace(record, time=time, position=q), stamped)
         assert found.severity is Severity.CAUTION
         assert f"row {at + 1} " in str(found)
-        assert found.kind is (Kind.LOST_SAMPLES if samples > 0 and not stamped else Kind.POSITION_JUMPS)
-        if found.kind is Kind.POSITION_JUMPS:
+        assert found.code == ("lost-samples" if samples > 0 and not stamped else "position-jumps")
+        if found.code == "position-jumps":
             assert float(found.numbers["files"][0].split(" by ")[-1].split("(by ")[-1].split()[0]) == pytest.approx(
                 abs(slip), rel=0.1
             )
@@ -74,7 +74,7 @@ def test_counts_under_something_that_drifts_are_no_jumps() -> None:
     q = 2e-6 * np.round(2e-4 * np.sin(2 * np.pi * t / 20) / 2e-6) + 2e-8 * t * RATE
     record, _ = moving(0, "sines")
     found = said(replace(record, time=t, position=q, velocity=None, torque=np.sin(2 * np.pi * t / 20)))
-    assert Kind.POSITION_JUMPS not in {d.kind for d in found}
+    assert "position-jumps" not in {d.code for d in found}
 
 
 def test_a_joint_that_stops_or_starts_does_not_slip() -> None:
@@ -93,12 +93,12 @@ def test_sampling_that_jitters(share: float) -> None:
         record, v = moving(seed, logged=False)
         away = share * np.random.default_rng(seed).uniform(-0.5, 0.5, v.size) / RATE
         (found,) = said(replace(record, position=sampled(record, record.time + away)))
-        assert found.kind is Kind.SAMPLED_IRREGULARLY
+        assert found.code == "sampled-irregularly"
         assert found.severity is Severity.CAUTION
         assert found.numbers["jitter"] == pytest.approx(share / np.sqrt(12), rel=0.15)
         if share < 1:
             (found,) = said(replace(record, time=record.time + away), stamped=True)
-            assert found.kind is Kind.STAMPS_JITTER
+            assert found.code == "stamps-jitter"
             assert found.numbers["jitter"] == pytest.approx(share / np.sqrt(12), rel=0.15)
             assert "`time: {rate: 500 Hz}`" in str(found)
 
@@ -114,7 +114,7 @@ def test_a_velocity_through_a_filter_lags(cutoff: float) -> None:
         lag = 1 / (2 * np.pi * cutoff)
         for velocity, word in ((slow, "lags behind"), (np.interp(record.time + lag, record.time, v), "leads")):
             (found,) = said(replace(record, velocity=velocity))
-            assert found.kind is Kind.VELOCITY_LAGS
+            assert found.code == "velocity-lags"
             assert found.severity is Severity.CAUTION
             assert found.numbers["lag"] == pytest.approx(lag, rel=0.1, abs=1.5 / RATE)
             assert word in str(found)

@@ -13,7 +13,6 @@ from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment, load_experiment, read_runs
 from bristle.data.experiment.tables import brought_to
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.measured import measure
 
@@ -67,7 +66,7 @@ def test_a_part_is_its_rows(tmp_path: Path, first: int, length: int) -> None:
         np.testing.assert_array_equal(found.torque, TAU[first - 2 : last - 1])
         assert found.where(0, found.time.size) == f"lines {first}-{last}"
         assert found.file.startswith("log.csv (")
-        assert [n for n in found.notes if n.kind is Kind.PART_TAKEN]
+        assert [n for n in found.notes if n.code == "part-taken"]
 
 
 @pytest.mark.parametrize("suffix", ["csv", "npz"])
@@ -229,7 +228,7 @@ def test_a_signal_of_another_file(tmp_path: Path) -> None:
     assert (found.rows, found.dropped, found.time.size) == (N, N - 399, 399)
     assert found.torque is not None
     np.testing.assert_allclose(found.torque, TAU[:399], atol=1e-4)
-    assert [n.kind for n in found.notes].count(Kind.OWN_TIME) == 1
+    assert [n.code for n in found.notes].count("own-time") == 1
     (own,) = records(tmp_path)
     assert found.sha256 != own.sha256
 
@@ -314,6 +313,6 @@ def test_another_unit_than_the_header_states_is_said(tmp_path: Path, unit: str, 
             "torque": {"column": names[2], "unit": "N*m"},
         }
         (found,) = records(tmp_path, signals=signals)
-        differing = [w for w in found.warnings if w.kind is Kind.UNIT_DIFFERS]
+        differing = [w for w in found.warnings if w.code == "unit-differs"]
         assert bool(differing) == said
         assert not said or "states deg, and " in str(differing[0])

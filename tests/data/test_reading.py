@@ -20,7 +20,6 @@ from bristle.data import text_table
 from bristle.data.binary_tables import Key, names_of
 from bristle.data.text_table import read_table
 from bristle.data.units import factor, plus_minus, to_si
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 
 _QUICK = settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -403,7 +402,7 @@ def test_no_row_is_lost_in_silence(tmp_path: Path, content: str, notes: tuple[st
     """A line above the numbers that is more than one line of names is said; every line below is a row."""
     table = read_table(_write(tmp_path, content), [Key(1)])
     assert tuple(map(str, table.notes)) == notes
-    assert {note.kind for note in table.notes} <= {Kind.HEADER_LINES}
+    assert {note.code for note in table.notes} <= {"header-lines"}
     assert table.columns[Key(1)].tolist() == [1, 3]
 
 

@@ -170,7 +170,7 @@ def test_wrapped_positions_are_unwrapped(tmp_path: Path, unit: str, wraps: bool 
     position = {"column": "q", "unit": unit, "wraps": wraps}
     record = _record(tmp_path, signals=_signals(position=position), encoder_resolution="1000 counts/rev")
     np.testing.assert_allclose(record.position, truth, atol=1e-9)  # type: ignore[arg-type]  # position is there
-    (note,) = of_kind(record.notes, Kind.UNWRAPPED)
+    (note,) = of_kind(record.notes, "unwrapped")
     assert note.numbers["turns"] == 2
     assert note.numbers["period"] == pytest.approx(2 * np.pi)
     del position["wraps"]
@@ -187,8 +187,8 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
     record = _record(tmp_path)
     assert (record.rows, record.dropped, record.time.size) == (400, 2, 398)
     assert record.starts == (0, 198)
-    (gap,) = of_kind(record.notes, Kind.GAPS)
-    (sampling,) = of_kind(record.notes, Kind.SAMPLING)
+    (gap,) = of_kind(record.notes, "gaps")
+    (sampling,) = of_kind(record.notes, "sampling")
     assert Kind.ROWS_NOT_FINITE(rows=1, first="line 52") in record.notes
     assert Kind.ROWS_REPEATED(rows=1, first="line 102") in record.notes
     assert (gap.numbers["gaps"], gap.numbers["longest"]) == (1, pytest.approx(1.001))
@@ -231,8 +231,8 @@ def test_velocity_from_position_where_it_is_not_logged(tmp_path: Path) -> None:
     )
     assert record.velocity is not None
     assert float(np.median(record.velocity)) == pytest.approx(0.3, rel=0.2)
-    (derived,) = of_kind(record.notes, Kind.MOTION_FROM_POSITION)
-    assert derived.numbers["why"].kind is Kind.CUTOFF_OF_HOLDS
+    (derived,) = of_kind(record.notes, "motion-from-position")
+    assert derived.numbers["why"].code == "cutoff-of-holds"
     assert Kind.RATE_DECLARED(rate=1000.0) in record.notes
 
 

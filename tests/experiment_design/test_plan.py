@@ -8,7 +8,8 @@ import pandas as pd
 import pytest
 
 import bristle
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.diagnostics import Kind
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import StaticFit
 from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured, measure
@@ -118,10 +119,10 @@ def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
     better[gripper.free[0]] /= 1.2
     better[gripper.free[1]] /= 1.05
     told = replace(gripper, motions=(motion, replace(motion, name=MEASURED, errors=better)))
-    (said,) = (w for w in told.warnings if w.kind is Kind.MOTION_WORSE)
+    (said,) = (w for w in told.warnings if w.code == "motion-worse")
     assert said.numbers["names"] == (gripper.start.names[gripper.free[0]],)
     alone = replace(gripper, motions=(motion,))
-    assert Kind.MOTION_WORSE not in {w.kind for w in alone.warnings}
+    assert "motion-worse" not in {w.code for w in alone.warnings}
 
 
 def test_planned_beats_plain_and_measured(gripper: Plan) -> None:
@@ -233,27 +234,27 @@ def test_a_declared_frequency_is_used(
 def test_limits_that_nobody_declared_are_said(measured: Measured, tmp_path: Path) -> None:
     """Each has its kind and the value that the limits have: a note where runs showed it, a caution where it is a guess; a declared one has none."""
 
-    def said_of(found: Measured, asked: dict[str, object]) -> tuple[Limits, dict[Kind, Diagnostic]]:
+    def said_of(found: Measured, asked: dict[str, object]) -> tuple[Limits, dict[str, Finding]]:
         options = found.experiment.plan.model_validate(asked)
         limits, said = limits_of(replace(found, experiment=found.experiment.model_copy(update={"plan": options})))
-        return limits, {d.kind: d for d in said}
+        return limits, {d.code: d for d in said}
 
     limits, said = said_of(measured, {})
     shown = {
-        Kind.LIMIT_SPEED: limits.velocity, Kind.LIMIT_SLOWEST: limits.slowest, Kind.LIMIT_HOLD: limits.hold,
-        Kind.LIMIT_ACCELERATION: limits.acceleration, Kind.LIMIT_TORQUE: limits.torque,
+        "limit-speed": limits.velocity, "limit-slowest": limits.slowest, "limit-hold": limits.hold,
+        "limit-acceleration": limits.acceleration, "limit-torque": limits.torque,
     }  # fmt: skip  # a table
     assert {kind: said[kind].numbers["value"] for kind in shown} == shown
-    assert said[Kind.LIMIT_POSITIONS].numbers == {"low": limits.position[0], "high": limits.position[1], "unit": "rad"}
-    assert said.keys() - shown.keys() == {Kind.LIMIT_POSITIONS, Kind.LIMIT_RATE}
-    assert [d.kind for d in said.values() if d.severity is not Severity.NOTE] == [Kind.LIMIT_RATE]
+    assert said["limit-positions"].numbers == {"low": limits.position[0], "high": limits.position[1], "unit": "rad"}
+    assert said.keys() - shown.keys() == {"limit-positions", "limit-rate"}
+    assert [d.code for d in said.values() if d.severity is not Severity.NOTE] == ["limit-rate"]
     declared = {"velocity": 1.0, "minimum_velocity": 0.01, "hold": 2.0, "position": (0.0, 1.0), "acceleration": 9.0}
     assert said_of(measured, declared | {"torque": 1.0, "rate": 200.0})[1] == {}
     limits, said = said_of(measure(write(tmp_path, speeds())), {})
-    assert said[Kind.LIMIT_ACCELERATION_GUESSED].numbers["value"] == limits.acceleration
-    assert said[Kind.LIMIT_POSITIONS_GUESSED].numbers["high"] == pytest.approx(limits.travel, rel=1e-2)
-    guesses = {Kind.LIMIT_ACCELERATION_GUESSED, Kind.LIMIT_POSITIONS_GUESSED, Kind.LIMIT_RATE}
-    assert {d.kind for d in said.values() if d.severity is Severity.CAUTION} == guesses
+    assert said["limit-acceleration-guessed"].numbers["value"] == limits.acceleration
+    assert said["limit-positions-guessed"].numbers["high"] == pytest.approx(limits.travel, rel=1e-2)
+    guesses = {"limit-acceleration-guessed", "limit-positions-guessed", "limit-rate"}
+    assert {d.code for d in said.values() if d.severity is Severity.CAUTION} == guesses
 
 
 def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
@@ -292,9 +293,9 @@ def test_noise_is_of_its_direction_and_robust(tmp_path: Path) -> None:
     assert found.start.noise[Direction.POSITIVE] < 1.2e-4  # root mean square: 3.3e-4
     assert found.start.noise[Direction.NEGATIVE] == pytest.approx(2e-4, rel=0.35)
     assert [d.problem.noise for d in found.velocities] == [found.start.noise[d.direction] for d in found.velocities]
-    said = {d.numbers["direction"]: d.numbers for d in of_kind(found.assumptions, Kind.NOISE_OF_POINTS)}
+    said = {d.numbers["direction"]: d.numbers for d in of_kind(found.assumptions, "noise-of-points")}
     assert {d: x["scatter"] for d, x in said.items()} == found.start.noise
-    assert said[Direction.POSITIVE]["far"].kind is Kind.FAR_POINTS
+    assert said[Direction.POSITIVE]["far"].code == "far-points"
     assert said[Direction.NEGATIVE]["far"] == ""
 
 
@@ -409,7 +410,7 @@ def test_no_sentence_decides_on_a_plan(tmp_path: Path, monkeypatch: pytest.Monke
     without_sentences(monkeypatch)
     second = bristle.plan(path, velocities=4)
     assert held(second) == held(first)
-    assert [warning.kind for warning in second.warnings] == [warning.kind for warning in first.warnings]
+    assert [warning.code for warning in second.warnings] == [warning.code for warning in first.warnings]
     assert first.reference_csv() == second.reference_csv()
 
 
@@ -420,8 +421,8 @@ def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
     guessed = {"sigma_0+", "sigma_1+", "sigma_0-", "sigma_1-"}
     assert guessed <= set(map(str, found.start.guessed))
     assert Kind.DIRECTION_TAKEN(direction=Direction.NEGATIVE, other=Direction.POSITIVE) in found.assumptions
-    assert of_kind(found.assumptions, Kind.INERTIA_GUESSED)[0].numbers["J"] == found.start.inertia
-    said = [d.numbers for d in of_kind(found.assumptions, Kind.GUESSED)]
+    assert of_kind(found.assumptions, "inertia-guessed")[0].numbers["J"] == found.start.inertia
+    said = [d.numbers for d in of_kind(found.assumptions, "guessed")]
     assert [ParameterName(x["name"], x["direction"]) for x in said] == list(found.start.guessed)
     assert np.isinf(
         found.standard_errors["now"][[found.start.names.index(ParameterName.parse(n)) for n in guessed]]
@@ -434,8 +435,8 @@ def test_too_fast_a_slowest_speed_is_said(tmp_path: Path) -> None:
     """Where constant velocities begin above v_s, the plan says that slower ones would show more."""
     path = write(tmp_path, speeds())
     path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
-    kinds = [warning.kind for warning in bristle.plan(path, velocities=4).warnings]
-    assert Kind.SLOWEST_TOO_FAST in kinds
+    kinds = [warning.code for warning in bristle.plan(path, velocities=4).warnings]
+    assert "slowest-too-fast" in kinds
 
 
 @pytest.mark.parametrize(

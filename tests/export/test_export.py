@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import bristle
-from bristle.diagnostics import Kind
 from bristle.identification.known_joint import chosen
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck
 from bristle.questions.export.artefact import Request, large_losses
@@ -184,7 +183,7 @@ def test_a_damping_of_an_assumed_ratio_is_marked() -> None:
     )
     assert {x.source for x in one.parameters if x.parameter.name == "sigma_1"} == {"assumed"}
     assert {x.source for x in one.parameters if x.parameter.name == "sigma_0"} == {"presliding"}
-    assert Kind.PRIOR in {x.kind for x in one.said}
+    assert "prior" in {x.code for x in one.said}
 
 
 def test_one_law_with_two_stiffnesses_is_a_pair() -> None:
@@ -238,7 +237,7 @@ def test_intervals_that_hold_zero_are_said(points: Path) -> None:
         fit["parameters"]["v_s"]["interval"] = [-1.0, 1.0]
     points.write_text(json.dumps(data), encoding="utf-8")
     said = bristle.export(points, "json").joints[0].said
-    assert {Kind.INTERVAL_WITH_ZERO, Kind.INTERVAL_WITH_ZERO_IMPOSSIBLE} <= {x.kind for x in said}
+    assert {"interval-with-zero", "interval-with-zero-impossible"} <= {x.code for x in said}
 
 
 def test_the_loss_is_its_formula(handed: Handed) -> None:

@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.questions.fleet.dataset import COLUMNS, schema_of
 from bristle.questions.fleet.findings import Findings, findings
@@ -38,9 +37,9 @@ def worn(truth: FleetTruth) -> set[tuple[str, str]]:
     return {(f"robot-{r + 1:03d}", f"J{j + 1}") for r, j in zip(*np.nonzero(truth.worn), strict=True)}
 
 
-def kinds(found: Findings) -> set[Kind]:
+def kinds(found: Findings) -> set[str]:
     """What is said."""
-    return {x.kind for x in found.notes}
+    return {x.code for x in found.notes}
 
 
 def joined(*frames: pd.DataFrame) -> pd.DataFrame:
@@ -106,7 +105,7 @@ def test_temperature_is_taken_off_where_it_is_logged() -> None:
     assert inside.mean() > 0.8
     v_s = found.types[found.types["parameter"] == "v_s"]
     assert ((v_s["temperature_lower"] < 0) & (v_s["temperature_upper"] > 0)).all()
-    assert Kind.COMMON_SHIFT not in kinds(found)
+    assert "common-shift" not in kinds(found)
     assert len(accused(found) & worn(truth)) / len(worn(truth)) > 0.7
     assert len(accused(found) - worn(truth)) <= 0.07 * len(accused(found)) + 1
 
@@ -115,13 +114,13 @@ def test_a_shift_that_all_share_accuses_nobody() -> None:
     """The same without wear, temperature not logged: the shift is named for every friction parameter, with its size, and no joint is accused."""
     frame, _ = fleet(FleetDesign(robots=100, joints=3, swing=10.0, worn=0.0), 2)
     found = findings(frame.assign(temperature=np.nan))
-    shifts = [x for x in found.notes if x.kind is Kind.COMMON_SHIFT]
+    shifts = [x for x in found.notes if x.code == "common-shift"]
     assert {x.numbers["type"] for x in shifts} == {"J1", "J2", "J3"}
     assert all(set(x.numbers["names"]) == {f"alpha_{k}{d}" for k in "012" for d in "+-"} for x in shifts)
-    assert all(x.numbers["cause"].kind is Kind.SHIFT_UNLOGGED for x in shifts)
+    assert all(x.numbers["cause"].code == "shift-unlogged" for x in shifts)
     assert all(3 < abs(x.numbers["percent"]) < 15 for x in shifts)
     assert accused(found) == set()
-    assert found.headline.kind is Kind.FLEET_UNCHANGED
+    assert found.headline.code == "fleet-unchanged"
 
 
 def test_few_temperatures_missing_do_no_harm() -> None:
@@ -147,7 +146,7 @@ def test_a_warning_that_begins_with_the_step_points_at_the_log(
     again = findings(frame.assign(warnings=pd.Categorical(said)))
     row = again.joints[(again.joints["unit"] == unit) & (again.joints["joint"] == joint)].iloc[0]
     assert row["new_warnings"] == "coarse-velocity"
-    (note,) = [x for x in again.notes if x.kind is Kind.WARNED_SINCE]
+    (note,) = [x for x in again.notes if x.code == "warned-since"]
     assert "coarse-velocity" in str(note)
     assert set(again.quality["code"]) == {"few-counts", "coarse-velocity"}
     assert (again.quality["percent"] == 100 * again.quality["joint_sessions"] / again.quality["of"]).all()
@@ -186,14 +185,14 @@ def test_what_cannot_be_tested_says_why() -> None:
     """Two sessions a joint are too few for three of a baseline: nothing is tested, and that is said; nothing at all gives empty tables."""
     frame, _ = fleet(SMALL._replace(sessions=2))
     found = findings(frame)
-    assert found.headline.kind is Kind.FLEET_UNTESTED
-    assert Kind.JOINTS_UNTESTED in kinds(found)
+    assert found.headline.code == "fleet-untested"
+    assert "joints-untested" in kinds(found)
     assert (found.joints["untested"] != "").all()
     failed = frame.iloc[:3].assign(
         value=np.nan, failure=["no such file", "no such file", "bad"], direction=None, parameter=None
     )
     none = findings(failed)
-    assert none.headline.kind is Kind.FLEET_UNTESTED
+    assert none.headline.code == "fleet-untested"
     assert len(none.failures) == 2
     assert none.units.empty
     assert (none.quality["code"] == "failed").all()
@@ -210,12 +209,12 @@ def test_values_that_are_not_to_be_used_are_left_out(plain: tuple[pd.DataFrame, 
         wrong.assign(unit="robot-903", left_out="its clock went back"),
     ]
     again = findings(joined(frame, *strange))
-    assert {Kind.VALUES_CRITICAL, Kind.MIXED_VALUE_UNITS, Kind.SESSIONS_LEFT_OUT} <= kinds(again)
+    assert {"values-critical", "mixed-value-units", "sessions-left-out"} <= kinds(again)
     assert accused(again) == accused(found)
     pd.testing.assert_frame_equal(again.types, found.types)
     one = frame["session"].isin(frame.loc[frame["unit"] == "robot-003", "session"].unique()[-1:])
     other = findings(frame.assign(source=np.where(one & (frame["unit"] == "robot-003"), "joint", "static")))
-    assert Kind.OF_OTHER_FITS in kinds(other)
+    assert "of-other-fits" in kinds(other)
 
 
 def test_a_parameter_of_either_sign_is_scaled_by_its_median() -> None:
@@ -252,7 +251,7 @@ def test_failures_without_a_name_are_told_and_belong_to_nobody(
     again = findings(joined(frame, rows))
     pd.testing.assert_frame_equal(again.joints, found.joints)
     assert len(again.failures) == 3
-    (note,) = [x for x in again.notes if x.kind is Kind.SESSIONS_FAILED]
+    (note,) = [x for x in again.notes if x.code == "sessions-failed"]
     assert note.numbers["failed"] == 3
 
 
@@ -300,7 +299,7 @@ def test_a_session_with_the_tag_baseline_begins_its_joint_anew(
     ):
         marked = np.where(own & (frame["session"] == at).to_numpy(), tags, "")
         again = findings(frame.assign(tags=pd.Categorical(marked)))
-        assert (Kind.BASELINES_BEGUN in kinds(again)) == (left == row["sessions_after"])
+        assert ("baselines-begun" in kinds(again)) == (left == row["sessions_after"])
         assert len(again.joints) == len(found.joints)
         new = again.joints.set_index(["unit", "joint"]).loc[(row["unit"], row["joint"])]
         assert new["sessions"] == left

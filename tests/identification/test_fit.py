@@ -51,11 +51,11 @@ def test_no_peak_is_invented(speeds: Array) -> None:
     """From Coulomb and viscous friction alone, alpha_1 and v_s do not exist and say why; the other two are there and right."""
     torque = 0.02 + 0.04 * speeds + 1e-4 * np.random.default_rng(3).standard_normal(speeds.size)
     fit = points(speeds, torque)
-    assert fit.outcome.kind is Kind.STATIC_NO_STRIBECK
+    assert fit.outcome.code == "static-no-stribeck"
     for name in ("alpha_1", "v_s"):
         estimate = fit.parameters[name]
         assert estimate.value is None
-        assert estimate.warnings[0].kind is Kind.NO_STRIBECK
+        assert estimate.warnings[0].code == "no-stribeck"
     for name, true in (("alpha_0", 0.02), ("alpha_2", 0.04)):
         low, high = fit.parameters[name].interval or (0.0, 0.0)
         assert low < true < high
@@ -66,9 +66,9 @@ def test_a_bend_over_all_speeds_is_not_called_stribeck() -> None:
     velocity = np.linspace(0.01, 0.12, 40)
     torque = 20 + 200 * velocity - 400 * velocity**2 + 0.02 * np.random.default_rng(4).standard_normal(40)
     fit = points(velocity, torque)
-    assert fit.outcome.kind is Kind.STATIC_NO_STRIBECK
-    (refused,) = (warning for warning in fit.warnings if warning.kind is Kind.NO_STRIBECK)
-    assert refused.numbers["why"].kind in {Kind.BEND, Kind.LIKE_NOISE}
+    assert fit.outcome.code == "static-no-stribeck"
+    (refused,) = (warning for warning in fit.warnings if warning.code == "no-stribeck")
+    assert refused.numbers["why"].code in {"bend", "like-noise"}
 
 
 def test_a_drop_that_viscous_friction_hides_is_found(gripper: Lugre[float], speeds: Array) -> None:
@@ -76,7 +76,7 @@ def test_a_drop_that_viscous_friction_hides_is_found(gripper: Lugre[float], spee
     p = gripper._replace(alpha_2=gripper.alpha_1 / gripper.v_s)
     assert (np.diff(curve(speeds, p)) > 0).all()
     fit = points(speeds, curve(speeds, p) + 2e-5 * np.random.default_rng(6).standard_normal(speeds.size))
-    assert fit.outcome.kind is Kind.STATIC_CONVERGED
+    assert fit.outcome.code == "static-converged"
     assert fit.parameters["v_s"].value == pytest.approx(p.v_s, rel=0.1)
 
 
@@ -85,7 +85,7 @@ def test_an_outlier_is_named(gripper: Lugre[float], speeds: Array) -> None:
     torque = curve(speeds, gripper) + 2e-5 * np.random.default_rng(5).standard_normal(speeds.size)
     torque[15] += 2e-3
     fit = points(speeds, torque)
-    named = [str(warning) for warning in fit.warnings if warning.kind is Kind.HUBER_DIFFERS]
+    named = [str(warning) for warning in fit.warnings if warning.code == "huber-differs"]
     assert "run_15.csv rows 1-100" in named[0]
     assert abs(fit.huber["alpha_0"] - gripper.alpha_0) < abs((fit.parameters["alpha_0"].value or 0.0) - gripper.alpha_0)
 
@@ -97,17 +97,17 @@ def test_stick_slip_points_are_fitted_without_as_well(gripper: Lugre[float], spe
     fit = points(speeds, torque, flags)
     alone = points(speeds[~flags], torque[~flags])
     assert fit.without_stick_slip["alpha_0"].value == pytest.approx(alone.parameters["alpha_0"].value, rel=1e-5)
-    assert any(warning.kind is Kind.STICK_SLIP_POINTS for warning in fit.warnings)
+    assert any(warning.code == "stick-slip-points" for warning in fit.warnings)
 
 
 @pytest.mark.parametrize(
-    ("count", "outcome"), [(1, Kind.STATIC_TOO_FEW), (2, Kind.STATIC_TOO_FEW), (4, Kind.STATIC_NO_STRIBECK)]
+    ("count", "outcome"), [(1, "static-too-few"), (2, "static-too-few"), (4, "static-no-stribeck")]
 )
-def test_few_points_give_few_parameters(count: int, outcome: Kind, gripper: Lugre[float]) -> None:
+def test_few_points_give_few_parameters(count: int, outcome: str, gripper: Lugre[float]) -> None:
     """Never more parameters than the points carry: none from two, two from four, each absence with its reason."""
     velocity = np.linspace(0.05, 0.5, count)
     fit = points(velocity, curve(velocity, gripper))
-    assert fit.outcome.kind is outcome
+    assert fit.outcome.code == outcome
     assert all(estimate.value is not None or estimate.warnings for estimate in fit.parameters.values())
 
 
@@ -115,8 +115,8 @@ def test_one_speed_only_is_refused_with_the_reason(gripper: Lugre[float]) -> Non
     """Ten points at one speed cannot tell Coulomb from viscous friction, and say so."""
     velocity = np.full(10, 0.2)
     fit = points(velocity, curve(velocity, gripper))
-    assert fit.outcome.kind is Kind.STATIC_TOO_FEW
-    assert fit.warnings[0].kind is Kind.INDISTINCT
+    assert fit.outcome.code == "static-too-few"
+    assert fit.warnings[0].code == "indistinct"
 
 
 def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> None:
@@ -125,9 +125,9 @@ def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> 
     torque = curve(velocity, gripper) + 2e-5 * np.random.default_rng(8).standard_normal(14)
     fit = points(velocity, torque)
     if fit.parameters["v_s"].value is None:
-        assert fit.outcome.kind is Kind.STATIC_NO_STRIBECK
+        assert fit.outcome.code == "static-no-stribeck"
     else:
-        assert any(warning.kind is Kind.FEW_BELOW_V_S for warning in fit.warnings)
+        assert any(warning.code == "few-below-v-s" for warning in fit.warnings)
 
 
 def test_huber_loss_is_the_huber_refit(gripper: Lugre[float], speeds: Array) -> None:
@@ -197,7 +197,7 @@ def test_a_peak_that_rests_on_stick_slip_is_called_so(gripper: Lugre[float]) -> 
     fit = points(v, torque, v < 0.2)
     assert fit.parameters["alpha_1"].value is not None
     assert fit.without_stick_slip["alpha_0"].value is not None
-    assert fit.outcome.kind is Kind.STATIC_STICK_SLIP
+    assert fit.outcome.code == "static-stick-slip"
 
 
 def test_each_direction_has_its_own_fit_without_stick_slip(gripper: Lugre[float], speeds: Array) -> None:
@@ -221,7 +221,7 @@ def test_the_cross_check_is_of_the_fit_that_is_reported(speeds: Array) -> None:
     torque = 0.02 + 0.04 * speeds + 1e-4 * np.random.default_rng(3).standard_normal(speeds.size)
     options = FitOptions()
     fits, checks = fit_static(from_points(speeds, torque, ("+",)), options, "revolute", PointInfo())
-    assert fits["+"].outcome.kind is Kind.STATIC_NO_STRIBECK
+    assert fits["+"].outcome.code == "static-no-stribeck"
     assert checks["+"].cost_grid == pytest.approx(float(fits["+"].residuals @ fits["+"].residuals), rel=1e-12)
     assert checks["+"].agrees
     assert set(map(str, checks["+"].parameters)) == {"alpha_0+", "alpha_2+"}
@@ -233,8 +233,8 @@ def test_a_range_of_v_s_that_was_given_is_named(gripper: Lugre[float], speeds: A
     fits, _ = fit_static(
         from_points(speeds, torque, ("+",)), FitOptions(v_s_range=(20.0, 40.0)), "revolute", PointInfo()
     )
-    assert fits["+"].outcome.kind is Kind.STATIC_NO_STRIBECK
-    (refused,) = (warning for warning in fits["+"].warnings if warning.kind is Kind.NO_STRIBECK)
+    assert fits["+"].outcome.code == "static-no-stribeck"
+    (refused,) = (warning for warning in fits["+"].warnings if warning.code == "no-stribeck")
     assert refused.numbers["asked"] == Kind.RANGE_ASKED(low=20.0, high=40.0)
 
 
@@ -244,8 +244,8 @@ def test_a_peak_that_is_left_out_by_hand_is_said(gripper: Lugre[float], speeds: 
     for p, shown in ((gripper, True), (gripper._replace(alpha_1=0.0), False)):
         problem = from_points(speeds, curve(speeds, p) + noise, ("+",))
         fit = fit_static(problem, FitOptions(model="coulomb-viscous"), "revolute", PointInfo())[0]["+"]
-        assert fit.outcome.kind is Kind.STATIC_AS_ASKED
+        assert fit.outcome.code == "static-as-asked"
         assert fit.parameters["alpha_1"].value is None
-        assert (Kind.PEAK_LEFT_OUT in {w.kind for w in fit.warnings}) == shown
+        assert ("peak-left-out" in {w.code for w in fit.warnings}) == shown
         for name in ("alpha_0", "alpha_2"):
-            assert (Kind.TAKES_UP_PEAK in {w.kind for w in fit.parameters[name].warnings}) == shown
+            assert ("takes-up-peak" in {w.code for w in fit.parameters[name].warnings}) == shown

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation.interval_comparison import FACTOR, warnings
+from bristle.findings import Finding
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
@@ -44,7 +45,7 @@ def test_one_wider_than_the_factor_is_named_with_its_side(
         own = [(value - size, value + size)] * 3
         own[which] = (value - low * size, value + high * size)
         (warning,) = warnings(value, *own)
-        assert warning.kind is Kind.INTERVALS_DIFFER
+        assert warning.code == "intervals-differ"
         said = str(warning)
         assert f"{side} the estimate differ" in said
         assert "(covariance " in said
@@ -69,7 +70,7 @@ FIVE = Kind.POINTS_FOR_PARAMETERS(points=5, parameters=4)
     ],
 )
 def test_the_reason_is_the_one_that_applies(
-    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: Diagnostic | None, reason: Diagnostic
+    profile: tuple[float, float] | None, bootstrap: tuple[float, float], few: Finding | None, reason: Finding
 ) -> None:
     """An open profile, a skewed one, few points, or uneven residuals: each has its own kind, in that order."""
     (warning,) = warnings(10.0, PLAIN, profile, bootstrap, few=few)
@@ -158,8 +159,8 @@ def test_with_few_speeds_below_v_s_a_skewed_or_open_profile_is_said() -> None:
         if found.problem.peaks:
             kept += 1
             found_warnings = [warning for name in ("alpha_1", "v_s") for warning in three[parse(name)].warnings]
-            reasons = {w.numbers["reason"].kind for w in found_warnings if w.kind is Kind.INTERVALS_DIFFER}
-            said += bool(reasons & {Kind.PROFILE_SKEWED, Kind.COST_STAYS_LOW})
+            reasons = {w.numbers["reason"].kind for w in found_warnings if w.code == "intervals-differ"}
+            said += bool(reasons & {"profile-skewed", "cost-stays-low"})
             open_ += bool(np.isinf(three[parse("alpha_1")].profile or ()).any())
     assert kept >= 8
     assert open_ >= 1

@@ -9,7 +9,6 @@ import pytest
 import bristle
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.law_comparison import compare_laws
 from bristle.identification.results import Joint, LawComparison
@@ -187,19 +186,19 @@ def test_a_file_gets_the_law_that_it_asks_for(tmp_path: Path) -> None:
     """`paper` says which line the data want; `auto` and the law's name fit it, to the same numbers; results.json keeps it."""
     bent = truth_of(law_named("gaussian+quadratic"), alpha_3=-0.02)
     paper = joint_of(points_file(tmp_path, bent, 0.002))
-    (advice,) = [w for w in paper.warnings if w.kind is Kind.OTHER_LAW]
+    (advice,) = [w for w in paper.warnings if w.code == "other-law"]
     assert (paper.law, advice.numbers["law"]) == (GAUSSIAN, "gaussian+quadratic")
     auto = bristle.identify(points_file(tmp_path, bent, 0.002, "{law: auto}"))
     named = joint_of(points_file(tmp_path, bent, 0.002, "{law: gaussian+quadratic}"))
     assert auto.joint().law.name == named.law.name == "gaussian+quadratic"
-    assert not any(w.kind in {Kind.OTHER_LAW, Kind.LACKS_A_TERM} for w in named.all_warnings())
+    assert not any(w.code in {"other-law", "lacks-a-term"} for w in named.all_warnings())
     for d in "+-":
         one, other = auto.joint().static[d], named.static[d]
         assert {n: e.value for n, e in one.parameters.items()} == {n: e.value for n, e in other.parameters.items()}
         low, high = one.parameters["alpha_3"].interval or (0.0, 0.0)
         assert low <= -0.02 <= high < 0
         assert one.parameters[FASTEST].value == pytest.approx(0.8)
-        assert Kind.CURVE_HELD in {w.kind for w in one.parameters[FASTEST].warnings}
+        assert "curve-held" in {w.code for w in one.parameters[FASTEST].warnings}
     assert "which the data chose" in auto.joint().settings["law"]
     auto.write(tmp_path / "out")
     again = bristle.read_results(tmp_path / "out" / "results.json").joint()

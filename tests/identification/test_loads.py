@@ -20,7 +20,6 @@ from bristle.control.compensator import Compensator
 from bristle.control.control_period import LoopOptions
 from bristle.control.running import RunningCompensator
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import without_load
@@ -139,7 +138,7 @@ def test_under_the_papers_law_a_caution_has_the_line_to_write() -> None:
     """A load that the law does not have is named, with a law that has it."""
     tracking = geared("paper")[1].tracking
     assert tracking is not None
-    (told,) = (w for w in tracking.warnings if w.kind is Kind.FRICTION_BY_LOAD)
+    (told,) = (w for w in tracking.warnings if w.code == "friction-by-load")
     assert "law: gaussian+link-load" in str(told)
 
 
@@ -207,7 +206,7 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
     off = int((on == 0).sum())
     assert run.record.dropped == off
     assert run.record.starts == (0, int(np.flatnonzero(on == 0)[0]))
-    (told,) = (n for n in run.record.notes if n.kind is Kind.ROWS_MOTOR_OFF)
+    (told,) = (n for n in run.record.notes if n.code == "rows-motor-off")
     assert told.numbers["rows"] == off
 
 
@@ -223,8 +222,8 @@ def test_compensation_sees_the_load() -> None:
     assert reference.level == pytest.approx(0.1 * np.abs(G * np.sin(reference.position)), abs=0.01)
     there = replace(loop, centre=1.2).sine(0.5, 2.0, amplitude=0.5)
     assert there.level == pytest.approx(0.1 * np.abs(G * np.sin(1.2 + reference.position)), abs=0.01)
-    assert any(w.kind is Kind.LOAD_OF_REFERENCE for w in loop.assumptions)
-    assert not any(w.kind is Kind.LOAD_LEFT_OUT for w in loop.assumptions)
+    assert any(w.code == "load-of-reference" for w in loop.assumptions)
+    assert not any(w.code == "load-left-out" for w in loop.assumptions)
     run = simulate(LoopOptions(compensator=loop.compensator), [loop.case()], reference, loop.period)
     bare = simulate(
         LoopOptions(compensator=loop.compensator), [loop.case()], reference._replace(level=0.0), loop.period

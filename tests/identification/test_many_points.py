@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 
 import bristle
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation import bootstrap
 from bristle.estimation.covariance import covariance
 from bristle.identification.static import grid, strays
@@ -94,7 +93,7 @@ def test_of_many_strays_fifty_are_named_and_the_others_counted() -> None:
     rows = np.arange(10, 1500, 25)
     problem = with_strays(1500, rows)
     found = bristle.fit(problem.velocity, problem.torque)
-    (told,) = (w for w in found.warnings if w.kind in {Kind.STRAYS, Kind.STRAYS_MATTER})
+    (told,) = (w for w in found.warnings if w.code in {"strays", "strays-matter"})
     assert told.numbers["count"] == rows.size
     assert len(told.numbers["points"]) == 51
     assert "; and 10 more" in str(told)

@@ -10,7 +10,6 @@ from bristle.arrays import Array
 from bristle.data import bandwidth
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.identify import identify_joint
@@ -183,7 +182,7 @@ def test_a_shape_that_motion_does_not_show_is_assumed_and_said(tmp_path: Path) -
         joint = identify_joint(measure(moving_file(tmp_path, f", law: free-exponent{given}")))
         fit = joint.moving
         assert fit is not None
-        told = [w for w in fit.warnings if w.kind is Kind.SHAPE_HELD]
+        told = [w for w in fit.warnings if w.code == "shape-held"]
         assert [f"{w.numbers['value']:.3g}" for w in told] == said
         (p,) = curves_to_use(joint).values()
         assert p.alpha_0 == fit.known[parse("alpha_0")]

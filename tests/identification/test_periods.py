@@ -13,7 +13,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import load_experiment
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
+from bristle.diagnostics import Kind, but
 from bristle.errors import InputError
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.starts import solve_dynamic
@@ -114,8 +114,8 @@ def test_a_fit_that_is_asked_to_finds_the_orders_and_says_so(size: float) -> Non
     found = bristle.fit_dynamic(
         *bristles(10.0, size), directions="symmetric", regressors=["inertia", "cogging", "ripple"]
     )
-    (note,) = [w for w in found.joint.warnings if w.kind in {Kind.ORDERS_FOUND, Kind.NO_ORDERS}]
-    assert (note.kind is Kind.ORDERS_FOUND) == (size > 0)
+    (note,) = [w for w in found.joint.warnings if w.code in {"orders-found", "no-orders"}]
+    assert (note.code == "orders-found") == (size > 0)
     assert found.joint.settings["orders"] == ("4, 11, periods per turn" if size else "none, periods per turn")
     amplitudes = {name: x for name, x in found.params.items() if name in WAVES}
     assert amplitudes == pytest.approx(WAVES if size else {}, abs=2e-3)
@@ -243,6 +243,6 @@ def test_a_ripple_left_says_which_lines_to_write() -> None:
     assert "write regressors: [inertia, cogging], orders: [4, 11] under fit" in str(told)
     assert same == trend
     assert with_orders_advised([told], ["cogging_sin_11"], "revolute") == (told,)
-    (per_metre,) = with_orders_advised([ripple.but(period=0.024)], [], "prismatic")
+    (per_metre,) = with_orders_advised([but(ripple, period=0.024)], [], "prismatic")
     assert "write regressors: [cogging], orders: [42] under fit" in str(per_metre)
     assert regressor_line(ASKED, ["offset"]) == "regressors: [offset, cogging, ripple]"

@@ -12,8 +12,9 @@ from bristle.data.constant_velocity.segments import Segment, find_segments
 from bristle.data.differentiation import smoothed
 from bristle.data.experiment.load import Run, load_experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import loads_slowly, refuse_opposing, unrelated
@@ -55,12 +56,12 @@ def ramps(seed: int, order: Array, drift: float) -> Record:
     return Record(file="ramps.csv", time=time, velocity=v + 1e-3 * rng.standard_normal(v.size), torque=torque)
 
 
-def drifts(folder: Path, record: Record) -> list[Diagnostic]:
+def drifts(folder: Path, record: Record) -> list[Finding]:
     """The warnings about drift in a run's segments."""
-    return [d for d in point_warnings_of(folder, record) if d.kind is Kind.DRIFT_IN_ORDER]
+    return [d for d in point_warnings_of(folder, record) if d.code == "drift-in-order"]
 
 
-def point_warnings_of(folder: Path, record: Record) -> list[Diagnostic]:
+def point_warnings_of(folder: Path, record: Record) -> list[Finding]:
     """The warnings about the segments of a run taken together."""
     segments = find_segments(record, measured(folder, (), ()).experiment.segments)
     kept = [s for s in segments if s.accepted]
@@ -87,7 +88,7 @@ def test_a_drift_in_random_order_is_said(tmp_path: Path, drift: float) -> None:
     for seed in range(5):
         shuffled = np.random.default_rng(seed).permutation(SPEEDS)
         said = point_warnings_of(tmp_path, ramps(seed, shuffled, drift))
-        (found,) = (d for d in said if d.kind is Kind.DRIFT_OVER_RUNS)
+        (found,) = (d for d in said if d.code == "drift-over-runs")
         assert np.sign(found.numbers["slope"]) == np.sign(drift)
         assert found.numbers["share"] == pytest.approx(abs(drift), rel=0.5)
 
@@ -98,7 +99,7 @@ def test_no_drift_is_said_without_one(tmp_path: Path) -> None:
     for seed in range(100):
         order = SPEEDS if seed % 2 else np.random.default_rng(seed).permutation(SPEEDS)
         found += point_warnings_of(tmp_path, ramps(seed, order, 0.0))
-    assert sum(d.kind in {Kind.DRIFT_IN_ORDER, Kind.DRIFT_OVER_RUNS} for d in found) <= 1
+    assert sum(d.code in {"drift-in-order", "drift-over-runs"} for d in found) <= 1
 
 
 def as_points(v: Array, T: Array) -> tuple[Segment, ...]:
@@ -109,7 +110,7 @@ def as_points(v: Array, T: Array) -> tuple[Segment, ...]:
     )
 
 
-def rows(folder: Path, order: Array, drift: float, seed: int) -> list[Diagnostic]:
+def rows(folder: Path, order: Array, drift: float, seed: int) -> list[Finding]:
     """What is said of the rows of given points, back and forth at each of these speeds, while friction drifts by a share of itself."""
     v = np.stack([order, -order], axis=1).ravel()
     (torque,) = steady_points(TRUTH, v, NOISE, np.random.default_rng(seed), 1)
@@ -117,7 +118,7 @@ def rows(folder: Path, order: Array, drift: float, seed: int) -> list[Diagnostic
     points = as_points(v, torque)
     record = Record(file="p.csv", time=np.arange(v.size, dtype=float), velocity=v, torque=torque)
     given = measured(folder, (Run(kind="points", record=record),), (points,))
-    return [d for d in point_warnings(given, points, fits(NOISE)) if d.kind is Kind.DRIFT_OF_ROWS]
+    return [d for d in point_warnings(given, points, fits(NOISE)) if d.code == "drift-of-rows"]
 
 
 def test_a_drift_over_the_rows_of_points_is_said(tmp_path: Path) -> None:
@@ -148,7 +149,7 @@ def test_holds_that_swing_are_said(tmp_path: Path, share: float) -> None:
     static = {d: replace(fit, parameters=law) for d, fit in fits(NOISE / np.sqrt(600)).items()}
     kept = [s for s in segments if s.accepted]
     found = point_warnings(measured(tmp_path, (Run(kind="ramp", record=record),), (segments,)), kept, static)
-    said = [d for d in found if d.kind is Kind.HOLDS_SWING]
+    said = [d for d in found if d.code == "holds-swing"]
     assert len(said) == (share > 0.2)
     for d in said:
         assert d.numbers["swing"] == pytest.approx(share / np.sqrt(2), rel=0.1)
@@ -178,12 +179,12 @@ def test_points_that_are_written_twice_are_said(tmp_path: Path) -> None:
     rng, v = np.random.default_rng(4), np.geomspace(0.05, 2, 8)
     (torque,) = steady_points(TRUTH, np.tile(v, 2), NOISE, rng, 1)
 
-    def said(v: Array, T: Array) -> list[Diagnostic]:
+    def said(v: Array, T: Array) -> list[Finding]:
         """Of copies, in these points."""
         points = as_points(v, T)
         record = Record(file="p.csv", time=np.arange(v.size, dtype=float), velocity=v, torque=T)
         given = measured(tmp_path, (Run(kind="points", record=record),), (points,))
-        return [d for d in point_warnings(given, points, fits(NOISE)) if d.kind is Kind.POINTS_REPEATED]
+        return [d for d in point_warnings(given, points, fits(NOISE)) if d.code == "points-repeated"]
 
     assert said(np.tile(v, 2), torque) == []
     assert said(np.concatenate([v, 1.1 * v]), np.tile(torque[:8], 2)) == []
@@ -192,7 +193,7 @@ def test_points_that_are_written_twice_are_said(tmp_path: Path) -> None:
     assert copies.numbers["factor"] == pytest.approx(2**0.5)
 
 
-def directions(folder: Path, seed: int, offset: float, negative: Lugre[float] = TRUTH) -> list[Diagnostic]:
+def directions(folder: Path, seed: int, offset: float, negative: Lugre[float] = TRUTH) -> list[Finding]:
     """What is said of points in both directions with an offset, or with another friction backward."""
     rng, v, noise = np.random.default_rng(seed), speeds(both=False), 1e-4
     torque = np.concatenate([steady_points(p, s * v, noise, rng, 1)[0] for p, s in ((TRUTH, 1), (negative, -1))])
@@ -207,7 +208,7 @@ def test_a_constant_between_the_directions_is_an_offset_or_friction(tmp_path: Pa
         other = TRUTH._replace(alpha_0=TRUTH.alpha_0 - 2 * offset)
         for found in (directions(tmp_path, seed, offset), directions(tmp_path, seed, 0.0, other)):
             (said,) = found
-            assert said.kind is Kind.OFFSET_OR_FRICTION
+            assert said.code == "offset-or-friction"
             assert said.numbers["offset"] == pytest.approx(offset, abs=1e-4)
             assert "`regressors: [offset]`" in str(said)
             assert "cannot tell" in str(said)
@@ -314,7 +315,7 @@ def test_the_warnings_reach_the_joint(tmp_path: Path) -> None:
     """A velocity in deg/s read as rad/s in a moving run is the first warning of the joint, and critical."""
     (joint,) = bristle.identify(logged(tmp_path, 180 / np.pi)).joints
     first = joint.warnings[0]
-    assert first.kind is Kind.VELOCITY_FACTOR
+    assert first.code == "velocity-factor"
     assert first.numbers["ratio"] == pytest.approx(np.pi / 180, rel=0.02)
     assert "`unit: deg/s` under signals.velocity" in str(first)
 
@@ -326,7 +327,7 @@ def test_hubers_loss_is_said_to_be_the_static_fits(tmp_path: Path) -> None:
         text = path.read_text().replace("{directions: symmetric}", f"{{directions: symmetric, loss: {loss}}}")
         (tmp_path / "loss.yaml").write_text(text)
         (joint,) = bristle.identify(tmp_path / "loss.yaml").joints
-        assert (Kind.LOSS_OF_STATIC_FIT in {w.kind for w in joint.warnings}) == (loss == "huber")
+        assert ("loss-of-static-fit" in {w.code for w in joint.warnings}) == (loss == "huber")
 
 
 @pytest.mark.parametrize("factor", [-1.0, -60.0])
@@ -349,4 +350,4 @@ def test_a_torque_of_zero_but_for_a_stray_has_no_offset(tmp_path: Path, level: f
     )
     (joint,) = bristle.identify(tmp_path / "e.yaml").joints
     assert joint.static["+"].strays
-    assert Kind.OFFSET_OR_FRICTION not in {warning.kind for warning in joint.warnings}
+    assert "offset-or-friction" not in {warning.code for warning in joint.warnings}

@@ -9,8 +9,8 @@ import bristle
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import load_experiment
-from bristle.diagnostics import Diagnostic, Kind, Severity
 from bristle.errors import InputError
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import StaticFit
 from bristle.identification.static.points import search_points
 from bristle.simulation import edro
@@ -44,12 +44,12 @@ def static(path: Path) -> StaticFit:
     return bristle.identify(path).joints[0].static["+"]
 
 
-def of(kinds: set[Kind], fit: StaticFit) -> list[Diagnostic]:
+def of(kinds: set[str], fit: StaticFit) -> list[Finding]:
     """Warnings of these kinds."""
-    return [warning for warning in fit.warnings if warning.kind in kinds]
+    return [warning for warning in fit.warnings if warning.code in kinds]
 
 
-ABOUT = {Kind.STRAYS, Kind.STRAYS_MATTER, Kind.STRAYS_LEFT_OUT, Kind.MISFIT, Kind.RESTING_LEFT_OUT}
+ABOUT = {"strays", "strays-matter", "strays-left-out", "misfit", "resting-left-out"}
 
 
 def test_clean_points_say_nothing(tmp_path: Path) -> None:
@@ -67,7 +67,7 @@ def test_a_stray_is_named_judged_and_kept(tmp_path: Path) -> None:
     assert (stray.file, stray.where, stray.velocity, stray.torque) == ("points.csv", "line 22", SPEEDS[20], T[20])
     assert stray.deviations == pytest.approx(20, rel=0.4)
     (warning,) = of(ABOUT, fit)
-    assert (warning.kind, warning.severity) == (Kind.STRAYS_MATTER, Severity.CRITICAL)
+    assert (warning.code, warning.severity) == ("strays-matter", Severity.CRITICAL)
     assert fit.n == 22
     assert fit.other_points is not None
     assert (fit.other_points.n, fit.rms) > (20, fit.other_points.rms)
@@ -83,12 +83,12 @@ def test_a_term_that_the_fit_lacks_comes_before_strays(tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
     for share in (0.3, 0.5):
         drag = torques() + share * GRIPPER.alpha_2 / SPEEDS.max() * SPEEDS**2
-        (first,) = of({Kind.STRAYS_MATTER}, static(experiment(tmp_path / "a", SPEEDS, drag)))
-        assert first.numbers["advice"].kind is Kind.TERM_FIRST
+        (first,) = of({"strays-matter"}, static(experiment(tmp_path / "a", SPEEDS, drag)))
+        assert first.numbers["advice"].code == "term-first"
     T = torques()
     T[10] += 20 * NOISE
-    (then,) = of({Kind.STRAYS, Kind.STRAYS_MATTER}, static(experiment(tmp_path / "b", SPEEDS, T)))
-    assert then.numbers["advice"].kind is Kind.TO_LEAVE_OUT
+    (then,) = of({"strays", "strays-matter"}, static(experiment(tmp_path / "b", SPEEDS, T)))
+    assert then.numbers["advice"].code == "to-leave-out"
 
 
 @pytest.mark.usefixtures("few_motions")
@@ -110,11 +110,11 @@ def test_strays_are_left_out_of_everything_where_asked(tmp_path: Path) -> None:
     plans = [bristle.plan(x, velocities=4).velocities[0].problem.noise for x in found]
     assert plans[0] == plans[1]
     (warning,) = of(ABOUT, dropped.static["+"])
-    assert warning.kind is Kind.STRAYS_LEFT_OUT
+    assert warning.code == "strays-left-out"
     assert dropped.static["+"].other_points is not None
     assert dropped.static["+"].other_points.n == 22
     (left_out,) = [s for s in dropped.segments if not s.accepted]
-    assert [reason.kind for reason in left_out.reasons] == [Kind.STRAY_DROPPED]
+    assert [reason.code for reason in left_out.reasons] == ["stray-dropped"]
 
 
 @pytest.mark.usefixtures("few_motions")
@@ -153,8 +153,8 @@ def test_a_point_below_breakaway_is_left_out(tmp_path: Path) -> None:
     T = np.concatenate([[0.5 * GRIPPER.alpha_0], torques()])
     joint = bristle.identify(experiment(tmp_path, slow, T)).joints[0]
     assert [s.line for s in joint.segments if not s.accepted] == [2]
-    assert joint.segments[0].reasons[0].kind is Kind.BELOW_BREAKAWAY
-    assert [w.kind for w in of(ABOUT, joint.static["+"])] == [Kind.RESTING_LEFT_OUT]
+    assert joint.segments[0].reasons[0].code == "below-breakaway"
+    assert [w.code for w in of(ABOUT, joint.static["+"])] == ["resting-left-out"]
     assert joint.static["+"].n == 22
 
 
@@ -166,7 +166,7 @@ def test_what_is_excluded_is_not_fitted(tmp_path: Path) -> None:
     )
     joint = bristle.identify(path).joints[0]
     assert [s.line for s in joint.segments if not s.accepted] == [8, 10, 11]
-    assert {reason.kind for s in joint.segments for reason in s.reasons} == {Kind.EXCLUDED}
+    assert {reason.code for s in joint.segments for reason in s.reasons} == {"excluded"}
     for entry in ("{file: points.csv, rows: 1}", "{file: other.csv, rows: 8}"):
         with pytest.raises(InputError, match=r"fit\.exclude: entry 1 names no point"):
             bristle.identify(experiment(tmp_path, SPEEDS, T, f"fit: {{exclude: [{entry}]}}\n"))
@@ -182,7 +182,7 @@ def test_minimum_velocity_holds_for_points(tmp_path: Path) -> None:
     path = experiment(tmp_path, SPEEDS, torques(), f"segments: {{minimum_velocity: {float(SPEEDS[3])!r} rad/s}}\n")
     joint = bristle.identify(path).joints[0]
     assert [s.accepted for s in joint.segments] == [False] * 3 + [True] * 19
-    assert {s.reasons[0].kind for s in joint.segments[:3]} == {Kind.POINT_TOO_SLOW}
+    assert {s.reasons[0].code for s in joint.segments[:3]} == {"point-too-slow"}
 
 
 def test_a_law_that_does_not_fit_is_misfit(tmp_path: Path) -> None:
@@ -192,7 +192,7 @@ def test_a_law_that_does_not_fit_is_misfit(tmp_path: Path) -> None:
     for stray in ("report", "drop"):
         fit = static(experiment(tmp_path, SPEEDS, T, f"fit: {{stray: {stray}}}\n"))
         (warning,) = of(ABOUT, fit)
-        assert (warning.kind, warning.severity, fit.n) == (Kind.MISFIT, Severity.CRITICAL, 22)
+        assert (warning.code, warning.severity, fit.n) == ("misfit", Severity.CRITICAL, 22)
 
 
 def test_a_segment_as_far_off_as_its_own_error_explains_is_no_stray() -> None:
@@ -226,6 +226,6 @@ def test_what_an_offset_would_be_is_noted(tmp_path: Path) -> None:
     other = GRIPPER._replace(alpha_0=0.8 * GRIPPER.alpha_0, alpha_2=1.3 * GRIPPER.alpha_2)
     T = np.concatenate([curve(SPEEDS, GRIPPER), -curve(SPEEDS, other)])
     joint = bristle.identify(experiment(tmp_path, v, T)).joints[0]
-    (noted,) = [w for w in joint.warnings if w.kind is Kind.OFFSET_LEFT_OUT]
+    (noted,) = [w for w in joint.warnings if w.code == "offset-left-out"]
     assert noted.numbers["offset"] == pytest.approx(0.1 * GRIPPER.alpha_0, rel=1e-6)
     assert noted.numbers["common"] == pytest.approx(0.9 * GRIPPER.alpha_0, rel=1e-6)

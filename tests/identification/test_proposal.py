@@ -10,7 +10,6 @@ from bristle import api
 from bristle.arrays import Array
 from bristle.data.experiment.draft import Told
 from bristle.data.experiment.load import load_experiment
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.measured import measure
 from bristle.model.parameters import SIGNED, Direction, Lugre, Pair
@@ -130,7 +129,7 @@ def test_tracking_runs_of_another_rate_are_drafted_together(tmp_path: Path) -> N
         "third.csv",
     ]
     found = bristle.identify(tmp_path / "draft.yaml")
-    told = [d for x in found.joint().inputs for d in x.notes if d.kind is Kind.SAMPLED_FASTER]
+    told = [d for x in found.joint().inputs for d in x.notes if d.code == "sampled-faster"]
     assert [d.numbers["ratio"] for d in told] == pytest.approx([2.0, 2.0], rel=1e-6)
 
 

@@ -134,7 +134,7 @@ def test_every_interval_is_widened_alike() -> None:
     wide = wider_estimate(e, scattered(), spread)
     assert wide.standard_error == pytest.approx(0.3)
     assert wide.interval == pytest.approx((2 - 0.2 * reach, 2 + 0.2 * reach))
-    assert [w.kind for w in wide.warnings] == [Kind.RUNS_SCATTER]
+    assert [w.code for w in wide.warnings] == ["runs-scatter"]
     far = replace(scattered(), by_run={"near": 1.0, "middle": 1.1, "far": 2.0})
     assert wider_estimate(e, far, spread).warnings[0].numbers["farthest"] == "far"
     differ = Kind.INTERVALS_DIFFER(sides=("above",), ends=(("profile", 1.9, 2.5),), reason=Kind.PROFILE_SKEWED())
@@ -182,7 +182,7 @@ def test_moving_runs_that_differ_in_one_parameter_say_so_in_it() -> None:
     assert (wide.standard_error or 0) == pytest.approx((before.standard_error or 0) * scatter[SIGMA_0].widened)
     row = fit.names.index(SIGMA_0)
     assert fit.covariance[row, row] == pytest.approx(solved.fit.covariance[row, row] * scatter[SIGMA_0].widened ** 2)
-    assert Kind.RUNS_SCATTER in [w.kind for w in wide.warnings]
+    assert "runs-scatter" in [w.code for w in wide.warnings]
     same = moving([GRIPPER] * 3)
     found = scatter_of(moving_run_fits(same), same.fit.parameters, 1e6, {SIGMA_0, ALPHA_0})
     assert len(found) >= 5
@@ -226,7 +226,7 @@ def test_curves_of_points_that_differ_are_widened(speeds: Array) -> None:
         differ = shares[1] > 1
         assert (x.widened > 1) == differ
         assert (x.before > 3) == differ
-        assert (Kind.RUNS_SCATTER in [w.kind for w in e.warnings]) == differ
+        assert ("runs-scatter" in [w.code for w in e.warnings]) == differ
         assert x.after == pytest.approx(1.0) if differ else x.after == x.before
         assert e.interval is not None
         assert e.interval[0] < GRIPPER.alpha_0 < e.interval[1]
@@ -254,5 +254,5 @@ def test_slow_loading_runs_that_differ_are_widened() -> None:
         x, differ = fit.repeats["sigma_0"], shares[1] > 1
         assert list(x.by_run.values()) == pytest.approx([s * GRIPPER.sigma_0 for s in shares], rel=0.02)
         assert (x.widened > 1) == differ
-        assert (Kind.RUNS_SCATTER in [w.kind for w in fit.sigma_0.warnings]) == differ
+        assert ("runs-scatter" in [w.code for w in fit.sigma_0.warnings]) == differ
         assert fit.uncertainty["sigma_0"].covariance == pytest.approx(fit.sigma_0.interval)

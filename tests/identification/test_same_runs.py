@@ -8,7 +8,8 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.diagnostics import Kind, Severity
+from bristle.diagnostics import Kind
+from bristle.findings import Severity
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
@@ -54,7 +55,7 @@ def test_an_inertia_that_presliding_spoils_is_as_unsure_as_it_is_wrong() -> None
     assert after.interval is not None
     assert after.interval[0] < J < after.interval[1]
     (said,) = after.warnings
-    assert said.kind is Kind.WIDENED_TO_MOVING
+    assert said.code == "widened-to-moving"
     assert said.numbers["value"] == pytest.approx(J, rel=1e-3)
 
 
@@ -74,7 +75,7 @@ def test_a_poorer_law_of_the_same_runs_warns_of_nothing() -> None:
         fit = beside_moving(fit_static(problem, FitOptions(), "revolute", PointInfo())[0], lugre)["both"]
         said = {w for w in fit.all_warnings() if w.severity is not Severity.NOTE}
         assert said <= set(lugre.all_warnings())
-        assert fit.outcome.kind is Kind.STATIC_SUPERSEDED
+        assert fit.outcome.code == "static-superseded"
         for name, e in fit.parameters.items():
             known = {n.name: x.value for n, x in lugre.parameters.items()}[name]
             if known is None:

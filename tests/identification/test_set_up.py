@@ -8,7 +8,6 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.experiment.load import load_experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import unexplained
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import from_points, from_records
@@ -118,7 +117,7 @@ def test_a_large_pattern_is_not_noise() -> None:
     Pure noise of any size, or a pattern of a tenth of the torque, is not.
     """
     (said,) = unexplained(left(0.5), np.sqrt(400.0))
-    assert said.kind is Kind.UNEXPLAINED
+    assert said.code == "unexplained"
     assert said.numbers["noise"] == pytest.approx(100 * np.sqrt(0.5), rel=0.25)
     assert not [s for s in range(300) if unexplained(left(0.0, seed=s), 20.0)]
     assert not unexplained(left(0.5), 10 * np.sqrt(400.0))

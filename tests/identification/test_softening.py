@@ -9,7 +9,8 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.fits import AmplitudeStiffness
 from bristle.identification.presliding.fit import identify_presliding
 from bristle.identification.presliding.softening import stiffness_by_amplitude
@@ -61,7 +62,7 @@ def loadings(law: Law, quantum: float, count: int, seed: int, noise: float = 0.0
     return [x for r in runs(law, quantum, count, seed, noise) for x in find_loadings(r, cutoff, quantum or None, None)]
 
 
-def found(law: Law, quantum: float, count: int, seed: int) -> tuple[tuple[AmplitudeStiffness, ...], Diagnostic | None]:
+def found(law: Law, quantum: float, count: int, seed: int) -> tuple[tuple[AmplitudeStiffness, ...], Finding | None]:
     """Stiffness by amplitude with a g0 that is off by one standard error, drawn, of 1 %."""
     off = 1 + 0.01 * np.random.default_rng([seed, 1]).standard_normal()
     return stiffness_by_amplitude(
@@ -90,7 +91,7 @@ def test_a_maxwell_slip_joint_softens(quantum: float) -> None:
     for warning in named:
         low, high = (warning.numbers[name] for name in ("low", "high"))
         near, far = (float(maxwell_slip(np.array([T]))[0]) for T in (low, high))
-        assert warning.kind is Kind.SOFTENS
+        assert warning.code == "softens"
         assert warning.numbers["ratio"] == pytest.approx(high / far * near / low, abs=3 * warning.numbers["error"])
         assert warning.numbers["ratio"] < 0.8 * warning.numbers["lugre"]
 
@@ -113,10 +114,10 @@ def test_where_none_breaks_away_g0_is_a_bound(quantum: float) -> None:
         slow = identify_presliding(records, {}, None, FitOptions(), quantum or None, "revolute")
         assert not slow.breakaway
         fit = slow.fits["+"]
-        assert fit.level_source.kind is Kind.OF_LARGEST_HELD
+        assert fit.level_source.code == "of-largest-held"
         assert fit.level_standard_error == np.inf
         assert fit.level == pytest.approx(share * G0, abs=0.015 * GRIPPER.alpha_0)
-        assert any(warning.kind is Kind.G0_AT_LEAST for warning in fit.warnings)
+        assert any(warning.code == "g0-at-least" for warning in fit.warnings)
         assert fit.sigma_0.interval is not None
         assert fit.sigma_0.interval[0] <= GRIPPER.sigma_0 <= fit.sigma_0.interval[1]
         assert fit.uncertainty["sigma_0"].profile == fit.sigma_0.interval
@@ -127,7 +128,7 @@ def test_the_interval_of_a_softening_joint_spans_its_amplitudes() -> None:
     records = runs(maxwell_slip, COUNTS[1], 6, 0)
     level = KnownValue(G0, 0.01 * G0, SOURCE)
     fit = identify_presliding(records, {"+": level}, None, FitOptions(), COUNTS[1], "revolute").fits["+"]
-    assert any(warning.kind is Kind.SOFTENS for warning in fit.warnings)
+    assert any(warning.code == "softens" for warning in fit.warnings)
     assert fit.sigma_0.interval is not None
     assert fit.sigma_0.standard_error is not None
     low, high = fit.sigma_0.interval
@@ -153,7 +154,7 @@ def test_the_bend_of_the_loading_limits_g0(quantum: float) -> None:
     """Up to 85 % of g0 without breakaway, g0 and sigma_0 lie inside narrow ranges; sigma_0 is above every secant, and those of the runs about it."""
     records = runs(lugre, quantum, 3, 1, noise=0.005)
     fit = identify_presliding(records, {}, None, FitOptions(), quantum or None, "revolute").fits["+"]
-    (bend,) = (w.numbers["bend"] for w in fit.warnings if w.kind is Kind.G0_AT_LEAST)
+    (bend,) = (w.numbers["bend"] for w in fit.warnings if w.code == "g0-at-least")
     assert bend.numbers["low"] <= G0 <= bend.numbers["high"] < 1.2 * G0
     assert fit.sigma_0.value is not None
     assert fit.sigma_0.interval is not None
@@ -168,7 +169,7 @@ def test_straight_loading_leaves_g0_open() -> None:
     """Up to a tenth of g0 the bend is within the noise: no g0 above the bound is excluded."""
     records = runs(lugre, 0.0, 3, 1, noise=0.02, share=0.1)
     fit = identify_presliding(records, {}, None, FitOptions(), None, "revolute").fits["+"]
-    assert [w.numbers["bend"] for w in fit.warnings if w.kind is Kind.G0_AT_LEAST] == [""]
+    assert [w.numbers["bend"] for w in fit.warnings if w.code == "g0-at-least"] == [""]
 
 
 def test_counts_and_an_unknown_g0_leave_one_bound() -> None:
@@ -178,5 +179,5 @@ def test_counts_and_an_unknown_g0_leave_one_bound() -> None:
     fit = identify_presliding(records, {}, None, FitOptions(), quantum, "revolute").fits["+"]
     assert fit.sigma_0.value is None
     assert fit.sigma_0.interval is not None
-    said = {w.numbers["least"] for w in fit.sigma_0.warnings if w.kind is Kind.WITHIN_NOISE}
+    said = {w.numbers["least"] for w in fit.sigma_0.warnings if w.code == "within-noise"}
     assert said == {fit.sigma_0.interval[0]}

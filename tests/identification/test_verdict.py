@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, other_warnings, value_warnings, verdict
@@ -18,18 +19,18 @@ CAUTION = Kind.NOT_PASSIVE(direction="+", alpha_2=0.1, least=0.2)
 NOTE = Kind.CORRELATED(lag_one=0.5, widened=1.7)
 
 
-def whole(*warnings: Diagnostic) -> TrackingFit:
+def whole(*warnings: Finding) -> TrackingFit:
     """A fit that knows every parameter, with warnings about it."""
     return tracked(values_of(GRIPPER), warnings=warnings)
 
 
-def said(fit: TrackingFit, name: str, *warnings: Diagnostic) -> TrackingFit:
+def said(fit: TrackingFit, name: str, *warnings: Finding) -> TrackingFit:
     """The fit with warnings about one of its parameters."""
     own = {parse(name): replace(fit.parameters[parse(name)], warnings=warnings)}
     return replace(fit, parameters={**fit.parameters, **own})
 
 
-def static(*warnings: Diagnostic) -> StaticFit:
+def static(*warnings: Finding) -> StaticFit:
     """A static fit of direction +, of which nothing is shown beside a moving fit that knows all."""
     estimate = Estimate(value=1.0, unit="N*m")
     return StaticFit(
@@ -53,7 +54,7 @@ def static(*warnings: Diagnostic) -> StaticFit:
         ),
     ],
 )  # fmt: skip  # a table
-def test_the_weightiest_warning_about_the_values_decides(own: Joint, trust: Trust, reason: Diagnostic | None) -> None:
+def test_the_weightiest_warning_about_the_values_decides(own: Joint, trust: Trust, reason: Finding | None) -> None:
     """Critical: do not use; a caution: with caution; a note, or a warning about a fit that gives no value: use."""
     assert verdict(own) == (trust, reason)
     counted = (*value_warnings(own), *other_warnings(own))

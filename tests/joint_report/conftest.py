@@ -13,7 +13,8 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, Loop
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, Presliding, PreslidingFit, Profile, StaticFit
 from bristle.identification.results import Input, Joint
 from bristle.identification.static.curve import curve
@@ -151,7 +152,7 @@ PRIOR = Kind.PRIOR(ratio=0.1, source=Kind.OF_EXPERIMENT_FILE())
 UNKNOWN_REST = Kind.WHOLE_COUNT()
 
 
-def outlier(file: str) -> Diagnostic:
+def outlier(file: str) -> Finding:
     """The warning about a loading that breaks away too early."""
     return Kind.OUTLIER(file=file, torque=0.02, runs=2, direction="+", median=0.025)
 

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, TrackingFit
 from bristle.identification.results import Consistency, Joint
 from bristle.model.parameters import ParameterName, unit
@@ -51,7 +52,7 @@ def tracked(factor: float = 1.0, **changes: Any) -> TrackingFit:
     return replace(fit, **changes)
 
 
-def compared(parameter: str, difference: float | None, verdict: Diagnostic, stage: str = "static") -> Consistency:
+def compared(parameter: str, difference: float | None, verdict: Finding, stage: str = "static") -> Consistency:
     """A parameter of a stage beside the moving runs."""
     value = VALUES[parameter]
     seen = difference is not None

@@ -9,7 +9,8 @@ import pytest
 
 import bristle
 from bristle.api.results import Results
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.diagnostics import Kind
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import chosen
 from bristle.identification.results import Joint
@@ -77,7 +78,7 @@ def test_no_row_of_a_table_is_broken(edro: Results) -> None:
 
 @pytest.mark.parametrize("make", [gripper, loaded, moving], ids=["points", "slow", "moving"])
 @pytest.mark.parametrize("warnings", [(), LONG, (CRITICAL, *LONG)], ids=["as it is", "cautions", "critical"])
-def test_forty_lines_of_eighty_columns(make: Callable[[], Joint], warnings: tuple[Diagnostic, ...]) -> None:
+def test_forty_lines_of_eighty_columns(make: Callable[[], Joint], warnings: tuple[Finding, ...]) -> None:
     """However much is warned of, a joint with two directions has at most 40 lines; what is critical is the reason, first of all."""
     joint = replace(make(), warnings=warnings).with_subjects()
     lines = brief_report([joint]).splitlines()
@@ -87,12 +88,12 @@ def test_forty_lines_of_eighty_columns(make: Callable[[], Joint], warnings: tupl
     text, found = "\n".join(lines), verdict(joint)
     assert lines[0].endswith(f": {found.trust}")
     if found.reason is not None:
-        about = rf"{found.reason.severity} \[{found.reason.kind.code}\]( \([^)]+\))?: {re.escape(str(found.reason))}"
+        about = rf"{found.reason.severity} \[{found.reason.code}\]( \([^)]+\))?: {re.escape(str(found.reason))}"
         assert re.match(about, words("\n".join(lines[1:])))
     assert (found.reason == CRITICAL) == (CRITICAL in warnings)
     critical = [x for x in value_warnings(joint) if x.severity is Severity.CRITICAL]
     assert (f"{len(critical)} critical" in text) == bool(critical)
-    for code in {x.kind.code for x in value_warnings(joint)[:8]}:
+    for code in {x.code for x in value_warnings(joint)[:8]}:
         assert f"[{code}]" in text
 
 

@@ -64,7 +64,7 @@ def test_json_holds_both_fits_with_every_digit(moved: Joint) -> None:
         assert own["hold_out"] == [{"file": "held.csv", "relative_error": 1.5}]
         assert (own["n"], own["starts"], own["reached"], own["condition"]) == (fit.n, fit.starts, fit.reached, 8.9)
     assert found["tracking"]["crosscheck"] is None
-    assert found["joint_fit"]["crosscheck"]["verdict"]["kind"] == IPOPT.kind.name
+    assert found["joint_fit"]["crosscheck"]["verdict"]["kind"] == IPOPT.code
     assert found["tracking"]["parameters"]["alpha_1-"]["warnings"][0]["text"] == str(UNSEEN)
 
 

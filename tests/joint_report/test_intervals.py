@@ -12,7 +12,8 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.fits import RunScatter, StaticFit, Uncertainty
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import curve
@@ -43,7 +44,7 @@ def built(static: Mapping[str, StaticFit], kind: JointKind = "revolute", name: s
     return Joint(name=name, kind=kind, inputs=(), segments=(), static=static, crosscheck={}, simulated=True)
 
 
-def changed(joint: Joint, name: str, **parts: tuple[float, float] | tuple[Diagnostic, ...] | None) -> Joint:
+def changed(joint: Joint, name: str, **parts: tuple[float, float] | tuple[Finding, ...] | None) -> Joint:
     """The joint with other intervals of one parameter."""
     fit = joint.static["+"]
     own: Uncertainty = replace(fit.uncertainty[name], **parts)  # type: ignore[arg-type]

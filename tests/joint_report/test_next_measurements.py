@@ -33,7 +33,7 @@ def test_advice_follows_from_the_warnings(joint: Joint) -> None:
     """An open interval asks for slower speeds in a concrete range; stick-slip names the run; one direction asks for the other."""
     one = replace(changed(joint, {"interval": (0.0, 0.1)}, hold_out=()), segments=joint.segments)
     below, *others = next_measurements(one)
-    assert (below.kind, below.subject) == (Kind.UNLIMITED_BELOW, ("static", "+"))
+    assert (below.code, below.subject) == ("unlimited-below", ("static", "+"))
     assert others == [
         Kind.REPEAT_STICKING(files=("run_1.csv",)),
         Kind.MEASURE_DIRECTION(direction="-"),
@@ -41,7 +41,7 @@ def test_advice_follows_from_the_warnings(joint: Joint) -> None:
     ]
     none = replace(joint, static={"both": replace(joint.static["+"], outcome=Kind.STATIC_NO_STRIBECK())}, segments=())
     (said,) = next_measurements(none)
-    assert (said.kind, said.subject) == (Kind.RISES_BELOW, ("static", "both"))
+    assert (said.code, said.subject) == ("rises-below", ("static", "both"))
     assert str(said).endswith("five constant speeds from 0.008 to 0.015 rad/s.")
 
 
@@ -55,7 +55,7 @@ def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Kind) 
     for low, high in found:
         assert low >= fastest / 100
         assert high >= 1.4 * low
-    said = of_kind(next_measurements(own), Kind.RISE_NOT_SHOWN)
+    said = of_kind(next_measurements(own), "rise-not-shown")
     assert bool(said) == (outcome is Kind.STATIC_NO_STRIBECK)
 
 

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
 from bristle.identification.results import Joint
-from bristle.page.entries import entry
+from bristle.page.entries import by_code
 from bristle.page.page import save_figure, symbol_html
 from bristle.page.style import inline, render_as, styled
 from bristle.questions.joint_report import page, static_figures
@@ -270,10 +270,10 @@ def test_every_warning_on_the_page_links_to_its_entry(slow: Joint, tmp_path: Pat
     page.write_report([slow], tmp_path / "out", title="t", seed=0)
     text = page_text(tmp_path / "out" / "joints.html")
     codes = set(re.findall(r'<a class="code" href="#warning-([a-z0-9-]+)">\1</a>', text))
-    assert {x.kind.code for x in slow.all_warnings()} <= codes
+    assert {x.code for x in slow.all_warnings()} <= codes
     entries = text[text.index("What these warnings mean") :]
     assert set(re.findall(r'<dt id="warning-([a-z0-9-]+)">', entries)) == codes
-    for reason in {entry(x.kind).reason for x in slow.all_warnings()}:
+    for reason in {by_code(x.code).reason for x in slow.all_warnings()}:
         assert str(escape(reason)) in entries
 
 

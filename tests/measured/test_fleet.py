@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 import bristle
-from bristle.diagnostics import Kind
 
 SESSION = """
 joint: {{name: servo}}
@@ -48,7 +47,7 @@ def test_five_sessions_of_a_servo(measured_data: Path, tmp_path: Path) -> None:
     assert (found.identified, early.unchanged) == (5, 5)
     assert found.changed == early.changed == 0
     assert "scatter-of-few" in found.text()
-    (alone,) = [note for note in found.findings.notes if note.kind is Kind.BEYOND_ERRORS]
+    (alone,) = [note for note in found.findings.notes if note.code == "beyond-errors"]
     (step,) = alone.numbers["steps"]
     assert (step.numbers["name"], step.numbers["since"]) == ("sigma_0-", "2026-05-02")
     first = early.findings.changes.iloc[0]

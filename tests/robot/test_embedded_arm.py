@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import bristle
-from bristle.diagnostics import Kind, Severity
+from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
 from bristle.simulation import arm
 
@@ -53,8 +53,8 @@ def test_friction_of_every_joint_is_found() -> None:
             assert constant.value == pytest.approx(known.torque_constant, rel=0.01)
     assert asked == 24
     assert inside >= 20
-    about_robots = {Kind.JOINT_ORDER, Kind.GRAVITY_DIRECTION, Kind.LINKS_SCALE, Kind.LINKS_OPPOSE, Kind.BEYOND_URDF}
-    assert not [w for w in results.warnings if w.severity is Severity.CRITICAL or w.kind in about_robots]
+    about_robots = {"joint-order", "gravity-direction", "links-scale", "links-oppose", "beyond-urdf"}
+    assert not [w for w in results.warnings if w.severity is Severity.CRITICAL or w.code in about_robots]
 
 
 def test_the_files_are_those_of_the_code() -> None:

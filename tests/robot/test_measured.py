@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from bristle.data.robot.robot_file import load_robot
-from bristle.diagnostics import Kind, Severity
+from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured
 from bristle.identification.robot.measured import measure_robot
@@ -64,11 +64,11 @@ def test_the_right_order_gives_no_warning(tmp_path: Path, log: ArmLog) -> None:
 @pytest.mark.parametrize(
     ("label", "kind", "changed"),
     [
-        ("reversed", Kind.JOINT_ORDER, {"signals": in_order(NAMES[::-1])}),
-        ("2 and 3 swapped", Kind.JOINT_ORDER, {"signals": in_order((NAMES[0], NAMES[2], NAMES[1], *NAMES[3:]))}),
+        ("reversed", "joint-order", {"signals": in_order(NAMES[::-1])}),
+        ("2 and 3 swapped", "joint-order", {"signals": in_order((NAMES[0], NAMES[2], NAMES[1], *NAMES[3:]))}),
         (
             "currents alone swapped",
-            Kind.JOINT_ORDER,
+            "joint-order",
             {
                 "signals": {
                     **SIGNALS,
@@ -76,18 +76,18 @@ def test_the_right_order_gives_no_warning(tmp_path: Path, log: ArmLog) -> None:
                 }
             },
         ),
-        ("upside down", Kind.GRAVITY_DIRECTION, {"robot": {"urdf": "arm.urdf", "gravity": [0, 0, 9.81]}}),
+        ("upside down", "gravity-direction", {"robot": {"urdf": "arm.urdf", "gravity": [0, 0, 9.81]}}),
     ],
 )
 def test_what_is_not_as_declared_is_critical(
-    tmp_path: Path, log: ArmLog, label: str, kind: Kind, changed: dict[str, Any]
+    tmp_path: Path, log: ArmLog, label: str, kind: str, changed: dict[str, Any]
 ) -> None:
     """A wrong order of columns, and gravity upside down, are said of every joint, with what would be right."""
     found = measured(tmp_path, log, **changed)
     for m in found:
-        (warning,) = (w for w in m.findings if w.kind in {Kind.JOINT_ORDER, Kind.GRAVITY_DIRECTION})
-        assert (warning.kind, warning.severity) == (kind, Severity.CRITICAL), label
-    if kind is Kind.GRAVITY_DIRECTION:
+        (warning,) = (w for w in m.findings if w.code in {"joint-order", "gravity-direction"})
+        assert (warning.code, warning.severity) == (kind, Severity.CRITICAL), label
+    if kind == "gravity-direction":
         assert warning.numbers["better"] == (0.0, 0.0, -9.81)
     elif label == "currents alone swapped":
         assert "shoulder takes the torque or current of elbow" in warning.numbers["swaps"]
@@ -121,8 +121,8 @@ def test_masses_that_one_joint_doubts_are_doubted_where_a_constant_rests_on_them
     )
     urdf.write_text(lighter, encoding="utf-8")
     found = {m.experiment.joint.name: m.findings for m in measure_robot(load_robot(path))}
-    assert Kind.LINKS_SCALE in [w.kind for w in found["shoulder"]]
-    (doubt,) = (w for w in found["elbow"] if w.kind is Kind.CONSTANT_BY_MASSES)
+    assert "links-scale" in [w.code for w in found["shoulder"]]
+    (doubt,) = (w for w in found["elbow"] if w.code == "constant-by-masses")
     assert doubt.numbers["scale"] == pytest.approx(1.25, rel=0.1)
 
 
@@ -136,7 +136,7 @@ def test_links_that_weigh_nothing_tell_no_constant(tmp_path: Path, log: ArmLog) 
     (flange,) = measure_robot(load_robot(path))
     assert flange.torque_constant is not None
     assert flange.torque_constant.value is None
-    assert [w.kind for w in flange.findings] == [Kind.CONSTANT_UNSEEN]
+    assert [w.code for w in flange.findings] == ["constant-unseen"]
     joint = identify_joint(flange)
     assert joint.kind == "revolute in A"
     estimate = joint.static["+"].parameters["alpha_0"]
@@ -149,7 +149,7 @@ def test_without_a_urdf_the_links_stay(tmp_path: Path, log: ArmLog) -> None:
     found = {m.experiment.joint.name: m.findings for m in measured(tmp_path, log, robot=None)}
     for name in ("shoulder", "elbow", "wrist_pitch"):
         (warning,) = found[name]
-        assert (warning.kind, warning.severity) == (Kind.LINKS_NOT_REMOVED, Severity.CRITICAL)
+        assert (warning.code, warning.severity) == ("links-not-removed", Severity.CRITICAL)
     assert found["shoulder"][0].numbers["share"] > 20
 
 
@@ -158,12 +158,12 @@ def test_a_torque_that_no_drive_has_is_said(tmp_path: Path, log: ArmLog) -> None
     path = write(tmp_path, document(**PLAIN), log)
     urdf = tmp_path / "arm.urdf"
     whole, most = urdf.read_text(encoding="utf-8"), 0.0
-    for effort, kind in (("35", None), ("1e-3", Kind.EFFORT_FAR_BEYOND), ("half", Kind.EFFORT_BEYOND)):
+    for effort, kind in (("35", None), ("1e-3", "effort-far-beyond"), ("half", "effort-beyond")):
         allowed = repr(most / 2) if effort == "half" else effort
         urdf.write_text(whole.replace('effort="35"', f'effort="{allowed}"'), encoding="utf-8")
         (elbow,) = (m for m in measure_robot(load_robot(path)) if m.experiment.joint.name == "elbow")
-        said = [w for w in elbow.findings if w.kind in {Kind.EFFORT_BEYOND, Kind.EFFORT_FAR_BEYOND}]
-        assert [w.kind for w in said] == [kind] * (kind is not None)
+        said = [w for w in elbow.findings if w.code in {"effort-beyond", "effort-far-beyond"}]
+        assert [w.code for w in said] == [kind] * (kind is not None)
         most = said[0].numbers["most"] if said else most
 
 
@@ -175,7 +175,7 @@ def test_what_the_urdf_does_not_allow_is_said(tmp_path: Path, log: ArmLog) -> No
     urdf = folder / "arm.urdf"
     text = urdf.read_text(encoding="utf-8").replace('lower="-2.6" upper="2.6"', 'lower="-0.2" upper="0.5"')
     urdf.write_text(text.replace('mass value="2.3"', 'mass value="5.3"'), encoding="utf-8")
-    found = {m.experiment.joint.name: {w.kind for w in m.findings} for m in measure_robot(load_robot(path))}
-    assert Kind.BEYOND_URDF in found["elbow"]
-    assert Kind.BEYOND_URDF not in found["shoulder"]
-    assert Kind.LINKS_SCALE in found["elbow"]
+    found = {m.experiment.joint.name: {w.code for w in m.findings} for m in measure_robot(load_robot(path))}
+    assert "beyond-urdf" in found["elbow"]
+    assert "beyond-urdf" not in found["shoulder"]
+    assert "links-scale" in found["elbow"]

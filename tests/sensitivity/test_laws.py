@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import bristle
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate
 from bristle.model.formula import as_text
@@ -81,7 +80,7 @@ def test_a_term_is_written_as_it_is_where_it_was_measured() -> None:
     found = formulas(law_named(DRAG))
     assert as_text(found.partial["alpha_3"]) == "v*abs(v)"
     assert all("v_end" not in row.formula and "Piecewise" not in row.formula for row in found.rows())
-    assert [x.kind for x in found.sentences()] == [Kind.TOTAL_DERIVATIVES, Kind.FORMULAS_AS_MEASURED]
+    assert [x.code for x in found.sentences()] == ["total-derivatives", "formulas-as-measured"]
 
 
 def test_a_parameter_with_a_sign_is_drawn_below_zero() -> None:
@@ -106,7 +105,7 @@ def test_the_box_cuts_no_sign_off() -> None:
     }
     box, notes = box_of(estimates)
     assert box == {ParameterName.parse("alpha_3"): (-0.1, 0.3), ParameterName.parse("delta"): (0.01, 2.0)}
-    assert [x.kind for x in notes] == [Kind.BOX_CUT]
+    assert [x.code for x in notes] == ["box-cut"]
 
 
 @pytest.mark.parametrize("name", OWN)

@@ -14,6 +14,7 @@ from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
 from bristle.control.control_period import LoopOptions
 from bristle.diagnostics import Kind
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.model import functions
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -401,8 +402,8 @@ def test_the_box_of_a_fit() -> None:
     estimates[parse("alpha_2")] = Estimate(value=None, unit="-")
     box, said = box_of(estimates)
     assert box == named({"alpha_0+": (0.01, 0.03), "alpha_1+": (0.0, 0.02), "v_s": (pytest.approx(0.0007), 0.2)})
-    assert [(d.kind, str(d.numbers["name"])) for d in said] == [
-        (Kind.BOX_CUT, "alpha_1+"), (Kind.BOX_CUT, "v_s"), (Kind.BOX_HELD, "sigma_0"), (Kind.BOX_HELD, "sigma_1"),
+    assert [(d.code, str(d.numbers["name"])) for d in said] == [
+        ("box-cut", "alpha_1+"), ("box-cut", "v_s"), ("box-held", "sigma_0"), ("box-held", "sigma_1"),
     ]  # fmt: skip  # a table
     assert said[1].numbers["low"] == box[parse("v_s")][0]
     assert [str(span.parameter) for span in ordered(box, GAUSSIAN)] == ["alpha_0+", "alpha_1+", "v_s"]
@@ -438,13 +439,13 @@ def test_the_figure_shows_the_indices(found: Global, kind: JointKind) -> None:
 def test_the_figure_says_what_there_is_not(found: Global) -> None:
     """A panel without indices says why, and the legend stands in one that has them."""
     outputs = (
-        replace(found.outputs[0], indices=None, reason=Kind.UNKNOWN(text="Nothing is known.")),
+        replace(found.outputs[0], indices=None, reason=Finding("x", Severity.NOTE, "Nothing is known.")),
         *found.outputs[1:],
     )
     figure = sobol_figure(replace(found, outputs=outputs), "revolute", name="x", simulated=False)
     assert "Nothing is known." in [text.get_text() for text in figure.axes[0].texts]
     assert [ax.get_legend() is not None for ax in figure.axes] == [False, True, False]
-    nothing = tuple(replace(output, indices=None, reason=Kind.UNKNOWN(text="None.")) for output in outputs)
+    nothing = tuple(replace(output, indices=None, reason=Finding("x", Severity.NOTE, "None.")) for output in outputs)
     assert render_as(sobol_figure(replace(found, outputs=nothing), "revolute", name="x", simulated=False), "svg")
     assert sobol_table(replace(found, outputs=nothing), "revolute").empty
 
@@ -460,7 +461,7 @@ def test_table_and_sentences_hold_the_same_numbers(found: Global) -> None:
     assert frame["upper"].tolist() == [0.025, 0.01, 0.05] * 3
     assert frame["unit"].tolist()[:3] == ["N*m", "N*m", "N*m*s/rad"]
     said = sobol_sentences(found, "revolute")
-    assert [x.kind for x in said] == [*[Kind.SOBOL_INDICES] * 3, Kind.DRAWN_FROM, Kind.INDICES_SIMULATED]
+    assert [x.code for x in said] == [*["sobol-indices"] * 3, "drawn-from", "indices-simulated"]
     assert str(said[1]).startswith("Breakaway torque: total index alpha_0 0.55 ± ")
     assert "alpha_2" not in str(said[1])
     assert said[1].numbers["samples"] == 1024

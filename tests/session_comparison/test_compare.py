@@ -24,7 +24,8 @@ from scipy import stats
 import bristle
 from bristle.__main__ import main
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification import document
 from bristle.identification.fits import Estimate
 from bristle.identification.static.fit import estimate_static
@@ -87,8 +88,8 @@ def change(compared: Comparison, parameter: str) -> Change:
 
 def moved(compared: Comparison) -> dict[str, float]:
     """The parameters that the sentence says changed, and by how many percent."""
-    assert compared.sentence.kind is Kind.PARAMETERS_CHANGED
-    told: tuple[Diagnostic, ...] = compared.sentence.numbers["changes"]
+    assert compared.sentence.code == "parameters-changed"
+    told: tuple[Finding, ...] = compared.sentence.numbers["changes"]
     return {x.numbers["name"]: x.numbers["percent"] for x in told}
 
 
@@ -129,7 +130,7 @@ def test_a_change_of_five_standard_errors_is_found() -> None:
     rng, tries = np.random.default_rng(1), 200
     pairs = [compare(session(linear(rng, 40)), session(linear(rng, 40, 5.0))) for _ in range(tries)]
     found = [change(x, "alpha_0") for x in pairs]
-    assert sum(bool(c.changed) and c.verdict.kind is Kind.ROSE for c in found) >= 0.98 * tries
+    assert sum(bool(c.changed) and c.verdict.code == "rose" for c in found) >= 0.98 * tries
     assert sum(x.sets[0].changed for x in pairs) >= 0.98 * tries
     assert all("alpha_0" in moved(x) for x in pairs if change(x, "alpha_0").changed)
 
@@ -149,7 +150,7 @@ def test_static_fits_of_one_joint_do_not_change_and_a_warmer_one_does() -> None:
     ) <= most(tries, 0.05)
     warm = TRUTH._replace(alpha_2=0.9 * TRUTH.alpha_2)
     warmer = [compare(friction(rng, TRUTH), friction(rng, warm)) for _ in range(20)]
-    found = [x for x in warmer if change(x, "alpha_2").verdict.kind is Kind.FELL]
+    found = [x for x in warmer if change(x, "alpha_2").verdict.code == "fell"]
     assert len(found) >= 19  # ten standard errors
     for x in found:
         assert max(x.changes, key=lambda c: abs(c.z or 0.0)).parameter.name == "alpha_2"
@@ -160,7 +161,7 @@ def test_static_fits_of_one_joint_do_not_change_and_a_warmer_one_does() -> None:
         if (c := change(x, "alpha_2")).first and c.difference and c.first.value
     ]
     assert np.median(shares) == pytest.approx(-0.1, abs=0.01)
-    assert any(hint.kind is Kind.ALPHA_2_FELL for x in found for hint in x.hints)
+    assert any(hint.code == "alpha-2-fell" for x in found for hint in x.hints)
 
 
 @given(p=st.lists(st.floats(0, 1), min_size=1, max_size=6))
@@ -248,8 +249,8 @@ def test_a_constant_of_both_sessions_does_not_widen_their_difference(a: float, b
     wide = np.hypot(np.sqrt(2), np.sqrt(2) * shift)
     assert change(same, "alpha_0+").z == pytest.approx((b - a) / np.sqrt(2), rel=1e-4, abs=1e-6)
     assert change(own, "alpha_0+").z == pytest.approx((b - a) / wide, rel=1e-4, abs=1e-6)
-    assert [x.kind for x in same.warnings] == [Kind.COMMON_CONSTANTS]
-    assert [x.kind for x in own.warnings] == [Kind.OWN_CONSTANTS]
+    assert [x.code for x in same.warnings] == ["common-constants"]
+    assert [x.code for x in own.warnings] == ["own-constants"]
     assert same.sets[0].statistic == pytest.approx((b - a) ** 2 / 2, abs=1e-9)
     assert own.sets[0].statistic == pytest.approx((b - a) ** 2 / (2 + 4 * shift**2), rel=1e-6, abs=1e-9)
 

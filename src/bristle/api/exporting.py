@@ -15,8 +15,9 @@ from bristle.api.results import Results
 from bristle.control.compensator import Compensator
 from bristle.data.experiment.load import Experiment
 from bristle.data.units import positive_si
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError, read_at_most
+from bristle.findings import Finding
 from bristle.identification.document import LARGEST
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
@@ -126,10 +127,10 @@ def _found(known: Known, joint: str | None, progress: Progress | None) -> tuple[
     return [_Found(one, _experiment(results, one), partial(known_loop, results, one)) for one in chosen], digest
 
 
-def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[ExportedJoint, ...], tuple[Diagnostic, ...]]:
+def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[ExportedJoint, ...], tuple[Finding, ...]]:
     """The joints, and of several why some cannot be handed over. Raises InputError where none can."""
     joints: list[ExportedJoint] = []
-    refused: list[Diagnostic] = []
+    refused: list[Finding] = []
     for one in found:
         try:
             joints.append(exported(one.joint, one.experiment, _origin(one, digest)))

@@ -9,8 +9,8 @@ from bristle.api.results import Results, choose
 from bristle.api.sources import Source, SourceText, names_of, open_all
 from bristle.data.experiment.load import Experiment
 from bristle.data.robot.robot_file import Robot
-from bristle.diagnostics import Severity
 from bristle.errors import InputError
+from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured, measure
 from bristle.identification.results import Joint

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 from bristle.api.logs import JointLogs
 from bristle.api.sources import path_of, source_text
-from bristle.diagnostics import Diagnostic, Severity
 from bristle.errors import InputError, short, short_list
+from bristle.findings import Finding, Severity
 from bristle.identification.document import checked, document_of, joints_of, reading
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
@@ -40,14 +40,14 @@ class Results:
     """Whether there is what has an entry per sample; of a results file that an older version wrote there is not."""
 
     @property
-    def warnings(self) -> tuple[Diagnostic, ...]:
+    def warnings(self) -> tuple[Finding, ...]:
         """Every diagnostic about a joint, one of its stages or a fit, with the joint's name first in its subject."""
         return tuple(
             replace(x, subject=(joint.name, *x.subject)) for joint in self.joints for x in joint.fit_warnings()
         )
 
     @property
-    def serious(self) -> tuple[Diagnostic, ...]:
+    def serious(self) -> tuple[Finding, ...]:
         """Those of `warnings` that are critical, or call for caution; notes are not."""
         return tuple(warning for warning in self.warnings if warning.severity is not Severity.NOTE)
 
@@ -121,7 +121,7 @@ class Results:
         return to_frame(self.joints)
 
     def to_json(self, folder: Path | str = ".") -> str:
-        """`results.json` of schema bristle-results/2, which `read_results` reads; `folder` is where it will lie.
+        """`results.json` of schema bristle-results/3, which `read_results` reads; `folder` is where it will lie.
 
         From there it names the experiment files, whose logs are read again when a question needs them.
         """
@@ -228,9 +228,7 @@ def read_results(path: Path | str) -> Results:
     """
     path = path_of(path, "the path of a results.json")
     with reading(path) as text:
-        found = checked(text)
-        if isinstance(found, dict) and found.get("schema") == "bristle-results/1":
-            raise InputError("it is of schema bristle-results/1, which compare alone takes; identify anew")
+        checked(text)
         document = document_of(text)
         joints = joints_of(document)
         session_of(joints)  # which refuses numbers that are none

@@ -18,7 +18,8 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps, estimate_motion, smoothed, usable
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 
 _POWER = 0.999
 """Of the position's power, which lies below the motion's bandwidth."""
@@ -46,7 +47,7 @@ _PER_OCTAVE, _LEAST = 12, 3
 """Bins of a spectrum per octave, and lines in each at the least."""
 
 
-def of_motion(record: Record) -> tuple[float, Diagnostic]:
+def of_motion(record: Record) -> tuple[float, Finding]:
     """Cut-off of the low pass of a moving run, Hz, with the reason.
 
     From the longest piece between gaps, its position or its velocity, and its effort as far as it is known.
@@ -79,14 +80,14 @@ def of_motion(record: Record) -> tuple[float, Diagnostic]:
     return cutoff, Kind.CUTOFF_OF_MOTION(motion=own, shown=shown)
 
 
-def of_held_speeds(record: Record) -> tuple[float, Diagnostic]:
+def of_held_speeds(record: Record) -> tuple[float, Finding]:
     """Cut-off of the low pass of a position at held speeds, Hz, with the reason: half of the frequency at which it falls into noise."""
     position = _shown(np.asarray(record.position)[_longest(record)], record.step)
     shown = _first(position, position.own)
     return usable(record, _HELD * shown), Kind.CUTOFF_OF_HOLDS(shown=shown)
 
 
-def of_slow_loading(record: Record) -> tuple[float, Diagnostic]:
+def of_slow_loading(record: Record) -> tuple[float, Finding]:
     """Cut-off of the low pass of slow loading, Hz, with the reason: ten times the bandwidth of the torque."""
     own = _shown(np.asarray(record.torque)[_longest(record)], record.step).own
     return usable(record, _SLOW * own), Kind.CUTOFF_OF_LOADING(own=own)

@@ -16,8 +16,9 @@ from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals, 
 from bristle.data.experiment.tables import keys_of
 from bristle.data.record import Record
 from bristle.data.text_table import RawTable
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 
 _TURN = 2 * np.pi
 _LARGEST = 1e20
@@ -38,8 +39,8 @@ class _Rows:
     """The line of each row in the file, or the row of data, each from 1 ..."""
     word: str
     """... which of the two: `line` or `row`."""
-    notes: list[Diagnostic]
-    warnings: list[Diagnostic] = field(default_factory=list)
+    notes: list[Finding]
+    warnings: list[Finding] = field(default_factory=list)
     off_before: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
     """How many rows before each one the drive was off in; empty where it never was."""
 

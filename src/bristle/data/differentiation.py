@@ -10,10 +10,11 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 
-Choice = Callable[[Record], tuple[float, Diagnostic]]
+Choice = Callable[[Record], tuple[float, Finding]]
 """A rule for the cut-off of a record's low pass, Hz, with the reason."""
 ORDER = 4
 """Order of the Butterworth filter, which runs forward and backward."""
@@ -56,7 +57,7 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
     )
 
 
-def low_pass(record: Record, cutoff: float | Choice) -> tuple[float, Diagnostic]:
+def low_pass(record: Record, cutoff: float | Choice) -> tuple[float, Finding]:
     """A cut-off that can be, Hz, and why it is that: as asked, or by a rule."""
     if callable(cutoff):
         return cutoff(record)

@@ -10,7 +10,8 @@ from bristle.arrays import Array
 from bristle.data import units
 from bristle.data.experiment.signals import Context, Position
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.model.parameters import unit as unit_of
 
 if TYPE_CHECKING:
@@ -62,7 +63,7 @@ def _grid(levels: Array) -> tuple[float, Array]:
     return (step if np.abs(near / step - multiples).max() < 0.1 else 0.0), multiples
 
 
-def whole_positions(file: str, logged: Array, signal: Position, context: Context) -> Diagnostic | None:
+def whole_positions(file: str, logged: Array, signal: Position, context: Context) -> Finding | None:
     """Positions as logged, (n,), that are whole numbers of a unit in which no encoder counts, or hardly one."""
     if signal.unit.strip().startswith("count"):
         return None
@@ -77,9 +78,9 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
     return Kind.WHOLE_DEGREES(files=(file,)) if degrees and not declared else None
 
 
-def count_mismatch(record: Record, signal: Position | None, context: Context) -> Diagnostic | None:
+def count_mismatch(record: Record, signal: Position | None, context: Context) -> Finding | None:
     """Positions of a run whose steps are not those of the declared encoder, or that are a power of two in another unit."""
-    told_before = any(d.kind in {Kind.WHOLE_POSITIONS, Kind.WHOLE_DEGREES} for d in record.warnings)
+    told_before = any(d.code in {"whole-positions", "whole-degrees"} for d in record.warnings)
     if record.position is None or signal is None or signal.unit.strip().startswith("count") or told_before:
         return None
     levels = np.unique(record.position)
@@ -106,7 +107,7 @@ def count_mismatch(record: Record, signal: Position | None, context: Context) ->
     return kind(**numbers) if line is None else Kind.COUNT_UNIT(**numbers, remedy=line)
 
 
-def _turn_of_another_unit(file: str, step: float, signal: Position, context: Context) -> Diagnostic | None:
+def _turn_of_another_unit(file: str, step: float, signal: Position, context: Context) -> Finding | None:
     """A turn of so many counts that it is a power of two in another unit than the declared one."""
     turn = 2 * np.pi / step
     if context.kind_of("position") != "revolute" or _power_of_two(turn, _POWER):

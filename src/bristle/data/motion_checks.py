@@ -9,8 +9,9 @@ from bristle.data.differentiation import between_gaps
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.signals import Context, Signals, si
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import inflation
+from bristle.findings import Finding
 
 _AROUND = 5
 """Samples on either side that tell the usual travel of one."""
@@ -54,7 +55,7 @@ def shortened(names: list[str]) -> tuple[str, ...]:
     return tuple(names) if more <= 1 else (*names[:_NAMED], f"and {more} more")
 
 
-def position_jumps(record: Record, signals: Signals, context: Context) -> Diagnostic | None:
+def position_jumps(record: Record, signals: Signals, context: Context) -> Finding | None:
     """Steps of the position in motion that neither speed nor time explains; under counted time those of lost samples."""
     if record.position is None or record.time.size < 2 * _BLOCK:
         return None
@@ -121,7 +122,7 @@ def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str
     return "row", [round(float(record.time[k]) * rate) + 1 if rate else k + 1 for k in samples]
 
 
-def held_position(record: Record, signals: Signals) -> Diagnostic | None:
+def held_position(record: Record, signals: Signals) -> Finding | None:
     """A reading that stays the same in the midst of a motion, and then catches up at once: it was not refreshed."""
     if record.position is None or record.time.size < 2 * _BLOCK:
         return None
@@ -155,7 +156,7 @@ def _held(position: Array) -> list[tuple[int, int]]:
     return [(int(k), int(n)) for k, n in zip(start[held], times[held], strict=True)]
 
 
-def irregular_sampling(record: Record) -> Diagnostic | None:
+def irregular_sampling(record: Record) -> Finding | None:
     """Noise of the position that is white and grows with the speed: of the time stamps, or of the instants of sampling."""
     if record.position is None:
         return None
@@ -220,7 +221,7 @@ def _variance(x: Array) -> float:
     return deviation * deviation
 
 
-def velocity_lag(record: Record) -> Diagnostic | None:
+def velocity_lag(record: Record) -> Finding | None:
     """A logged velocity that is late, or early, against the position.
 
     The integral of a velocity through one pole of time constant L is behind the position by L times its change; of one

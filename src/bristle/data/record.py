@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array, as_floats
-from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError
+from bristle.findings import Finding
 
 _SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration", "link_torque")
 
@@ -54,9 +54,9 @@ class Record:
     """Rows of the file that are not in the record."""
     sha256: str = ""
     """Digest of the file's bytes."""
-    notes: tuple[Diagnostic, ...] = ()
+    notes: tuple[Finding, ...] = ()
     """What was counted, assumed and done."""
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     """Where its signals contradict one another, or themselves."""
     labels: Mapping[str, str] = field(default_factory=dict)
     """Run-level labels: temperature, load."""

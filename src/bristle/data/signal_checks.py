@@ -19,7 +19,8 @@ from bristle.data.motion_checks import held_position, irregular_sampling, positi
 from bristle.data.record import Record
 from bristle.data.timestamps import ISO
 from bristle.data.torque_checks import check_torque
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.diagnostics import Kind, but
+from bristle.findings import Finding, Severity
 
 _SPANS = (1, 4, 16, 64, 256)
 """Samples over which travel is compared: noise hides a short one, a reversal a long one."""
@@ -54,7 +55,7 @@ class TravelRatio(NamedTuple):
     correlation: float
 
 
-def check_signals(record: Record, kind: RunKind, signals: Signals, context: Context) -> tuple[Diagnostic, ...]:
+def check_signals(record: Record, kind: RunKind, signals: Signals, context: Context) -> tuple[Finding, ...]:
     """What is wrong with the signals of a run, as far as they show it by themselves.
 
     Args:
@@ -63,7 +64,7 @@ def check_signals(record: Record, kind: RunKind, signals: Signals, context: Cont
         signals: as declared, for the line to change.
         context: kind of the joint, and size of a count.
     """
-    found: list[Diagnostic | None] = [*check_torque(record, kind)]
+    found: list[Finding | None] = [*check_torque(record, kind)]
     if kind != "points":
         factor = _velocity_factor(record, signals, context)
         found += [factor, position_jumps(record, signals, context), held_position(record, signals)]
@@ -76,15 +77,15 @@ def check_signals(record: Record, kind: RunKind, signals: Signals, context: Cont
     return tuple(d for d in found if d is not None)
 
 
-def merged(found: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
     """The same, those of one kind and one remedy as one that names all their files, with the numbers of the first."""
 
-    def alike(d: Diagnostic) -> tuple[str, str]:
+    def alike(d: Finding) -> tuple[str, str]:
         """What two of them share that become one."""
-        return d.kind.name, str(d.numbers.get("remedy", ""))
+        return d.code, str(d.numbers.get("remedy", ""))
 
     groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]
-    together = [d[0].but(files=shortened([file for x in d for file in x.numbers["files"]])) for d in groups]
+    together = [but(d[0], files=shortened([file for x in d for file in x.numbers["files"]])) for d in groups]
     return tuple(sorted(together, key=lambda d: d.severity is not Severity.CRITICAL))
 
 
@@ -117,7 +118,7 @@ def travel_ratio(record: Record) -> TravelRatio | None:
     return best
 
 
-def _velocity_factor(record: Record, signals: Signals, context: Context) -> Diagnostic | None:
+def _velocity_factor(record: Record, signals: Signals, context: Context) -> Finding | None:
     ratio = travel_ratio(record)
     if ratio is None:
         return None
@@ -130,7 +131,7 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Diag
     return Kind.VELOCITY_FACTOR(files=(record.file,), ratio=ratio.value, remedy=" or ".join(lines))
 
 
-def _unrelated(record: Record, ratio: TravelRatio) -> Diagnostic | None:
+def _unrelated(record: Record, ratio: TravelRatio) -> Finding | None:
     """A velocity that is smooth, and has nothing to do with a position that moves smoothly too: noise is neither."""
     if record.position is None or record.velocity is None:
         return None

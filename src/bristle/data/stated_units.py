@@ -7,14 +7,15 @@ from bristle.data import units
 from bristle.data.experiment.gear import SIDED
 from bristle.data.experiment.signals import DRIVE, Context, Signal, Signals
 from bristle.data.timestamps import ISO
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 
 _SAME = 1e-6
 """Units differ by more."""
 
 
-def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple[Diagnostic, ...]:
+def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple[Finding, ...]:
     """Signals whose unit is another than the one that the file states of their column, `stated` by signal.
 
     A signal with a scale other than 1 or -1 was thought about, and nothing is said of it.
@@ -38,7 +39,7 @@ def _alike(unit: str, other: str) -> bool:
     return False
 
 
-def gear_note(signals: Signals, context: Context) -> tuple[Diagnostic, ...]:
+def gear_note(signals: Signals, context: Context) -> tuple[Finding, ...]:
     """What a gear did to which signals of a run; nothing without one."""
     if context.gear is None:
         return ()

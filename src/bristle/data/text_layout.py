@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from bristle.data.units import signal_unit
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError, short
+from bristle.findings import Finding
 
 _SAMPLE, _MOST = 2**18, 3 * 2**20
 """Bytes that are looked at, and where the lines are so long that these hold fewer than `_HEADED` of them."""
@@ -61,7 +62,7 @@ class Layout(NamedTuple):
     """Of each column the unit that the file states, in a row below the names or in brackets behind a name; empty where it states none."""
     other_names: tuple[tuple[str, ...], ...] = ()
     """Rows above the numbers that are as wide, in which a name is looked for that the header does not have."""
-    note: Diagnostic | None = None
+    note: Finding | None = None
     """What is said of a header that is more than one line of names."""
     blocks: bool = False
     """Whether each channel has a block of two columns, its time and its value."""
@@ -223,7 +224,7 @@ def _units(rows: Rows, header: _Header, names: Sequence[str]) -> tuple[str, ...]
     return tuple(unit or signal_unit(bracketed(name)[1]) for unit, name in zip(below, names, strict=False))
 
 
-def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Diagnostic | None:
+def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Finding | None:
     """What is said of lines before the first row of numbers that are more than one line of names.
 
     Refuses a row of data among them: below the names one that begins with a number, and holds another than the `1` of a unit, is one that was logged.

@@ -22,8 +22,9 @@ from bristle.data.ros.files import is_bag
 from bristle.data.ros.read import read_bag
 from bristle.data.text_layout import LONGEST, Layout, is_stamp, text_layout
 from bristle.data.timestamps import seconds_of_stamps
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_regular, short, short_list, unreadable
+from bristle.findings import Finding
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -53,7 +54,7 @@ class RawTable:
     columns: Mapping[Key, Array]
     rows: int
     sha256: str
-    notes: tuple[Diagnostic, ...] = ()
+    notes: tuple[Finding, ...] = ()
     header: int | None = None
     """Lines of a text file before its first row of numbers; None where rows and lines do not go together."""
     units: Mapping[Key, str] = field(default_factory=dict)

@@ -8,8 +8,9 @@ from bristle.arrays import Array
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import inflation
+from bristle.findings import Finding
 
 _LEVELS = 20
 """A signal has more levels than this, or nothing can be said of how often it takes one."""
@@ -39,7 +40,7 @@ _DEVIATIONS = 4.0
 """Standard errors by which that is surely not zero: 6e-5 of clean records."""
 
 
-def check_torque(record: Record, kind: RunKind) -> Iterator[Diagnostic]:
+def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
     """What is wrong with the torque of a run.
 
     Args:
@@ -56,7 +57,7 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Diagnostic]:
     yield from filter(None, checks)
 
 
-def _clipped(record: Record) -> Diagnostic | None:
+def _clipped(record: Record) -> Finding | None:
     """A torque that stays exactly at its largest or smallest value; one from a voltage never does."""
     if record.torque is None or record.voltage is not None:
         return None
@@ -77,7 +78,7 @@ def _clipped(record: Record) -> Diagnostic | None:
     return Kind.CLIPPED(files=(record.file,), share=share, limits=" and ".join(f"{levels[k]:.4g}" for k in at))
 
 
-def _constant(record: Record) -> Diagnostic | None:
+def _constant(record: Record) -> Finding | None:
     """Points of a direction most of which have the very same torque, their largest: a limit, and no friction vs velocity."""
     if record.torque is None or record.velocity is None:
         return None
@@ -99,7 +100,7 @@ def _moves_at_limits(record: Record) -> bool:
     return bool(moved[stays].sum() > stays.mean() / 2 * moved.sum())
 
 
-def _loaded_at_start(record: Record) -> Diagnostic | None:
+def _loaded_at_start(record: Record) -> Finding | None:
     """A slow loading whose torque, by the line through its first samples, does not begin at zero."""
     if record.torque is None or record.torque.size < _PARTS:
         return None
@@ -115,7 +116,7 @@ def _loaded_at_start(record: Record) -> Diagnostic | None:
     return Kind.LOADED_AT_START(files=(record.file,), torque=begins, share=abs(begins) / largest)
 
 
-def _dead_zone(record: Record) -> Diagnostic | None:
+def _dead_zone(record: Record) -> Finding | None:
     """A torque of a moving joint that is exactly zero, far more often than any other, where it changes its sign."""
     torque, position = record.torque, record.position
     if torque is None or position is None or record.voltage is not None:
@@ -136,7 +137,7 @@ def _dead_zone(record: Record) -> Diagnostic | None:
     return Kind.DEAD_ZONE(files=(record.file,), share=float(zero.mean()))
 
 
-def _coarse(record: Record) -> Diagnostic | None:
+def _coarse(record: Record) -> Finding | None:
     """A torque in so few steps that rounding does not average out: its noise is less than a step."""
     torque = record.torque
     if torque is None or record.voltage is not None or torque.size < _PARTS:

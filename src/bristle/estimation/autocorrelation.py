@@ -10,7 +10,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 
 _WINDOW = 5.0
 """Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times."""
@@ -75,7 +76,7 @@ def standard_error(x: Array) -> float | None:
     return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
 
 
-def unexplained(residuals: Array, norm: float) -> tuple[Diagnostic, ...]:
+def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
     """A diagnostic where the model leaves more than noise: a pattern of more than `_POOR` of what it should explain.
 
     Noise changes from one equation to the next, a pattern does not: half the mean square of the successive differences
@@ -94,7 +95,7 @@ def unexplained(residuals: Array, norm: float) -> tuple[Diagnostic, ...]:
     return (Kind.UNEXPLAINED(error=100 * np.sqrt(power) / norm, noise=100 * np.sqrt(noise) / norm, advice=()),)
 
 
-def residual_warnings(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[Diagnostic, ...]:
+def residual_warnings(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[Finding, ...]:
     """A diagnostic for what the residuals show beyond noise.
 
     A trend over time or velocity, a ripple over position, a difference between directions. F tests against a constant,

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 
 FACTOR = 1.5
 """Reaches to one side of an estimate that differ by more than this factor part."""
@@ -17,8 +18,8 @@ def warnings(
     bootstrap: Interval,
     *,
     at_bound: bool = False,
-    few: Diagnostic | None = None,
-) -> tuple[Diagnostic, ...]:
+    few: Finding | None = None,
+) -> tuple[Finding, ...]:
     """A diagnostic, with the reason, where the three intervals differ by more than `FACTOR`; else none.
 
     What is compared is how far each reaches to one side of the estimate.
@@ -49,7 +50,7 @@ def _part(reaches: list[float], value: float) -> bool:
     return len(reaches) > 1 and max(reaches) > FACTOR * max(min(reaches), 0.0) + _ROUNDING * abs(value)
 
 
-def _reason(reaches: dict[str, tuple[float, float]], few: Diagnostic | None) -> Diagnostic:
+def _reason(reaches: dict[str, tuple[float, float]], few: Finding | None) -> Finding:
     below, above = reaches.get("profile", (1.0, 1.0))
     if not np.isfinite([below, above]).all():
         return Kind.COST_STAYS_LOW()

@@ -23,12 +23,13 @@ from scipy.optimize import brentq
 from scipy.special import fdtri
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import LEVEL, seen, student
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import LeastSquares, Minimum, Name, minimise
+from bristle.findings import Finding
 from bristle.progress import Progress
 
 _TRIES, _BUDGET = 12, 40
@@ -55,7 +56,7 @@ class Profiled(NamedTuple):
     """A side that the profile leaves open is infinite, or the least that the unknown may be."""
     curve: Array
     """Values, ascending, and (cost - least) / d there, (2, k): 0 at the estimate, 1 at the interval's ends."""
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
 
 def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:

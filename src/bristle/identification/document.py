@@ -31,7 +31,7 @@ _SHOWN = 300
 def reading(path: Path) -> Iterator[str]:
     """The text of a results file; what its body raises of it becomes one sentence.
 
-    Raises InputError where it cannot be read, or is no results file of schema bristle-results/2 or 1.
+    Raises InputError where it cannot be read, or is no results file of schema bristle-results/3 or 2.
     """
     data = read_at_most(path, LARGEST, "a results file")
     try:
@@ -71,12 +71,27 @@ def checked(text: str) -> Any:
 def document_of(text: str) -> Document:
     """The document that a checked text holds, its joints named as they stand there, without samples.
 
-    Raises InputError, or pydantic's ValidationError, where it is not of schema bristle-results/2.
+    Raises InputError, or pydantic's ValidationError, where it is not of schema bristle-results/3 or 2.
     """
+    found = json.loads(text)
+    if isinstance(found, dict) and found.get("schema") == "bristle-results/2":
+        text = json.dumps(json.loads(text, object_hook=_finding))
     document = adapter().validate_json(text, strict=True)
     check_most("joints", len(document.joints))
     return replace(
         document, joints={name: replace(joint, name=name).with_subjects() for name, joint in document.joints.items()}
+    )
+
+
+def _finding(x: dict[str, Any]) -> Any:
+    """What schema 2 calls a diagnostic, as a finding; a part of one, as its text; all else as it is."""
+    if not {"kind", "text", "numbers"} <= x.keys():
+        return x
+    named = {"code": str(x["kind"]).lower().replace("_", "-"), "message": x["text"]}
+    return (
+        {**named, **{key: x[key] for key in x.keys() - {"kind", "text"}}, "effect": {}}
+        if "severity" in x
+        else x["text"]
     )
 
 
@@ -162,6 +177,6 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 def _no_results(path: Path, why: str) -> InputError:
     return InputError(
-        f"{path}: is no results file of schema bristle-results/2 or 1 ({one_line(why, _SHOWN)}); "
+        f"{path}: is no results file of schema bristle-results/3 or 2 ({one_line(why, _SHOWN)}); "
         "expected a results.json that bristle wrote"
     )

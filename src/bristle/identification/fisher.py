@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array, freeze
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
 from bristle.model.parameters import (
@@ -55,7 +56,7 @@ class Information:
     """The least that any unbiased fit can have, (p,); infinite where the parameter is not seen."""
     correlation: Array = field(init=False)
     """Of the estimates, (p, p), 1 on the diagonal; zero where one of the two is not seen."""
-    unseen: tuple[Diagnostic, ...] = field(init=False)
+    unseen: tuple[Finding, ...] = field(init=False)
     """Directions of the parameters, each in its own size, that are hardly seen, the worst first."""
 
     def __post_init__(self) -> None:
@@ -187,7 +188,7 @@ def covariance(matrix: Array) -> tuple[Array, Array]:
     return errors, correlation
 
 
-def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[Diagnostic, ...]:
+def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[Finding, ...]:
     """Directions that are hardly seen, the worst first; of information F (p, p), each parameter in units of what it is seen by itself."""
     size = np.sqrt(np.diag(matrix))
     unseen = [Kind.NOTHING_SEEN_OF(name=name) for name, s in zip(names, size, strict=True) if s == 0]

@@ -9,8 +9,8 @@ import numpy as np
 from bristle.arrays import UNWRITTEN, Array, Interval, JsonForm, Matrix, Number, result, sized, unwritten
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.slow_loading import Loading, Loop
-from bristle.diagnostics import Diagnostic
 from bristle.errors import short
+from bristle.findings import Finding
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import law_named
@@ -51,10 +51,10 @@ class Estimate:
     """Standard error that the declared errors of constants add; None where none was declared."""
     shifts: Shifts = field(default_factory=dict)
     """Change of the value per standard error of each such constant: those of one constant go together."""
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
 
-def _and_of(warnings: tuple[Diagnostic, ...], estimates: Iterable[Estimate]) -> Iterator[Diagnostic]:
+def _and_of(warnings: tuple[Finding, ...], estimates: Iterable[Estimate]) -> Iterator[Finding]:
     """Warnings about a fit, then those about one of its estimates alone."""
     yield from warnings
     yield from (warning for e in estimates for warning in e.warnings if warning not in warnings)
@@ -79,7 +79,7 @@ class Uncertainty:
     at the interval's ends."""
     draws: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("b"))
     """The parameter in resampled data, (b,)."""
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
 
 @result
@@ -186,8 +186,8 @@ class StaticFit:
     relative_error: float | None
     """100 * norm(residual) / norm(torque), percent."""
     n: int
-    outcome: Diagnostic
-    warnings: tuple[Diagnostic, ...] = ()
+    outcome: Finding
+    warnings: tuple[Finding, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[str, ...] = ()
     """The free parameters, in the order of `covariance`."""
@@ -223,7 +223,7 @@ class StaticFit:
     position: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
     """Where each point was measured, rad, shape (n,); empty where unknown."""
 
-    def all_warnings(self) -> Iterator[Diagnostic]:
+    def all_warnings(self) -> Iterator[Finding]:
         """Those about the fit, then those about one parameter."""
         return _and_of(self.warnings, self.parameters.values())
 
@@ -252,7 +252,7 @@ class Crosscheck:
     parameters: Mapping[ParameterName, Number]
     difference_in_se: Mapping[ParameterName, Number]
     """(full - grid) in standard errors of the grid fit."""
-    verdict: Diagnostic
+    verdict: Finding
     agrees: bool = True
     """Whether both found the same cost."""
 
@@ -298,7 +298,7 @@ class PreslidingFit:
     """g0, the torque at which slow loading slides, N*m."""
     level_standard_error: Number
     """Infinite where g0 is a lower bound: the largest torque held."""
-    level_source: Diagnostic
+    level_source: Finding
     """Where g0 comes from."""
     quantum: float
     """One count, rad; 0 where no counts are seen."""
@@ -314,7 +314,7 @@ class PreslidingFit:
     amplitudes: tuple[AmplitudeStiffness, ...] = ()
     """The stiffness at some amplitudes, the initial one first; empty where the loadings show too little."""
     loadings: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)
     """The recommended sigma_0's interval three ways, under `sigma_0`."""
     repeats: Mapping[str, RunScatter] = field(default_factory=dict)
@@ -336,9 +336,9 @@ class Presliding:
     breakaways: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
     """The loadings that broke away."""
     loops: tuple[Loop, ...] = ()
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
-    def warnings_of(self, direction: str) -> Iterator[Diagnostic]:
+    def warnings_of(self, direction: str) -> Iterator[Finding]:
         """Those about the fit of a direction, then those about one of its estimates or its breakaway."""
         fit, broken = self.fits[direction], self.breakaway.get(direction)
         estimates = (fit.printed, fit.corrected, fit.edges, fit.samples, fit.sigma_1, *((broken,) if broken else ()))
@@ -357,13 +357,13 @@ class TrackingFit:
     relative_error: Number
     """100 * norm(residual) / norm(measured), percent; a position is measured from the mean of its window."""
     n: int
-    outcome: Diagnostic
+    outcome: Finding
     starts: int
     reached: int
     """How many starts ended within 1e-6 relative of the lowest cost."""
     condition: Number
     """Of the Jacobian with columns of unit length."""
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     hold_out: tuple[HoldOut, ...] = ()
     names: tuple[ParameterName, ...] = ()
     """The free parameters, in the order of `covariance`."""
@@ -396,7 +396,7 @@ class TrackingFit:
     repeats: Mapping[ParameterName, RunScatter] = field(default_factory=dict)
     """How the parameters scatter over the runs; empty where there is but one."""
 
-    def all_warnings(self) -> Iterator[Diagnostic]:
+    def all_warnings(self) -> Iterator[Finding]:
         """Those about the fit, then those about one parameter."""
         return _and_of(self.warnings, self.parameters.values())
 

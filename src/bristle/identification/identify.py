@@ -15,8 +15,9 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.constants import torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.law_comparison import (
@@ -58,8 +59,8 @@ _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
 _CHOICES = 2
 """Of a law by moving runs: of the load, and of the peak and terms beside it."""
 _OF_THE_DATA = {
-    Kind.LACKS_A_TERM, Kind.OFFSET_OR_FRICTION, Kind.DIRECTIONS_DIFFER, Kind.TORQUE_DRIFTS_IN_RUNS, Kind.FRICTION_BY_LOAD,
-    Kind.TORQUE_DELAYED,
+    "lacks-a-term", "offset-or-friction", "directions-differ", "torque-drifts-in-runs", "friction-by-load",
+    "torque-delayed",
 }  # fmt: skip  # a list of values
 """Warnings about a fit of moving runs that hold of every fit of them."""
 
@@ -239,7 +240,7 @@ def _with_set_up(
 ) -> tuple[dict[str, StaticFit], DynamicStages]:
     """The fits of the moving runs, with the lines of a clearly better set-up among their warnings where there is one."""
     if not from_points and stages.alone:  # the same data, of which the fit without bristles sees less
-        same = tuple(w for w in stages.alone.warnings if w.kind in _OF_THE_DATA)
+        same = tuple(w for w in stages.alone.warnings if w.code in _OF_THE_DATA)
         static = {d: replace(fit, warnings=(*fit.warnings, *same)) for d, fit in static.items()}
     better = better_for_motion(experiment, training) if experiment.fit.predict == "torque" else None
     if better is None:
@@ -311,7 +312,7 @@ def _moving(
 
 def _static(
     measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Finding, ...]]:
     """Static fits and their cross-checks from the points, or else from the moving runs.
 
     Then come warnings about what was left out.
@@ -413,7 +414,7 @@ def _input(record: Record) -> Input:
 
 def _joint_warnings(
     measured: Measured, points: Sequence[Segment], static: dict[str, StaticFit], alone: TrackingFit | None
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     experiment, warnings = measured.experiment, list(measured.warnings)
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
@@ -433,15 +434,15 @@ def _joint_warnings(
     return tuple(warnings)
 
 
-def _segment_warnings(measured: Measured) -> list[Diagnostic]:
+def _segment_warnings(measured: Measured) -> list[Finding]:
     """Warnings about kept segments, counted: each is listed with its segment."""
     kept = measured.points(hold_out=False)
     warnings = []
-    told = {file for d in measured.warnings if d.kind is Kind.VELOCITY_FACTOR for file in d.numbers["files"]}
-    differ = sum(any(d.kind is Kind.POSITION_DIFFERS for d in s.warnings) for s in kept)
+    told = {file for d in measured.warnings if d.code == "velocity-factor" for file in d.numbers["files"]}
+    differ = sum(any(d.code == "position-differs" for d in s.warnings) for s in kept)
     if differ and not told:
         warnings.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept)))
-    others = sum(any(d.kind not in {Kind.POSITION_DIFFERS, Kind.STICK_SLIP} for d in s.warnings) for s in kept)
+    others = sum(any(d.code not in {"position-differs", "stick-slip"} for d in s.warnings) for s in kept)
     if others:
         warnings.append(Kind.TORQUES_DOUBTED(doubted=others, kept=len(kept)))
     return warnings

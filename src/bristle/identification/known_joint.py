@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array, Interval
 from bristle.data.experiment.load import Experiment
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.load_levels import friction_rise
 from bristle.identification.results import Joint
@@ -134,7 +135,7 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
     return tuple(sorted(best.values(), key=_place))
 
 
-def mixed(joint: Joint) -> Iterator[Diagnostic]:
+def mixed(joint: Joint) -> Iterator[Finding]:
     """Where the friction curve of a direction would be put together of two fits."""
     curve = [row for row in chosen(joint) if of_curve(row.parameter.name) and row.estimate.value is not None]
     for d in Direction:
@@ -153,12 +154,12 @@ def rises_among(values: Mapping[ParameterName, float]) -> dict[str, float]:
     return rises if any(rises.values()) else {}
 
 
-def without_load(joint: Joint) -> tuple[Diagnostic, ...]:
+def without_load(joint: Joint) -> tuple[Finding, ...]:
     """What a question that takes the joint without load leaves out; nothing where friction does not rise with load."""
     return load_left_out(rises_of(joint), joint.kind)
 
 
-def load_left_out(rises: Mapping[str, float], kind: JointKind) -> tuple[Diagnostic, ...]:
+def load_left_out(rises: Mapping[str, float], kind: JointKind) -> tuple[Finding, ...]:
     """That friction of a joint of this kind rises by these coefficients, and is taken without; nothing where there are none."""
     if not rises:
         return ()

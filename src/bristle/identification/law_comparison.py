@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation.covariance import covariance, seen
+from bristle.findings import Finding
 from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.law_ranking import GAIN, FittedLaw, Known, LeftOut, Solve, ranked
@@ -117,7 +118,7 @@ def _of_motion(one: MovingLaw, effective: float, load: tuple[str, ...]) -> Fitte
     return FittedLaw(law=one.law, load=load, solves=(solve,), left_out=left_out, known=known)
 
 
-def law_warnings(laws: LawComparison | None) -> tuple[Diagnostic, ...]:
+def law_warnings(laws: LawComparison | None) -> tuple[Finding, ...]:
     """That another law is clearly better than the one in force, with the line to write."""
     if laws is None:
         return ()

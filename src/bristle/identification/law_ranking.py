@@ -23,8 +23,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
+from bristle.findings import Finding
 from bristle.identification.model_criteria import power_of, scores
 from bristle.identification.results import Averaged, LawComparison, LawRow
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -153,7 +154,7 @@ def _chosen(fitted: Sequence[FittedLaw], bic: Array, left_out: Sequence[LeftOut]
     return min(better, key=lambda k: bic[k], default=paper)
 
 
-def _sentence(rows: Sequence[LawRow], chosen: int, paper: int) -> Diagnostic:
+def _sentence(rows: Sequence[LawRow], chosen: int, paper: int) -> Finding:
     """Which law the data want, and why."""
     own, best = rows[paper], rows[chosen]
     if chosen != paper:

@@ -6,8 +6,9 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Run
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.measured import Measured
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import in_current, unit
@@ -59,7 +60,7 @@ class Limits:
         return self.position[1] - self.position[0]
 
 
-def limits_of(measured: Measured) -> tuple[Limits, tuple[Diagnostic, ...]]:
+def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
     """The limits of an experiment, and what is assumed: a diagnostic for each that nobody declared.
 
     Raises InputError where declared limits leave no speed to choose, or no time.
@@ -110,7 +111,7 @@ class _Choice:
     """Takes what is declared, else what was measured, which it says."""
 
     joint: JointKind
-    assumed: list[Diagnostic] = field(default_factory=list)
+    assumed: list[Finding] = field(default_factory=list)
 
     def taken(self, declared: float | None, seen: float, kind: Kind, si: str = "", **numbers: float) -> float:
         """The value declared, or the one seen, to three digits, which `kind` and its other numbers say; `si` is whose unit it has, s if no one's."""
@@ -144,7 +145,7 @@ def _constant_speeds(measured: Measured, speeds: Array, choice: _Choice) -> tupl
     return slowest, velocity
 
 
-def followed(limits: Limits, declared: float | None) -> tuple[Limits, tuple[Diagnostic, ...]]:
+def followed(limits: Limits, declared: float | None) -> tuple[Limits, tuple[Finding, ...]]:
     """The limits with the highest frequency that the rate of the references lets a motion have, and a diagnostic where that was not declared, Hz."""
     cap, why = limits.rate / SAMPLES, Kind.CAPPED_BY_RATE(rate=limits.rate, samples=SAMPLES)
     reachable = replace(limits, frequency=min(limits.frequency, cap))
@@ -174,7 +175,7 @@ def _hold(measured: Measured) -> float:
     return float(np.clip(np.median(spans), *_HOLDS)) if spans else HOLD
 
 
-def _span(measured: Measured, wanted: float, assumed: list[Diagnostic]) -> tuple[float, float]:
+def _span(measured: Measured, wanted: float, assumed: list[Finding]) -> tuple[float, float]:
     """From the lowest to the highest position of all runs, or as far as the fastest hold asks for where no run has positions."""
     q, positions = unit("position", measured.experiment.joint.kind), measured.positions
     if positions is None:

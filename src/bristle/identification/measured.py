@@ -15,8 +15,9 @@ from bristle.data.differentiation import estimate_motion, usable
 from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError, short, short_list
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import ONE_RATE, load_columns, longest_decimation, needed, terms_of
 from bristle.identification.static.points import PointSearch, point_regressors, search_points, without_strays
@@ -42,7 +43,7 @@ class Measured:
     """Per run; empty for moving data."""
     searches: tuple[PointSearch, ...] = ()
     """Which points of each solve do not belong to its law."""
-    findings: tuple[Diagnostic, ...] = ()
+    findings: tuple[Finding, ...] = ()
     """What the joints of a robot together tell of this one."""
     torque_constant: Estimate | None = None
     """As the links of a robot tell it; None where it was not free."""
@@ -77,7 +78,7 @@ class Measured:
         return pd.DataFrame(rows, columns=columns)
 
     @property
-    def warnings(self) -> tuple[Diagnostic, ...]:
+    def warnings(self) -> tuple[Finding, ...]:
         """Where signals contradict one another or themselves, files alike together."""
         return (*self.findings, *merged(d for run in self.runs for d in run.record.warnings))
 
@@ -139,7 +140,7 @@ def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment
 
 def _through(record: Record, cutoff: float) -> Record:
     """A moving run with its motion estimated anew, through the low pass of others."""
-    kept = tuple(n for n in record.notes if n.kind not in {Kind.MOTION_FROM_POSITION, Kind.ACCELERATION_FROM_VELOCITY})
+    kept = tuple(n for n in record.notes if n.code not in {"motion-from-position", "acceleration-from-velocity"})
     velocity = None if record.velocity_estimated else record.velocity
     return estimate_motion(replace(record, velocity=velocity, acceleration=None, notes=kept), cutoff)
 

@@ -14,7 +14,8 @@ from typing import Literal
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.results import ModelComparison, ModelRow
 
@@ -51,12 +52,12 @@ def power_of(x: Array) -> float:
 def rank_models(
     data: Literal["points", "moving runs"],
     candidates: Sequence[ModelCandidate],
-    held_by: Diagnostic | None,
+    held_by: Finding | None,
     variance_inflation: float,
     power: float,
     static: Mapping[str, StaticFit],
     alone: TrackingFit | None,
-    left_out: tuple[Diagnostic, ...],
+    left_out: tuple[Finding, ...],
 ) -> ModelComparison | None:
     """The candidates as rows, with the one to use; None where there is none.
 
@@ -133,13 +134,13 @@ def _sees_bristle(alone: TrackingFit) -> bool:
     return any(e.value is not None for name, e in alone.parameters.items() if name.name == "sigma_0")
 
 
-def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> Diagnostic:
+def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> Finding:
     """Which to use and why."""
     allowed = sorted((r for r in rows if r.candidate), key=lambda r: r.bic)
     if not allowed:
         return Kind.NO_MODEL()
     best, *rest = allowed
-    second: Diagnostic | str = ""
+    second: Finding | str = ""
     if rest:
         gap = rest[0].bic - best.bic
         second = (Kind.NEXT_HARDLY_WORSE if gap < _SAME else Kind.NEXT_MODEL)(model=_called(rest[0]), gap=gap)
@@ -154,14 +155,14 @@ def _called(row: ModelRow) -> str:
     return row.model if row.directions == ONE else f"{row.model}, {row.directions}"
 
 
-def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> list[Diagnostic]:
+def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> list[Finding]:
     """What the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip."""
     reasons = []
     shown = [r for r in rows if r.model == STRIBECK]
-    if not kept and shown and not any(f.outcome.kind is Kind.STATIC_AS_ASKED for f in static.values()):
+    if not kept and shown and not any(f.outcome.code == "static-as-asked" for f in static.values()):
         gain = min(r.bic for r in rows if r.candidate) - min(r.bic for r in shown)
         reasons.append(Kind.PEAK_NOT_SUPPORTED(gain=Kind.PEAK_LOWERS_BIC(gain=gain) if gain > 0 else ""))
-    if kept and any(f.outcome.kind is Kind.STATIC_STICK_SLIP for f in static.values()):
+    if kept and any(f.outcome.code == "static-stick-slip" for f in static.values()):
         reasons.append(Kind.PEAK_OF_STICK_SLIP())
     if any(r.model == LUGRE and not r.candidate for r in rows):
         reasons.append(Kind.BRISTLE_NOT_SHOWN())

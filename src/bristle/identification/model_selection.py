@@ -9,10 +9,11 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
+from bristle.findings import Finding
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.dynamic.starts import carried
@@ -134,7 +135,7 @@ def _measured(pose: Pose) -> float:
 
 def _static_candidates(
     experiment: Experiment, variants: Mapping[str, tuple[str, ...]], pose: Pose, *, press: bool
-) -> tuple[list[ModelCandidate], tuple[Diagnostic, ...]]:
+) -> tuple[list[ModelCandidate], tuple[Finding, ...]]:
     """The static models that there are equations enough for; and which there are not."""
     candidates, few = list[ModelCandidate](), list[str]()
     for called, directions in variants.items():

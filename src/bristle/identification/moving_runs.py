@@ -17,9 +17,10 @@ from bristle.data.experiment.orders import PERIODIC
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind, but
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
+from bristle.findings import Finding
 from bristle.model.functions import load_terms_function, periodic_terms_function
 from bristle.model.laws import registry
 from bristle.model.parameters import Kind as JointKind
@@ -161,18 +162,18 @@ def regressor_line(names: Collection[str], parameters: Collection[str] = ()) -> 
 
 
 def with_orders_advised(
-    warnings: Sequence[Diagnostic], parameters: Collection[str], kind: JointKind
-) -> tuple[Diagnostic, ...]:
+    warnings: Sequence[Finding], parameters: Collection[str], kind: JointKind
+) -> tuple[Finding, ...]:
     """The warnings about what a fit of some parameters leaves; that of a ripple with the lines that would fit it."""
     (turn, _), known = turn_of(kind), {x[2] for name in parameters if (x := periodic(name))}
 
-    def advised(warning: Diagnostic) -> Diagnostic:
+    def advised(warning: Finding) -> Finding:
         """One of them; a ripple of more than a turn, or of an order that is fitted, has no lines."""
-        order = round(turn / warning.numbers["period"]) if warning.kind is Kind.RESIDUAL_RIPPLE else 0
+        order = round(turn / warning.numbers["period"]) if warning.code == "residual-ripple" else 0
         if not order or order in known:
             return warning
         lines = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*known, order})))}]"
-        return warning.but(advice=(Kind.ORDER_TO_WRITE(lines=lines),))
+        return but(warning, advice=(Kind.ORDER_TO_WRITE(lines=lines),))
 
     return tuple(map(advised, warnings))
 
@@ -262,7 +263,7 @@ def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> N
     if others[:, -1].any():  # what the links of a robot ask for outweighs friction, and has any sign
         basis = np.column_stack([np.sign(velocity), velocity, others])
         torque = torque - others[:, -1] * np.linalg.lstsq(basis, torque, rcond=None)[0][-1]
-    turned = merged(d for r in records for d in r.warnings if d.kind is Kind.VELOCITY_FACTOR and d.numbers["ratio"] < 0)
+    turned = merged(d for r in records for d in r.warnings if d.code == "velocity-factor" and d.numbers["ratio"] < 0)
     if turned and float(velocity @ torque) < 0:  # the torque goes with the position: it is the velocity that is wrong
         raise InputError(f"{experiment.path.name}: {turned[0]}")
     refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole", others)

@@ -12,7 +12,8 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS
@@ -52,9 +53,7 @@ class _Solved(NamedTuple):
     values: dict[str, float]
 
 
-def point_warnings(
-    measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]
-) -> Iterator[Diagnostic]:
+def point_warnings(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
     """Warnings about the points of an experiment taken together.
 
     Args:
@@ -72,9 +71,7 @@ def point_warnings(
     yield from _offset(measured, points)
 
 
-def offset_left_out(
-    experiment: Experiment, static: Mapping[str, StaticFit], told: Sequence[Diagnostic]
-) -> list[Diagnostic]:
+def offset_left_out(experiment: Experiment, static: Mapping[str, StaticFit], told: Sequence[Finding]) -> list[Finding]:
     """That an offset is not fitted beside a friction of each direction, and what it would be, where alpha_0 differs and nothing says so yet.
 
     Args:
@@ -82,12 +79,12 @@ def offset_left_out(
         static: the fits.
         told: warnings of the joint.
     """
-    said = {w.kind for w in (*told, *(w for fit in static.values() for w in fit.warnings))}
+    said = {w.code for w in (*told, *(w for fit in static.values() for w in fit.warnings))}
     superseded = any(is_superseded(fit) for fit in static.values())
     if (
         experiment.fit.directions != "separate"
         or not set(DIRECTIONS) <= static.keys()
-        or Kind.OFFSET_OR_FRICTION in said
+        or "offset-or-friction" in said
         or superseded
     ):
         return []
@@ -99,7 +96,7 @@ def offset_left_out(
     return [Kind.OFFSET_LEFT_OUT(offset=(plus - minus) / 2, unit=of, common=(plus + minus) / 2)]
 
 
-def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Diagnostic]:
+def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Finding]:
     """Torque that drifts within the holds, by a t test of their slopes, and whether speed rises or falls with their order."""
     orders = {d: _order([abs(s.velocity) for s in points if s.velocity * sign > 0]) for d, sign in DIRECTIONS.items()}
     in_order = {d: x for d, x in orders.items() if abs(x) > _IN_ORDER}
@@ -130,7 +127,7 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     )
 
 
-def _drift_by_row(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnostic]:
+def _drift_by_row(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding]:
     """A torque that goes with the rows of given points whose speeds go up and down in them: an F test of a slope over the rows, beside the law."""
     stray = _strays(measured)
     given = [run.record.file for run in measured.runs if run.kind == "points" and not run.hold_out]
@@ -153,7 +150,7 @@ def _drift_by_row(measured: Measured, points: Sequence[Segment]) -> Iterator[Dia
             yield Kind.DRIFT_OF_ROWS(direction=d, file=file, across=across, share=share)
 
 
-def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Diagnostic]:
+def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
     """Holds whose velocity swings where friction bends over speed: the mean torque is off the friction at the mean speed.
 
     What a sine of that size would do to it is the average of the fitted law over the sine.
@@ -178,7 +175,7 @@ def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Ite
         )
 
 
-def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnostic]:
+def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding]:
     """Given points that are copies of others: where speeds recur, the torque always does too."""
     for file in (run.record.file for run in measured.runs if run.kind == "points" and not run.hold_out):
         own = [s for s in points if s.file == file]
@@ -218,7 +215,7 @@ def _elapsed(points: Sequence[Segment], durations: Array) -> float:
     return max(times) - min(times) if one else float(durations.sum())
 
 
-def _offset(measured: Measured, points: Sequence[Segment]) -> Iterator[Diagnostic]:
+def _offset(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding]:
     """A difference of the directions, strays apart, that is one constant.
 
     F tests of one law with an offset: against the same without, and of a law for each direction against it.

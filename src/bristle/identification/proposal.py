@@ -13,7 +13,7 @@ from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.draft import draft_robot
 from bristle.data.robot.robot_file import robot_of
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
-from bristle.diagnostics import Severity
+from bristle.findings import Severity
 from bristle.identification.measured import Measured, measure
 from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
 from bristle.identification.robot.measured import against_urdf

@@ -25,8 +25,9 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind, but
 from bristle.estimation.covariance import student
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName, least_of
 
@@ -268,11 +269,11 @@ def _spread_pair(ends: tuple[float, float] | None, spread: Spread) -> tuple[floa
     return low, high
 
 
-def _spread_warnings(warnings: Sequence[Diagnostic], spread: Spread) -> tuple[Diagnostic, ...]:
+def _spread_warnings(warnings: Sequence[Finding], spread: Spread) -> tuple[Finding, ...]:
     """Warnings that name the ends of intervals name them as they are spread."""
     return tuple(
-        w.but(ends=tuple((way, *spread(np.array(ends)).tolist()) for way, *ends in w.numbers["ends"]))
-        if w.kind is Kind.INTERVALS_DIFFER
+        but(w, ends=tuple((way, *spread(np.array(ends)).tolist()) for way, *ends in w.numbers["ends"]))
+        if w.code == "intervals-differ"
         else w
         for w in warnings
     )

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from bristle.arrays import Interval, JsonForm, Number
 from bristle.data.constant_velocity.segments import Segment
-from bristle.diagnostics import Diagnostic, Severity, with_subjects
-from bristle.diagnostics import Kind as DiagnosticKind
 from bristle.errors import one_line
+from bristle.findings import Finding, Severity, with_subjects
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
@@ -45,7 +44,7 @@ class Consistency:
     joint_error: float | None
     difference_in_se: float | None
     """(tracking - stage) in combined standard errors."""
-    verdict: Diagnostic
+    verdict: Finding
 
     @property
     def subject(self) -> tuple[str, ...]:
@@ -91,12 +90,12 @@ class ModelComparison:
     """Equations."""
     effective: Number
     """How many of them are independent."""
-    hold_out_by: Diagnostic | None
+    hold_out_by: Finding | None
     """What `hold_out` is about; None where nothing was held out."""
     rows: tuple[ModelRow, ...]
-    sentence: Diagnostic
+    sentence: Finding
     """Which to use, and why."""
-    left_out: tuple[Diagnostic, ...] = ()
+    left_out: tuple[Finding, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,7 +142,7 @@ class LawComparison:
     n: int
     """Equations."""
     rows: tuple[LawRow, ...]
-    sentence: Diagnostic
+    sentence: Finding
     """Which the data want, and why."""
     averaged: Mapping[ParameterName, Averaged] = field(default_factory=dict)
     """What means the same in every law; empty where one law has nearly all the weight."""
@@ -166,7 +165,7 @@ class Input:
     sha256: str
     rows: int
     dropped: int
-    notes: tuple[Diagnostic, ...] = ()
+    notes: tuple[Finding, ...] = ()
     labels: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -189,8 +188,8 @@ class Joint:
     """Friction models side by side, on points and on moving runs, where there are any."""
     laws: LawComparison | None = None
     """Friction laws side by side, on the points, or else on the moving runs; None where there are too few for any but the paper's."""
-    warnings: tuple[Diagnostic, ...] = ()
-    torque_scale: Diagnostic | None = None
+    warnings: tuple[Finding, ...] = ()
+    torque_scale: Finding | None = None
     """Which constants between logs and torques have an error, and which are taken as exact; None: there are none, or the data are simulated."""
     travel: float | None = None
     """From the lowest to the highest position, declared under `plan` or measured, rad; None where neither is known."""
@@ -248,10 +247,10 @@ class Joint:
     def uncertain_constants(self) -> tuple[str, ...]:
         """The constants whose errors are in the estimates, as they print."""
         scale = self.torque_scale
-        known = scale is not None and scale.kind is DiagnosticKind.TORQUE_UNCERTAIN
+        known = scale is not None and scale.code == "torque-uncertain"
         return tuple(map(str, scale.numbers["constants"])) if scale and known else ()
 
-    def fit_warnings(self) -> Iterator[Diagnostic]:
+    def fit_warnings(self) -> Iterator[Finding]:
         """Those about the joint, its presliding runs, and each of its fits as a whole."""
         yield from self.warnings
         slow = self.presliding
@@ -263,7 +262,7 @@ class Joint:
         ):
             yield from fit.warnings
 
-    def all_warnings(self) -> Iterator[Diagnostic]:
+    def all_warnings(self) -> Iterator[Finding]:
         """Those about the joint, then about each stage, its fits and their estimates; stages that differ; then those about kept segments."""
         yield from self.warnings
         for static in self.static.values():
@@ -313,7 +312,8 @@ class WrittenExperiment:
 class Document:
     """What bristle identified. A bound that is open is "inf" or "-inf"; what these data do not give is null."""
 
-    schema: Literal["bristle-results/2"] = "bristle-results/2"
+    schema: Literal["bristle-results/3", "bristle-results/2"] = "bristle-results/3"
+    """Of 2, which earlier versions wrote, findings are read as they stood."""
     bristle: str
     """Version that wrote it."""
     joints: Mapping[str, Joint]

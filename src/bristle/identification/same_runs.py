@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtri
 
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.diagnostics import Kind
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.repeats import spreader, wider_three
 from bristle.identification.systematic import NORMAL, combined, statistical
@@ -17,11 +18,11 @@ _LEVEL = 1e-3
 _LEFT = 0.9
 """Presliding matters where LuGre's fit leaves less than this share of what the static law leaves of the torque, in power."""
 _NO_DOUBT = {
-    Kind.UNSEEN, Kind.NOTHING_SEEN, Kind.HARDLY_SEEN, Kind.ONLY_AS_SUM, Kind.ONLY_AGAINST, Kind.ONLY_SUM_SEEN_OF_FIT, Kind.NOT_PASSIVE,
-    Kind.COUNT_BIAS,
+    "unseen", "nothing-seen", "hardly-seen", "only-as-sum", "only-against", "only-sum-seen-of-fit", "not-passive",
+    "count-bias",
 }  # fmt: skip  # a list of values
 """Warnings about LuGre's fit that leave the numbers it gives as they are."""
-_NO_PEAK = {Kind.UNSEEN_PEAK, Kind.UNSEEN_NO_PEAK, Kind.UNSEEN_WIDE, Kind.UNSEEN_FAR, Kind.UNSEEN_BEND}
+_NO_PEAK = {"unseen-peak", "unseen-no-peak", "unseen-wide", "unseen-far", "unseen-bend"}
 """Why LuGre's fit gives no alpha_1, where its term may be none."""
 
 
@@ -39,7 +40,7 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     LuGre's fit has about it, and no number where that sees none. In any case a Stribeck term that LuGre's fit does not find
     has no value here: presliding looks like one.
     """
-    if moving is None or any(w.kind in {Kind.UNEXPLAINED, Kind.OUT_OF_STEPS} for w in moving.warnings):
+    if moving is None or any(w.code in {"unexplained", "out-of-steps"} for w in moving.warnings):
         return dict(static)
     out = {
         d: _superseded(d, fit, moving) if _is_poorer(fit, moving) else _without_refused_peak(d, fit, moving)
@@ -61,21 +62,21 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
 
 def is_superseded(fit: StaticFit) -> bool:
     """Whether the fit of all parameters of the same runs is the one to use."""
-    return fit.outcome.kind is Kind.STATIC_SUPERSEDED
+    return fit.outcome.code == "static-superseded"
 
 
 def _is_poorer(fit: StaticFit, moving: TrackingFit) -> bool:
     """Whether LuGre's fit is not in doubt, finds friction, and explains by presliding what the static law leaves."""
     unseen = any(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0")
-    if unseen or _is_in_doubt(moving, Kind.FEW_STARTS):  # another minimum would be lower still
+    if unseen or _is_in_doubt(moving, "few-starts"):  # another minimum would be lower still
         return False
     return fit.relative_error is not None and moving.relative_error**2 < _LEFT * fit.relative_error**2
 
 
-def _is_in_doubt(moving: TrackingFit, *but: Kind) -> bool:
+def _is_in_doubt(moving: TrackingFit, *but: str) -> bool:
     """Whether anything is critical about LuGre's fit, or anything that is not about single numbers, or of these kinds, calls for caution."""
     critical = any(w.severity is Severity.CRITICAL for w in moving.all_warnings())
-    return critical or any(w.kind not in _NO_DOUBT and w.kind not in but for w in _doubts(moving.warnings))
+    return critical or any(w.code not in _NO_DOUBT and w.code not in but for w in _doubts(moving.warnings))
 
 
 def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFit:
@@ -90,7 +91,7 @@ def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFi
     return replace(
         _with_values(fit, parameters),
         outcome=Kind.STATIC_SUPERSEDED(error=fit.relative_error, other=moving.relative_error),
-        warnings=tuple(w for w in moving.warnings if w.kind is Kind.ONLY_SUM_SEEN_OF_FIT),
+        warnings=tuple(w for w in moving.warnings if w.code == "only-sum-seen-of-fit"),
     )
 
 
@@ -110,7 +111,7 @@ def _with_values(fit: StaticFit, parameters: Mapping[str, Estimate]) -> StaticFi
 def _without_refused_peak(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFit:
     """The fit without the values of a Stribeck term that LuGre's fit of the same runs does not find: presliding looks like one."""
     other = moving.parameters.get(_key("alpha_1", direction))
-    if other is None or other.value is not None or not {w.kind for w in other.warnings} & _NO_PEAK:
+    if other is None or other.value is not None or not {w.code for w in other.warnings} & _NO_PEAK:
         return fit
     peak = peak_parameters(fit.law)
     refused = {n: e for n, e in fit.parameters.items() if n in peak and e.value is not None}
@@ -123,7 +124,7 @@ def _holds(e: Estimate) -> bool:
     return e.value is None or e.interval is None or e.interval[0] <= e.value <= e.interval[1]
 
 
-def _doubts(warnings: tuple[Diagnostic, ...]) -> tuple[Diagnostic, ...]:
+def _doubts(warnings: tuple[Finding, ...]) -> tuple[Finding, ...]:
     return tuple(w for w in warnings if w.severity is not Severity.NOTE)
 
 
@@ -146,7 +147,7 @@ def _other(name: str, direction: str, fit: StaticFit, moving: TrackingFit) -> Es
     return None if own_alone else other  # with a peak on one side only, the law with it is the fuller one
 
 
-def _spanning(fit: StaticFit, name: str, other: Estimate, factor: float, trust: Diagnostic) -> StaticFit:
+def _spanning(fit: StaticFit, name: str, other: Estimate, factor: float, trust: Finding) -> StaticFit:
     """The fit with the standard error of one parameter multiplied, so that it spans its distance to another estimate."""
     own = fit.parameters[name]
     value, error = own.value or 0.0, own.standard_error or 1.0

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, get_args, get_origin, get_type_hints
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import PLAIN, Diagnostic
 from bristle.errors import InputError, short
+from bristle.findings import PLAIN, Finding
 from bristle.identification.results import Joint, first_reason
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def _parts(value: Any) -> Iterator[tuple[str, Any, "Field[Any] | None"]]:
     if type(value) in PLAIN:
         return
     match value:
-        case Diagnostic():
+        case Finding():
             return
         case Mapping():
             yield from ((str(key), held, None) for key, held in value.items())
@@ -174,8 +174,8 @@ def _exact(value: Any) -> Hashable:
             return value.shape, value.dtype.str, value.tobytes()
         case float() | str() | int() | None:  # before types that are slower to tell
             pass
-        case Diagnostic():
-            return value.kind, str(value), value.subject
+        case Finding():
+            return value.code, str(value), value.subject
         case Mapping():
             return tuple((key, _exact(held)) for key, held in value.items())
         case _ if is_dataclass(value):

@@ -4,7 +4,8 @@ from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from typing import NamedTuple
 
-from bristle.diagnostics import NOT_IDENTIFIABLE, REASONS, Diagnostic, Kind, Severity
+from bristle.diagnostics import NOT_IDENTIFIABLE, WEIGHTIEST_FIRST, Kind
+from bristle.findings import Finding, Severity
 from bristle.identification.known_joint import Known, Source, chosen, moving_fits
 from bristle.identification.results import Joint
 
@@ -21,14 +22,14 @@ class Verdict(NamedTuple):
     """Whether to use the values of a joint, and why not."""
 
     trust: Trust
-    reason: Diagnostic | None
+    reason: Finding | None
     """The weightiest warning about them; None where there is none."""
 
 
-_WEIGHT = {Kind[name]: place for place, name in enumerate(" ".join(REASONS.values()).split())}
+_WEIGHT = {code: place for place, code in enumerate(WEIGHTIEST_FIRST)}
 """Kind -> its place among the reasons, the critical ones first: the order in which warnings are named."""
 _REPEATED = {
-    Kind.UNSEEN, Kind.ONLY_SUM_SEEN, Kind.CONVERGED_AT_BOUND, Kind.STATIC_AT_BOUND, Kind.STATIC_AT_EDGE, Kind.STATIC_NO_STRIBECK,
+    "unseen", "only-sum-seen", "converged-at-bound", "static-at-bound", "static-at-edge", "static-no-stribeck",
 }  # fmt: skip  # a list of values
 """Kinds about a whole fit that repeat what is said of a value or a direction, or the other way round."""
 
@@ -51,49 +52,49 @@ def verdict(joint: Joint) -> Verdict:
     return Verdict(Trust.DO_NOT_USE if critical else Trust.CAUTION, found[0])
 
 
-def value_warnings(joint: Joint) -> tuple[Diagnostic, ...]:
+def value_warnings(joint: Joint) -> tuple[Finding, ...]:
     """What is critical or calls for caution about the values that `chosen` names, each once, the weightiest first."""
     return _serious(_about_values(joint))
 
 
-def row_warnings(joint: Joint, row: Known) -> tuple[Diagnostic, ...]:
+def row_warnings(joint: Joint, row: Known) -> tuple[Finding, ...]:
     """What is said about one of the values that `chosen` names, notes too, each once: about the joint as a whole, its fit, and itself.
 
     How a fit ended, and what a second route says, counts where it is no note; what a fit repeats of its values stands beside these alone.
     """
     ended, said, checked = _of_fit(joint, *_fit_of(row)) if row.estimate.value is not None else ((), (), ())
     serious = (x for x in (*ended, *checked) if x.severity is not Severity.NOTE)
-    fit = (x for x in (*serious, *said) if x.kind not in _REPEATED)
+    fit = (x for x in (*serious, *said) if x.code not in _REPEATED)
     return tuple(dict.fromkeys((*joint.warnings, *fit, *row.estimate.warnings)))
 
 
-def other_warnings(joint: Joint) -> tuple[Diagnostic, ...]:
+def other_warnings(joint: Joint) -> tuple[Finding, ...]:
     """The same about all else that was found: fits that no value comes from, and single segments."""
     counted = value_warnings(joint)
     return tuple(warning for warning in _serious(joint.all_warnings()) if warning not in counted)
 
 
-def _serious(warnings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+def _serious(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
     distinct = dict.fromkeys(x for x in warnings if x.severity is not Severity.NOTE)
-    return tuple(sorted(distinct, key=lambda x: _WEIGHT[x.kind]))
+    return tuple(sorted(distinct, key=lambda x: _WEIGHT.get(x.code, len(_WEIGHT))))
 
 
-def _about_values(joint: Joint) -> Iterator[Diagnostic]:
+def _about_values(joint: Joint) -> Iterator[Finding]:
     """About the joint as a whole, the fits that values come from, each value, and those that a motion does not show."""
     rows = chosen(joint)
     yield from joint.warnings
     for part in dict.fromkeys(_fit_of(row) for row in rows if row.estimate.value is not None):
-        yield from (warning for warning in _about_fit(joint, *part) if warning.kind not in _REPEATED)
+        yield from (warning for warning in _about_fit(joint, *part) if warning.code not in _REPEATED)
     unseen = [row for row in rows if row.estimate.value is None and _kinds(row) & NOT_IDENTIFIABLE]
     if unseen:
         yield Kind.UNSEEN(names=tuple(str(row.parameter) for row in unseen))
     for row in rows:
         if row not in unseen:
-            yield from (warning for warning in row.estimate.warnings if warning.kind not in _REPEATED)
+            yield from (warning for warning in row.estimate.warnings if warning.code not in _REPEATED)
 
 
-def _kinds(row: Known) -> set[Kind]:
-    return {warning.kind for warning in row.estimate.warnings}
+def _kinds(row: Known) -> set[str]:
+    return {warning.code for warning in row.estimate.warnings}
 
 
 def _fit_of(row: Known) -> tuple[Source, str]:
@@ -102,12 +103,12 @@ def _fit_of(row: Known) -> tuple[Source, str]:
     return row.source, str(row.parameter.direction) if by_direction else ""
 
 
-def _about_fit(joint: Joint, source: Source, direction: str) -> Iterator[Diagnostic]:
+def _about_fit(joint: Joint, source: Source, direction: str) -> Iterator[Finding]:
     for part in _of_fit(joint, source, direction):
         yield from part
 
 
-_Said = tuple[Diagnostic, ...]
+_Said = tuple[Finding, ...]
 
 
 def _of_fit(joint: Joint, source: Source, direction: str) -> tuple[_Said, _Said, _Said]:

@@ -18,8 +18,8 @@ from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
 from bristle import __version__
-from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.model.laws.registry import own_parameter
 from bristle.page import wording
 from bristle.page.columns import to_csv
@@ -66,7 +66,7 @@ class Section(NamedTuple):
     """Its tables, by relative POSIX path."""
     about: Mapping[str, str]
     """What it says of each joint, by name, in half a line."""
-    adverse: tuple[Diagnostic, ...]
+    adverse: tuple[Finding, ...]
     """What it found that speaks against it."""
 
 

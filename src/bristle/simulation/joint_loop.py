@@ -14,8 +14,9 @@ from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import Case
 from bristle.control.pid import Gains
 from bristle.data.experiment.load import AdaptOptions, Experiment
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.known_joint import (
     DEFLECTION,
     draws_by_constants,
@@ -98,7 +99,7 @@ class JointLoop:
     start: Mapping[str, float]
     """Where the adaptation begins, as shares of the model's parameters."""
     simulated: bool
-    assumptions: tuple[Diagnostic, ...] = ()
+    assumptions: tuple[Finding, ...] = ()
     diagnostic_law: Adaptation | None = None
     """The total law, by which replays tell parameters apart; None: none."""
     compensator: Compensator = field(default_factory=Compensator)
@@ -188,7 +189,7 @@ def of_paper(joints: Sequence[Joint]) -> tuple[JointLoop, ...]:
     return tuple(loops)
 
 
-PAPER_ASSUMPTIONS: tuple[Diagnostic, ...] = (
+PAPER_ASSUMPTIONS: tuple[Finding, ...] = (
     Kind.PAPER_REFERENCE(),
     Kind.PAPER_CONTROL(),
     Kind.PAPER_INERTIA(),
@@ -279,7 +280,7 @@ def _carried(joint: Joint) -> Carried | None:
     return Carried(rises, others) if rises and told and joint.link_inertia is None else None
 
 
-def _filled(p: Lugre[float], name: str, direction: str, kind: JointKind, by_deflection: Diagnostic) -> Diagnostic:
+def _filled(p: Lugre[float], name: str, direction: str, kind: JointKind, by_deflection: Finding) -> Finding:
     """What is said of a parameter that was filled in."""
     how = by_deflection if name == "sigma_0" else Kind.WITH_DAMPING_RATIO(ratio=DAMPING_RATIO, inertia="")
     return Kind.BRISTLE_FILLED(name=name, direction=direction, value=getattr(p, name), unit=unit(name, kind), how=how)
@@ -315,7 +316,7 @@ def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
         raise InputError(f"{experiment.path}: adapt: {str(error).removeprefix('adaptation: ')}") from error
 
 
-def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assumed: list[Diagnostic]) -> Adaptation:
+def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assumed: list[Finding]) -> Adaptation:
     """The adaptation with rates that mend half of a parameter's error in a second, on the mean over a sine with that largest speed, rad/s.
 
     A parameter that is wrong by a share s makes an error of position of about s p D / K_p, D the total derivative of the torque by it, so that its
@@ -338,7 +339,7 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
     return replace(plain, gamma=tuple(rates))
 
 
-def _gains(asked: AdaptOptions, J: float, kind: JointKind, assumed: list[Diagnostic]) -> Gains[float]:
+def _gains(asked: AdaptOptions, J: float, kind: JointKind, assumed: list[Finding]) -> Gains[float]:
     if asked.gains is not None:
         return Gains(asked.gains.K_p, asked.gains.K_i, asked.gains.K_d, asked.gains.filter_time)
     w = min(_BANDWIDTH, _SLOWEST / asked.period)

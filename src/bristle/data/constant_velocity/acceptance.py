@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from math import ceil, floor, log10
 
 from bristle.data.constant_velocity.statistics import Evidence, Scale
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind, but
+from bristle.findings import Finding
 
 _TOLERANCE = 0.05
 """Default drift of the velocity, relative to its mean; or what noise alone gives, where that is more."""
@@ -32,7 +33,7 @@ class Thresholds:
     """Slowest mean velocity that counts as motion, rad/s."""
 
 
-def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Diagnostic, ...]:
+def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Finding, ...]:
     """Why a candidate does not count, with what would have let it in; empty where it does."""
     steady = (
         _at_rest(e, usual, t, 0.0)
@@ -42,13 +43,13 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Diagnostic, ...]:
         or _unsteady(e, t)
         or _unsettled(e)
     )
-    if steady and steady.kind is Kind.ACCELERATING and not steady.numbers["option"]:
+    if steady and steady.code == "accelerating" and not steady.numbers["option"]:
         return (Kind.TRANSIENT(duration=e.duration, drift=e.drift, velocity=e.velocity),)
     against = [reason for reason in (_too_short(e, usual, t, steady), steady, _saturated(e, t)) if reason]
-    return tuple(reason.but(alone=len(against) < 2) for reason in against)
+    return tuple(but(reason, alone=len(against) < 2) for reason in against)
 
 
-def warnings(e: Evidence) -> tuple[Diagnostic, ...]:
+def warnings(e: Evidence) -> tuple[Finding, ...]:
     """Warnings about a candidate that counts."""
     out = []
     speed = abs(e.velocity)
@@ -71,7 +72,7 @@ def sticks(e: Evidence) -> bool:
     return e.resting > 0.05 or e.swing > 0.3 * abs(e.velocity)
 
 
-def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Diagnostic | None) -> Diagnostic | None:
+def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Finding | None) -> Finding | None:
     """Where there is another reason too, no threshold is proposed: it would let in what is no plateau."""
     if t.minimum_duration is not None:
         if e.duration >= t.minimum_duration * (1 - 1e-9):
@@ -86,10 +87,10 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Diagnostic | Non
     else:
         return None
     option = "" if other else Kind.OR_MINIMUM_DURATION(value=_rounded(e.duration, floor))
-    return Kind.TOO_SHORT(duration=e.duration, asked=asked, option=option)
+    return Kind.TOO_SHORT(alone=True, duration=e.duration, asked=asked, option=option)
 
 
-def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Diagnostic | None:
+def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Finding | None:
     noise_floor = max(noise, 5 * usual.quantum / e.duration if e.duration > 0 else 0.0, 1e-3 * usual.fastest)
     least = noise_floor if t.minimum_velocity is None else t.minimum_velocity
     speed = abs(e.velocity)
@@ -97,33 +98,33 @@ def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Diagnost
         return None
     wanted = Kind.NOISE_FLOOR() if t.minimum_velocity is None else Kind.MINIMUM_VELOCITY()
     option = Kind.OR_MINIMUM_VELOCITY(value=_rounded(speed, floor)) if speed > 1e-6 * usual.fastest else ""
-    return Kind.AT_REST(speed=speed, wanted=wanted, least=least, option=option)
+    return Kind.AT_REST(alone=True, speed=speed, wanted=wanted, least=least, option=option)
 
 
-def _accelerating(e: Evidence, t: Thresholds) -> Diagnostic | None:
+def _accelerating(e: Evidence, t: Thresholds) -> Finding | None:
     speed = abs(e.velocity)
     tolerance = max(_TOLERANCE * speed, min(e.drift_noise, 0.5 * speed))
     allowed = tolerance if t.velocity_tolerance is None else t.velocity_tolerance * speed
     if e.drift <= allowed:
         return None
-    return Kind.ACCELERATING(drift=e.drift, velocity=e.velocity, allowed=allowed, option=_tolerance(e.drift, speed))
+    return Kind.ACCELERATING(alone=True, drift=e.drift, velocity=e.velocity, allowed=allowed, option=_tolerance(e.drift, speed))
 
 
-def _hunting(e: Evidence) -> Diagnostic | None:
+def _hunting(e: Evidence) -> Finding | None:
     if e.backward <= 0.1:
         return None
-    return Kind.HUNTING(backward=e.backward)
+    return Kind.HUNTING(alone=True, backward=e.backward)
 
 
-def _unsteady(e: Evidence, t: Thresholds) -> Diagnostic | None:
+def _unsteady(e: Evidence, t: Thresholds) -> Finding | None:
     speed = abs(e.velocity)
     allowed = max(_SWING, t.velocity_tolerance or 0.0) * speed
     if e.scatter <= allowed:
         return None
-    return Kind.UNSTEADY(scatter=e.scatter, velocity=e.velocity, allowed=allowed, option=_tolerance(e.scatter, speed))
+    return Kind.UNSTEADY(alone=True, scatter=e.scatter, velocity=e.velocity, allowed=allowed, option=_tolerance(e.scatter, speed))
 
 
-def _tolerance(deviation: float, speed: float) -> Diagnostic | str:
+def _tolerance(deviation: float, speed: float) -> Finding | str:
     """What to set to allow this deviation, where that can be set at all."""
     share = _rounded(deviation / max(speed, 1e-300), ceil)
     return Kind.OR_VELOCITY_TOLERANCE(value=share) if float(share) < 1 else ""
@@ -135,17 +136,17 @@ def _rounded(x: float, way: Callable[[float], int]) -> str:
     return f"{way(x / unit * (1 - 1e-9 if way is floor else 1 + 1e-9)) * unit:.3g}"
 
 
-def _unsettled(e: Evidence) -> Diagnostic | None:
+def _unsettled(e: Evidence) -> Finding | None:
     if e.torque_drift <= max(abs(e.torque), e.torque_drift_noise):
         return None
-    return Kind.UNSETTLED(drift=e.torque_drift, torque=e.torque)
+    return Kind.UNSETTLED(alone=True, drift=e.torque_drift, torque=e.torque)
 
 
-def _saturated(e: Evidence, t: Thresholds) -> Diagnostic | None:
+def _saturated(e: Evidence, t: Thresholds) -> Finding | None:
     if t.torque_limit is not None:
         share, limit = e.limited, Kind.LIMIT_GIVEN(limit=t.torque_limit)
     else:
         share, limit = e.clipped, Kind.LIMIT_SEEN()
     if share <= 0.05:
         return None
-    return Kind.SATURATED(share=share, limit=limit)
+    return Kind.SATURATED(alone=True, share=share, limit=limit)

@@ -13,9 +13,10 @@ from bristle.data.constant_velocity.changepoints import CandidateSpan, candidate
 from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
 from bristle.data.record import Record
 from bristle.data.signal_checks import travel_ratio
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import residual_warnings
+from bristle.findings import Finding
 
 __all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_warnings"]
 
@@ -48,9 +49,9 @@ class Segment:
     standard_error: float | None
     """Standard error of the mean torque, corrected for autocorrelation, N*m; None where it cannot be known."""
     accepted: bool
-    reasons: tuple[Diagnostic, ...] = ()
+    reasons: tuple[Finding, ...] = ()
     """Why it was rejected, and what would have let it in."""
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     """Why it is kept but not trusted fully (stick-slip)."""
     stick_slip: bool = False
     time: float | None = None
@@ -132,8 +133,8 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
         records: the runs that they were cut from.
         thresholds: as given.
     """
-    counts = Counter(reason.kind.title for s in segments for reason in s.reasons)
-    eaten = "; ".join(f"{kind.lower()}: {count}" for kind, count in counts.most_common()) or "no samples"
+    counts = Counter(str(reason).partition(":")[0] for s in segments for reason in s.reasons)
+    eaten = "; ".join(f"{what.lower()}: {count}" for what, count in counts.most_common()) or "no samples"
     message = f"No segment at constant velocity is left of {len(segments)} candidates in {len(records)} runs (rejected as {eaten})."
     longest = max((s for s in segments if s.reasons), key=lambda s: (-len(s.reasons), s.stop - s.start), default=None)
     nearest = f" Nearest, {longest.where} of {longest.file}: {longest.reasons[0]}" if longest else ""

@@ -10,7 +10,8 @@ from bristle.data import units
 from bristle.data.experiment.schema import MotorConstants, PlusMinus
 from bristle.data.experiment.signals import Context, Signals, motor_si
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.model.functions import drive_torque_slopes_function
 from bristle.model.vectorize import evaluate
 
@@ -50,7 +51,7 @@ def torque_constants(signals: Signals, motor: MotorConstants | None, context: Co
         yield Constant(f"scale of {drive}", number, None if relative is None else abs(number) * relative, unit)
 
 
-def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Diagnostic | None:
+def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding | None:
     """Which constants have an error, and which are taken as exact.
 
     None where no torque was computed with any, and where data were simulated with exact ones.

@@ -15,8 +15,9 @@ from bristle.data.experiment.run_files import RunFiles, TimeRange
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn
 from bristle.data.text_table import RawTable, Reader, read_table
 from bristle.data.timestamps import ISO
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 
 _INSIDE = 2
 """Samples of a signal with a time of its own that lie in a run."""
@@ -232,7 +233,7 @@ def _cut(
         seen = np.zeros(0) if table.time is None else table.time[np.isfinite(table.time)]
         there = f", whose time goes from {seen.min():.6g} s to {seen.max():.6g} s" if seen.size else ""
         raise InputError(f"{name}: no row lies in the part {part} of the file{there}; give another range")
-    note: Diagnostic = Kind.PART_TAKEN(part=part, rows=rows, total=table.rows)
+    note: Finding = Kind.PART_TAKEN(part=part, rows=rows, total=table.rows)
     cut = replace(
         table,
         columns={key: values[inside] for key, values in table.columns.items()},

@@ -15,8 +15,9 @@ from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
 from bristle.data.ros.storage import Integers, MessageBatch
 from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, short, short_list
+from bristle.findings import Finding
 
 _GAP = 5
 """Median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is."""
@@ -28,7 +29,7 @@ class BagColumns(NamedTuple):
     columns: Mapping[Key, Array]
     """Each of shape (messages of the topic of the time,)."""
     sha256: str
-    notes: tuple[Diagnostic, ...]
+    notes: tuple[Finding, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +191,7 @@ def _notes(
     columns: Mapping[Key, Array],
     base: Target,
     clocks: Mapping[str, FieldPath | None],
-) -> list[Diagnostic]:
+) -> list[Finding]:
     """What is said of how times were told, and of topics that were interpolated."""
     times = {t.topic for t in targets.values() if t.path is None} | {
         name for name, path in clocks.items() if path is None

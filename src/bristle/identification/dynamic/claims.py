@@ -12,9 +12,10 @@ import numpy as np
 from scipy.special import fdtrc, stdtrit
 
 from bristle.arrays import Array
-from bristle.diagnostics import NOT_IDENTIFIABLE, UNRESOLVED, Diagnostic, Kind
+from bristle.diagnostics import NOT_IDENTIFIABLE, UNRESOLVED, Kind
 from bristle.estimation.linear import NO_SIGN, inverse_gram
 from bristle.estimation.multistart import MultistartSolution
+from bristle.findings import Finding
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
 from bristle.model.parameters import Direction, ParameterName, of_load, peak_parameters
@@ -34,13 +35,13 @@ _COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}
 """What means nothing without another parameter, and without which."""
 
 
-def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Diagnostic]:
+def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Finding]:
     """The coefficients of a load that another parameter makes up for: a variance inflation, 1 / (1 - R**2), above 10."""
     n = sum(m.size for m in problem.motions)
     free = np.flatnonzero(np.isfinite(solution.scaled_errors))
     J = solution.minimum.jacobian[:n, free]
     J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    names, found = [solution.names[k] for k in free], list[Diagnostic]()
+    names, found = [solution.names[k] for k in free], list[Finding]()
     for j, name in enumerate(names):
         if not isinstance(name, ParameterName) or not of_load(name.name):
             continue
@@ -54,13 +55,13 @@ def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
     return found
 
 
-def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Diagnostic]:
+def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
     """Why an alpha_1 is not identifiable, by name: an F test of its term at 1 %, to first order; one with a prior stands.
 
     Without the term v_s means nothing, so that the cost at alpha_1 = 0 is that along alpha_1 with v_s held.
     """
     order = {name: k for k, name in enumerate(solution.names)}
-    doubts: dict[ParameterName, Diagnostic] = {}
+    doubts: dict[ParameterName, Finding] = {}
     for direction in problem.directions:
         alpha_1, v_s = problem.key("alpha_1", direction), problem.key("v_s", direction)
         if alpha_1 not in order or v_s not in order or alpha_1 in problem.with_prior:
@@ -76,7 +77,7 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
 
 def bristle_doubts(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], estimates: Mapping[ParameterName, Estimate]
-) -> dict[ParameterName, Diagnostic]:
+) -> dict[ParameterName, Finding]:
     """Why a sigma_0 or sigma_1 is not identifiable, by name; one that has a prior of its own stands.
 
     The deflection g0 / sigma_0 has to be larger than an encoder count, for every sigma_0 of its interval and with no
@@ -84,7 +85,7 @@ def bristle_doubts(
     it is passed at all; the two halves of the record have to agree on both parameters at 1 %, to first order.
     """
     differ = _halves_differ(problem, solution)
-    doubts: dict[ParameterName, Diagnostic] = {}
+    doubts: dict[ParameterName, Finding] = {}
     for direction in problem.directions:
         names = [problem.key(name, direction) for name in _BRISTLE]
         reason = _unresolved(problem, solution, direction, estimates)
@@ -100,7 +101,7 @@ def _unresolved(
     solution: MultistartSolution[Unknown],
     direction: Direction,
     estimates: Mapping[ParameterName, Estimate],
-) -> Diagnostic | None:
+) -> Finding | None:
     known: Values = {**problem.fixed, **solution.values}
     alpha_0, alpha_1, sigma_0 = (problem.key(name, direction) for name in ("alpha_0", "alpha_1", "sigma_0"))
     peak = estimates.get(alpha_1)
@@ -119,7 +120,7 @@ def _unresolved(
 
 
 def warned(
-    estimates: Mapping[ParameterName, Estimate], doubts: Mapping[ParameterName, Diagnostic]
+    estimates: Mapping[ParameterName, Estimate], doubts: Mapping[ParameterName, Finding]
 ) -> dict[ParameterName, Estimate]:
     """The estimates with one more warning each where there is a doubt."""
     more = {name: replace(estimates[name], warnings=(*estimates[name].warnings, why)) for name, why in doubts.items()}
@@ -139,22 +140,22 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
         alone = first is not None and not weak.isdisjoint(
             (name._replace(name=first), ParameterName(first, Direction.BOTH))
         )
-        nothing = any(warning.kind in {Kind.UNSEEN_UNCONVERGED, Kind.UNSEEN_TOO_FEW} for warning in e.warnings)
+        nothing = any(warning.code in {"unseen-unconverged", "unseen-too-few"} for warning in e.warnings)
         if nothing or (name.name not in asked and (alone or name in weak)):
             out[name] = _without(e, Kind.UNSEEN_COMPANION() if alone else None)
     return out
 
 
 def _is_weak(e: Estimate) -> bool:
-    return any(warning.kind in NOT_IDENTIFIABLE for warning in e.warnings)
+    return any(warning.code in NOT_IDENTIFIABLE for warning in e.warnings)
 
 
-def _without(e: Estimate, alone: Diagnostic | None) -> Estimate:
+def _without(e: Estimate, alone: Finding | None) -> Estimate:
     """What is left of an estimate that the motion does not show: the reason, and its interval where that is not doubted itself."""
     own = e.warnings if _is_weak(e) else ()
-    told = Kind.UNSEEN_BEND in {warning.kind for warning in own}
+    told = "unseen-bend" in {warning.code for warning in own}
     reasons = own if alone is None or alone in own or told else (*own, alone)
-    doubted = not {warning.kind for warning in reasons}.isdisjoint(UNRESOLVED)
+    doubted = not {warning.code for warning in reasons}.isdisjoint(UNRESOLVED)
     return replace(e, value=None, standard_error=None, interval=None if doubted else e.interval, warnings=reasons)
 
 
@@ -179,7 +180,7 @@ def _runs(problem: DynamicProblem) -> Iterator[tuple[Array, Array]]:
         yield velocity, np.diff(time)
 
 
-def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Diagnostic]:
+def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
     """The bristle's parameters on which the first halves of all runs and the second ones differ, each fitted by one step.
 
     Whether runs differ from one another is asked apart (`repeats`).

@@ -21,7 +21,8 @@ from bristle.arrays import Array
 from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.dynamic.claims import warned, without_weak
 from bristle.identification.dynamic.fit import OF_PHYSICS, DynamicSolution, physics
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
@@ -145,7 +146,7 @@ def _counted(record: Record, torque: Array, resolution: float, phase: float) -> 
     )
 
 
-def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> dict[ParameterName, Diagnostic]:
+def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> dict[ParameterName, Finding]:
     """Friction parameters whose bias changes too much between the estimate and the truth to be taken off."""
     doubts = {}
     for name, (bias, _) in moved.items():
@@ -158,20 +159,20 @@ def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]
     return doubts
 
 
-def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[ParameterName, Diagnostic]) -> TrackingFit:
+def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[ParameterName, Finding]) -> TrackingFit:
     """The fit without the values that counts hide, which stay fixed as they were found."""
     estimates = without_weak(solved.problem, warned(fit.parameters, doubts))
     unseen = [name for name, e in estimates.items() if e.value is None]
     lost = {n: solved.values[n] for n in unseen if n in solved.values}
     named = (Kind.UNSEEN(names=tuple(unseen)),) if unseen else ()
-    rest = tuple(w for w in fit.warnings if w.kind is not Kind.UNSEEN)
+    rest = tuple(w for w in fit.warnings if w.code != "unseen")
     return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *named))
 
 
 def _judged(solved: DynamicSolution, fit: TrackingFit) -> TrackingFit:
     """The fit whose verdicts that need no data are about the values without the bias."""
     unseen = {name: e for name, e in fit.parameters.items() if e.value is None}
-    rest = tuple(w for w in fit.warnings if w.kind not in OF_PHYSICS)
+    rest = tuple(w for w in fit.warnings if w.code not in OF_PHYSICS)
     return replace(fit, warnings=(*rest, *physics(solved.problem, {**solved.values, **fit.known}, unseen)))
 
 

@@ -12,11 +12,12 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
+from bristle.findings import Finding
 from bristle.identification.dynamic.claims import (
     LEVEL,
     WIDE,
@@ -160,7 +161,7 @@ def _settled(
     seed: int,
     others: Sequence[Values],
     progress: Progress | None,
-) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Diagnostic], set[ParameterName]]:
+) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], set[ParameterName]]:
     """The problem as it is solved in the end, its solution, why Stribeck terms that are none are not in it, and which are shown to be there.
 
     It has the weights that its runs ask for, and not those terms.
@@ -171,12 +172,12 @@ def _settled(
     problem, changed = _weighted(problem, solution)
     if changed:
         solution = solve_dynamic(problem, without_deflections(solution.values), starts, seed, progress=progress)
-    dropped, shown = dict[ParameterName, Diagnostic](), set[ParameterName]()
+    dropped, shown = dict[ParameterName, Finding](), set[ParameterName]()
     while more := _not_shown(problem, solution, shown):
         held = {name: value for name, (value, _) in more.items()}
         without, near = replace(problem, fixed={**problem.fixed, **held}), _unbent(solution.values, held)
-        kinds = {why.kind for _, why in more.values()}
-        again = Kind.UNSEEN_BEND in kinds
+        kinds = {why.code for _, why in more.values()}
+        again = "unseen-bend" in kinds
         try:
             found = solve_dynamic(without, near, starts if again else 1, seed, progress=progress)
         except InputError:  # nothing to start from without it
@@ -185,7 +186,7 @@ def _settled(
             break
         # the covariance tells less than the costs, where the law bends within the errors
         F = solution.freedom / len(more) * max(found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1, 0.0)
-        if not again and Kind.UNSEEN_WIDE not in kinds and fdtrc(len(more), solution.freedom, F) < LEVEL:
+        if not again and "unseen-wide" not in kinds and fdtrc(len(more), solution.freedom, F) < LEVEL:
             shown |= more.keys()
             continue
         rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
@@ -208,7 +209,7 @@ def _all_estimates(
     problem: DynamicProblem,
     solution: MultistartSolution[Unknown],
     kind: JointKind,
-    dropped: Mapping[ParameterName, Diagnostic],
+    dropped: Mapping[ParameterName, Finding],
     shown: set[ParameterName],
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value.
@@ -226,7 +227,7 @@ def _all_estimates(
     doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
     estimates = warned(estimates, doubts)
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
-    bent = [name for name, why in dropped.items() if why.kind is Kind.UNSEEN_BEND]
+    bent = [name for name, why in dropped.items() if why.code == "unseen-bend"]
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, Kind.ONLY_SUM_SEEN()))
@@ -234,10 +235,10 @@ def _all_estimates(
     return without_weak(problem, estimates)
 
 
-def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) -> Diagnostic:
+def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) -> Finding:
     if not converged:
         return Kind.NOT_CONVERGED()
-    bound = tuple(n for n, e in estimates.items() if any(d.kind is Kind.AT_BOUND for d in e.warnings))
+    bound = tuple(n for n, e in estimates.items() if any(d.code == "at-bound" for d in e.warnings))
     return Kind.CONVERGED_AT_BOUND(names=bound) if bound else Kind.CONVERGED()
 
 
@@ -256,7 +257,7 @@ def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) ->
 
 def _not_shown(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], shown: set[ParameterName]
-) -> dict[ParameterName, tuple[float, Diagnostic]]:
+) -> dict[ParameterName, tuple[float, Finding]]:
     """What the motion does not show of Stribeck terms but those `shown`, alpha_1 and v_s: what it is held at, and why.
 
     A term of no significance is none, and one that leaves alpha_0 unknown, or has v_s at the upper end of its range, is Coulomb
@@ -268,7 +269,7 @@ def _not_shown(
     size = solution.scaled_errors * solution.posed.unknowns.scale
     errors = dict(zip(solution.names, size.tolist(), strict=True))
     doubts = peak_doubts(problem, solution)
-    bends, wide, none = (dict[ParameterName, tuple[float, Diagnostic]]() for _ in range(3))
+    bends, wide, none = (dict[ParameterName, tuple[float, Finding]]() for _ in range(3))
     for direction in problem.directions:
         alpha_0, alpha_1, v_s = (problem.key(name, direction) for name in ("alpha_0", "alpha_1", "v_s"))
         values = solution.values
@@ -276,25 +277,25 @@ def _not_shown(
             continue
         if errors.get(alpha_0, 0.0) > WIDE or np.log(values[v_s]) > upper[v_s] - _EDGE:
             bends |= {alpha_1: (0.0, Kind.UNSEEN_BEND()), v_s: (values[v_s], Kind.UNSEEN_BEND())}
-        elif alpha_1 in doubts.keys() - shown and doubts[alpha_1].kind is Kind.UNSEEN_NO_PEAK:
+        elif alpha_1 in doubts.keys() - shown and doubts[alpha_1].code == "unseen-no-peak":
             none |= {alpha_1: (0.0, doubts[alpha_1]), v_s: (values[v_s], doubts[alpha_1])}
         elif values[alpha_1] > values.get(alpha_0, np.inf) and errors[alpha_1] > WIDE * values[alpha_1]:
             wide[alpha_1] = values[alpha_0], Kind.UNSEEN_WIDE(share=errors[alpha_1] / values[alpha_1])
     return bends or wide or none
 
 
-def _refused(name: ParameterName, kind: JointKind, why: Diagnostic) -> Estimate:
+def _refused(name: ParameterName, kind: JointKind, why: Finding) -> Estimate:
     return Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, float("inf")), warnings=(why,))
 
 
-def _below_zero(inertia: Estimate | None) -> list[Diagnostic]:
+def _below_zero(inertia: Estimate | None) -> list[Finding]:
     """Whether the whole interval of the inertia is below zero, where none is."""
     if inertia is None or inertia.value is None or inertia.interval is None or inertia.interval[1] >= 0:
         return []
     return [Kind.INERTIA_BELOW_ZERO(value=inertia.value, error=inertia.standard_error, unit=inertia.unit)]
 
 
-def _shape_held(problem: DynamicProblem) -> Iterator[Diagnostic]:
+def _shape_held(problem: DynamicProblem) -> Iterator[Finding]:
     """What the peak has beside v_s, where nothing but the range that is searched tells it."""
     for own in problem.law.peak.own:
         held = {d: problem.key(own.name, d) for d in problem.directions}
@@ -303,13 +304,13 @@ def _shape_held(problem: DynamicProblem) -> Iterator[Diagnostic]:
             yield Kind.SHAPE_HELD(names=names, value=own.middle)
 
 
-def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
+def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
     warnings = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
-    refused = any(w.kind is Kind.UNSEEN_BEND for e in unseen.values() for w in e.warnings)
+    refused = any(w.code == "unseen-bend" for e in unseen.values() for w in e.warnings)
     return [*warnings, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else warnings
 
 
-def _lack_of_fit(problem: DynamicProblem, rows: Array, kind: JointKind) -> tuple[Diagnostic, ...]:
+def _lack_of_fit(problem: DynamicProblem, rows: Array, kind: JointKind) -> tuple[Finding, ...]:
     """What the equations (n,) leave beyond noise; of a simulated position, which drifts, nothing is said."""
     if problem.quantity == "position":
         return ()
@@ -350,7 +351,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
         if not isinstance(name, ParameterName):
             continue
         bare, value = name.name, solution.values[name]
-        warnings: list[Diagnostic] = []
+        warnings: list[Finding] = []
         if bare in LOGARITHMIC:
             with np.errstate(over="ignore"):
                 low, high = (float(np.exp(x + s * reach * error)) for s in (-1, 1))
@@ -379,7 +380,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
 
 def _warnings(
     solution: MultistartSolution[Unknown], rows: Array, unseen: Mapping[ParameterName, Estimate]
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     warnings = []
     if solution.minimum.steps == 0:
         warnings.append(Kind.DID_NOT_MOVE())
@@ -399,7 +400,7 @@ def _seen(solution: MultistartSolution[Unknown]) -> list[int]:
     ]
 
 
-def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
+def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
     """The directions in parameter space that the data hardly see."""
     keep = _seen(solution)
     jacobian = solution.minimum.jacobian[:, keep]
@@ -421,7 +422,7 @@ def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName
     return warnings
 
 
-def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
+def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
     """What data say of a direction of parameters that they hardly see.
 
     Its members are names with their shares of it.
@@ -435,11 +436,11 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Diagnostic:
     return Kind.ONLY_AS_SUM(all=(*up, *down), up=tuple(up), down=tuple(down))
 
 
-OF_PHYSICS = frozenset({Kind.NOT_PASSIVE, Kind.CURVE_HELD, Kind.ODD_DAMPING})
+OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})
 """Verdicts of `physics`."""
 
 
-def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Diagnostic]:
+def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
     """Verdicts that need no data: passivity, and damping in presliding.
 
     None that rests on what the motion does not show.

@@ -14,10 +14,11 @@ from bristle.arrays import Array
 from bristle.control.plant import quantise
 from bristle.data.differentiation import derivative, smoothed, usable
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
+from bristle.findings import Finding
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, modelled, parameters
 from bristle.model.parameters import INERTIA, Lugre, unit
 from bristle.model.parameters import Kind as JointKind
@@ -54,7 +55,7 @@ _PHASE = 0.37
 """Where in a count the joint rests in a draw of what counting does."""
 
 
-def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Diagnostic]:
+def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Finding]:
     """What is doubted: a shift in time between torque and motion, that nothing drifts, and an inertia that was given and not fitted.
 
     One more column beside the Jacobian's: what part of the residuals it would explain that no parameter can, to first
@@ -91,7 +92,7 @@ def missing_terms(problem: DynamicProblem, solution: MultistartSolution[Unknown]
 
 def _delay(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], column: Array, others: Array
-) -> list[Diagnostic]:
+) -> list[Finding]:
     """Whether the torque was logged early or late: all equations ask for it, and those far from reversals as well.
 
     At a reversal a bristle that the model does not describe, or that the encoder does not show, delays the torque as
@@ -129,7 +130,7 @@ class _More(NamedTuple):
         return abs(self.value) > _SURE * self.error and self.share > _SHARE
 
 
-def pattern_left(problem: DynamicProblem, rows: Array) -> list[Diagnostic]:
+def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
     """Whether what the fit leaves, (n,), is a pattern throughout, or much more about reversals than elsewhere, or most of it in a few equations."""
     correlation = lag_one(rows)
     if correlation > _PATTERN:

@@ -13,9 +13,10 @@ from scipy.special import ndtri
 from bristle.data.encoder import resolution
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.profile_likelihood import Profiled
+from bristle.findings import Finding
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
@@ -390,10 +391,10 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
     return tuple(rows)
 
 
-def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[Diagnostic]:
+def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: TrackingFit) -> list[Finding]:
     """What the stages' disagreement warns of in the joint fit."""
     warnings = []
-    apart = [c.parameter for c in agree if c.verdict.kind not in {Kind.STAGE_AGREES, Kind.STAGE_UNSEEN}]
+    apart = [c.parameter for c in agree if c.verdict.code not in {"stage-agrees", "stage-unseen"}]
     if apart:
         warnings.append(Kind.STAGES_DIFFER(names=tuple(apart)))
     if joint.relative_error > _WORSE * alone.relative_error:
@@ -406,7 +407,7 @@ def _limit(count: int) -> float:
     return float(ndtri(1 - _CHANCE / (2 * max(count, 1))))
 
 
-def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Diagnostic:
+def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Finding:
     if not differ:
         return Kind.STAGE_AGREES()
     if max(own_share, stage_share) < _SURER * min(own_share, stage_share):

@@ -6,9 +6,10 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import explained_beside
 from bristle.estimation.multistart import MultistartSolution
+from bristle.findings import Finding
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown
 from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line
 from bristle.model.parameters import SIGNED, unit
@@ -23,7 +24,7 @@ _OFFSET = 0.01
 _TRIED = ("gravity", "quadratic")
 
 
-def regressor_left_out(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Diagnostic]:
+def regressor_left_out(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Finding]:
     """The regressor that explains most of what the fit leaves, to first order: an F test beside all that is fitted."""
     if problem.quantity != "torque":
         return []
@@ -60,7 +61,7 @@ def columns_of(problem: DynamicProblem, regressors: Sequence[str]) -> Array:
 
 def offset_or_friction(
     problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind
-) -> list[Diagnostic]:
+) -> list[Finding]:
     """A difference of the two directions that is one of alpha_0 alone, as an offset of the torque makes it.
 
     Wald tests: the directions agree on alpha_1 and alpha_2, and with these made equal they differ in alpha_0.

@@ -14,12 +14,13 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.profile_likelihood import Profiled, profiles
+from bristle.findings import Finding
 from bristle.identification.dynamic.claims import WIDE
 from bristle.identification.dynamic.fit import SEED, DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
@@ -43,7 +44,7 @@ def profile_until_stable(
 
     Solved again, and saying so, where a profile solved a better optimum.
     """
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     for refits in range(_RESTARTS + 1):
         seen, better = profiles(solved.solution, progress, stop_at_better=refits < _RESTARTS)
         if better is None:

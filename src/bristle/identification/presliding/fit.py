@@ -13,9 +13,10 @@ from bristle.data.differentiation import low_pass
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import ONSET, Loading, Loop, find_all_loadings, find_loops
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
+from bristle.findings import Finding
 from bristle.identification.fits import AmplitudeStiffness, Estimate, Presliding, PreslidingFit, Uncertainty
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.presliding.softening import stiffness_by_amplitude, with_most
@@ -86,7 +87,7 @@ def identify_presliding(
             )
     loadings = [loading for of_record in found for loading in of_record]
     slid = [loading for loading in loadings if loading.breakaway is not None]
-    fits, breakaway, warnings = {}, {}, list[Diagnostic]()
+    fits, breakaway, warnings = {}, {}, list[Finding]()
     for direction in ("+", "-"):
         own_slid = [x for x in slid if x.direction == direction]
         if own_slid:
@@ -141,7 +142,7 @@ def fit_presliding(
         widen = spreader(sigma_0.value, scatter.stretched, "sigma_0")
         estimates[best], three = wider_estimate(sigma_0, scatter, widen), wider_three(three, widen)
     estimates = with_shifts(estimates, loadings, level)
-    warnings += [warning for warning in three.warnings if warning.kind is Kind.INTERVALS_DIFFER]
+    warnings += [warning for warning in three.warnings if warning.code == "intervals-differ"]
     reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
     if not level.is_bound and reached > level.value + _SURE * level.standard_error:
         warnings.append(Kind.ABOVE_G0(reached=reached, g0=level.value, source=level.source, reach=REACH))
@@ -167,7 +168,7 @@ def fit_presliding(
     )
 
 
-def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Diagnostic:
+def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:
     """That g0 is a lower bound, and what the bend of the loadings leaves of it."""
     limited = by_bend.most < np.inf
     bend = Kind.G0_BY_BEND(low=by_bend.value, high=by_bend.most) if limited else ""
@@ -192,7 +193,7 @@ def _spanning(estimate: Estimate, amplitudes: Sequence[AmplitudeStiffness]) -> E
 
 
 def _three_ways(
-    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, more: Diagnostic | None
+    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, more: Finding | None
 ) -> Uncertainty:
     """The intervals of sigma_0; that of the estimate alone where it is, for this reason, more than a sigma_0 at a given g0 explains."""
     if more is None:
@@ -206,7 +207,7 @@ def with_damping(presliding: Presliding, inertia: KnownValue, kind: JointKind) -
     return replace(presliding, fits=fits)
 
 
-def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tuple[Estimate, list[Diagnostic]]:
+def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tuple[Estimate, list[Finding]]:
     """The median breakaway torque of some loadings, and its outliers by name."""
     torque = np.array([loading.breakaway for loading in slid], dtype=float)
     middle, n = float(np.median(torque)), torque.size
@@ -265,9 +266,7 @@ def _moves_by_law(loop: Loop, fits: Mapping[str, PreslidingFit]) -> float:
     return moved / (2 * loop.displacement_amplitude)
 
 
-def _loop_warnings(
-    loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping[str, PreslidingFit]
-) -> list[Diagnostic]:
+def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping[str, PreslidingFit]) -> list[Finding]:
     warnings = []
     few = [x.counts for x in loops if 0 < x.counts < 2 * _FEW]
     if few:

@@ -21,9 +21,10 @@ from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
+from bristle.findings import Finding
 from bristle.identification.fits import AmplitudeStiffness
 from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading
 from bristle.model import functions
@@ -84,7 +85,7 @@ class _Bending(NamedTuple):
 
 def stiffness_by_amplitude(
     loadings: Sequence[Loading], level: KnownValue, kind: JointKind
-) -> tuple[tuple[AmplitudeStiffness, ...], Diagnostic | None]:
+) -> tuple[tuple[AmplitudeStiffness, ...], Finding | None]:
     """The stiffness of one direction at some amplitudes, the initial one first, and whether it softens beyond LuGre.
 
     Nothing where the loadings show too few count edges, or too few samples.

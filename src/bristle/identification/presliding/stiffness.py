@@ -20,9 +20,10 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind, but
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL, student
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.model import functions
 from bristle.model.parameters import Kind as JointKind
@@ -52,7 +53,7 @@ class KnownValue(NamedTuple):
     value: float
     standard_error: float
     """Infinite where the value is a lower bound."""
-    source: Diagnostic
+    source: Finding
     shifts: Mapping[str, float] = MappingProxyType({})
     """As of an `Estimate`."""
     most: float = float("inf")
@@ -115,14 +116,14 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -
     return _estimates(loadings, level, quantum, kind)
 
 
-def _either(near: Sequence[Diagnostic], far: Sequence[Diagnostic]) -> Iterator[Diagnostic]:
+def _either(near: Sequence[Finding], far: Sequence[Finding]) -> Iterator[Finding]:
     """What both warn of, each kind once; a range that both exclude is the wider one."""
-    other = {x.kind: x for x in far}
+    other = {x.code: x for x in far}
     for one in near:
-        two = other.pop(one.kind, one)
-        if one.kind is Kind.REST_EXCLUDES:
+        two = other.pop(one.code, one)
+        if one.code == "rest-excludes":
             ends = [x.numbers[name] for x in (one, two) for name in ("low", "high")]
-            yield one.but(low=min(ends), high=max(ends))
+            yield but(one, low=min(ends), high=max(ends))
         else:
             yield one
     yield from other.values()
@@ -134,7 +135,7 @@ def _one_bound(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
     if ends is None:
         return dict(estimates)
     return {
-        name: replace(e, warnings=tuple(w.but(least=ends[0]) if w.kind is Kind.WITHIN_NOISE else w for w in e.warnings))
+        name: replace(e, warnings=tuple(but(w, least=ends[0]) if w.code == "within-noise" else w for w in e.warnings))
         for name, e in estimates.items()
     }
 

@@ -11,8 +11,9 @@ from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
+from bristle.findings import Finding
 from bristle.identification.dynamic.priors import fit_alone
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import decimator, directions, regressors
@@ -111,7 +112,7 @@ def torque_constant(found: LinkScale, kind: JointKind) -> Estimate:
     )
 
 
-def scale_warnings(found: LinkScale) -> Iterator[Diagnostic]:
+def scale_warnings(found: LinkScale) -> Iterator[Finding]:
     """Whether links whose torque is taken as known would have another scale."""
     if found.explained > found.left and abs(found.scale - 1) > max(_SURELY * found.error, _OFF):
         yield Kind.LINKS_SCALE(scale=found.scale, error=found.error)
@@ -163,7 +164,7 @@ def order_warnings(
     names: Sequence[str],
     body: RigidBody,
     gravity: Sequence[float],
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     """Whether the log would go better with the URDF if its columns stood in another order, or gravity had another direction.
 
     Tried are two columns swapped and the reversed order, of all signals and of the torque alone, and each axis of the base

@@ -15,8 +15,9 @@ from bristle.data.robot.motion import LinkTorques, RobotMotion, read_motions, re
 from bristle.data.robot.rigid_body import RigidBody, rigid_body
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind, but
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
 from bristle.identification.moving_runs import LEVELS, regressors
@@ -78,7 +79,7 @@ def measure_robot(
 
 def _with_masses(measured: Sequence[Measured]) -> Iterator[Measured]:
     """The joints; a torque constant that was free is doubted where another joint, whose constant is known, doubts the masses."""
-    scales = {m.experiment.joint.name: w for m in measured for w in m.findings if w.kind is Kind.LINKS_SCALE}
+    scales = {m.experiment.joint.name: w for m in measured for w in m.findings if w.code == "links-scale"}
     for m in measured:
         if scales and m.torque_constant is not None and m.torque_constant.value:
             name, scale = next(iter(scales.items()))
@@ -88,7 +89,7 @@ def _with_masses(measured: Sequence[Measured]) -> Iterator[Measured]:
             yield m
 
 
-def against_urdf(robot: Robot) -> dict[str, tuple[Diagnostic, ...]]:
+def against_urdf(robot: Robot) -> dict[str, tuple[Finding, ...]]:
     """By joint, what the logs of a robot say against its URDF, without a search for torque constants. Raises InputError as `measure_robot`."""
     found = {}
     for part in _parts(robot, None):
@@ -131,7 +132,7 @@ class _Part(NamedTuple):
     linked: bool
     """Whether the links are known."""
     link_inertia: float | None
-    findings: tuple[Diagnostic, ...]
+    findings: tuple[Finding, ...]
     constant: Estimate | None = None
     """The torque constant, where that was free and is found already."""
 
@@ -153,7 +154,9 @@ def _measured(part: _Part) -> Measured:
     findings, constant = list(part.findings), None
     if part.linked and part.joint.free:
         seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
-        refined = _refined(part, seen)  # which may be told by more than the links: then it is a regressor, and no constant
+        refined = _refined(
+            part, seen
+        )  # which may be told by more than the links: then it is a regressor, and no constant
         constant = part.constant or torque_constant(refined if seen.told else seen, experiment.joint.kind)
         experiment, runs = _with_constant(experiment, runs, refined, constant.value, constant.standard_error)
         findings += [] if constant.value else constant.warnings
@@ -197,7 +200,7 @@ def _with_constant(
         current = np.asarray(run.record.torque)
         shifts = {**{c: K * x for c, x in run.record.torque_shifts.items()}, str(constant): current * (error or 0.0)}
         notes = tuple(
-            d.but(k_t=K * d.numbers["k_t"]) if d.kind is Kind.TORQUE_FROM_CURRENT else d for d in run.record.notes
+            but(d, k_t=K * d.numbers["k_t"]) if d.code == "torque-from-current" else d for d in run.record.notes
         )
         scaled.append(_with(run, torque=K * current, torque_shifts=shifts, notes=notes))
     return own, tuple(scaled)
@@ -234,7 +237,7 @@ def _in_amperes(experiment: Experiment, asked: tuple[str, ...] | None) -> Experi
     )
 
 
-def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bool) -> list[Diagnostic]:
+def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bool) -> list[Finding]:
     """Positions, speeds and torques that the URDF says the joint cannot have; of a current alone nothing is said."""
     if urdf is None:
         return []
@@ -271,7 +274,7 @@ def _link_inertia(
 
 def _of_all(
     robot: Robot, motions: Mapping[str, RobotMotion], read: Mapping[str, tuple[Run, ...]], body: RigidBody | None
-) -> dict[str, tuple[Diagnostic, ...]]:
+) -> dict[str, tuple[Finding, ...]]:
     """By joint, what its torque says when all joints are looked at together, in the longest run where more than one moves."""
     shared: dict[str, dict[str, Record]] = {}
     for name, runs in read.items():

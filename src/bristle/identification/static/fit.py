@@ -10,9 +10,10 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings, unexplained
+from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, RunScatter, StaticFit, Uncertainty
 from bristle.identification.moving_runs import with_orders_advised
 from bristle.identification.repeats import clustered, scatter_of, widened
@@ -141,7 +142,7 @@ def _parts(problem: Regression) -> tuple[Direction, ...]:
     return problem.directions if len(problem.directions) == 1 else (*problem.directions, Direction.SHARED)
 
 
-def _too_few(problem: Regression) -> Diagnostic | None:
+def _too_few(problem: Regression) -> Finding | None:
     n, m = problem.linear.shape
     if n <= m:
         return Kind.TOO_FEW_POINTS(points=n, parameters=m, least=m + 1)
@@ -151,7 +152,7 @@ def _too_few(problem: Regression) -> Diagnostic | None:
     return None
 
 
-def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointInfo, why: Diagnostic) -> StaticFit:
+def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointInfo, why: Finding) -> StaticFit:
     extra = (name.name for name in problem.linear_names if not of_curve(name.name))
     names = (*static_fields_of(problem.law), *extra)
     parameters = {name: Estimate(value=None, unit=unit(name, kind), warnings=(why,)) for name in names}
@@ -176,7 +177,7 @@ def _huber_warnings(
     errors: Mapping[ParameterName, float],
     pulled: Array,
     where: PointInfo,
-) -> list[Diagnostic]:
+) -> list[Finding]:
     """Where least squares and Huber (with its standard errors) differ by over two combined ones, and the points responsible.
 
     `pulled` is how far each point's torque is pulled in, (n,); of those within the limit nothing.
@@ -204,7 +205,7 @@ class _Comparisons:
     without: Mapping[ParameterName, Estimate]
     three: Mapping[ParameterName, Uncertainty]
     strays: StrayReport
-    warnings: tuple[Diagnostic, ...]
+    warnings: tuple[Finding, ...]
 
 
 def _comparisons(
@@ -313,11 +314,11 @@ def _static_fit(
 
 def _with_warnings(estimate: Estimate, three: Uncertainty) -> Estimate:
     """The estimate with the warnings of its three intervals."""
-    at_bound = any(warning.kind is Kind.AT_BOUND for warning in estimate.warnings)
+    at_bound = any(warning.code == "at-bound" for warning in estimate.warnings)
     return estimate if at_bound else replace(estimate, warnings=(*estimate.warnings, *three.warnings))
 
 
-def _outcome(core: StaticSolution, part: Direction, comparisons: _Comparisons) -> Diagnostic:
+def _outcome(core: StaticSolution, part: Direction, comparisons: _Comparisons) -> Finding:
     name = ParameterName("alpha_1", part)
     rests = name in core.parameters and bool(comparisons.without) and name not in comparisons.without
     return Kind.STATIC_STICK_SLIP() if rests else core.outcome

@@ -5,9 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import lag_one
+from bristle.findings import Finding
 from bristle.identification.fits import Profile
 from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression
@@ -22,7 +23,7 @@ def fit_warnings(
     profiles: Mapping[Direction, Profile],
     v_s_range: tuple[float, float],
     variance_inflation: float,
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p), `intervals` are of v_s."""
     warnings = [Kind.BOUND(name=problem.text(name)) for name in solution.at_bound]
     for direction, profile in profiles.items():
@@ -42,7 +43,7 @@ def fit_warnings(
 
 def _profile_warnings(
     direction: str, profile: Profile, interval: tuple[float, float], v_s_range: tuple[float, float]
-) -> list[Diagnostic]:
+) -> list[Finding]:
     warnings = []
     if interval[0] == 0 and np.isinf(interval[1]):
         warnings.append(Kind.FLAT_PROFILE(direction=direction))

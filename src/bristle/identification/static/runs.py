@@ -14,8 +14,9 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, StaticFit
 from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.measured import Measured
@@ -116,7 +117,7 @@ def _point_info(points: Sequence[Segment], search: PointSearch | None) -> PointI
 
 def fit_moving(
     experiment: Experiment, records: Sequence[Record], held: Sequence[Record], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Diagnostic, ...]]:
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Finding, ...]]:
     """Static parameters and the declared regressors from moving runs, by linear least squares with the grid.
 
     Fits, cross-checks, warnings. Raises InputError where a run lacks a signal, is too short, or its torque opposes its
@@ -178,7 +179,7 @@ def _above(problem: Regression, speed: float | None) -> tuple[Regression, NDArra
 
 def _left_out(
     experiment: Experiment, every: Regression, fast: NDArray[np.bool_], fits: Mapping[str, StaticFit]
-) -> tuple[Diagnostic, ...]:
+) -> tuple[Finding, ...]:
     """How the fit does on the slow equations that were left out of it."""
     if fast.all():
         return ()

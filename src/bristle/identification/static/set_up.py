@@ -16,8 +16,9 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind, but
 from bristle.estimation.autocorrelation import explained_beside
+from bristle.findings import Finding
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.moving_runs import (
     DIRECTIONS,
@@ -80,8 +81,8 @@ class BetterSetUp:
         if fit.relative_error is None or self.error > _CLEARLY * fit.relative_error:
             return fit
         pays = Kind.SET_UP_PAYS(lines=self.lines, asked=self.asked_error, error=self.error)
-        if any(warning.kind is Kind.UNEXPLAINED for warning in fit.warnings):
-            advised = (w.but(advice=(pays,)) if w.kind is Kind.UNEXPLAINED else w for w in fit.warnings)
+        if any(warning.code == "unexplained" for warning in fit.warnings):
+            advised = (but(w, advice=(pays,)) if w.code == "unexplained" else w for w in fit.warnings)
             return replace(fit, warnings=tuple(advised))
         return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *filter(_is_other, fit.warnings)))
 
@@ -95,7 +96,7 @@ class BetterSetUp:
 def with_one_advice(fits: Mapping[str, StaticFit]) -> dict[str, StaticFit]:
     """The fits, of which each has what one of them lacks: a term belongs to the joint; one that predicts parts held out goes before a test's."""
     lacks = [w for fit in fits.values() for w in fit.warnings if not _is_other(w)]
-    tried = [w for w in lacks if w.numbers["advice"].kind is Kind.SET_UP_PAYS]
+    tried = [w for w in lacks if w.numbers["advice"].code == "set-up-pays"]
     given = {}
     for d, fit in fits.items():
         own = [w for w in fit.warnings if not _is_other(w)]
@@ -104,8 +105,8 @@ def with_one_advice(fits: Mapping[str, StaticFit]) -> dict[str, StaticFit]:
     return given
 
 
-def _is_other(warning: Diagnostic) -> bool:
-    return warning.kind is not Kind.LACKS_A_TERM
+def _is_other(warning: Finding) -> bool:
+    return warning.code != "lacks-a-term"
 
 
 class _Trial(NamedTuple):
@@ -207,7 +208,7 @@ def _as_asked(better: BetterSetUp) -> BetterSetUp:
     return replace(better, set_up=better.asked, error=better.asked_error)
 
 
-def quadratic_left_out(problem: Regression, theta: Array) -> list[Diagnostic]:
+def quadratic_left_out(problem: Regression, theta: Array) -> list[Finding]:
     """Whether v * abs(v) explains more of what a fit of points leaves than chance does, to first order: an F test."""
     asked = {name.name for name in problem.linear_names}
     if problem.smooth is not None or problem.priors or not asked.isdisjoint(REGRESSORS["quadratic"].names):

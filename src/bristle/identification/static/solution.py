@@ -11,10 +11,11 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import NO_SIGN, best_column_p_value, first_order
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.static.fit_warnings import fit_warnings, is_closed, speeds_of
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
@@ -34,13 +35,13 @@ UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
 is invented."""
 _THERE = {
-    Kind.STRAYS_AS_WELL,
-    Kind.PEAK_LEFT_OUT,
-    Kind.BEND,
-    Kind.ONE_SPEED,
-    Kind.V_S_DOWN_TO_ZERO,
-    Kind.V_S_UP_TO_ANY,
-    Kind.NONE_BELOW_V_S,
+    "strays-as-well",
+    "peak-left-out",
+    "bend",
+    "one-speed",
+    "v-s-down-to-zero",
+    "v-s-up-to-any",
+    "none-below-v-s",
 }
 """Reasons to drop a term that is more than noise."""
 
@@ -61,10 +62,10 @@ class StaticSolution:
     names: tuple[ParameterName, ...]
     covariance: Array
     freedom: float
-    outcome: Diagnostic
-    warnings: tuple[Diagnostic, ...]
+    outcome: Finding
+    warnings: tuple[Finding, ...]
     profiles: Mapping[Direction, Profile]
-    dropped: Mapping[Direction, Diagnostic]
+    dropped: Mapping[Direction, Finding]
     """Directions without a Stribeck term, with the reason."""
     profiled: StaticProfiles
     student: Mapping[ParameterName, tuple[float, float]]
@@ -151,17 +152,17 @@ def _beside(
 def _settled(
     problem: Regression,
     solution: Solution | None,
-    dropped: dict[Direction, Diagnostic],
+    dropped: dict[Direction, Finding],
     options: FitOptions,
     v_s_range: tuple[float, float],
-) -> tuple[Regression, Solution, StaticProfiles, tuple[Diagnostic, ...]]:
+) -> tuple[Regression, Solution, StaticProfiles, tuple[Finding, ...]]:
     """The problem as it is fitted in the end, with its solution, profiles, and whether these led to a lower minimum.
 
     `dropped` grows by the directions whose v_s the data do not bound; `solution` is with all peaks, where it is known.
     """
     while True:
         kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
-        again = tuple[Diagnostic, ...]()
+        again = tuple[Finding, ...]()
         if options.loss == "huber":
             kept, solution, _ = huber(kept, v_s_range, options.grid)
         elif solution is None or dropped:
@@ -189,7 +190,7 @@ def _student(
 
 def _without_peak(
     problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
-) -> tuple[dict[Direction, Diagnostic], Solution | None]:
+) -> tuple[dict[Direction, Finding], Solution | None]:
     """Directions that get no Stribeck term, each with the reason, and the solution with all of them, if it was needed."""
     asked = options.model == "coulomb-viscous"
     if problem.torque.size <= len(problem.names) and asked:
@@ -210,11 +211,9 @@ def _without_peak(
     return {} if options.model == "stribeck" else none, solution
 
 
-def _of_strays(
-    measured: Regression, options: FitOptions, v_s_range: tuple[float, float]
-) -> dict[Direction, Diagnostic]:
+def _of_strays(measured: Regression, options: FitOptions, v_s_range: tuple[float, float]) -> dict[Direction, Finding]:
     """Directions whose Stribeck term may as well be a few strays from the law without it, which Huber's loss does not tell."""
-    few = dict[Direction, Diagnostic]()
+    few = dict[Direction, Finding]()
     for direction in measured.peaks if measured.smooth is None else ():
         search = find_strays(replace(measured, peaks=tuple(d for d in measured.peaks if d != direction)), v_s_range)
         rest = measured.rows(all_but(measured.torque.size, search.rows))
@@ -232,7 +231,7 @@ def _unbounded(
     likelihood: StaticProfiles,
     options: FitOptions,
     v_s_range: tuple[float, float],
-) -> dict[Direction, Diagnostic]:
+) -> dict[Direction, Finding]:
     """Directions whose v_s has an end outside the range searched, or no speed below it, each with the reason."""
     unbounded = {}
     for direction, name, v_s in zip(
@@ -251,14 +250,14 @@ def _unbounded(
     return unbounded
 
 
-def _refused(direction: Direction, why: Diagnostic, options: FitOptions, v_s_range: tuple[float, float]) -> Diagnostic:
+def _refused(direction: Direction, why: Finding, options: FitOptions, v_s_range: tuple[float, float]) -> Finding:
     asked = "" if options.v_s_range is None else Kind.RANGE_ASKED(low=v_s_range[0], high=v_s_range[1])
     return Kind.NO_STRIBECK(direction=direction, why=why, asked=asked)
 
 
 def _unsupported(
     problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float], spent: float
-) -> dict[Direction, Diagnostic]:
+) -> dict[Direction, Finding]:
     """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason.
 
     `spent` is as in `HuberFit`, 1 under least squares.
@@ -307,7 +306,7 @@ def _estimates(
     for name, value, error in zip(problem.names, solution.theta, errors, strict=True):
         plain_name = name.name
         low, high = intervals[name]
-        warnings: tuple[Diagnostic, ...] = ()
+        warnings: tuple[Finding, ...] = ()
         if name in solution.at_bound:
             warnings = (Kind.AT_BOUND(),)
         if plain_name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
@@ -333,11 +332,11 @@ def _shifts(problem: Regression, jacobian: Array, free: Array) -> dict[str, dict
 
 
 def _as_far_as_measured(
-    parameters: Mapping[ParameterName, Estimate], dropped: Mapping[Direction, Diagnostic]
+    parameters: Mapping[ParameterName, Estimate], dropped: Mapping[Direction, Finding]
 ) -> dict[ParameterName, Estimate]:
     """alpha_0 and alpha_2 where a Stribeck term is there but not bounded, which they then take up, with that warning."""
     doubted = {
-        d for d, reason in dropped.items() if {reason.kind, getattr(reason.numbers.get("why"), "kind", None)} & _THERE
+        d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
     }
     names = [name for name in parameters if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted]
     return {
@@ -346,10 +345,10 @@ def _as_far_as_measured(
 
 
 def _outcome(
-    problem: Regression, solution: Solution, dropped: Mapping[Direction, Diagnostic], v_s_range: tuple[float, float]
-) -> Diagnostic:
+    problem: Regression, solution: Solution, dropped: Mapping[Direction, Finding], v_s_range: tuple[float, float]
+) -> Finding:
     if dropped and not problem.peaks:
-        asked = all(reason.kind in {Kind.PEAK_LEFT_OUT, Kind.NO_STRIBECK_ASKED} for reason in dropped.values())
+        asked = all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values())
         return Kind.STATIC_AS_ASKED() if asked else Kind.STATIC_NO_STRIBECK()
     _, v_s = problem.split(solution.theta)
     if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind, but
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate, OtherPoints, StaticFit, Stray
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
@@ -27,7 +28,7 @@ class StrayReport:
     strays: tuple[Stray, ...] = ()
     other: Mapping[Direction, OtherPoints] = field(default_factory=dict)
     """The fit with another choice of points, by direction."""
-    warnings: tuple[Diagnostic, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     def of(self, part: Direction) -> tuple[Stray, ...]:
         """Those of a direction; all of what both share."""
@@ -77,14 +78,14 @@ def report_strays(
 
 def advised(fit: StaticFit) -> StaticFit:
     """The fit, whose strays are not to be left out before a term is added that explains more of what it leaves than they do."""
-    explained = [_share(w.numbers["advice"]) for w in fit.warnings if w.kind is Kind.LACKS_A_TERM]
+    explained = [_share(w.numbers["advice"]) for w in fit.warnings if w.code == "lacks-a-term"]
     if not explained:
         return fit
     return replace(
         fit,
         warnings=tuple(
-            w.but(advice=Kind.TERM_FIRST())
-            if w.kind in {Kind.STRAYS, Kind.STRAYS_MATTER} and _share(w.numbers["other"]) < max(explained)
+            but(w, advice=Kind.TERM_FIRST())
+            if w.code in {"strays", "strays-matter"} and _share(w.numbers["other"]) < max(explained)
             else w
             for w in fit.warnings
         ),
@@ -93,19 +94,19 @@ def advised(fit: StaticFit) -> StaticFit:
 
 def _share(changed: Any) -> float:
     """Of the squares that a fit leaves, what a change of it explains; all where it predicts parts held out, which strays do not make it do."""
-    if changed.kind is Kind.SET_UP_PAYS:
+    if changed.code == "set-up-pays":
         return 1.0
     x = changed.numbers
     return float(x["share"] if "share" in x else 1 - (x["error"] / x["now"]) ** 2)
 
 
-def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[Diagnostic | str, ...]:
+def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[Finding | str, ...]:
     """The first points by name, and how many there are beside them."""
     rest = len(rows) - _LISTED
     return (*(_named(search, k) for k in rows[:_LISTED]), *([f"and {rest} more"] if rest > 0 else []))
 
 
-def _named(search: PointSearch, k: int) -> Diagnostic:
+def _named(search: PointSearch, k: int) -> Finding:
     s = search.points[k]
     file, where = s.subject
     number = {"file": file, "where": where, "torque": s.torque, "velocity": s.velocity}
@@ -133,7 +134,7 @@ def _relative_error(solved: StaticSolution) -> float:
     return solved.measured.relative_error(solved.solution.theta)
 
 
-def _values(core: StaticSolution, second: StaticSolution) -> tuple[Diagnostic, ...]:
+def _values(core: StaticSolution, second: StaticSolution) -> tuple[Finding, ...]:
     """The second fit's parameters, each with its error."""
     return tuple(
         Kind.PARAMETER_WITH_ERROR(name=core.problem.text(name), value=e.value, error=e.standard_error)

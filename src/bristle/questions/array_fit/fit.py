@@ -13,9 +13,9 @@ from bristle.control.compensator import Compensator, Name
 from bristle.control.running import RunningCompensator
 from bristle.data.experiment.arrays import run_of_arrays, together
 from bristle.data.experiment.load import Experiment, Run
-from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError, short
 from bristle.estimation.covariance import LEVEL, student
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_joint import inertia_of, known_joint, rises_of, whole
@@ -69,7 +69,7 @@ class Fit:
         return {row.name: _error(row.estimate) for row in self._rows()}
 
     @property
-    def warnings(self) -> tuple[Diagnostic, ...]:
+    def warnings(self) -> tuple[Finding, ...]:
         """Everything to know about the data, the fit and its parameters, each once; `str` makes the sentence."""
         return tuple(dict.fromkeys(self.joint.all_warnings()))
 

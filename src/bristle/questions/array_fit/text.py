@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from math import isnan
 from typing import TYPE_CHECKING
 
-from bristle.diagnostics import Severity
+from bristle.findings import Severity
 from bristle.page.plain import columns, interval, pair, wrapped
 from bristle.page.wording import direction
 

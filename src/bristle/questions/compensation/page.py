@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.known_joint import SEED
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
@@ -54,7 +55,7 @@ def section(study: Study, share: Share = map) -> Section:
     )
 
 
-def _as_good(study: Study) -> Iterator[Diagnostic]:
+def _as_good(study: Study) -> Iterator[Finding]:
     """Where the steady curve compensates as well as LuGre: the motion shows little of the bristle."""
     finest, first = max(row.bits for row in study.ablation), study.loops[0]
     rms = {
@@ -78,7 +79,7 @@ def _worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
             )
 
 
-def _adverse(study: Study) -> Iterator[Diagnostic]:
+def _adverse(study: Study) -> Iterator[Finding]:
     """Where adaptation leaves a larger error than the identified model alone does, by a tenth or more."""
     for row in study.errors:
         if row.adaptive > _WORSE * row.identified and not row.inertia:
@@ -148,7 +149,7 @@ def context(study: Study) -> dict[str, Any]:
     }  # fmt: skip  # a table
 
 
-def _worth(study: Study) -> Diagnostic:
+def _worth(study: Study) -> Finding:
     """What LuGre feed-forward does to the first error, in numbers: that of the slow reference, without inertia feed-forward."""
     row = study.errors[0]
     return (Kind.ERROR_REDUCED if row.identified < row.without else Kind.ERROR_INCREASED)(
@@ -157,7 +158,7 @@ def _worth(study: Study) -> Diagnostic:
     )  # fmt: skip  # a list of values
 
 
-def _ablated(study: Study) -> Diagnostic:
+def _ablated(study: Study) -> Finding:
     """How many of the ablation's cases fail, by how."""
     rows = study.ablation
     return Kind.ABLATED(
@@ -243,7 +244,7 @@ def lines(study: Study) -> Iterator[str]:
         yield f"{replay.file}, {replay.adaptation.law} law, initialised at {_start(replay)}: {replay.verdict}"
 
 
-def outcomes_of(study: Study) -> Iterator[Diagnostic]:
+def outcomes_of(study: Study) -> Iterator[Finding]:
     """What compensation does to each error without inertia feed-forward, and where each adapted parameter ends."""
     first = study.loops[0]
     for row in study.errors:

@@ -16,7 +16,8 @@ from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.control_period import flat, no_friction, symbols
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.dynamic.problem import Motion, dynamic_problem
 from bristle.identification.known_joint import rises_of
 from bristle.identification.measured import Measured
@@ -77,7 +78,7 @@ class Replay:
         return ", ".join(f"{name} {share:.3g}" for name, share in self.ratios)
 
     @property
-    def verdict(self) -> Diagnostic:
+    def verdict(self) -> Finding:
         """Whether to switch the adaptation on."""
         before, after = self.relative_errors()
         kind = self._found(before, after)

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bristle.arrays import Array, result
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.fisher import covariance, static_information
 from bristle.identification.limits import Limits, followed, limits_of, shortened
 from bristle.identification.measured import Measured
@@ -74,7 +75,7 @@ class Plan:
     """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not
     seen."""
     references: tuple[PlannedRun, ...]
-    assumptions: tuple[Diagnostic, ...]
+    assumptions: tuple[Finding, ...]
     """What the expected intervals rest on: limits that nobody declared, the start, and the design itself."""
 
     @property
@@ -93,7 +94,7 @@ class Plan:
         return sum(r.position.size for r in self.references) / self.limits.rate
 
     @property
-    def worth(self) -> Diagnostic | None:
+    def worth(self) -> Finding | None:
         """What the plan does to the widest 95 % interval, in percent of the value; None where it leaves one open."""
         percent = {
             stage: [100 * NORMAL * float(errors[k] / abs(self.start.estimate[k])) for k in self.free]
@@ -120,7 +121,7 @@ class Plan:
         return tuple(self.start.names[k] for k in self.free if planned.errors[k] > _LESS * measured.errors[k])
 
     @property
-    def warnings(self) -> tuple[Diagnostic, ...]:
+    def warnings(self) -> tuple[Finding, ...]:
         """What even this plan would not show, and what would."""
         relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
         unseen = tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN)

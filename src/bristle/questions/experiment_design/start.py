@@ -6,9 +6,10 @@ import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.data.encoder import resolution
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import (
     DEFLECTION,
@@ -84,7 +85,7 @@ class Start:
     """Time between equations, s."""
     resolution: float
     """One encoder count, rad; 0: not known."""
-    assumptions: tuple[Diagnostic, ...]
+    assumptions: tuple[Finding, ...]
 
     @property
     def law(self) -> Law:
@@ -160,7 +161,7 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     )
 
 
-def _of_constants(joint: Joint) -> Iterator[Diagnostic]:
+def _of_constants(joint: Joint) -> Iterator[Finding]:
     """What is said of the constants that torques were computed with."""
     if joint.torque_scale:
         yield joint.torque_scale
@@ -229,7 +230,7 @@ def _filled(
     return guess._replace(**values), missing
 
 
-def _guess(parameter: ParameterName, value: float, joint: Joint) -> Diagnostic:
+def _guess(parameter: ParameterName, value: float, joint: Joint) -> Finding:
     name, direction = parameter
     why = {
         "alpha_1": Kind.PEAK_TO_LOOK_FOR(share=_PEAK),
@@ -245,7 +246,7 @@ def _noises(
     joint: Joint,
     sets: Mapping[Direction, Lugre[float]],
     limits: Limits,
-    assumptions: list[Diagnostic],
+    assumptions: list[Finding],
 ) -> tuple[dict[Direction, float], float, float]:
     """Standard error of a hold's mean torque by direction, what an equation of a moving run scatters by, N*m, and the time between these, s."""
     T, moving = unit("torque", joint.kind), joint.moving
@@ -273,7 +274,7 @@ def _noises(
     return noise, worst * float(np.sqrt(limits.hold / _EQUATION)), _EQUATION
 
 
-def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[Diagnostic]) -> dict[Direction, float]:
+def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[Finding]) -> dict[Direction, float]:
     """What points scatter by about their fit, N*m, which is among the assumptions; empty where no direction has a fit.
 
     A direction without one scatters as the other does.

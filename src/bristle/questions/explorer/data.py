@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array, to_bound
-from bristle.diagnostics import Severity
 from bristle.errors import InputError
+from bristle.findings import Severity
 from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.known_joint import (
     KnownJoint,

@@ -6,7 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from bristle.control.compensator import Compensator
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.model.parameters import INERTIA, fields_of
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import LARGE, Loss
@@ -39,7 +40,7 @@ class Artefact:
     """A sentence: what of the friction is in it."""
     losses: Mapping[str, tuple[Loss, ...]] = field(default_factory=dict)
     """Of each joint, motion by motion; none: nothing is lost."""
-    said: tuple[Diagnostic, ...] = ()
+    said: tuple[Finding, ...] = ()
     """What else must be known of it, beside what is said of the joints."""
 
 
@@ -84,7 +85,7 @@ def c_compiler() -> str | None:
     return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 
 
-def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[Diagnostic, ...]:
+def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[Finding, ...]:
     """A diagnostic for each joint that loses more than 10 % of the torque along a motion."""
     return tuple(
         Kind.EXPORT_LOSES(joint=joint, target=target, losses=tuple(f"{x.percent:.0f} % {x.motion.name}" for x in large))
@@ -93,7 +94,7 @@ def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[D
     )
 
 
-def left_out(joint: ExportedJoint, target: str, counted: Sequence[str] = ()) -> tuple[Diagnostic, ...]:
+def left_out(joint: ExportedJoint, target: str, counted: Sequence[str] = ()) -> tuple[Finding, ...]:
     """What torque was identified beside the friction and the inertia, and is not in an artefact; `counted` are terms that its values stand for."""
     held = {*fields_of(joint.law), INERTIA.name, "links", "torque_constant", *counted}
     names = tuple(str(x.parameter) for x in joint.parameters if x.parameter.name not in held)

@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from bristle.diagnostics import Diagnostic
 from bristle.errors import InputError, one_line, short, short_list
+from bristle.findings import Finding
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import counted, number
 from bristle.questions.export.artefact import Failed, Request, large_losses, left_out
@@ -65,7 +65,7 @@ def losses_of(found: Sequence[CoulombViscous]) -> Mapping[str, tuple[Loss, ...]]
     return {one.joint.name: one.losses for one in found}
 
 
-def said_of(found: Sequence[CoulombViscous], target: str) -> tuple[Diagnostic, ...]:
+def said_of(found: Sequence[CoulombViscous], target: str) -> tuple[Finding, ...]:
     """What the target loses of each joint, and what it leaves out."""
     return (
         *large_losses(target, losses_of(found)),

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from bristle import __version__
 from bristle.errors import InputError, short
+from bristle.findings import in_units
 from bristle.identification.document import check_most, checked
 from bristle.identification.known_joint import fault_of
 from bristle.model.parameters import INERTIA, fields_of, of_friction, units_of
@@ -107,5 +108,5 @@ def _whole(joint: ExportedJoint) -> ExportedJoint:
 def _with_units(joint: ExportedJoint) -> ExportedJoint:
     """The joint, whose sentences have units: a file keeps the sentences, and not by which units they are made."""
     units = units_of(joint.kind)
-    reason = joint.reason and replace(joint.reason, units=units)
-    return replace(joint, reason=reason, said=tuple(replace(x, units=units) for x in joint.said))
+    reason = joint.reason and replace(joint.reason, message=in_units(joint.reason.message, units))
+    return replace(joint, reason=reason, said=tuple(replace(x, message=in_units(x.message, units)) for x in joint.said))

@@ -4,8 +4,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.verdict import Trust
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import unit
@@ -61,7 +62,7 @@ class Export:
 
 
 def export_joints(
-    joints: Sequence[ExportedJoint], to: str, request: Request, refused: tuple[Diagnostic, ...] = ()
+    joints: Sequence[ExportedJoint], to: str, request: Request, refused: tuple[Finding, ...] = ()
 ) -> Export:
     """The joints as a target takes them; of several those that it takes, the others being named beside the `refused` ones.
 
@@ -88,7 +89,7 @@ def export_joints(
 
 def _takes(
     chosen: ExportTarget, joints: Sequence[ExportedJoint], request: Request
-) -> tuple[tuple[ExportedJoint, ...], tuple[Diagnostic, ...]]:
+) -> tuple[tuple[ExportedJoint, ...], tuple[Finding, ...]]:
     """Of several joints those that a target takes, and why not the others. Raises InputError where it takes none."""
     kept, left_out = [], []
     for joint in joints:

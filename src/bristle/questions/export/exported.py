@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 from bristle.arrays import Interval, Number
 from bristle.data.experiment.load import Experiment
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind, but
 from bristle.errors import InputError
+from bristle.findings import Finding, in_units
 from bristle.identification.fits import Estimate, LawByName
 from bristle.identification.known_joint import (
     KnownJoint,
@@ -96,7 +97,7 @@ class ExportedJoint:
     simulated: bool
     """Whether it was identified from simulated data."""
     trust: Trust
-    reason: Diagnostic | None
+    reason: Finding | None
     """Why not to trust it without care."""
     parameters: tuple[ExportedParameter, ...]
     """The six of each direction (`both`, or + and -), or four where no bristle is known; then what is of no direction, as inertia or offset."""
@@ -108,7 +109,7 @@ class ExportedJoint:
     """Of the friction, without the load, whose coefficients are among the parameters."""
     fastest: float
     """The fastest measured speed, rad/s: up to there the model was identified."""
-    said: tuple[Diagnostic, ...]
+    said: tuple[Finding, ...]
     """What was assumed, and what of the values is doubtful, beside the reason."""
     origin: Origin
 
@@ -185,14 +186,18 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     signed = any(row.parameter.direction in SIGNED for row in chosen(joint) if of_friction(row.parameter.name))
     ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
-    said: list[Diagnostic] = []
+    said: list[Finding] = []
     rows = [row for d in ways for row in _direction(joint, known, d, J, sources, said)]
     rows += _shared(joint, sources)
     said = _of_both(said)
     found = verdict(joint)
     said += _doubts(rows, ways, known.law)
     rotor = inertia_of(experiment, replace(joint, link_inertia=None))
-    told = [replace(x, units=units_of(joint.kind)) for x in dict.fromkeys(said) if _about(x) != _about(found.reason)]
+    told = [
+        replace(x, message=in_units(x.message, units_of(joint.kind)))
+        for x in dict.fromkeys(said)
+        if _about(x) != _about(found.reason)
+    ]
     return ExportedJoint(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, trust=found.trust, reason=found.reason,
         law=known.law, parameters=tuple(rows), inertia=J, rotor_inertia=rotor,
@@ -200,9 +205,9 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     )  # fmt: skip  # a list of values
 
 
-def _about(said: Diagnostic | None) -> tuple[Kind, str] | None:
+def _about(said: Finding | None) -> tuple[str, str] | None:
     """What a diagnostic says of which direction."""
-    return None if said is None else (said.kind, str(said.numbers.get("direction", "")))
+    return None if said is None else (said.code, str(said.numbers.get("direction", "")))
 
 
 def _direction(
@@ -211,7 +216,7 @@ def _direction(
     d: Direction,
     J: float | None,
     sources: Mapping[ParameterName, str],
-    said: list[Diagnostic],
+    said: list[Finding],
 ) -> Iterator[ExportedParameter]:
     """The parameters of a direction: without those of the bristle where its stiffness is not known. What is assumed is added to `said`."""
     values, missing = known.values(d), known.missing(d)
@@ -227,7 +232,7 @@ def _direction(
         said.append(Kind.BRISTLE_FILLED(name="sigma_1", direction=d, **of))
     for name in names:
         e = None if name in missing else known.estimate(name, d)
-        prior = [x for x in e.warnings if x.kind is Kind.PRIOR] if e is not None else []
+        prior = [x for x in e.warnings if x.code == "prior"] if e is not None else []
         said += prior
         if e is not None and e.value is not None:
             source = "assumed" if prior else in_direction(sources, name, d) or "given"
@@ -240,9 +245,9 @@ def _direction(
             )  # fmt: skip  # a list of values
 
 
-def _of_both(said: Sequence[Diagnostic]) -> list[Diagnostic]:
+def _of_both(said: Sequence[Finding]) -> list[Finding]:
     """What is said alike of both directions is said once."""
-    together = [(x, x.but(direction=Direction.BOTH)) for x in said]
+    together = [(x, but(x, direction=Direction.BOTH)) for x in said]
     twice = Counter(both for _, both in together)
     return [both if twice[both] > 1 else x for x, both in together]
 
@@ -261,7 +266,7 @@ def _estimated(name: ParameterName, value: float, e: Estimate, source: str) -> E
     )
 
 
-def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law) -> Iterator[Diagnostic]:
+def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law) -> Iterator[Finding]:
     """Intervals that hold zero, and sets that are not passive."""
     for row in rows:
         if row.interval is not None and row.interval[0] <= 0 <= row.interval[1]:

@@ -9,8 +9,9 @@ import ast
 import re
 from collections.abc import Iterator, Sequence
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import one_line
+from bristle.findings import Finding
 from bristle.model.parameters import unit
 from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug, told_by
 from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, losses_of, said_of
@@ -41,7 +42,7 @@ def write_isaac(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     )  # fmt: skip  # a list of values
 
 
-def _without_inertia(joints: Sequence[ExportedJoint]) -> Iterator[Diagnostic]:
+def _without_inertia(joints: Sequence[ExportedJoint]) -> Iterator[Finding]:
     return (Kind.EXPORT_WITHOUT_INERTIA(joint=joint.name) for joint in joints if joint.rotor_inertia is None)
 
 

@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError, one_line, short
+from bristle.findings import Finding
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import shortened
@@ -86,7 +87,7 @@ def _held(joint: ExportedJoint, request: Request) -> _Held:
     return _Held(joint, losses(joint, alone.friction, motions), symmetric, losses(joint, symmetric.friction, motions))
 
 
-def mjcf_left_out(joint: ExportedJoint, target: str) -> Iterator[Diagnostic]:
+def mjcf_left_out(joint: ExportedJoint, target: str) -> Iterator[Finding]:
     """What is identified and not exported, and that no inertia is known."""
     yield from left_out(joint, target)
     if joint.rotor_inertia is None:

@@ -87,7 +87,7 @@ def _task_row(key: str, joint: Joint, use: str, row: Known) -> dict[str, Any]:
     return {
         "direction": str(row.parameter.direction), "parameter": row.parameter.name, "value": estimate.value, "value_unit": estimate.unit,
         "standard_error": estimate.standard_error, "lower": lower, "upper": upper, "source": str(row.source),
-        "severity": "none" if worst is None else _SEVERITIES[worst], "warnings": " ".join(dict.fromkeys(x.kind.code for x in said)),
+        "severity": "none" if worst is None else _SEVERITIES[worst], "warnings": " ".join(dict.fromkeys(x.code for x in said)),
         "use": use, "kind": joint.kind.partition(" ")[0], "simulated": joint.simulated, "key": key, "failure": None,
     }  # fmt: skip  # a row
 

@@ -14,10 +14,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.robust import variance_interval
+from bristle.findings import Finding
 from bristle.questions.fleet.changes import change_rows, decide, ranked, settled_sessions, step_tests
 from bristle.questions.fleet.notes import anew, compared, headline, notes
 from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
@@ -36,8 +37,8 @@ _MOST = 10_000  # sessions of one joint
 class Findings:
     """Tables of what was found: one row per joint, per test, and so on; docs/fleet.md lists their columns."""
 
-    headline: Diagnostic
-    notes: tuple[Diagnostic, ...]
+    headline: Finding
+    notes: tuple[Finding, ...]
     joints: pd.DataFrame
     changes: pd.DataFrame
     series: pd.DataFrame
@@ -92,7 +93,7 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     """
     check_rate(rate, baseline)
     whole, frame = frame, named_rows(frame)
-    people, said = roster(frame, whole), list[Diagnostic]()
+    people, said = roster(frame, whole), list[Finding]()
     every = list(_quantities(frame, people, said))
     known = [x for x in every if x.tested]
     said.extend(compared(known, frame, people))
@@ -121,7 +122,7 @@ _JOINTS = (
 )  # fmt: skip  # a row
 
 
-def _quantities(frame: pd.DataFrame, people: Roster, said: list[Diagnostic]) -> Iterator[Adjusted]:
+def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Iterator[Adjusted]:
     """Each parameter in each direction of each type; `said` gets what is said of values that are left out."""
     where = np.flatnonzero(people.usable)
     columns = [
@@ -160,12 +161,12 @@ def _of_one_source(used: pd.DataFrame) -> NDArray[np.bool_]:
     return (told["source"] == told["source_of_most"]).to_numpy()
 
 
-def _of_one_unit(rows: pd.DataFrame, type_: str, said: list[Diagnostic]) -> NDArray[np.intp]:
+def _of_one_unit(rows: pd.DataFrame, type_: str, said: list[Finding]) -> NDArray[np.intp]:
     """The rows whose values have the unit that most have."""
     units = Counter(rows["value_unit"].astype(str))
     (most, _), *others = units.most_common()
     for other, count in others:
-        if not any(x.kind is Kind.MIXED_VALUE_UNITS and x.numbers["other"] == other for x in said):
+        if not any(x.code == "mixed-value-units" and x.numbers["other"] == other for x in said):
             said.append(Kind.MIXED_VALUE_UNITS(type=type_, unit=most, other=other, count=count))
     return rows.index.to_numpy()[(rows["value_unit"].astype(str) == most).to_numpy()]
 

@@ -5,7 +5,8 @@ from typing import Any
 
 import pandas as pd
 
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.diagnostics import Kind
+from bristle.findings import Finding, Severity
 from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.fleet.changes import beyond_errors
 from bristle.questions.fleet.quality import codes_of, critical, most_common
@@ -18,7 +19,7 @@ _NAMED = 5
 """Steps that a sentence names."""
 
 
-def headline(joints: pd.DataFrame, rate: float) -> Diagnostic:
+def headline(joints: pd.DataFrame, rate: float) -> Finding:
     """How many joints changed, and which the most clearly; `joints` are ranked."""
     tested, changed = joints["adjusted_p"].notna(), joints[joints["changed"]]
     if not tested.any():
@@ -31,8 +32,8 @@ def headline(joints: pd.DataFrame, rate: float) -> Diagnostic:
 
 
 def notes(
-    frame: pd.DataFrame, every: Sequence[Adjusted], joints: pd.DataFrame, left_out: Sequence[Diagnostic], baseline: int
-) -> tuple[Diagnostic, ...]:
+    frame: pd.DataFrame, every: Sequence[Adjusted], joints: pd.DataFrame, left_out: Sequence[Finding], baseline: int
+) -> tuple[Finding, ...]:
     """All that is to be said, cautions first.
 
     Args:
@@ -49,7 +50,7 @@ def notes(
     return tuple(sorted(said, key=lambda x: list(Severity).index(x.severity)))
 
 
-def anew(people: Roster) -> Iterator[Diagnostic]:
+def anew(people: Roster) -> Iterator[Finding]:
     """The joints that a tag begins anew."""
     every = people.table
     again = every[every["now"] & every.duplicated(["unit", "joint"], keep=False) & every["first"].notna()]
@@ -60,7 +61,7 @@ def anew(people: Roster) -> Iterator[Diagnostic]:
         )
 
 
-def _shifts(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
+def _shifts(every: Sequence[Adjusted]) -> Iterator[Finding]:
     """The shifts common to a type, of all its parameters in one sentence."""
     shifted = [x for x in every if x.knots.size]
     for type_ in dict.fromkeys(x.of.key.type for x in shifted):
@@ -74,13 +75,13 @@ def _shifts(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
         )
 
 
-def _warned(joints: pd.DataFrame) -> Iterator[Diagnostic]:
+def _warned(joints: pd.DataFrame) -> Iterator[Finding]:
     said = joints.loc[joints["changed"] & (joints["new_warnings"] != ""), "new_warnings"]
     if len(said):
         yield Kind.WARNED_SINCE(count=len(said), codes=most_common(code for x in said for code in x.split()))
 
 
-def _few(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
+def _few(every: Sequence[Adjusted]) -> Iterator[Finding]:
     """The types whose scatter rests on few differences, once each."""
     told: dict[str, int] = {}
     for x in every:
@@ -90,7 +91,7 @@ def _few(every: Sequence[Adjusted]) -> Iterator[Diagnostic]:
     yield from (Kind.SCATTER_OF_FEW(type=type_, count=count) for type_, count in told.items())
 
 
-def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> Iterator[Diagnostic]:
+def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> Iterator[Finding]:
     """Of types whose scatter rests on few, what differs by the errors of the estimates alone."""
     few = [x for x in every if x.tested and x.fit.freedom < _FEW]
     rows = beyond_errors(few, frame)
@@ -101,7 +102,7 @@ def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> 
         yield Kind.BEYOND_ERRORS(type=str(type_), steps=told, more=_more(len(own) - len(told)))
 
 
-def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> Diagnostic:
+def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> Finding:
     """One change, with its joint."""
     return Kind.JOINT_CHANGED(
         joint=f"{row['unit']} {row['joint']}",
@@ -111,11 +112,11 @@ def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> Diagnostic:
     )
 
 
-def _more(count: int) -> Diagnostic | str:
+def _more(count: int) -> Finding | str:
     return Kind.MORE_STEPS(count=count) if count else ""
 
 
-def _untested(joints: pd.DataFrame, baseline: int) -> Iterator[Diagnostic]:
+def _untested(joints: pd.DataFrame, baseline: int) -> Iterator[Finding]:
     not_tested = joints[joints["untested"] != ""]
     if not_tested.empty:
         return
@@ -131,7 +132,7 @@ def _untested(joints: pd.DataFrame, baseline: int) -> Iterator[Diagnostic]:
 _SHORT = "fewer"
 
 
-def _sessions(frame: pd.DataFrame) -> Iterator[Diagnostic]:
+def _sessions(frame: pd.DataFrame) -> Iterator[Finding]:
     keys = ["unit", "joint", "session"]
     total = len(frame[keys].drop_duplicates())
     for column in ("failure", "left_out"):
@@ -145,7 +146,7 @@ def _sessions(frame: pd.DataFrame) -> Iterator[Diagnostic]:
             )
 
 
-def _critical(frame: pd.DataFrame) -> Iterator[Diagnostic]:
+def _critical(frame: pd.DataFrame) -> Iterator[Finding]:
     """Values that are not used, and the warnings that they have most often."""
     rows = frame[(frame["severity"] == "critical") & frame["value"].notna()]
     if len(rows):

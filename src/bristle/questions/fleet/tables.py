@@ -1,6 +1,5 @@
 """The tables of a fleet: as CSV files whole, and as the page has them, packed for its script and in print for who has none."""
 
-import re
 import shlex
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
@@ -9,9 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from bristle.diagnostics import Kind
 from bristle.page.bokeh_page import packed
-from bristle.page.entries import entry
+from bristle.page.entries import entries
 from bristle.page.wording import MISSING, in_print, measured, number, pretty, printable, shortened, slugs, span, symbol
 from bristle.questions.fleet.files import joined_path
 from bristle.questions.fleet.text import (
@@ -275,9 +273,6 @@ def _percent(row: Any, name: str) -> str:
     return text if text == MISSING or "[" in text or pd.isna(low) else f"{text} {span((low, high))}"
 
 
-_WORDS = {kind.code: kind for kind in Kind}
-
-
 def quality_cells(quality: pd.DataFrame) -> list[list[str]]:
     """Every kind of warning over all periods, the most frequent first, in print."""
     if quality.empty:
@@ -297,8 +292,8 @@ def sentence_of(code: str) -> str:
     """What a code says, with a dash for every number."""
     if code == "failed":
         return "The session was not identified; the reasons are listed below."
-    kind = _WORDS.get(code)
-    return shortened(re.sub(r"\s+", " ", in_print(entry(kind).meaning(lambda _: "…"))), 300) if kind else ""
+    known = entries().get(code)
+    return in_print(known.meaning) if known else ""
 
 
 def warned_cells(begun: pd.DataFrame) -> list[list[str]]:

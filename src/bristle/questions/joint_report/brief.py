@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import NamedTuple
 
-from bristle.diagnostics import NOT_IDENTIFIABLE, Diagnostic, Severity
+from bristle.diagnostics import NOT_IDENTIFIABLE
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, mixed, value_fits
 from bristle.identification.results import Joint
@@ -42,8 +43,8 @@ def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
     yield from columns(rows, indent=0)
 
 
-def _code(reason: Diagnostic | None) -> str:
-    return "" if reason is None else f"[{reason.kind.code}]"
+def _code(reason: Finding | None) -> str:
+    return "" if reason is None else f"[{reason.code}]"
 
 
 def _joint(joint: Joint) -> Iterator[str]:
@@ -116,7 +117,7 @@ def _values(joint: Joint) -> Iterator[str]:
         yield from wrapped([f"  {printable(_scale(joint, joint.torque_scale))}"])
 
 
-def _scale(joint: Joint, said: Diagnostic) -> str:
+def _scale(joint: Joint, said: Finding) -> str:
     """Which constants have an error that the table includes, or else are taken as exact."""
     uncertain = " and ".join(joint.uncertain_constants)
     return f"Standard errors include that of {uncertain}{said.numbers['rest']}." if uncertain else str(said)
@@ -146,7 +147,7 @@ def _why_none(name: ParameterName, row: Known | None) -> str:
     if row is None:
         runs = "constant velocities" if of_curve(name.name) else "slow loading"
         return f"not measured; {runs} or tracking runs would show them"
-    seen = {warning.kind for warning in row.estimate.warnings} & NOT_IDENTIFIABLE
+    seen = {warning.code for warning in row.estimate.warnings} & NOT_IDENTIFIABLE
     return "not identifiable" if seen or _cautioned(row.estimate) else "not estimated"
 
 
@@ -176,14 +177,14 @@ def _count(joint: Joint) -> str:
     return f"Warnings about these values: {', '.join(told) or 'none'}{more}"
 
 
-def _sentence(joint: Joint, warning: Diagnostic) -> list[str]:
+def _sentence(joint: Joint, warning: Finding) -> list[str]:
     """A warning with its code, and with what it is about, fit by fit."""
     about = dict.fromkeys(" ".join(x.subject) for x in joint.all_warnings() if x == warning and x.subject)
     where = f" ({printable(', '.join(about))})" if about else ""
     return list(wrapped([f"  {warning.severity} {_code(warning)}{where}: {printable(str(warning))}"]))
 
 
-def _rest(joint: Joint, reason: Diagnostic | None, room: int) -> Iterator[str]:
+def _rest(joint: Joint, reason: Finding | None, room: int) -> Iterator[str]:
     """All warnings but the reason, which stands above; in whole sentences where these fit, else their beginnings."""
     rest = [warning for warning in value_warnings(joint) if warning != reason]
     sentences = [_sentence(joint, warning) for warning in rest]

@@ -4,7 +4,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from bristle.diagnostics import Kind
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.wording import WORK, counted, direction, measured, number, pretty, span
@@ -80,7 +79,7 @@ def _tracking(joint: Joint) -> str:
 
 def _uncertainty(joint: Joint) -> str:
     every = list(rows(joint))
-    apart = sum(any(w.kind is Kind.INTERVALS_DIFFER for w in x.three.warnings) for x in every)
+    apart = sum(any(w.code == "intervals-differ" for w in x.three.warnings) for x in every)
     of = f"of {counted(len(every), 'parameter')} of this joint {apart or 'none'}"
     return f"{of} {'has' if apart <= 1 else 'have'} bounds that differ by more than 1.5x"
 

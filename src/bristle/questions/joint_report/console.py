@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Crosscheck
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
@@ -37,7 +37,7 @@ def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
             yield _outcome(joint.name, "As a whole:", whole)
 
 
-def _outcome(what: str, ended: str, warnings: Sequence[Diagnostic]) -> str:
+def _outcome(what: str, ended: str, warnings: Sequence[Finding]) -> str:
     """One fit, and that what is critical about it stands above."""
     above = "Critical, see above. " * any(warning.severity is Severity.CRITICAL for warning in warnings)
     return f"{what}: {above}{ended} {counted(len(warnings), 'warning')}."
@@ -105,7 +105,7 @@ def segment_lines(measured: Measured) -> Iterator[str]:
 
 
 def _passes_through(s: Segment) -> bool:
-    return any(reason.kind is Kind.TRANSIENT for reason in s.reasons)
+    return any(reason.code == "transient" for reason in s.reasons)
 
 
 def _segment(s: Segment, v: str, T: str) -> Iterator[str]:

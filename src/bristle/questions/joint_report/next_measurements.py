@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind, with_subjects
+from bristle.diagnostics import Kind
+from bristle.findings import Finding, with_subjects
 from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
@@ -24,9 +25,9 @@ _CLEAR = 1.1
 """How far above a speed that sticks and slips a proposed one lies."""
 
 
-def next_measurements(joint: Joint) -> tuple[Diagnostic, ...]:
+def next_measurements(joint: Joint) -> tuple[Finding, ...]:
     """Which runs would help most, each with its range; empty where there is nothing to warn of. That of a static fit has it as its subject."""
-    advice: list[Diagnostic] = []
+    advice: list[Finding] = []
     for d, fit in joint.static.items():
         if d != "shared":
             advice += with_subjects(tuple(_of_fit(joint, fit)), {}, units_of(joint.kind), ("static", d))
@@ -42,7 +43,7 @@ def next_measurements(joint: Joint) -> tuple[Diagnostic, ...]:
     return tuple(advice)
 
 
-def _of_moving(joint: Joint) -> Iterator[Diagnostic]:
+def _of_moving(joint: Joint) -> Iterator[Finding]:
     """What moving runs leave open, and which motion would show it."""
     fit = joint.moving
     if fit is None:
@@ -56,19 +57,19 @@ def _of_moving(joint: Joint) -> Iterator[Diagnostic]:
         open_ones = tuple(name for name in names if name in wide)
         if open_ones:
             yield kind(names=open_ones)
-    if fit.quantity == "torque" and any(warning.kind is Kind.COUNT_BIAS for warning in fit.warnings):
+    if fit.quantity == "torque" and any(warning.code == "count-bias" for warning in fit.warnings):
         yield Kind.AVOID_COUNTS()
 
 
-def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[Diagnostic]:
+def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[Finding]:
     speeds = np.abs(fit.velocity[fit.velocity != 0])
     v_unit = unit("velocity", joint.kind)
-    if fit.outcome.kind is Kind.STATIC_TOO_FEW or speeds.size == 0:
+    if fit.outcome.code == "static-too-few" or speeds.size == 0:
         yield Kind.MEASURE_SPEEDS()
         return
     slowest, fast, floor = float(speeds.min()), float(speeds.max()), _slowest(joint, fit)
     low, high = _between(slowest / 10, slowest, floor)
-    if fit.outcome.kind is Kind.STATIC_NO_STRIBECK:
+    if fit.outcome.code == "static-no-stribeck":
         rises = Kind.RISES_BELOW if slowest > floor else Kind.RISE_NOT_SHOWN
         yield rises(low=low, high=high, unit=v_unit)
         return
@@ -99,7 +100,7 @@ def _rounded_up(x: float) -> float:
 
 def _of_stribeck(
     fit: StaticFit, speeds: Array, v_unit: str, slower: tuple[float, float], floor: float
-) -> Iterator[Diagnostic]:
+) -> Iterator[Finding]:
     v_s = fit.parameters.get("v_s")
     if v_s is None or v_s.value is None:
         return

@@ -46,7 +46,7 @@ def presliding_section(joint: Joint) -> dict[str, Any] | None:
         "breakaway": shown(broken),
         "stiffness_unit": pretty(unit("sigma_0", joint.kind)),
         "amplitudes": shown(_amplitudes(joint)),
-        "softens": any(warning.kind is Kind.SOFTENS for fit in slow.fits.values() for warning in fit.warnings),
+        "softens": any(warning.code == "softens" for fit in slow.fits.values() for warning in fit.warnings),
         "hysteresis": shown(_loops(joint)),
         "loops_left_out": len(slow.loops) - len(loops_drawn(slow.loops)),
         "most_loops": MOST_LOOPS,

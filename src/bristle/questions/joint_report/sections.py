@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.diagnostics import Kind
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.results import Joint
 from bristle.identification.static.curve import band, curve
@@ -135,13 +136,13 @@ def _summary(joint: Joint) -> dict[str, Any]:
     }
 
 
-def _critical(joint: Joint) -> list[tuple[str, Diagnostic]]:
+def _critical(joint: Joint) -> list[tuple[str, Finding]]:
     """What is critical, with what it is about."""
     named = {x: [" ".join(map(direction, subject)) for subject in about] for x, about in critical(joint).items()}
     return [(", ".join(where), warning) for warning, where in named.items()]
 
 
-def _covered(joint: Joint) -> Diagnostic | None:
+def _covered(joint: Joint) -> Finding | None:
     """How many static intervals hold the value that was simulated; None where the truth is not known."""
     inside = tables.table_1([joint])["inside"].dropna()
     count, total = int(inside.astype(bool).sum()), len(inside)
@@ -162,7 +163,7 @@ def _segments(joint: Joint) -> dict[str, Any]:
     units = {name: f"{name} ({pretty(unit(name, joint.kind))})" for name in ("velocity", "torque")}
     units["standard_error"] = f"its standard error ({pretty(unit('torque', joint.kind))})"
     frame = tables.segments([joint]).rename(columns=units)
-    passing = np.array([any(reason.kind is Kind.TRANSIENT for reason in x.reasons) for x in joint.segments], dtype=bool)
+    passing = np.array([any(reason.code == "transient" for reason in x.reasons) for x in joint.segments], dtype=bool)
     kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip", "start", "stop"])
     rejected = frame[~frame["accepted"] & ~passing][["file", "where", units["velocity"], units["torque"], "reasons"]]
     return {
@@ -253,9 +254,9 @@ def _estimate(joint: Joint, name: ParameterName) -> Estimate | None:
     return None if fit is None else fit.parameters.get(name.name)
 
 
-def _warnings(joint: Joint) -> list[tuple[str, list[tuple[str, Diagnostic]]]]:
+def _warnings(joint: Joint) -> list[tuple[str, list[tuple[str, Finding]]]]:
     """Cautions, then notes: each warning once, with what it is about. What is critical stands first on the page."""
-    found: dict[str, tuple[Diagnostic, list[str]]] = {}
+    found: dict[str, tuple[Finding, list[str]]] = {}
     for warning in joint.all_warnings():
         found.setdefault(str(warning), (warning, []))[1].append(_about(warning))
     every = [(", ".join(filter(None, dict.fromkeys(where))), warning) for warning, where in found.values()]
@@ -266,6 +267,6 @@ def _warnings(joint: Joint) -> list[tuple[str, list[tuple[str, Diagnostic]]]]:
     return [(severity, own) for severity, own in grouped if own]
 
 
-def _about(x: Diagnostic) -> str:
+def _about(x: Finding) -> str:
     """What a diagnostic is about, in words; empty where it is the joint as a whole."""
     return " ".join(map(direction, x.subject))

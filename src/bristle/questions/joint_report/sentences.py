@@ -3,7 +3,8 @@
 import math
 from collections.abc import Iterable
 
-from bristle.diagnostics import Diagnostic, Kind, Severity
+from bristle.diagnostics import Kind
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
 from bristle.identification.results import Joint
 from bristle.model.parameters import Kind as JointKind
@@ -39,12 +40,12 @@ def bias_text(fit: TrackingFit, name: ParameterName, bias: float, share: float) 
     return f"{bias:+.3g} {fit.parameters[name].unit} ({share:+.1f} standard errors)"
 
 
-def reached(fit: TrackingFit) -> Diagnostic:
+def reached(fit: TrackingFit) -> Finding:
     """How many starts found the lowest cost."""
     return Kind.NO_STARTS() if fit.starts == 1 else Kind.STARTS_REACHED(reached=fit.reached, starts=fit.starts)
 
 
-def cost_change(check: Crosscheck, first: str) -> Diagnostic:
+def cost_change(check: Crosscheck, first: str) -> Finding:
     """How far the costs of the two routes are apart, and how many starts reached the lower one."""
     change = check.cost_full / check.cost_grid - 1 if check.cost_grid else check.cost_full
     starts = {"first": first, "reached": check.reached, "starts": check.starts}
@@ -53,7 +54,7 @@ def cost_change(check: Crosscheck, first: str) -> Diagnostic:
     return (Kind.COST_HIGHER if change > 0 else Kind.COST_LOWER)(change=abs(change), **starts)
 
 
-def agreement(joint: Joint) -> Diagnostic | None:
+def agreement(joint: Joint) -> Finding | None:
     """How many parameters agree between their own stage and the moving data; None where there is nothing to compare."""
     known = {x.parameter: abs(x.difference_in_se) for x in joint.consistency if x.difference_in_se is not None}
     if not known:
@@ -64,21 +65,21 @@ def agreement(joint: Joint) -> Diagnostic | None:
     return Kind.STAGES_COMPARED(agreed=agreed, compared=len(known), largest=known[largest], name=largest, more=more)
 
 
-def distinct(warnings: Iterable[Diagnostic]) -> tuple[Diagnostic, ...]:
+def distinct(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
     """Each once, as terminal and page count them."""
     return tuple(dict.fromkeys(warnings))
 
 
-def critical(joint: Joint) -> dict[Diagnostic, list[tuple[str, ...]]]:
+def critical(joint: Joint) -> dict[Finding, list[tuple[str, ...]]]:
     """What is critical about a joint, which stands first wherever it is shown: each once, with all that it is about."""
-    about: dict[Diagnostic, list[tuple[str, ...]]] = {}
+    about: dict[Finding, list[tuple[str, ...]]] = {}
     for warning in joint.all_warnings():
         if warning.severity is Severity.CRITICAL:
             about.setdefault(warning, []).append(warning.subject)
     return {warning: list(filter(None, dict.fromkeys(subjects))) for warning, subjects in about.items()}
 
 
-def critical_titles(joint: Joint) -> dict[Diagnostic, str]:
+def critical_titles(joint: Joint) -> dict[Finding, str]:
     """The same with the text that stands before each: `critical`, and what it is about in brackets."""
     named = {warning: ", ".join(" ".join(x) for x in about) for warning, about in critical(joint).items()}
     return {warning: f"critical{f' ({where})' if where else ''}" for warning, where in named.items()}
@@ -89,7 +90,7 @@ def methods(fit: PreslidingFit) -> dict[str, Estimate]:
     return {name: getattr(fit, name) for name in METHODS}
 
 
-def choice(fit: PreslidingFit) -> Diagnostic:
+def choice(fit: PreslidingFit) -> Finding:
     """Which of the four to use, and why."""
     if fit.sigma_0.value is None:
         low = (fit.sigma_0.interval or (math.nan,))[0]
@@ -104,13 +105,13 @@ def level(fit: PreslidingFit, kind: JointKind) -> str:
     return f"{'at least ' * at_least}{value} {unit('torque', kind)}"
 
 
-def median_breakaway(estimate: Estimate) -> Diagnostic:
+def median_breakaway(estimate: Estimate) -> Finding:
     """The torque at which half of a direction's loadings slid, with its interval where it has one."""
     ends = "" if estimate.interval is None else Kind.ENDS(ends=span(estimate.interval))
     return Kind.MEDIAN_BREAKAWAY(torque=f"{pair(estimate)} {estimate.unit}", ends=ends)
 
 
-def bias(fit: PreslidingFit, kind: JointKind) -> Diagnostic:
+def bias(fit: PreslidingFit, kind: JointKind) -> Finding:
     """What (14) as printed would be off by with this encoder."""
     if math.isnan(fit.bias_on_edge):
         return Kind.BIAS_UNKNOWN()

@@ -8,7 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loop
-from bristle.diagnostics import Diagnostic, Severity
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import (
     Crosscheck,
     Estimate,
@@ -87,7 +87,7 @@ def _critical(joint: Joint, said: set[str]) -> Iterator[str]:
         yield f"    {printable(title)}: {printable(warning.coded)}"
 
 
-def _heading(name: str, outcome: object, warnings: Sequence[Diagnostic]) -> str:
+def _heading(name: str, outcome: object, warnings: Sequence[Finding]) -> str:
     """How a fit ended, and that something critical about it stands above."""
     above = "Critical, see above. " * any(warning.severity is Severity.CRITICAL for warning in warnings)
     return f"  [[{name}]] {above}{printable(str(outcome))}"
@@ -271,7 +271,7 @@ def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
         yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {counted(x.counts, 'count')}"
 
 
-def _sentences(warnings: Sequence[Diagnostic], said: set[str]) -> Iterator[str]:
+def _sentences(warnings: Sequence[Finding], said: set[str]) -> Iterator[str]:
     """Those that are not critical, which stand first of all; what stands above already by its beginning, in one line."""
     other = [warning for warning in warnings if warning.severity is not Severity.CRITICAL]
     again = [printable(str(warning)) for warning in other if printable(str(warning)) in said]
@@ -282,7 +282,7 @@ def _sentences(warnings: Sequence[Diagnostic], said: set[str]) -> Iterator[str]:
         yield f"    as above: {'; '.join(shortened(sentence, 32) for sentence in again)}"
 
 
-def _once(warning: Diagnostic, said: set[str]) -> str:
+def _once(warning: Finding, said: set[str]) -> str:
     """Its sentence, or only the beginning where the joint's text has it above."""
     sentence = printable(str(warning))
     beginning = f"{shortened(sentence, 48)} (as above)"

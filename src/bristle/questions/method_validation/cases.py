@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.findings import Finding
 from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import fault_of
 from bristle.identification.results import Joint
@@ -36,9 +37,9 @@ class CaseSet:
     title: str
     kind: JointKind
     cases: tuple[ValidationCase, ...]
-    skipped: Mapping[str, Diagnostic] = field(default_factory=dict)
+    skipped: Mapping[str, Finding] = field(default_factory=dict)
     """Directions that cannot be tried, each with the reason."""
-    assumptions: tuple[Diagnostic, ...] = (Kind.POINTS_SIMULATED(), Kind.DIRECTIONS_ALONE())
+    assumptions: tuple[Finding, ...] = (Kind.POINTS_SIMULATED(), Kind.DIRECTIONS_ALONE())
 
 
 def sweep_designs(v_s: float) -> dict[str, Array]:

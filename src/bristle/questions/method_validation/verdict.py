@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.questions.method_validation.results import FINE_ENOUGH, FREE, SAME_COST, CaseResult, Validation
 from bristle.questions.method_validation.run import PLAIN_GRIDS, POLISHED, REFINED
@@ -13,7 +14,7 @@ _UNMOVED = 1e-3
 """A parameter that moves by fewer spreads than this is the same."""
 
 
-def verdict(result: CaseResult) -> tuple[Diagnostic, ...]:
+def verdict(result: CaseResult) -> tuple[Finding, ...]:
     """Of one case: whether v_s can be known, grid against full fit, resolution, and what others do better."""
     return (
         *_knowable(result),
@@ -25,7 +26,7 @@ def verdict(result: CaseResult) -> tuple[Diagnostic, ...]:
     )
 
 
-def overall(validation: Validation) -> tuple[Diagnostic, ...]:
+def overall(validation: Validation) -> tuple[Finding, ...]:
     """Of all cases: the claim, then each design where there are several."""
     results = validation.cases
     if not results:
@@ -43,7 +44,7 @@ def overall(validation: Validation) -> tuple[Diagnostic, ...]:
     return (claim, *(_design(name, [x for x in results if x.case.design == name]) for name in designs))
 
 
-def _design(name: str, results: Sequence[CaseResult]) -> Diagnostic:
+def _design(name: str, results: Sequence[CaseResult]) -> Finding:
     knowable = [result for result in results if not result.not_identifiable]
     return Kind.DESIGN_VALIDATED(
         design=name,
@@ -59,7 +60,7 @@ def _design(name: str, results: Sequence[CaseResult]) -> Diagnostic:
     )
 
 
-def _knowable(result: CaseResult) -> Iterator[Diagnostic]:
+def _knowable(result: CaseResult) -> Iterator[Finding]:
     speeds, v_s = np.abs(result.case.velocity), result.case.truth.v_s
     best = result.methods[REFINED]
     facts = {
@@ -74,7 +75,7 @@ def _knowable(result: CaseResult) -> Iterator[Diagnostic]:
         yield Kind.V_S_KNOWABLE(**facts)
 
 
-def _against_ipopt(result: CaseResult) -> Iterator[Diagnostic]:
+def _against_ipopt(result: CaseResult) -> Iterator[Finding]:
     if result.cost_deficit <= SAME_COST:
         yield Kind.IPOPT_NEVER_LOWER(starts=result.starts.initial_v_s.size)
     else:
@@ -84,7 +85,7 @@ def _against_ipopt(result: CaseResult) -> Iterator[Diagnostic]:
         yield (Kind.POLISHING_MOVES if moved else Kind.POLISHING_STAYS)(shift=result.polish_shift)
 
 
-def _other_minima(result: CaseResult) -> Iterator[Diagnostic]:
+def _other_minima(result: CaseResult) -> Iterator[Finding]:
     starts = result.starts
     other = tuple((name, 100 * float(starts.in_other_minimum(name).mean())) for name in starts.solvers)
     flat = tuple((name, 100 * float(starts.without_peak(name).mean())) for name in starts.solvers)
@@ -94,7 +95,7 @@ def _other_minima(result: CaseResult) -> Iterator[Diagnostic]:
         yield Kind.STARTS_AGREE(solvers=tuple(starts.solvers))
 
 
-def _resolution(result: CaseResult) -> Iterator[Diagnostic]:
+def _resolution(result: CaseResult) -> Iterator[Finding]:
     resolution, most = result.resolution, 100 * FINE_ENOUGH
     if not result.not_identifiable:
         yield Kind.PLAIN_GRID_ERROR(
@@ -106,14 +107,14 @@ def _resolution(result: CaseResult) -> Iterator[Diagnostic]:
         )
 
 
-def _outside_range(result: CaseResult) -> Iterator[Diagnostic]:
+def _outside_range(result: CaseResult) -> Iterator[Finding]:
     outside = result.outside_range
     if outside.any():
         v_s = result.starts.final[FREE][-1][outside]
         yield Kind.LOWER_OUTSIDE_RANGE(count=outside.sum(), starts=outside.size, low=v_s.min(), high=v_s.max())
 
 
-def _times(result: CaseResult) -> Iterator[Diagnostic]:
+def _times(result: CaseResult) -> Iterator[Finding]:
     """How long each method takes, and whether another is as good and faster."""
     seconds = {name: method.seconds for name, method in result.methods.items()}
     names = (PLAIN_GRIDS[PLAIN_GRID], POLISHED, *(f"{solver}, random start" for solver in result.starts.solvers))

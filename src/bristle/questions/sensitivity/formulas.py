@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from bristle.control.adaptation import printed
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.model import law
 from bristle.model.formula import Formula, abbreviated, as_latex, as_text, formula_of
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -60,7 +61,7 @@ class Formulas:
             *(Written(what, as_text(x), as_text(short[what]), as_latex(short[what])) for what, x in others.items()),
         )
 
-    def sentences(self) -> tuple[Diagnostic, ...]:
+    def sentences(self) -> tuple[Finding, ...]:
         """What the printed (19) is, compared term by term with CasADi's derivatives, and what the formulas are of."""
         more = [Kind.FORMULAS_AS_MEASURED(fastest=FASTEST)] if self.law.terms else []
         if self.printed is None:

@@ -5,8 +5,9 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from bristle.data.units import positive_si
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import (
     DEFLECTION,
@@ -46,7 +47,7 @@ class KnownFriction(NamedTuple):
     estimates: Mapping[ParameterName, Estimate]
     assumed: tuple[ParameterName, ...]
     """What is not known, and was filled in."""
-    assumptions: tuple[Diagnostic, ...]
+    assumptions: tuple[Finding, ...]
     """How, and what else is assumed."""
 
 
@@ -184,7 +185,7 @@ def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) 
     return KnownFriction(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(assumptions))
 
 
-def _how(missing: Sequence[str], guessed_J: float | None, kind: JointKind) -> dict[str, Diagnostic]:
+def _how(missing: Sequence[str], guessed_J: float | None, kind: JointKind) -> dict[str, Finding]:
     """How each parameter that the data do not show was found; `guessed_J` is the inertia (kg*m**2) where that is a guess."""
     inertia = "" if guessed_J is None else Kind.WITH_GUESSED_INERTIA(J=guessed_J, unit=unit("inertia", kind))
     guesses = {

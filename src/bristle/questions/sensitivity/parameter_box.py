@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import (
@@ -97,7 +98,7 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
 
 def box_of(
     estimates: Mapping[ParameterName, Estimate],
-) -> tuple[dict[ParameterName, tuple[float, float]], tuple[Diagnostic, ...]]:
+) -> tuple[dict[ParameterName, tuple[float, float]], tuple[Finding, ...]]:
     """The box of the 95 % intervals of friction parameters, and a diagnostic on each that is left out or cut.
 
     Parameters that are not of friction, or not estimated, are left out, and so are those without a finite interval, with

@@ -13,8 +13,9 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import Finding
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair, ParameterName, lugre_of
 from bristle.model.periodic import rms_torque
@@ -86,7 +87,7 @@ class Output:
     quantity: _Quantity
     """What has its unit."""
     indices: Indices | None
-    reason: Diagnostic | None = None
+    reason: Finding | None = None
     """Why there are no indices, where there are none."""
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.findings import Finding
 from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
@@ -59,7 +60,7 @@ class Expected(NamedTuple):
     information: Information
     errors: Mapping[ParameterName, float]
     """Standard errors of the joint's own fit, by name."""
-    noise: tuple[Diagnostic, ...]
+    noise: tuple[Finding, ...]
     """What the noise is taken from, and what is held as known."""
 
     @property
@@ -90,7 +91,7 @@ class SensitivityStudy:
     sobol: Global | None
     formulas: Formulas | None
     """None where SymPy is not installed."""
-    assumptions: tuple[Diagnostic, ...]
+    assumptions: tuple[Finding, ...]
     """What was assumed or left out."""
     seed: int = SEED
 
@@ -169,7 +170,7 @@ def study_sensitivity(
 def _sobol(
     model: KnownFriction, box: Mapping[ParameterName, tuple[float, float]], motion: SineMotion, loop: JointLoop | str, samples: int,
     progress: Progress | None,
-) -> tuple[Global | None, tuple[Diagnostic, ...]]:  # fmt: skip
+) -> tuple[Global | None, tuple[Finding, ...]]:  # fmt: skip
     """Sobol indices over the intervals, or why there are none."""
     if not samples:
         return None, (Kind.SOBOL_NOT_ASKED(),)
@@ -184,7 +185,7 @@ def _sobol(
         return None, (Kind.NO_SOBOL(why=str(error)),)
 
 
-def _formulas(law: Law) -> tuple[Formulas | None, tuple[Diagnostic, ...]]:
+def _formulas(law: Law) -> tuple[Formulas | None, tuple[Finding, ...]]:
     """The derivatives as formulas, or why there are none."""
     try:
         return formulas(law), ()
@@ -216,7 +217,7 @@ def _expected(
     what: str,
     full: Information,
     errors: Mapping[ParameterName, float],
-    noise: Diagnostic,
+    noise: Finding,
     held: Sequence[ParameterName],
 ) -> Expected:
     """The information of all but what is held, which the joint's own fit does not have."""
@@ -226,7 +227,7 @@ def _expected(
     return Expected(what, information, errors, (noise, Kind.HELD_AS_KNOWN(names=tuple(held))) if held else (noise,))
 
 
-def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[float, Diagnostic]:
+def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[float, Finding]:
     """Standard deviation of the white noise of a torque sample at this period, N*m, and where it is from."""
     fit, torque_unit = joint.moving, unit("torque", joint.kind)
     if fit is not None and fit.quantity == "torque" and fit.rms > 0:

@@ -5,7 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import effort, unit
 from bristle.questions.sensitivity.local import claimed, ranked
@@ -33,7 +34,7 @@ def study_text(study: SensitivityStudy) -> str:
     return "\n".join([*lines, *(x.flagged for x in (*findings(study), *drawn, *study.assumptions))])
 
 
-def findings(study: SensitivityStudy) -> tuple[Diagnostic, ...]:
+def findings(study: SensitivityStudy) -> tuple[Finding, ...]:
     """Whether the paper's claim holds, along the motion and over the map, and what each measurement would tell."""
     total, settled, names = study.local.shares(), study.settled, study.local.names
     order, at_fixed_z = (ranked(x, names)[:_NAMED] for x in (total, study.local.shares(partial=True)))
@@ -51,7 +52,7 @@ def _largest(shares: Array, names: Sequence[str]) -> tuple[tuple[str, float], ..
     return tuple((name, by_name[name]) for name in ranked(shares, names)[:_NAMED])
 
 
-def _claim_over_map(study: SensitivityStudy) -> Diagnostic:
+def _claim_over_map(study: SensitivityStudy) -> Finding:
     """Where on the map the claim holds: at the lowest, the motion's own and the highest frequency."""
     claim, amplitudes, frequencies = study.map.claim, study.map.amplitudes, study.map.frequencies
     parts = []
@@ -68,7 +69,7 @@ def _claim_over_map(study: SensitivityStudy) -> Diagnostic:
     return Kind.CLAIM_ON_MAP(motions=claim.size, held=int(claim.sum()), where=tuple(parts), first=first)
 
 
-def _told_by(expected: Expected) -> Diagnostic:
+def _told_by(expected: Expected) -> Finding:
     """Which parameters a measurement identifies, and which combinations it hardly does."""
     names, more = expected.information.names, expected.information.unseen
     lost = tuple(name for name, seen in zip(names, expected.seen, strict=True) if not seen)
@@ -86,7 +87,7 @@ def heading(name: str, kind: JointKind) -> str:
     return f"{name[0].upper()}{name[1:]}"
 
 
-def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Diagnostic, ...]:
+def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
     """Each output's parameters by their share of its variance, then what was drawn and what is not in it."""
     spans = tuple(
         (Kind.DRAWN_LOGARITHM if s.logarithmic else Kind.DRAWN_SPAN)(name=s.parameter, low=s.low, high=s.high)
@@ -100,7 +101,7 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Diagnostic, ...]:
     )
 
 
-def _variance_shares(output: Output, kind: JointKind) -> Diagnostic:
+def _variance_shares(output: Output, kind: JointKind) -> Finding:
     """An output's parameters by their share of its variance, the largest first, or why there are none."""
     start, indices = heading(output.name, kind), output.indices
     if indices is None:

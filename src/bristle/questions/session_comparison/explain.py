@@ -4,7 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from bristle.diagnostics import Diagnostic, Kind
+from bristle.diagnostics import Kind
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.laws import alike
@@ -44,7 +45,7 @@ def _any(session: SessionJoint, name: ParameterName) -> Estimate | None:
     return next((e for e in found if e.value is not None), found[0] if found else None)
 
 
-def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> Diagnostic:
+def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> Finding:
     if not alike(name.name, first.law, second.law):
         return Kind.OF_OTHER_LAWS()
     told = {"first": _any(first, name), "second": _any(second, name)}
@@ -60,18 +61,18 @@ def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, 
     return Kind.OPEN_IN(where=_the([which for which, e in told.items() if e is None or not usable(e)]))
 
 
-def _the(which: Sequence[str]) -> Diagnostic:
+def _the(which: Sequence[str]) -> Finding:
     return Kind.ONE_SESSION(which=which[0]) if len(which) == 1 else Kind.BOTH_SESSIONS()
 
 
-def verdict(c: Change, *, changed: bool) -> Diagnostic:
+def verdict(c: Change, *, changed: bool) -> Finding:
     """What became of one parameter."""
     if not changed:
         return Kind.NO_CHANGE()
     return Kind.ROSE() if (c.difference or 0.0) > 0 else Kind.FELL()
 
 
-def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Diagnostic:
+def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Finding:
     """The overall verdict."""
     compared = [c for c in changes if c.changed is not None]
     if not compared:
@@ -94,7 +95,7 @@ def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Diagnostic
     return Kind.NONE_CHANGED(compared=len(compared), rest=rest)
 
 
-def _together(moved: Sequence[Change], sets: Sequence[SetChange], *, several: bool) -> Diagnostic | str:
+def _together(moved: Sequence[Change], sets: Sequence[SetChange], *, several: bool) -> Finding | str:
     """The sets that changed without any of their parameters doing so alone; empty where there are none."""
     alone = {(c.joint, c.parameter) for c in moved}
     silent = [x for x in sets if x.changed and alone.isdisjoint((x.joint, name) for name in x.names)]
@@ -106,7 +107,7 @@ def _named(x: SetChange, *, several: bool) -> str:
     return f"{x.joint}, {x.source}" if several else x.source
 
 
-def _change(c: Change, *, several: bool) -> Diagnostic | str:
+def _change(c: Change, *, several: bool) -> Finding | str:
     """A parameter that changed, and by how many percent of the first session's value, where that is not zero."""
     name = f"{c.joint} {c.parameter}" if several else str(c.parameter)
     if c.percent is None:
@@ -114,13 +115,13 @@ def _change(c: Change, *, several: bool) -> Diagnostic | str:
     return (Kind.CHANGED_BY if abs(c.percent) < _LARGE else Kind.CHANGED_BY_POWERS)(name=name, percent=c.percent)
 
 
-def hints(changes: Sequence[Change]) -> Iterator[Diagnostic]:
+def hints(changes: Sequence[Change]) -> Iterator[Finding]:
     """What such changes may come from, joint by joint: guesses, said as such."""
     for joint in dict.fromkeys(c.joint for c in changes):
         yield from _hints_of(joint, [c for c in changes if c.joint == joint and c.changed is not None])
 
 
-def _hints_of(joint: str, own: Sequence[Change]) -> Iterator[Diagnostic]:
+def _hints_of(joint: str, own: Sequence[Change]) -> Iterator[Finding]:
     torques = [c for c in own if c.parameter.name in ("alpha_0", "alpha_2", "inertia")]
     shares = [(c.difference or 0.0) / abs(c.first.value) for c in torques if c.first and c.first.value]
     if len(shares) > 2 and any(c.changed for c in torques) and np.ptp(shares) < _ALIKE * abs(np.mean(shares)):
@@ -134,7 +135,7 @@ def _hints_of(joint: str, own: Sequence[Change]) -> Iterator[Diagnostic]:
             yield (rose if signs == {True} else fell)(joint=joint, everywhere=everywhere)
 
 
-def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator[Diagnostic]:
+def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator[Finding]:
     """What limits the comparison."""
     for which, session, other in (("first", first, second), ("second", second, first)):
         alone = tuple(name for name in session if name not in other)
@@ -144,7 +145,7 @@ def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator
         yield from _warnings_of(name, first[name], second[name])
 
 
-def _of_constants(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diagnostic]:
+def _of_constants(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Finding]:
     """What is said of the constants that torques were computed with."""
     of_a, of_b = ({c: 0 for fit in x.fits for e in fit.parameters.values() for c in e.shifts} for x in (a, b))
     common, own = tuple(c for c in of_a if c in of_b), tuple(sorted(of_a.keys() ^ of_b.keys()))
@@ -155,7 +156,7 @@ def _of_constants(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diag
     yield from dict.fromkeys(x.torque_scale for x in (a, b) if x.torque_scale and not (common or own))
 
 
-def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Diagnostic]:
+def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Finding]:
     same, files = len(set(a.inputs) & set(b.inputs)), max(len(set(a.inputs)), len(set(b.inputs)))
     if same:
         yield (

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from bristle.arrays import Array, result
-from bristle.diagnostics import Diagnostic
+from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
@@ -31,7 +31,7 @@ class SessionFit:
     covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     freedom: float = inf
     """Degrees of freedom."""
-    distrusted: Diagnostic | None = None
+    distrusted: Finding | None = None
     """Why it is not to be trusted, if so: then it is used last."""
 
 
@@ -45,7 +45,7 @@ class SessionJoint:
     law: Law = GAUSSIAN
     """Of its friction."""
     simulated: bool = False
-    torque_scale: Diagnostic | None = None
+    torque_scale: Finding | None = None
     """As of a `Joint`."""
     inputs: tuple[str, ...] = ()
     """Checksums of its files."""
@@ -62,7 +62,7 @@ class FitPair(NamedTuple):
     second: SessionFit
 
     @property
-    def distrusted(self) -> Diagnostic | None:
+    def distrusted(self) -> Finding | None:
         """Why the first of them is not to be trusted, else why the second is not; None where both are."""
         return self.first.distrusted or self.second.distrusted
 
@@ -90,7 +90,7 @@ class Change:
     """Holm's, for all comparisons made."""
     changed: bool | None = None
     """Whether it did beyond the joint uncertainty; None where that cannot be told."""
-    verdict: Diagnostic
+    verdict: Finding
     """What became of it, or why that cannot be told."""
 
     @property
@@ -125,11 +125,11 @@ class Comparison:
     sets: tuple[SetChange, ...]
     kinds: Mapping[str, Kind]
     """Of the joints compared."""
-    sentence: Diagnostic
+    sentence: Finding
     """The overall verdict."""
-    hints: tuple[Diagnostic, ...]
+    hints: tuple[Finding, ...]
     """What such changes may come from: guesses."""
-    warnings: tuple[Diagnostic, ...]
+    warnings: tuple[Finding, ...]
     """What limits the comparison."""
     simulated: bool
 

@@ -1,6 +1,6 @@
-"""Results files read back: `results.json` of schema bristle-results/2 or 1 as a session to compare. A file may hold anything; it is checked first."""
+"""Results files read back: `results.json` as a session to compare. A file may hold anything; it is checked first."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from math import copysign, hypot, inf
 from pathlib import Path
@@ -11,14 +11,12 @@ from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, short
 from bristle.identification.document import check_most, checked, document_of, reading
-from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
+from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.results import Joint
-from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import shortened
 from bristle.questions.session_comparison.results import Session, SessionFit, SessionJoint
-from bristle.questions.session_comparison.schema_1 import Joint1, MovingFit1, PreslidingFit1, Results1, StaticFit1
 
 _NAME = 400
 """Characters of a name or unit."""
@@ -29,7 +27,7 @@ _FAR = 1e60
 def read_session(path: Path) -> Session:
     """The joints of a results file, by name.
 
-    Raises InputError in one sentence where it is no results file of schema bristle-results/2 or 1, and OSError where it cannot be read.
+    Raises InputError in one sentence where it is no results file of schema bristle-results/3 or 2, and OSError where it cannot be read.
     """
     with reading(path) as text:
         return _session(text)
@@ -42,26 +40,24 @@ def session_of(joints: Iterable[Joint]) -> Session:
 
 def _session(text: str) -> Session:
     """The joints, read twice: as it is written, key by key and number by number, and by pydantic, which takes no text for a number."""
-    found = checked(text)
-    if isinstance(found, dict) and found.get("schema") == "bristle-results/1":
-        old = Results1.model_validate_json(text, strict=True)
-        inputs = {name: tuple(x.sha256 for x in old.inputs if x.joint == name) for name in old.joints}
-        check_most("joints", len(old.joints))
-        return {name: _joint(name, joint, inputs[name]) for name, joint in old.joints.items()}
+    checked(text)
     return session_of(document_of(text).joints.values())
 
 
-def _joint(name: str, joint: Joint | Joint1, inputs: tuple[str, ...]) -> SessionJoint:
+def _joint(name: str, joint: Joint, inputs: tuple[str, ...]) -> SessionJoint:
     _shown(name, "joint")
     try:
         fits = tuple(_fits(joint))
         check_most("parameters of a joint", sum(len(fit.parameters) for fit in fits))
     except InputError as error:
         raise InputError(f"{shortened(name)}: {error}") from error
-    scale = None if isinstance(joint, Joint1) else joint.torque_scale
-    law = GAUSSIAN if isinstance(joint, Joint1) else joint.law
     return SessionJoint(
-        kind=joint.kind, fits=fits, law=law, simulated=joint.simulated, torque_scale=scale, inputs=inputs
+        kind=joint.kind,
+        fits=fits,
+        law=joint.law,
+        simulated=joint.simulated,
+        torque_scale=joint.torque_scale,
+        inputs=inputs,
     )
 
 
@@ -72,7 +68,7 @@ def _shown(text: str, what: str) -> str:
     return check_name(text, what)
 
 
-def _fits(joint: Joint | Joint1) -> Iterator[SessionFit]:
+def _fits(joint: Joint) -> Iterator[SessionFit]:
     """The fits of a joint in the order in which their numbers are used; without v_end, which is no estimate."""
     for source, moving in (("joint", joint.joint_fit), ("tracking", joint.tracking)):
         if moving is not None:
@@ -81,7 +77,7 @@ def _fits(joint: Joint | Joint1) -> Iterator[SessionFit]:
                 parameters={_name(name): _checked(e) for name, e in moving.parameters.items()},
                 names=tuple(map(_name, moving.names)),
                 covariance=_covariance(moving),
-                distrusted=Kind.NOT_CONVERGED() if moving.outcome.kind is Kind.NOT_CONVERGED else None,
+                distrusted=Kind.NOT_CONVERGED() if moving.outcome.code == "not-converged" else None,
             )
     for d, fit in joint.static.items():
         if fit.degrees_of_freedom < 0:
@@ -93,16 +89,10 @@ def _fits(joint: Joint | Joint1) -> Iterator[SessionFit]:
             covariance=_covariance(fit),
             freedom=max(fit.degrees_of_freedom, 1),
         )
-    for d, slow in _slow(joint).items():
+    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
         own = {"edges": slow.edges, "samples": slow.samples}.get(slow.recommended)
         if own is not None:
             yield SessionFit(source=f"presliding {d}", parameters={_named("sigma_0", d): _checked(own)})
-
-
-def _slow(joint: Joint | Joint1) -> Mapping[str, PreslidingFit | PreslidingFit1]:
-    if isinstance(joint, Joint1):
-        return joint.presliding
-    return joint.presliding.fits if joint.presliding else {}
 
 
 def _name(name: ParameterName) -> ParameterName:
@@ -136,7 +126,7 @@ def _near(bound: float) -> float:
     return bound if abs(bound) < _FAR else copysign(inf, bound)
 
 
-def _covariance(fit: StaticFit | StaticFit1 | TrackingFit | MovingFit1) -> Array:
+def _covariance(fit: StaticFit | TrackingFit) -> Array:
     """Of the free parameters, square, nan where it has no number; raises InputError where it has another shape."""
     size = len(fit.names)
     if fit.covariance.shape != (size, size):

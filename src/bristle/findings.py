@@ -1,0 +1,173 @@
+"""Findings: what a user must know beside a number. Each is made where it arises, its sentence there with it; nothing decides by a sentence.
+
+A code is a word that a user looks up (`bristle explain`, docs/warnings.md), or that code decides by.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, is_dataclass, replace
+from enum import StrEnum
+from types import NoneType
+from typing import Any
+
+import numpy as np
+
+from bristle.arrays import JsonForm, to_bound
+
+
+class Severity(StrEnum):
+    """What a finding does to the number that it is about."""
+
+    CRITICAL = "critical"
+    """Do not use this number."""
+    CAUTION = "caution"
+    """Its interval is wider than it looks, or something is assumed."""
+    NOTE = "note"
+    """Worth knowing; the number is as good as it says."""
+
+
+CRITICAL, CAUTION, NOTE = Severity
+
+_UNIT = "\ue000{}\ue001"
+_UNITS = re.compile(_UNIT.format("([a-z_0-9]*)[+-]?"))
+
+
+def unit_of(quantity: str) -> str:
+    """What stands in a message after a number: a space and the unit of a quantity, as `velocity`, or of a parameter, once the joint is known.
+
+    Nothing where it has none, or as long as it is not known whether the joint turns or slides.
+    """
+    return _UNIT.format(quantity)
+
+
+def in_units(message: str, units: Mapping[str, str]) -> str:
+    """A message with the units of a joint, by quantity."""
+    return _UNITS.sub(lambda found: f" {units[found[1]]}" if units.get(found[1]) else "", message)
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing to know about an estimate, a fit, a segment or a run; `str` gives its message."""
+
+    code: str
+    severity: Severity
+    message: str
+    """A sentence, in which `unit_of` stands for units of the joint until it is known."""
+    numbers: Mapping[str, Any] = field(default_factory=dict)
+    """What the message names, by name, for who computes with it."""
+    effect: Mapping[str, float] = field(default_factory=dict)
+    """What it is worth, where that was computed."""
+    subject: tuple[str, ...] = field(default=(), compare=False)
+    """What it is about, from the stage to the parameter, as `static`, `+`, `alpha_0`, or the file and its rows; empty: the joint as a whole."""
+
+    @property
+    def coded(self) -> str:
+        """The message, then in brackets the code that `bristle explain` takes."""
+        return f"{self} [{self.code}]"
+
+    @property
+    def flagged(self) -> str:
+        """The same where it is critical or calls for caution; of a note the message alone."""
+        return str(self) if self.severity is Severity.NOTE else self.coded
+
+    def __str__(self) -> str:
+        return in_units(self.message, {})
+
+    def __hash__(self) -> int:
+        return hash((self.code, self.message))
+
+    @classmethod
+    def __get_pydantic_core_schema__(cls, source: Any, handler: Any) -> Any:
+        """In results.json as `WrittenFinding`."""
+        return JsonForm(WrittenFinding, _written, _read).__get_pydantic_core_schema__(source, handler)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WrittenFinding:
+    """A finding in results.json."""
+
+    code: str
+    severity: Severity
+    message: str
+    numbers: dict[str, Any]
+    """What the message names; an open bound is "inf" or "-inf", no number null."""
+    effect: dict[str, float]
+    subject: tuple[str, ...] = ()
+    """What it is about, from the stage to the parameter; empty: the joint as a whole."""
+
+
+def _written(x: Finding) -> WrittenFinding:
+    numbers = {name: _to_json(value) for name, value in x.numbers.items()}
+    return WrittenFinding(
+        code=x.code, severity=x.severity, message=str(x), numbers=numbers, effect=dict(x.effect), subject=x.subject
+    )
+
+
+def _to_json(value: Any) -> Any:
+    """A list, a number or a word; whatever else by its text."""
+    match value:
+        case tuple() | list() if not hasattr(value, "_fields"):
+            return [_to_json(x) for x in value]
+        case np.generic():
+            return _to_json(value.item())
+        case float():
+            return to_bound(value)
+        case bool() | int():
+            return value
+        case _:
+            return str(value)
+
+
+def _read(x: WrittenFinding) -> Finding:
+    numbers = {name: _from_json(value) for name, value in x.numbers.items()}
+    return Finding(x.code, x.severity, x.message, numbers, x.effect, x.subject)
+
+
+def _from_json(value: Any) -> Any:
+    match value:
+        case list():
+            return tuple(map(_from_json, value))
+        case None | "inf" | "-inf":
+            return float(value or "nan")
+        case _:
+            return value
+
+
+PLAIN = frozenset((float, int, bool, str, NoneType, np.ndarray, np.float64))
+"""Types of values that hold no others."""
+
+
+def with_subjects(
+    value: Any, subjects: Mapping[str, tuple[str, ...]], units: Mapping[str, str], subject: tuple[str, ...] = ()
+) -> Any:
+    """The same result, in which each finding knows its subject, the way to it from `subject` on, and has the joint's units, by quantity.
+
+    A field is a step of that way as `subjects` names it, an entry of a mapping by its key; a value with a `subject` of its own begins it anew.
+    """
+    if type(value) in PLAIN:  # most of what a result holds, which is soon done with
+        return value
+    if isinstance(value, Finding):
+        return replace(value, subject=subject, message=in_units(value.message, units))
+    subject = getattr(value, "subject", subject)
+    match value:
+        case Mapping():
+            made = {key: with_subjects(x, subjects, units, (*subject, str(key))) for key, x in value.items()}
+            return made if any(made[key] is not x for key, x in value.items()) else value
+        case tuple() if not hasattr(value, "_fields"):
+            inner = tuple(with_subjects(x, subjects, units, subject) for x in value)
+            return inner if any(x is not y for x, y in zip(inner, value, strict=True)) else value
+        case _ if is_dataclass(value) and not isinstance(value, type):
+            changed = dict[str, Any]()
+            for name in value.__dataclass_fields__:
+                old = getattr(value, name)
+                if type(old) not in PLAIN and old not in ((), {}):
+                    new = with_subjects(old, subjects, units, (*subject, *subjects.get(name, ())))
+                    changed |= {} if new is old else {name: new}
+            return replace(value, **changed) if changed else value
+        case _:
+            return value
+
+
+def in_direction(direction: str) -> str:
+    """What names a direction inside a sentence; nothing where both directions are one."""
+    return f" in direction {direction}" if direction in {"+", "-"} else ""

@@ -1,0 +1,176 @@
+"""Findings: values with a code, a severity and a message; each code has its paragraph, and nothing is decided by words."""
+
+import ast
+from collections.abc import Iterator
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pydantic import TypeAdapter
+
+from bristle.diagnostics import WEIGHTIEST_FIRST, Kind
+from bristle.findings import CAUTION, NOTE, Finding, Severity, unit_of, with_subjects
+from bristle.model.parameters import units_of
+from bristle.page.entries import entries
+
+SOURCE = Path(__file__).parents[1] / "src" / "bristle"
+TREES = {
+    path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
+    for path in sorted(SOURCE.rglob("*.py"))
+}
+
+
+def test_a_finding_is_a_value() -> None:
+    """Equal and of one hash where code, message and numbers are, whatever it is about; it cannot be assigned to."""
+    made, same = (Finding("few-starts", CAUTION, "1 of 4.", {"reached": 1}, subject=x) for x in ((), ("static",)))
+    other = Finding("few-starts", CAUTION, "2 of 4.", {"reached": 2})
+    assert made == same
+    assert len({made, same, other}) == 2
+    with pytest.raises(FrozenInstanceError):
+        made.code = "strays"  # type: ignore[misc]
+
+
+def test_a_finding_comes_back_from_its_file() -> None:
+    """An open bound and no number too; parts of it that are findings become their text."""
+    part = Finding("sum", NOTE, "A part.")
+    numbers = {
+        "ends": (-np.inf, np.float64(2.5)),
+        "count": np.int64(3),
+        "none": np.nan,
+        "why": part,
+        "names": ("a", "b"),
+    }
+    made = Finding("strays", Severity.CRITICAL, "As it was.", numbers, {"friction": 0.1}, ("static", "+"))
+    read = TypeAdapter(Finding)
+    back = read.validate_json(read.dump_json(made))
+    assert (back.code, back.severity, str(back), back.effect, back.subject) == (
+        "strays", "critical", "As it was.", {"friction": 0.1}, ("static", "+"),
+    )  # fmt: skip  # a value
+    assert np.isnan(back.numbers["none"])
+    assert {**back.numbers, "none": 0} == {
+        "ends": (-np.inf, 2.5), "count": 3, "none": 0, "why": "A part.", "names": ("a", "b"),
+    }  # fmt: skip  # a value
+
+
+@pytest.mark.parametrize(
+    ("kind", "shown"),
+    [("revolute", "2 N*m at 0.5 rad/s."), ("prismatic", "2 N at 0.5 m/s."), ("revolute in A", "2 A at 0.5 rad/s.")],
+)
+def test_numbers_have_the_units_of_their_joint(kind: Any, shown: str) -> None:
+    """A joint's findings give its units; before the joint is known there are none, and what a file calls something stays as it is."""
+    name = "{velocity} %s $x$ <b>"
+    made = Finding("x", NOTE, f"{name}: {2.0:.3g}{unit_of('torque')} at {0.5:.3g}{unit_of('velocity')}.")
+    assert str(made) == f"{name}: 2 at 0.5."
+    (told,) = with_subjects((made,), {}, units_of(kind))
+    assert str(told) == f"{name}: {shown}"
+
+
+def test_every_code_has_a_paragraph() -> None:
+    """Each code that src makes is explained under its severity, in words without braces; nothing else is; the first reason is one of them."""
+    made = dict(codes())
+    told = {code: x for code, x in entries().items() if made.get(code, x.severity) != x.severity or code not in made}
+    assert told == {}
+    assert {code for code, severity in made.items() if severity != "note"} - entries().keys() == set()
+    for x in entries().values():
+        assert x.reason.endswith("."), x.code
+        assert x.advice.endswith("."), x.code
+        assert not set("{}") & set(x.meaning + x.advice), x.code
+    assert {x.code for x in entries().values() if x.severity != "note"} == set(WEIGHTIEST_FIRST)
+
+
+def codes() -> Iterator[tuple[str, str]]:
+    """Codes and severities that src makes."""
+    for tree in TREES.values():
+        for node in ast.walk(tree):
+            match node:
+                case ast.Attribute(value=ast.Name(id="Kind"), attr=name) if name in Kind.__members__:
+                    yield Kind[name].code, str(Kind[name].severity)
+                case ast.Call(func=ast.Name(id="Finding"), args=[code, severity, *_]):
+                    for one in texts(code):
+                        yield one, severity.id.lower() if isinstance(severity, ast.Name) else ""
+                case _:
+                    pass
+
+
+def texts(node: ast.expr) -> Iterator[str]:
+    """What an expression may be: a text, or one of two."""
+    if isinstance(node, ast.IfExp):
+        yield from (*texts(node.body), *texts(node.orelse))
+    elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+        yield node.value
+
+
+ALLOWED = {
+    ("simulation/edro.py", "Ramp controller"): "an assumption of the data that ship with it, replaced by its own words",
+}
+"""Where a text of several words is asked for, and why that is no decision by what a diagnostic says; no reader of data is among them."""
+CONSTANTS = {
+    target.id: node.value.value
+    for tree in TREES.values()
+    for node in tree.body
+    if isinstance(node, ast.Assign | ast.AnnAssign)
+    for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+    if isinstance(target, ast.Name) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+}
+"""Texts that modules name: a decision by a name is one by what it stands for."""
+
+
+def phrases(node: ast.AST) -> Iterator[str]:
+    """Texts with a space that an operand is, or has among its items."""
+    match node:
+        case ast.Constant(value=str(text)) if " " in text:
+            yield text
+        case ast.Name(id=name) | ast.Attribute(attr=name) if " " in CONSTANTS.get(name, ""):
+            yield CONSTANTS[name]
+        case ast.JoinedStr(values=items) | ast.Tuple(elts=items) | ast.List(elts=items) | ast.Set(elts=items):
+            for item in items:
+                yield from phrases(item)
+        case ast.FormattedValue(value=inner):
+            yield from phrases(inner)
+        case _:
+            return
+
+
+def decisions(tree: ast.AST) -> Iterator[str]:
+    """Texts of several words that a file asks for by `startswith`, `endswith` or `in`."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Call(func=ast.Attribute(attr="startswith" | "endswith"), args=args):
+                for operand in args:
+                    yield from phrases(operand)
+            case ast.Compare(left=left, ops=ops, comparators=others) if any(
+                isinstance(op, ast.In | ast.NotIn) for op in ops
+            ):
+                for operand in (left, *others):
+                    yield from phrases(operand)
+            case _:
+                pass
+
+
+def test_nothing_is_decided_by_a_sentence() -> None:
+    """No file asks whether a text begins with, ends with or holds several words, but for the places allowed, each of which is there."""
+    found = {(name, text) for name, tree in TREES.items() for text in decisions(tree)}
+    assert found == set(ALLOWED)
+
+
+@pytest.mark.parametrize(
+    "source",
+    [
+        'warning.startswith("The fit")',
+        'any("only a sum" in d for d in warnings)',
+        'x = d.endswith(("a b", "c"))',
+        'd not in ("They agree.",)',
+        'f"No bootstrap: {n}" in d',
+    ],
+)
+def test_a_decision_by_a_sentence_is_seen(source: str) -> None:
+    """The search itself finds what it is for."""
+    assert list(decisions(ast.parse(source)))
+
+
+def test_a_finding_is_no_text() -> None:
+    """What asks it for words must say `str`."""
+    assert not isinstance(Finding("x", NOTE, "x"), str)
+    assert not hasattr(Finding, "startswith")
