@@ -90,6 +90,8 @@ class Drawing(NamedTuple):
     """Of its files in figures/."""
     label: str
     """How it is called for a reader who does not see it."""
+    caption: str = ""
+    """Of a figure in a section of a `Report`."""
 
 
 def write_part(
@@ -181,15 +183,15 @@ def drawn(
     """
     done = rendered(drawings.values()) if done is None else done
     found: dict[str, Drawn] = {}
-    for key, (_, asked, label) in drawings.items():
-        tell(f"drawing {label}")
+    for key, drawing in drawings.items():
+        tell(f"drawing {drawing.label}")
         forms = next(done)
         if forms is not None:
-            name = free(asked, lambda tried: f"figures/{tried}.svg" in files)
+            name = free(drawing.name, lambda tried: f"figures/{tried}.svg" in files)
             files.update(
                 (f"figures/{name}.{kind}", form) for kind, form in zip(("svg", "png", "csv"), forms, strict=True)
             )
-            svg = inline(forms[0], name, escape(wording.printable(label)))
+            svg = inline(forms[0], name, escape(wording.printable(drawing.label)))
             found[key] = Drawn(Markup(svg), name)  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
     return found
 

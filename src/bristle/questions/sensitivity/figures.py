@@ -13,12 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from bristle.model.parameters import Kind, Lugre, unit
+from bristle.model.parameters import Kind, Lugre, effort, unit
 from bristle.page.style import ON_DARK, ON_LIGHT, WIDTH, new_figure, styled, thinned, title
 from bristle.page.wording import axis, measured, number, pretty, printable, symbol
 from bristle.questions.sensitivity.sobol import Global, Indices, Output
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
-from bristle.questions.sensitivity.text import heading, output_name
 
 _COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#009E73", "#E69F00", "#CC79A7")
 """Okabe and Ito's, one for each parameter of `Lugre`, and ..."""
@@ -133,7 +132,7 @@ def shares_figure(study: SensitivityStudy) -> Figure:
     ax.grid(visible=False, axis="y")
     ax.invert_yaxis()
     ax.legend(loc="lower right")
-    ax.set_xlabel(f"RMS of p · dT/dp / RMS {output_name('torque', study.kind)}")
+    ax.set_xlabel(f"RMS of p · dT/dp / RMS {effort(study.kind)}")
     return figure
 
 
@@ -325,7 +324,7 @@ def _empty(ax: Axes, reason: str) -> None:
 
 def _panel_title(output: Output, kind: Kind) -> str:
     """What the output is, its mean and standard deviation over the box, and of how many samples."""
-    start, indices = heading(output.name, kind), output.indices
+    start, indices = output.heading(kind), output.indices
     if indices is None:
         return start
     mean = f"{measured(indices.mean, indices.deviation)} {pretty(unit(output.quantity, kind))}"

@@ -6,7 +6,7 @@ samples * (parameters + 2) evaluations.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -16,12 +16,16 @@ from bristle.control.control_period import LoopOptions
 from bristle.diagnostics import Diagnostic, Kind
 from bristle.errors import InputError
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair, ParameterName, lugre_of
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Lugre, Pair, ParameterName, effort, lugre_of, unit
 from bristle.model.periodic import rms_torque
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.parameter_box import Span, joints_at, ordered, spans_of
 from bristle.simulation.joint_loop import JointLoop
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RMS error of the simulated loop"
 """Names of the outputs."""
@@ -89,6 +93,14 @@ class Output:
     reason: Diagnostic | None = None
     """Why there are no indices, where there are none."""
 
+    def called(self, kind: JointKind) -> str:
+        """Its name; of a joint that slides it is about a force."""
+        return self.name.replace("torque", effort(kind))
+
+    def heading(self, kind: JointKind) -> str:
+        """The same at the beginning of a line."""
+        return f"{self.called(kind)[0].upper()}{self.called(kind)[1:]}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Global:
@@ -102,6 +114,22 @@ class Global:
     frequency: float
     """Hz."""
     seed: int
+
+    def to_frame(self, kind: JointKind) -> "pd.DataFrame":
+        """One row for each output and parameter: the interval drawn from, both indices with their half-widths, samples."""
+        import pandas as pd
+
+        rows = [
+            {
+                "output": output.called(kind), "parameter": str(drawn.parameter), "lower": drawn.low, "upper": drawn.high,
+                "unit": unit(drawn.parameter.name, kind), "drawn": "log-uniform" if drawn.logarithmic else "uniform",
+                "first": effect.first, "first_half": effect.first_half, "total": effect.total, "total_half": effect.total_half,
+                "samples": output.indices.samples, "evaluations": output.indices.evaluations,
+            }
+            for output in self.outputs if output.indices is not None
+            for drawn, effect in zip(self.spans, output.indices.effects, strict=True)
+        ]  # fmt: skip  # a table
+        return pd.DataFrame(rows)
 
 
 def indices(
