@@ -36,6 +36,7 @@ RETURNED = (
     "bristle.page.report.Report",
     "bristle.page.report.Section",
     "bristle.page.report.Table",
+    "bristle.page.page.Drawing",
     "bristle.errors.InputError",
 )
 """Classes that `bristle` returns or raises, and does not name itself."""
