@@ -1,17 +1,20 @@
 """The report of what a question found."""
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from bristle.errors import InputError
-from bristle.page.report import Report
 from bristle.questions.sensitivity.study import SensitivityStudy
 from bristle.questions.session_comparison.results import Comparison
+
+if TYPE_CHECKING:
+    from bristle.page.report import Report
 
 _ROOMS = {Comparison: "session_comparison", SensitivityStudy: "sensitivity"}
 """The question whose `report.py` makes sections of each kind of result; it is imported only then, for it draws."""
 
 
-def report_of(result: Comparison | SensitivityStudy) -> Report:
+def report_of(result: Comparison | SensitivityStudy) -> "Report":
     """What was found, as sections: `text()` is what the command prints, `write(folder)` the page with its figures and tables.
 
     >>> import bristle
