@@ -80,6 +80,20 @@ def test_neighbours_do_not_know_each_other() -> None:
     assert found == []
 
 
+def test_results_know_no_report() -> None:
+    """In a question with a report.py no file but that and figures.py imports what draws or makes a page, and nobody imports the report itself."""
+    found: list[tuple[str, object]] = []
+    for path, tree in TREES.items():
+        names = imported(tree)
+        if (path.parent / "report.py").exists() and path.stem not in ("report", "figures"):
+            drawing = {("page", "page"), ("page", "report"), ("page", "style"), (*place(path)[:2], "figures")} & names
+            found += (
+                [(path.relative_to(SOURCE).as_posix(), drawing)] if drawing and place(path)[0] == "questions" else []
+            )
+        found += [(path.name, name) for name in names if name[:1] == ("questions",) and name[-1] == "report"]
+    assert found == []
+
+
 def test_only_the_cli_prints() -> None:
     """No file but terminal.py calls print, and by the floors none but cli.py knows that one."""
     prints = [

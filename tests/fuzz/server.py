@@ -93,8 +93,8 @@ def serve() -> None:
     """Answer until the input ends."""
     import bristle.questions.experiment_design.page
     import bristle.questions.method_validation.page
-    import bristle.questions.sensitivity.page
-    import bristle.questions.session_comparison.page  # noqa: F401  # imported for those that are forked
+    import bristle.questions.sensitivity.report
+    import bristle.questions.session_comparison.report  # noqa: F401  # imported for those that are forked
 
     with tempfile.TemporaryDirectory() as folder:
         good_results(Path(folder))  # what is imported or compiled at its first use is there, too

@@ -35,7 +35,7 @@ from bristle.model.parameters import Lugre, ParameterName, unit
 from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
 from bristle.questions.session_comparison.figures import forest_figure
-from bristle.questions.session_comparison.page import caption, changes
+from bristle.questions.session_comparison.report import report
 from bristle.questions.session_comparison.results import Change, Comparison, Session, SessionFit, SessionJoint
 from bristle.simulation.bench import steady_points
 
@@ -468,7 +468,10 @@ def test_the_caption_begins_with_the_largest_change(
         }
         return session(fit_of(source="static +", parameters=parameters), kind=kind)
 
-    assert caption(compare(told(first), told(second)).changes) == found
+    captions = [
+        section.figure.caption for section in report(compare(told(first), told(second))).sections if section.figure
+    ]
+    assert captions[0].startswith(f"{found} Each parameter")
 
 
 def results(folder: Path, name: str, joint: str = "wrist", seed: int = 0, alpha_2: float = TRUTH.alpha_2) -> Path:
@@ -590,16 +593,19 @@ def test_a_page_replaces_no_session(sessions: tuple[Path, Path]) -> None:
 
 
 def test_a_comparison_carries_itself(tmp_path: Path) -> None:
-    """Its frame is the table of changes; written by itself or by `bristle.write_comparison`, from a path or a text, its page is the same."""
+    """Its report has its frame as a table, is written by a path or a text, and begins in the terminal with the joint; another result has none."""
     compared = compare(session(plain({"alpha_0": 2.0}, 0.1)), session(plain({"alpha_0": 3.0, "v_s": 1.0}, 0.1)))
-    pd.testing.assert_frame_equal(compared.to_frame(), changes(compared))
+    report = bristle.report_of(compared)
+    pd.testing.assert_frame_equal(compared.to_frame(), report.frames["changes"])
     assert compared.to_frame()["verdict"].tolist() == [str(c.verdict) for c in compared.changes]
-    first, second = compared.write(str(tmp_path / "one")), bristle.write_comparison(compared, tmp_path / "two")
+    first, second = report.write(str(tmp_path / "one")), report.write(tmp_path / "two")
     assert first == tmp_path / "one" / "index.html"
-    assert first.read_bytes() == second.read_bytes()
-    lines = compared.text().splitlines()
+    assert first.read_text(encoding="utf-8") == second.read_text(encoding="utf-8") == report.html()
+    lines = report.text().splitlines()
     assert lines[0] == "[[wrist]] revolute"
     assert str(compared.sentence) in lines
+    with pytest.raises(bristle.InputError, match="got a Change; expected what compare or sensitivity gave"):
+        bristle.report_of(compared.changes[0])  # type: ignore[arg-type]
 
 
 def test_no_sentence_decides_on_a_comparison(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -609,22 +615,22 @@ def test_no_sentence_decides_on_a_comparison(monkeypatch: pytest.MonkeyPatch) ->
     second = session(plain(b, 0.1, "joint"), correlated(1.5), inputs=("abc", "def"), simulated=True)
     sessions = {**first, **session(plain({"v_s": 1.0}), joint="elbow")}, second
     before = compare(*sessions)
-    words = held(before), before.text()
+    words = held(before), report(before).text()
     assert len(before.warnings) > 3
     without_sentences(monkeypatch)
     after = compare(*sessions)
     assert held(after) == words[0]
-    assert after.text() != words[1]
+    assert report(after).text() != words[1]
 
 
-def test_tiny_chances_are_shown_as_below_the_least(tmp_path: Path) -> None:
+def test_tiny_chances_are_shown_as_below_the_least() -> None:
     """A p-value below 1e-99, zero included, reads `< 1e-99` on the page and in the terminal; none reads 0; one above is itself."""
     a, b = (session(plain({"alpha_0": x, "alpha_2": 4.0 + 1e-12 * x}, 1e-12)) for x in (2.0, 3.0))
     compared = compare(a, b)
     assert change(compared, "alpha_0").adjusted == 0
-    page = compared.write(tmp_path / "out").read_text(encoding="utf-8")
+    page = report(compared).html()
     assert page.count("&lt; 1e-99") == 1
-    assert "p < 1e-99" in compared.text()
+    assert "p < 1e-99" in report(compared).text()
     assert f">{change(compared, 'alpha_2').adjusted:.2g}<" in page
 
 
@@ -927,7 +933,7 @@ def test_a_hundred_joints_are_compared(sessions: tuple[Path, Path], tmp_path: Pa
     code, _, said = run("compare", tmp_path / "0.json", tmp_path / "1.json", "-o", tmp_path / "out")
     assert (code, said) == (0, [])
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
-    assert page.count('--joint">') == 100
+    assert page.count("<h2>joint ") == 100
     assert page.count("<svg ") == len(list((tmp_path / "out" / "figures").glob("*.svg"))) == 30
     assert "Figures show the first 30 joints; the tables contain all." in page
 

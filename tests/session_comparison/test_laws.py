@@ -9,8 +9,7 @@ import pytest
 import bristle
 from bristle.model.laws.registry import law_named
 from bristle.questions.session_comparison.compare import compare
-from bristle.questions.session_comparison.laws import alike
-from bristle.questions.session_comparison.results import Comparison, Session
+from bristle.questions.session_comparison.results import Comparison, Session, alike
 from bristle.questions.session_comparison.results_file import session_of
 
 from ..conftest import speeds, write
@@ -104,4 +103,4 @@ def test_results_files_and_the_page_say_it(tmp_path: Path) -> None:
     files = [bristle.identify(path).write(path.parent / "report").parent / "results.json" for path in paths]
     found = bristle.compare(*files)
     assert {name.rstrip("+-") for name in names(found, compared=True)} == {"breakaway"}
-    assert "has the friction law gaussian" in page_text(found.write(tmp_path / "page"))
+    assert "has the friction law gaussian" in page_text(bristle.report_of(found).write(tmp_path / "page"))

@@ -107,7 +107,9 @@ def _accelerating(e: Evidence, t: Thresholds) -> Finding | None:
     allowed = tolerance if t.velocity_tolerance is None else t.velocity_tolerance * speed
     if e.drift <= allowed:
         return None
-    return Kind.ACCELERATING(alone=True, drift=e.drift, velocity=e.velocity, allowed=allowed, option=_tolerance(e.drift, speed))
+    return Kind.ACCELERATING(
+        alone=True, drift=e.drift, velocity=e.velocity, allowed=allowed, option=_tolerance(e.drift, speed)
+    )
 
 
 def _hunting(e: Evidence) -> Finding | None:
@@ -121,7 +123,9 @@ def _unsteady(e: Evidence, t: Thresholds) -> Finding | None:
     allowed = max(_SWING, t.velocity_tolerance or 0.0) * speed
     if e.scatter <= allowed:
         return None
-    return Kind.UNSTEADY(alone=True, scatter=e.scatter, velocity=e.velocity, allowed=allowed, option=_tolerance(e.scatter, speed))
+    return Kind.UNSTEADY(
+        alone=True, scatter=e.scatter, velocity=e.velocity, allowed=allowed, option=_tolerance(e.scatter, speed)
+    )
 
 
 def _tolerance(deviation: float, speed: float) -> Finding | str:
