@@ -17,8 +17,8 @@ def without_sentences(patch: pytest.MonkeyPatch) -> None:
     """Make every message the finding's code, as if all had been worded anew."""
     made = Finding.__init__
 
-    def bare(x: Finding, code: str, severity: Severity, _message: str, *more: Any, **named: Any) -> None:
-        made(x, code, severity, code, *more, **named)
+    def bare(x: Finding, code: str, severity: Severity, message: str, *more: Any, **named: Any) -> None:
+        made(x, code, severity, code if message else "", *more, **named)
 
     patch.setattr(Finding, "__init__", bare)
 

@@ -32,13 +32,13 @@ def drawing(caption: str = "One line rises by 1.") -> Drawing:
 
 def finding(text: str) -> Section:
     """A section with a finding that is no note."""
-    return Section(text, findings=(Finding("x", CAUTION, text),))
+    return Section(text, findings=(Finding("strays", CAUTION, text),))
 
 
 WHOLE = Report(
     HOSTILE,
     (
-        Section("", findings=(Finding("x", CAUTION, "The answer."),), turn=2),
+        Section("", findings=(Finding("strays", CAUTION, "The answer."),), turn=2),
         Section(HOSTILE, text=f"One.\n\n{HOSTILE}", figure=drawing(HOSTILE), lines=(HOSTILE,)),
         Section("Part", form="part", table=Table("numbers", HOSTILE, FRAME, note="How to read it.")),
         Section("Folded", form="folded", table=Table("numbers", "Some", FRAME, FRAME[:1])),
@@ -71,8 +71,8 @@ def test_what_a_section_holds_is_shown_in_its_place(tmp_path: Path) -> None:
     assert "<details" in page.partition("<h3>Part</h3>")[2].partition("<h2>Part</h2>")[0]
     assert '<p class="banner"><strong>SIMULATED data.</strong> All of it.</p>' in page
     assert "<dt>seed</dt><dd>7</dd>" in page
-    assert page.count('href="#warning-unknown"') == 2
-    assert page.count('id="warning-unknown"') == 1
+    assert page.count('href="#warning-strays"') == 2
+    assert page.count('id="warning-strays"') == 1
     assert [page.count(f'id="{slug}--section"') for slug in ("part", "folded", "part-2")] == [1, 1, 1]
     assert "default-src 'none'" in page
     files = {path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*.*")}
@@ -100,12 +100,12 @@ def test_the_terminal_has_lines_or_else_findings_by_their_turn() -> None:
     """Sections of one turn come as on the page, a later turn after them; a note has no code."""
     sections = (
         finding("last"),
-        Section("lines", findings=(Finding("x", CAUTION, "unsaid"),), lines=("  a line",)),
+        Section("lines", findings=(Finding("strays", CAUTION, "unsaid"),), lines=("  a line",)),
         Section("text", text="on the page alone"),
         Section("note", findings=(Finding("y", NOTE, "No change."),)),
     )
     report = replace(WHOLE, sections=(replace(sections[0], turn=1), *sections[1:]))
-    assert report.text().splitlines() == ["  a line", str(Finding("y", NOTE, "No change.")), "last [unknown]"]
+    assert report.text().splitlines() == ["  a line", str(Finding("y", NOTE, "No change.")), "last [strays]"]
 
 
 def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:

@@ -657,7 +657,7 @@ def spoilt(good: str, what: str) -> str:
     joint = document["joints"][HOSTILE]
     fit = joint["static"]["+"]
     if what == "schema":
-        document["schema"] = "bristle-results/3"
+        document["schema"] = "bristle-results/1"
     elif what == "covariance":
         fit["covariance"].pop()
     elif what == "negative":
@@ -687,7 +687,7 @@ TEXTS = {
     "infinite": ('{"schema": 1e999}', "is no results file"),
 }
 SPOILT = {
-    "schema": "is no results file of schema bristle-results/2 or 1 (schema",
+    "schema": "is no results file of schema bristle-results/3 or 2 (schema",
     "covariance": "a covariance is not of the 4 parameters",
     "negative": "a standard error is negative",
     "interval": "an interval ends before it begins",
@@ -810,7 +810,7 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "many wrong numbers": (lambda x: plus(x).update(covariance=[["x"]] * 900_000), "covariance.0.0: Input should be a valid number"),
     "many empty fits": (lambda x: x["static"].update({f"s{k}": {} for k in range(90_000)}), "of its entries are wrong or missing"),
     "many empty segments": (lambda x: x.update(segments=[{}] * 90_000), "of its entries are wrong or missing"),
-    "many objects": (lambda x: x.update(truth={f"s{k}": {} for k in range(100_000)}), "objects, more than 100000"),
+    "many objects": (lambda x: x.update(truth={f"s{k}": {} for k in range(200_000)}), "objects, more than 200000"),
     "warnings that are sentences": (lambda x: x.update(warnings=["The joint sticks."] * 9), "warnings.0: Input should be"),
     "many sentences": (lambda x: x.update(warnings=["The joint sticks."] * 100_000), "of its entries are wrong or missing"),
     "a warning without numbers": (lambda x: x.update(warnings=[warning("BOUND") | {"numbers": [1]}]), "warnings.0.numbers: Input should be"),
@@ -823,8 +823,8 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
 
 
 def warning(kind: str, **numbers: object) -> dict[str, Any]:
-    """A diagnostic as a file may have it."""
-    return {"kind": kind, "severity": "note", "text": "The joint sticks.", "numbers": numbers}
+    """A finding as a file may have it."""
+    return {"code": kind, "severity": "note", "message": "The joint sticks.", "numbers": numbers, "effect": {}}
 
 
 def nested(depth: int) -> list[Any]:
