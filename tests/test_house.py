@@ -5,7 +5,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1] / "src" / "bristle"
-GROUND = {"arrays", "diagnostics", "errors", "progress", "workers"}
+GROUND = {"arrays", "diagnostics", "errors", "findings", "progress", "workers"}
 """What every floor stands on; it imports nothing of ours."""
 CORE = {"model", "estimation", "data", "control", "identification", "simulation"}
 BELOW = {
