@@ -15,9 +15,8 @@ from bristle.api.results import Results
 from bristle.control.compensator import Compensator
 from bristle.data.experiment.load import Experiment
 from bristle.data.units import positive_si
-from bristle.diagnostics import Kind
 from bristle.errors import InputError, read_at_most
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.document import LARGEST
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
@@ -137,7 +136,7 @@ def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[Exported
         except InputError as error:
             if len(refused) + 1 == len(found):
                 raise
-            refused.append(Kind.EXPORT_JOINT_LEFT_OUT(why=str(error)))
+            refused.append(Finding("export-joint-left-out", CAUTION, f"Left out: {error}"))
     return tuple(joints), tuple(refused)
 
 
