@@ -39,7 +39,7 @@ from bristle.simulation.bench import steady_points
 
 from ..conftest import FEW, experiment, run, speeds, table, tree, write
 from ..pages import page_text
-from ..sameness import without_sentences
+from ..sameness import held, without_sentences
 
 P = edro.TABLE_1["gripper rotation"].positive
 NAMES = case_names(P.law)
@@ -293,11 +293,10 @@ def test_the_verdict_holds_the_numbers(validation: Validation) -> None:
 
 def test_no_sentence_decides_on_a_validation(validation: Validation, monkeypatch: pytest.MonkeyPatch) -> None:
     """With every template replaced by its kind's name the verdicts are the same values, and so are the tables."""
-    before = [verdict(result) for result in validation.cases], overall(validation), validation.to_frame()
+    before = held([*map(verdict, validation.cases), overall(validation)]), validation.to_frame()
     without_sentences(monkeypatch)
-    after = [verdict(result) for result in validation.cases], overall(validation), validation.to_frame()
-    assert after[:2] == before[:2]
-    pd.testing.assert_frame_equal(after[2], before[2])
+    assert held([*map(verdict, validation.cases), overall(validation)]) == before[0]
+    pd.testing.assert_frame_equal(validation.to_frame(), before[1])
 
 
 def test_minima_outside_the_range_are_counted_apart(validation: Validation) -> None:

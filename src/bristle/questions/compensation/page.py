@@ -64,13 +64,12 @@ def _as_good(study: Study) -> Iterator[Finding]:
     }
     stribeck, lugre = (rms.get(f"{name}, reference velocity") for name in ("Stribeck", "LuGre"))
     if stribeck and lugre and stribeck <= _WORSE * lugre:
-        numbers = {"joint": first.name, "stribeck": 1e3 * stribeck, "lugre": 1e3 * lugre}
         yield Finding(
             "stribeck-as-good",
             NOTE,
             f"The Stribeck curve compensates {first.name} as well as LuGre does on this motion: RMS error {1e3 * stribeck:.3g} and "
             f"{1e3 * lugre:.3g} {_milli(study)}, both driven by the reference velocity, with the finest encoder and no delay.",
-            numbers,
+            {"joint": first.name, "stribeck": 1e3 * stribeck, "lugre": 1e3 * lugre},
         )
 
 
@@ -164,13 +163,7 @@ def _worth(study: Study) -> Finding:
     """What LuGre feed-forward does to the first error, in numbers: that of the slow reference, without inertia feed-forward."""
     row, q = study.errors[0], _milli(study)
     without, identified, percent = 1e3 * row.without, 1e3 * row.identified, 100 * row.identified / row.without
-    numbers = {
-        "joint": row.joint,
-        "frequency": row.frequency,
-        "without": without,
-        "identified": identified,
-        "percent": percent,
-    }
+    numbers = {"joint": row.joint, "frequency": row.frequency, "without": without, "identified": identified}
     change = f"the RMS error of {row.joint} at {row.frequency:g} Hz from {without:.3g} {q} to {identified:.3g} {q} ({percent:.2g} %)."
     if row.identified < row.without:
         return Finding("error-reduced", NOTE, f"LuGre feed-forward reduces {change}", numbers)
