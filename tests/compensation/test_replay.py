@@ -8,7 +8,6 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
-from bristle.diagnostics import Kind
 from bristle.identification.measured import measure
 from bristle.model.parameters import Pair
 from bristle.model.rollout import rollout
@@ -65,7 +64,8 @@ def test_a_model_that_is_right_stays(tmp_path: Path) -> None:
     np.testing.assert_allclose(run.theta, 1.0, atol=0.01)
     before, after = run.relative_errors()
     assert max(before, after) < 1.0
-    assert run.verdict == Kind.ADAPTATION_IDLE(before=before, after=after, ratios=run.ratios)
+    assert run.verdict.code == "adaptation-idle"
+    assert run.verdict.numbers == {"before": before, "after": after, "ratios": run.ratios}
 
 
 def test_a_model_that_is_wrong_is_mended(tmp_path: Path) -> None:
@@ -76,7 +76,8 @@ def test_a_model_that_is_wrong_is_mended(tmp_path: Path) -> None:
     before, after = run.relative_errors()
     assert before == pytest.approx(100 / 3, abs=1.0)
     assert after < 0.5 * before
-    assert run.verdict == Kind.ADAPTATION_HELPS(before=before, after=after, ratios=run.ratios)
+    assert run.verdict.code == "adaptation-helps"
+    assert run.verdict.numbers == {"before": before, "after": after, "ratios": run.ratios}
     assert run.shares in str(run.verdict)
     np.testing.assert_allclose(wrong.theta[:, 0], [0.3, 0.5], rtol=0.01)
     assert (wrong.theta[:, -1] > wrong.theta[:, 0]).all()

@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bristle.diagnostics import Kind
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.questions.fleet.findings import Findings
+from bristle.questions.fleet.notes import headline
 
 HOSTILE = "</script><img src=x onerror=\"document.title='run'\"><!-- {{ 7*7 }} \\u003c"
 """A unit's name that ends a script, loads an image and opens a comment."""
@@ -37,14 +38,13 @@ def plausible(
     changed = changes["changed"]
     table = _joints(changes, sessions)
     return Findings(
-        headline=Kind.FLEET_CHANGED(
-            changed=int(table["changed"].sum()),
-            tested=len(table),
-            rate=5.0,
-            first=Kind.JOINT_CHANGED(joint=f"{HOSTILE} {EXOTIC}", name="alpha_0+", percent=15.0, since="2026-03-02"),
-            more="",
+        headline=Finding(
+            "fleet-changed",
+            NOTE,
+            f"{table['changed'].sum()} of {len(table)} joints changed, at a false discovery rate of 5 %; "
+            f"the clearest: {HOSTILE} {EXOTIC}, alpha_0+ by +15 % since 2026-03-02.",
         ),
-        notes=(Kind.WARNED_SINCE(count=1, codes=("clipped",)),),
+        notes=(Finding("warned-since", CAUTION, "Look at their logs first; a failing sensor is not wear."),),
         joints=table,
         changes=changes.drop(columns="number"),
         series=_series(changes.assign(changed=changed), sessions, rng),
@@ -76,7 +76,9 @@ def empty() -> Findings:
         name: getattr(some, name).iloc[:0]
         for name in ("joints", "changes", "series", "types", "units", "quality", "warned", "failures")
     }
-    return Findings(headline=Kind.FLEET_UNTESTED(), notes=(), rate=0.05, baseline=3, simulated=False, **tables)
+    return Findings(
+        headline=headline(tables["joints"], 0.05), notes=(), rate=0.05, baseline=3, simulated=False, **tables
+    )
 
 
 def when(sessions: int) -> pd.DatetimeIndex:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bristle.diagnostics import Kind
+from bristle.questions.fleet.notes import headline
 from bristle.questions.fleet.text import change, day, estimate, probability, text, totals
 
 from .plausible import HOSTILE, empty, plausible
@@ -18,13 +18,6 @@ def test_the_text_of_a_small_fleet() -> None:
     found = plausible(units=3, joints=2, sessions=6)
     joints = found.joints.copy()
     joints[["unit", "joint"]] = [[f"r{k}", "J1"] for k in range(6)]
-    headline = Kind.FLEET_CHANGED(
-        changed=2,
-        tested=6,
-        rate=5.0,
-        more="",
-        first=Kind.JOINT_CHANGED(joint="r0 J1", name="alpha_0+", percent=15, since="2026-04-27"),
-    )
     units = found.units[found.units["unit"] != HOSTILE].assign(joint="J1", type="T1")
     failures = found.failures.assign(unit="r0", joint="J1")
     types = found.types.assign(type="J1").head(2)
@@ -33,7 +26,7 @@ def test_the_text_of_a_small_fleet() -> None:
         replace(
             found,
             joints=joints,
-            headline=headline,
+            headline=headline(joints.assign(percent=15.0), 0.05),
             units=units,
             types=types,
             failures=failures,
@@ -41,7 +34,8 @@ def test_the_text_of_a_small_fleet() -> None:
         )
     ).splitlines()
     assert lines[:2] == [
-        "2 of 6 joints changed, at a false discovery rate of 5 %; the clearest: r0 J1, alpha_0+ by +15 % since 2026-04-27.",
+        "2 of 6 joints changed, at a false discovery rate of 5 %; the clearest: r0 J1, alpha_0- by +15 % since 2026-04-27; "
+        "1 other changed as well.",
         "SIMULATED data.",
     ]
     assert lines[2] == "Joints that changed (2), with 95 % interval and adjusted p:"

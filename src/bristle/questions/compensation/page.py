@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import SEED
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
@@ -65,7 +64,13 @@ def _as_good(study: Study) -> Iterator[Finding]:
     }
     stribeck, lugre = (rms.get(f"{name}, reference velocity") for name in ("Stribeck", "LuGre"))
     if stribeck and lugre and stribeck <= _WORSE * lugre:
-        yield Kind.STRIBECK_AS_GOOD(joint=first.name, stribeck=1e3 * stribeck, lugre=1e3 * lugre, unit=_milli(study))
+        yield Finding(
+            "stribeck-as-good",
+            NOTE,
+            f"The Stribeck curve compensates {first.name} as well as LuGre does on this motion: RMS error {1e3 * stribeck:.3g} and "
+            f"{1e3 * lugre:.3g} {_milli(study)}, both driven by the reference velocity, with the finest encoder and no delay.",
+            {"joint": first.name, "stribeck": 1e3 * stribeck, "lugre": 1e3 * lugre},
+        )
 
 
 def _worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
@@ -83,9 +88,14 @@ def _adverse(study: Study) -> Iterator[Finding]:
     """Where adaptation leaves a larger error than the identified model alone does, by a tenth or more."""
     for row in study.errors:
         if row.adaptive > _WORSE * row.identified and not row.inertia:
-            yield Kind.ADAPTATION_WORSE(
-                joint=row.joint, frequency=row.frequency, identified=1e3 * row.identified, adaptive=1e3 * row.adaptive, unit=_milli(study),
-            )  # fmt: skip  # a list of values
+            identified, adaptive, q = 1e3 * row.identified, 1e3 * row.adaptive, _milli(study)
+            yield Finding(
+                "adaptation-worse",
+                CAUTION,
+                f"Adaptation makes {row.joint} worse at {row.frequency:g} Hz: RMS error {identified:.3g} {q} with the identified "
+                f"model, {adaptive:.3g} {q} adapted.",
+                {"joint": row.joint, "frequency": row.frequency, "identified": identified, "adaptive": adaptive},
+            )
 
 
 def _compensation(study: Study, figures: Mapping[str, Drawn]) -> dict[str, Any]:
@@ -151,20 +161,26 @@ def context(study: Study) -> dict[str, Any]:
 
 def _worth(study: Study) -> Finding:
     """What LuGre feed-forward does to the first error, in numbers: that of the slow reference, without inertia feed-forward."""
-    row = study.errors[0]
-    return (Kind.ERROR_REDUCED if row.identified < row.without else Kind.ERROR_INCREASED)(
-        joint=row.joint, frequency=row.frequency, without=1e3 * row.without, identified=1e3 * row.identified,
-        percent=100 * row.identified / row.without, unit=_milli(study),
-    )  # fmt: skip  # a list of values
+    row, q = study.errors[0], _milli(study)
+    without, identified, percent = 1e3 * row.without, 1e3 * row.identified, 100 * row.identified / row.without
+    numbers = {"joint": row.joint, "frequency": row.frequency, "without": without, "identified": identified}
+    change = f"the RMS error of {row.joint} at {row.frequency:g} Hz from {without:.3g} {q} to {identified:.3g} {q} ({percent:.2g} %)."
+    if row.identified < row.without:
+        return Finding("error-reduced", NOTE, f"LuGre feed-forward reduces {change}", numbers)
+    return Finding("error-increased", CAUTION, f"LuGre feed-forward increases {change}", numbers)
 
 
 def _ablated(study: Study) -> Finding:
     """How many of the ablation's cases fail, by how."""
     rows = study.ablation
-    return Kind.ABLATED(
-        tried=len(rows), cycling=sum(x.limit_cycle for x in rows), leading=sum(x.over_compensated for x in rows),
-        diverging=sum(x.diverges for x in rows),
-    )  # fmt: skip  # a list of values
+    cycling, leading = sum(x.limit_cycle for x in rows), sum(x.over_compensated for x in rows)
+    diverging = sum(x.diverges for x in rows)
+    return Finding(
+        "ablated",
+        NOTE,
+        f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge.",
+        {"tried": len(rows), "cycling": cycling, "leading": leading, "diverging": diverging},
+    )
 
 
 def _captions(study: Study) -> dict[str, str]:
@@ -246,19 +262,30 @@ def lines(study: Study) -> Iterator[str]:
 
 def outcomes_of(study: Study) -> Iterator[Finding]:
     """What compensation does to each error without inertia feed-forward, and where each adapted parameter ends."""
-    first = study.loops[0]
+    first, q = study.loops[0], _milli(study)
     for row in study.errors:
         if not row.inertia:
-            yield Kind.ERRORS_COMPENSATED(
-                joint=row.joint, frequency=row.frequency, without=1e3 * row.without, unit=_milli(study),
-                identified=1e3 * row.identified, identified_percent=100 * row.identified / row.without,
-                adaptive=1e3 * row.adaptive, adaptive_percent=100 * row.adaptive / row.without,
+            without, identified, adaptive = 1e3 * row.without, 1e3 * row.identified, 1e3 * row.adaptive
+            identified_percent, adaptive_percent = 100 * row.identified / row.without, 100 * row.adaptive / row.without
+            yield Finding(
+                "errors-compensated",
+                NOTE,
+                f"{row.joint}, {row.frequency:g} Hz: RMS error {without:.3g} {q} without, {identified:.3g} {q} "
+                f"({identified_percent:.2g} %) with and {adaptive:.3g} {q} ({adaptive_percent:.2g} %) with adaptive compensation.",
+                {
+                    "joint": row.joint, "frequency": row.frequency, "without": without, "unit": q,
+                    "identified": identified, "identified_percent": identified_percent,
+                    "adaptive": adaptive, "adaptive_percent": adaptive_percent,
+                },
             )  # fmt: skip  # a list of values
+    reference = "true" if study.paper else "identified"
     for x in study.adapted.factors:
-        yield Kind.ADAPTED_TO(
-            joint=first.name, law=x.law, name=x.parameter, initial=x.initial, final=x.final,
-            reference="true" if study.paper else "identified",
-        )  # fmt: skip  # a list of values
+        yield Finding(
+            "adapted-to",
+            NOTE,
+            f"{first.name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f} of its {reference} value.",
+            {"joint": first.name, "law": x.law, "name": x.parameter, "initial": x.initial, "final": x.final},
+        )
 
 
 def _milli(study: Study) -> str:

@@ -16,8 +16,7 @@ from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.control_period import flat, no_friction, symbols
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.problem import Motion, dynamic_problem
 from bristle.identification.known_joint import rises_of
 from bristle.identification.measured import Measured
@@ -81,23 +80,38 @@ class Replay:
     def verdict(self) -> Finding:
         """Whether to switch the adaptation on."""
         before, after = self.relative_errors()
-        kind = self._found(before, after)
-        if kind is Kind.MODEL_UNFIT:
-            return kind(before=before, after=after)
-        return kind(before=before, after=after, ratios=self.ratios)
-
-    def _found(self, before: float, after: float) -> Kind:
-        """What replaying showed, by the percentages left unexplained without and with adaptation."""
         low, high = self.adaptation.limits
         gains = self.theta[:, -1] / self.start
+        numbers = {"before": before, "after": after, "ratios": self.ratios}
+        left = f"{after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %"
         if ((np.abs(gains - 1) > _MOVED) & ((gains <= (1 + _MOVED) * low) | (gains >= (1 - _MOVED) * high))).any():
-            return Kind.GAIN_AT_LIMIT
+            return Finding(
+                "gain-at-limit",
+                CAUTION,
+                f"A gain ended at its limit ({self.shares}; {left}): widen adapt.limits if friction may have changed that much; "
+                "otherwise leave it off, or lower gamma.",
+                numbers,
+            )
         if self.begun == "identified" and before > _STRANGE:
-            return Kind.MODEL_UNFIT
+            return Finding(
+                "model-unfit",
+                CAUTION,
+                f"The identified model leaves {before:.3g} % of this run's friction torque unexplained ({after:.3g} % adapted): check "
+                "units, sign and columns of the run; until then its gains mean nothing.",
+                {"before": before, "after": after},
+            )
         little = max(_LITTLE, 0.02 * before)
         if after < before - little:
-            return Kind.ADAPTATION_HELPS
-        return Kind.ADAPTATION_IDLE if after <= before + little else Kind.ADAPTATION_HARMS
+            return Finding("adaptation-helps", NOTE, f"It helps here: {left}, at ratios {self.shares}.", numbers)
+        if after <= before + little:
+            return Finding(
+                "adaptation-idle",
+                NOTE,
+                f"It changes nothing here: {before:.3g} % of the friction torque is left unexplained without it, {after:.3g} % with "
+                f"it, at ratios {self.shares}.",
+                numbers,
+            )
+        return Finding("adaptation-harms", CAUTION, f"Leave it off: {left}, at ratios {self.shares}.", numbers)
 
 
 def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, ...]:

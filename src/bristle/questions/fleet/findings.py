@@ -14,11 +14,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.estimation.robust import variance_interval
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.questions.fleet.changes import change_rows, decide, ranked, settled_sessions, step_tests
 from bristle.questions.fleet.notes import anew, compared, headline, notes
 from bristle.questions.fleet.quality import failures, new_warnings, quality, warned, warnings_begun
@@ -140,7 +139,12 @@ def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Ite
     used["joint"], used["type"] = people.joint[where], people.table["type"].to_numpy()[people.joint[where]]
     same = _of_one_source(used)
     if not same.all():
-        said.append(Kind.OF_OTHER_FITS(count=int((~same).sum())))
+        count = int((~same).sum())
+        message = (
+            f"{count} values come from another fit than most values of the same parameter of their joint, and are left out of the "
+            "findings: two fits may differ without any change of the joint."
+        )
+        said.append(Finding("of-other-fits", NOTE, message, {"count": count}))
     found = []
     for key, rows in used[same].groupby(["type", "parameter", "direction"], observed=True, sort=True):
         at = _of_one_unit(rows, str(key[0]), said)
@@ -167,7 +171,12 @@ def _of_one_unit(rows: pd.DataFrame, type_: str, said: list[Finding]) -> NDArray
     (most, _), *others = units.most_common()
     for other, count in others:
         if not any(x.code == "mixed-value-units" and x.numbers["other"] == other for x in said):
-            said.append(Kind.MIXED_VALUE_UNITS(type=type_, unit=most, other=other, count=count))
+            message = (
+                f"Type {type_} has values in {most} and in {other}; the {count} values in {other} are left out. "
+                "Give these joints a type of their own."
+            )
+            numbers = {"type": type_, "unit": most, "other": other, "count": count}
+            said.append(Finding("mixed-value-units", CAUTION, message, numbers))
     return rows.index.to_numpy()[(rows["value_unit"].astype(str) == most).to_numpy()]
 
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import pandas as pd
 
-from bristle.diagnostics import Kind
-from bristle.findings import Finding, Severity
+from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.model.parameters import Direction, ParameterName
+from bristle.page.wording import counted
 from bristle.questions.fleet.changes import beyond_errors
 from bristle.questions.fleet.quality import codes_of, critical, most_common
 from bristle.questions.fleet.quantities import LEAST_FREEDOM, Adjusted
@@ -23,12 +23,15 @@ def headline(joints: pd.DataFrame, rate: float) -> Finding:
     """How many joints changed, and which the most clearly; `joints` are ranked."""
     tested, changed = joints["adjusted_p"].notna(), joints[joints["changed"]]
     if not tested.any():
-        return Kind.FLEET_UNTESTED()
+        return Finding("fleet-untested", NOTE, "No joint was tested for a change; the notes say why.")
+    numbers = {"changed": len(changed), "tested": int(tested.sum()), "rate": 100 * rate}
+    at_rate = f"at a false discovery rate of {100 * rate:.3g} %"
     if changed.empty:
-        return Kind.FLEET_UNCHANGED(tested=int(tested.sum()), rate=100 * rate)
-    first = _step(changed.iloc[0])
-    more = Kind.AND_JOINTS(count=len(changed) - 1) if len(changed) > 1 else ""
-    return Kind.FLEET_CHANGED(changed=len(changed), tested=int(tested.sum()), rate=100 * rate, first=first, more=more)
+        message = f"None of {numbers['tested']} joints changed beyond the scatter between sessions, {at_rate}."
+        return Finding("fleet-unchanged", NOTE, message, numbers)
+    more = f"; {counted(len(changed) - 1, 'other')} changed as well" if len(changed) > 1 else ""
+    message = f"{len(changed)} of {numbers['tested']} joints changed, {at_rate}; the clearest: {_step(changed.iloc[0])}{more}."
+    return Finding("fleet-changed", NOTE, message, numbers)
 
 
 def notes(
@@ -56,9 +59,11 @@ def anew(people: Roster) -> Iterator[Finding]:
     again = every[every["now"] & every.duplicated(["unit", "joint"], keep=False) & every["first"].notna()]
     if len(again):
         last = again.sort_values("first", kind="stable").iloc[-1]
-        yield Kind.BASELINES_BEGUN(
-            count=len(again), joint=f"{last['unit']} {last['joint']}", since=f"{last['first']:%Y-%m-%d}"
+        message = (
+            f"{counted(len(again), 'joint')} began anew at a session tagged baseline; "
+            f"the last: {last['unit']} {last['joint']} on {last['first']:%Y-%m-%d}."
         )
+        yield Finding("baselines-begun", NOTE, message, {"count": len(again)})
 
 
 def _shifts(every: Sequence[Adjusted]) -> Iterator[Finding]:
@@ -66,19 +71,35 @@ def _shifts(every: Sequence[Adjusted]) -> Iterator[Finding]:
     shifted = [x for x in every if x.knots.size]
     for type_ in dict.fromkeys(x.of.key.type for x in shifted):
         own = [x for x in shifted if x.of.key.type == type_]
-        yield Kind.COMMON_SHIFT(
-            names=tuple(str(ParameterName(x.of.key.parameter, Direction(x.of.key.direction))) for x in own),
-            joints=max(int(x.of.now.sum()) for x in own),
-            type=type_,
-            percent=max((float(y) for x in own for y in x.of.percent(x.shift)), key=abs),
-            cause=Kind.SHIFT_LOGGED() if any("temperature" in x.of.names for x in own) else Kind.SHIFT_UNLOGGED(),
+        names = tuple(str(ParameterName(x.of.key.parameter, Direction(x.of.key.direction))) for x in own)
+        joints = max(int(x.of.now.sum()) for x in own)
+        percent = max((float(y) for x in own for y in x.of.percent(x.shift)), key=abs)
+        logged = any("temperature" in x.of.names for x in own)
+        cause = (
+            "Temperature is taken off already; look for a new lot of grease, new firmware or another torque constant."
+            if logged
+            else "Temperature is not in the catalog; log it, for it does this."
+        )
+        yield Finding(
+            "common-shift",
+            CAUTION,
+            f"{', '.join(names)} of all {joints} joints of type {type_} shifted together, by up to {percent:+.2g} %: the cause is "
+            f"common to the type. The shift is taken off, and no joint is accused of it. {cause}",
+            {"type": type_, "names": names, "joints": joints, "percent": percent, "temperature_logged": logged},
         )
 
 
 def _warned(joints: pd.DataFrame) -> Iterator[Finding]:
     said = joints.loc[joints["changed"] & (joints["new_warnings"] != ""), "new_warnings"]
     if len(said):
-        yield Kind.WARNED_SINCE(count=len(said), codes=most_common(code for x in said for code in x.split()))
+        codes = most_common(code for x in said for code in x.split())
+        yield Finding(
+            "warned-since",
+            CAUTION,
+            f"{len(said)} of the joints that changed have warnings since that they did not have before: {', '.join(codes)}. "
+            "Look at their logs first; a failing sensor is not wear.",
+            {"count": len(said), "codes": codes},
+        )
 
 
 def _few(every: Sequence[Adjusted]) -> Iterator[Finding]:
@@ -88,7 +109,14 @@ def _few(every: Sequence[Adjusted]) -> Iterator[Finding]:
         if LEAST_FREEDOM <= x.fit.freedom < _FEW:
             pairs = int((x.of.joint[1:] == x.of.joint[:-1]).sum())
             told[x.of.key.type] = max(pairs, told.get(x.of.key.type, 0))
-    yield from (Kind.SCATTER_OF_FEW(type=type_, count=count) for type_, count in told.items())
+    for type_, count in told.items():
+        yield Finding(
+            "scatter-of-few",
+            CAUTION,
+            f"The scatter between sessions of type {type_} rests on {count} pairs of successive sessions, so only large changes "
+            "are told from it; more joints of the type, or more sessions, narrow it.",
+            {"type": type_, "count": count},
+        )
 
 
 def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> Iterator[Finding]:
@@ -98,35 +126,33 @@ def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> 
     for type_, own in rows.groupby("type", sort=False):
         head = own.head(_NAMED)
         who = people.table[["unit", "joint"]].iloc[head["number"].to_numpy(int)].to_dict("records")
-        told = tuple(_step({**row, **one}) for row, one in zip(head.to_dict("records"), who, strict=True))
-        yield Kind.BEYOND_ERRORS(type=str(type_), steps=told, more=_more(len(own) - len(told)))
+        steps = "; ".join(_step({**row, **one}) for row, one in zip(head.to_dict("records"), who, strict=True))
+        more = f", {len(own) - len(head)} more" if len(own) > len(head) else ""
+        yield Finding(
+            "beyond-errors",
+            NOTE,
+            f"Type {type_}: by the errors of the estimates alone, as compare judges two sessions, there are steps: {steps}{more}. "
+            "Whether they are more than what sessions scatter by is not told from so few.",
+            {"type": str(type_), "steps": len(own)},
+        )
 
 
-def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> Finding:
+def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> str:
     """One change, with its joint."""
-    return Kind.JOINT_CHANGED(
-        joint=f"{row['unit']} {row['joint']}",
-        name=str(ParameterName(row["parameter"], Direction(row["direction"]))),
-        percent=row["percent"],
-        since=f"{row['since']:%Y-%m-%d}",
-    )
-
-
-def _more(count: int) -> Finding | str:
-    return Kind.MORE_STEPS(count=count) if count else ""
+    name = ParameterName(row["parameter"], Direction(row["direction"]))
+    return f"{row['unit']} {row['joint']}, {name} by {row['percent']:+.3g} % since {row['since']:%Y-%m-%d}"
 
 
 def _untested(joints: pd.DataFrame, baseline: int) -> Iterator[Finding]:
     not_tested = joints[joints["untested"] != ""]
     if not_tested.empty:
         return
-    short = int(not_tested["untested"].str.startswith(_SHORT).sum())
-    why = []
-    if short:
-        why.append(Kind.UNTESTED_BY_SESSIONS(count=short, baseline=baseline))
-    if len(not_tested) > short:
-        why.append(Kind.UNTESTED_BY_SCATTER(count=len(not_tested) - short))
-    yield Kind.JOINTS_UNTESTED(count=len(not_tested), why=tuple(why))
+    count, short = len(not_tested), int(not_tested["untested"].str.startswith(_SHORT).sum())
+    why = [f"{short} without values in more than {baseline} sessions"] * (short > 0)
+    if count > short:
+        why.append(f"{count - short} whose type has too few repeated sessions to tell the scatter between them")
+    message = f"Not tested for a change: {counted(count, 'joint')}; {'; '.join(why)}."
+    yield Finding("joints-untested", NOTE, message, {"count": count, "short": short})
 
 
 _SHORT = "fewer"
@@ -135,19 +161,21 @@ _SHORT = "fewer"
 def _sessions(frame: pd.DataFrame) -> Iterator[Finding]:
     keys = ["unit", "joint", "session"]
     total = len(frame[keys].drop_duplicates())
-    for column in ("failure", "left_out"):
-        rows = frame[frame[column].notna()]
-        if len(rows):
-            count, first = len(rows[keys].drop_duplicates()), str(rows[column].iloc[0])
-            yield (
-                Kind.SESSIONS_FAILED(failed=count, total=total, first=first)
-                if column == "failure"
-                else Kind.SESSIONS_LEFT_OUT(count=count, first=first)
-            )
+    failed, left_out = (frame[frame[column].notna()] for column in ("failure", "left_out"))
+    if len(failed):
+        count, first = len(failed[keys].drop_duplicates()), failed["failure"].iloc[0]
+        message = f"{count} of {counted(total, 'joint session')} without a result; the first: {first}"
+        yield Finding("sessions-failed", NOTE, message, {"failed": count, "total": total})
+    if len(left_out):
+        count, first = len(left_out[keys].drop_duplicates()), left_out["left_out"].iloc[0]
+        message = f"{counted(count, 'joint session')} left out of the findings; the first: {first}"
+        yield Finding("sessions-left-out", NOTE, message, {"count": count})
 
 
 def _critical(frame: pd.DataFrame) -> Iterator[Finding]:
     """Values that are not used, and the warnings that they have most often."""
     rows = frame[(frame["severity"] == "critical") & frame["value"].notna()]
     if len(rows):
-        yield Kind.VALUES_CRITICAL(count=len(rows), codes=most_common(critical(codes_of(rows)["code"])))
+        codes = most_common(critical(codes_of(rows)["code"]))
+        message = f"{counted(len(rows), 'value')} with a critical warning left out of the findings; the commonest: {', '.join(codes)}."
+        yield Finding("values-critical", NOTE, message, {"count": len(rows), "codes": codes})

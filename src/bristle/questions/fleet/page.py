@@ -8,9 +8,9 @@ from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from bristle.diagnostics import Kind
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.bokeh_page import bokeh_script, json_block, numbered_document, policy, script_elements
+from bristle.page.entries import entries
 from bristle.page.output_folder import FLEET, replace_files
 from bristle.page.page import encoded, html, tables_of, versions
 from bristle.page.wording import PARAMETERS, counted, pretty, symbol
@@ -151,7 +151,7 @@ def _explained(found: "Findings") -> dict[str, str]:
     """The severity of every code on the page that has an entry."""
     codes = {code for listed in found.joints["new_warnings"] for code in str(listed).split()}
     codes |= {*found.quality["code"].astype(str), *found.warned["code"].astype(str)}
-    return {kind.code: str(kind.severity) for kind in Kind if kind.code in codes}
+    return {code: x.severity for code, x in entries().items() if code in codes}
 
 
 def _counts(found: "Findings") -> dict[str, int]:

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bristle.diagnostics import Kind
+from bristle.page.entries import entries
 from bristle.questions.fleet.roster import Roster
 
 FAILED = "failed"
 """The code of a session that was not identified."""
-_SEVERITY = {kind.code: str(kind.severity) for kind in Kind} | {FAILED: "critical"}
 BY_CHANCE = 0.05
 """How likely a warning is in these sessions of a joint and not in those, at the rate of the other joints, for it to be named new."""
 _COUNT = ("caution", "critical")
@@ -25,6 +24,13 @@ _COLUMNS = {
     "period": "datetime64[us]", "code": "str", "severity": "str", "joint_sessions": "int64", "of": "int64", "percent": "float64",
 }  # fmt: skip  # a table
 """Columns of the quality over time, and their types."""
+
+
+def _severity(code: str) -> str:
+    """The severity of a code; a caution where it has no entry."""
+    if code == FAILED:
+        return "critical"
+    return entries()[code].severity if code in entries() else "caution"
 
 
 def codes_of(frame: pd.DataFrame, *whose: str) -> pd.DataFrame:
@@ -56,7 +62,7 @@ def quality(frame: pd.DataFrame) -> pd.DataFrame:
     every_one = pd.MultiIndex.from_product([of.index, sorted(found["code"].unique())], names=["period", "code"])
     count = found.groupby(["period", "code"]).size().reindex(every_one, fill_value=0)
     counts = count.rename("joint_sessions").reset_index()
-    counts["severity"] = counts["code"].map(lambda code: _SEVERITY.get(code, "caution"))
+    counts["severity"] = counts["code"].map(_severity)
     counts["of"] = counts["period"].map(of)
     counts["percent"] = 100 * counts["joint_sessions"] / counts["of"]
     return counts.sort_values(["period", "code"], ignore_index=True)[list(_COLUMNS)].astype(_COLUMNS)
@@ -86,12 +92,12 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     every["place"] = every.groupby("number").cumcount()
     of_joint = every.groupby("number").size()
     told = codes_of(frame.assign(number=people.joint), "number")
-    told = told[told["code"].map(lambda code: _SEVERITY.get(code, "caution")).isin(_COUNT)].merge(every, on=whose)
+    told = told[told["code"].map(_severity).isin(_COUNT)].merge(every, on=whose)
     rows = told.groupby(["number", "code"]).agg(
         sessions=("place", "size"), place=("place", "min"), since=("session", "min")
     )
     rows = rows.reset_index()
-    rows["severity"] = rows["code"].map(lambda code: _SEVERITY.get(code, "caution"))
+    rows["severity"] = rows["code"].map(_severity)
     own = of_joint.reindex(rows["number"]).to_numpy(float)
     rows["before"], rows["of"] = rows["place"], own - rows["place"]
     of_code = told["code"].value_counts().reindex(rows["code"]).to_numpy(float)
@@ -128,7 +134,7 @@ def new_warnings(
 
 def critical(codes: "pd.Series[Any]") -> Iterator[str]:
     """Those of some codes that are critical."""
-    return (str(code) for code in codes if _SEVERITY.get(code) == "critical")
+    return (str(code) for code in codes if _severity(code) == "critical")
 
 
 def most_common(codes: Iterator[str], count: int = 3) -> tuple[str, ...]:

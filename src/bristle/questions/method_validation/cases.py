@@ -9,10 +9,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import fault_of
 from bristle.identification.results import Joint
@@ -39,7 +38,19 @@ class CaseSet:
     cases: tuple[ValidationCase, ...]
     skipped: Mapping[str, Finding] = field(default_factory=dict)
     """Directions that cannot be tried, each with the reason."""
-    assumptions: tuple[Finding, ...] = (Kind.POINTS_SIMULATED(), Kind.DIRECTIONS_ALONE())
+    assumptions: tuple[Finding, ...] = (
+        Finding(
+            "points-simulated",
+            NOTE,
+            "SIMULATED: torques are those of the model at the given velocities, with white Gaussian noise; no run is simulated, "
+            "and the velocities have no error.",
+        ),
+        Finding(
+            "directions-alone",
+            NOTE,
+            "Each direction is validated separately: what directions share (inertia, gravity, offset) is taken as known.",
+        ),
+    )
 
 
 def sweep_designs(v_s: float) -> dict[str, Array]:
@@ -81,10 +92,16 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
             continue
         p = fit.values()
         if p is None or not p.alpha_1 or fit.profile is None:
-            skipped[direction] = Kind.NO_STRIBECK_TERM(outcome=fit.outcome)
+            skipped[direction] = Finding("no-stribeck-term", NOTE, f"nothing to validate: {fit.outcome.message}")
             continue
         if fit.velocity.size <= len(case_names(fit.law)):
-            skipped[direction] = Kind.TOO_FEW_TO_VALIDATE(points=fit.velocity.size)
+            points = fit.velocity.size
+            skipped[direction] = Finding(
+                "too-few-to-validate",
+                NOTE,
+                f"nothing to validate: {points} points were fitted; four parameters and their noise need at least 5",
+                {"points": points},
+            )
             continue
         faults = (fault_of(ParameterName(name, Direction(direction)), x) for name, x in p._asdict().items())
         if fault := next(filter(None, faults), None):
@@ -92,13 +109,18 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
         velocity, fitted_noise = _points(fit)
         level = fitted_noise if noise is None else noise * p.alpha_0
         if level <= 1e-9 * p.alpha_0:
-            skipped[direction] = Kind.POINTS_WITHOUT_NOISE()
+            skipped[direction] = Finding(
+                "points-without-noise",
+                NOTE,
+                "nothing to validate: the points lie on the model without noise; choose a noise level with --noise",
+            )
             continue
         ends = (float(fit.profile.v_s[0]), float(fit.profile.v_s[-1]))
         label = joint.name if direction == "both" else f"{joint.name} ({direction})"
         cases.append(_case(label, f"the {fit.n} points measured", p, velocity, level, ends))
     if not cases and not skipped:
-        skipped["both directions"] = Kind.NO_GRID_FIT()
+        message = "nothing to validate: the grid fitted no friction curve."
+        skipped["both directions"] = Finding("no-grid-fit", NOTE, message)
     return CaseSet(title=joint.name, kind=joint.kind, cases=tuple(cases), skipped=skipped)
 
 
