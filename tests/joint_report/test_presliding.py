@@ -13,7 +13,7 @@ import numpy as np
 from bristle.diagnostics import Kind
 from bristle.identification.fits import Presliding
 from bristle.identification.results import Joint
-from bristle.page.wording import METHODS, in_print
+from bristle.page.wording import METHODS
 from bristle.questions.joint_report import page, results_file, sections, sentences, tables
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.text import fit_report
@@ -172,7 +172,7 @@ def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path:
     text = written(slow, tmp_path / "out")
     section = text[text.index('<section id="gripper-rotation--presliding">') :]
     section = section[: section.index("</section>")]
-    for words in (*METHODS.values(), in_print(Kind.FROM_TRANSITIONS()), "-2.4 % where the joint rests",
+    for words in (*METHODS.values(), "from encoder transitions; insensitive to where inside a count the joint rests", "-2.4 % where the joint rests",
                   "-51 % on average, with a spread of 28 %",
                   "from the static fit", "of an assumed damping ratio", "median breakaway torque",
                   "is an outlier", "differ because the loop is wide",
@@ -207,7 +207,7 @@ def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> Non
     """Without any static fit the page has the section, and no empty curve or cross-check; its links land."""
     alone = replace(only(slow, fits={"+": nothing_seen()}), static={}, crosscheck={}, segments=())
     text = written(alone, tmp_path / "out")
-    assert in_print(Kind.SIGMA_0_AT_LEAST(least=12.5, unit="N*m/rad")) in text
+    assert "No σ₀ can be given; it is at least 12.5 N·m/rad." in text
     assert "Full nonlinear fit" not in text
     assert not list((tmp_path / "out" / "figures").glob("*-curve.svg"))
     assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))

@@ -15,7 +15,6 @@ from bristle.api.results import Results
 from bristle.control.compensator import Compensator
 from bristle.data.experiment.load import Experiment
 from bristle.data.units import positive_si
-from bristle.diagnostics import Kind
 from bristle.errors import InputError, read_at_most
 from bristle.findings import Finding
 from bristle.identification.document import LARGEST
@@ -24,7 +23,7 @@ from bristle.model.parameters import unit
 from bristle.progress import Progress
 from bristle.questions.array_fit.fit import Fit
 from bristle.questions.export.artefact import Request
-from bristle.questions.export.export import Export, export_joints
+from bristle.questions.export.export import Export, export_joints, joint_left_out
 from bristle.questions.export.exported import ExportedJoint, Origin, exported
 from bristle.questions.export.targets import target
 from bristle.simulation.joint_loop import JointLoop
@@ -137,7 +136,7 @@ def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[Exported
         except InputError as error:
             if len(refused) + 1 == len(found):
                 raise
-            refused.append(Kind.EXPORT_JOINT_LEFT_OUT(why=str(error)))
+            refused.append(joint_left_out(error))
     return tuple(joints), tuple(refused)
 
 
