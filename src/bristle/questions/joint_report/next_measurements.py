@@ -52,19 +52,19 @@ def _of_moving(joint: Joint) -> Iterator[Finding]:
         for name, e in fit.parameters.items()
         if e.value is None or (e.standard_error or 0.0) > WIDE * abs(e.value)
     }
-    if names := tuple(name for name in ("alpha_1", "v_s") if name in wide):
+    if peak := tuple(name for name in ("alpha_1", "v_s") if name in wide):
         motion = "add constant velocities below and around v_s (experiment: ramp), or move long and slowly there"
-        message = f"The moving runs leave {' and '.join(names)} open: {motion}."
-        yield Finding("peak-open", NOTE, message, {"names": names})
+        message = f"The moving runs leave {' and '.join(peak)} open: {motion}."
+        yield Finding("peak-open", NOTE, message, {"names": peak})
     if "alpha_2" in wide:
         faster = "The moving runs leave alpha_2 open: move faster, where the viscous part is larger."
         yield Finding("viscous-open", NOTE, faster)
-    if names := tuple(name for name in ("sigma_0", "sigma_1") if name in wide):
+    if bristle := tuple(name for name in ("sigma_0", "sigma_1") if name in wide):
         message = (
-            f"The moving runs leave {' and '.join(names)} open: add slow loading below breakaway (experiment: presliding), "
+            f"The moving runs leave {' and '.join(bristle)} open: add slow loading below breakaway (experiment: presliding), "
             "or turn often and slowly, by a few times the way in which friction builds up."
         )
-        yield Finding("bristle-open", NOTE, message, {"names": names})
+        yield Finding("bristle-open", NOTE, message, {"names": bristle})
     if "inertia" in wide:
         harder = "The moving runs leave inertia open: accelerate harder, or give the inertia."
         yield Finding("inertia-open", NOTE, harder)
