@@ -18,7 +18,7 @@ def without_sentences(patch: pytest.MonkeyPatch) -> None:
     made = Finding.__init__
 
     def bare(x: Finding, code: str, severity: Severity, message: str, *more: Any, **named: Any) -> None:
-        made(x, code, severity, code, *more, **named)
+        made(x, code, severity, code if message else "", *more, **named)
 
     patch.setattr(Finding, "__init__", bare)
 

@@ -5,7 +5,7 @@ from graphlib import TopologicalSorter
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1] / "src" / "bristle"
-GROUND = {"arrays", "diagnostics", "errors", "progress", "workers"}
+GROUND = {"arrays", "diagnostics", "errors", "findings", "progress", "workers"}
 """What every floor stands on; it imports nothing of ours."""
 CORE = {"model", "estimation", "data", "control", "identification", "simulation"}
 BELOW = {
@@ -77,6 +77,20 @@ def test_neighbours_do_not_know_each_other() -> None:
         others = {room(where) for where in imported(tree) if where[0] == place(path)[0]}
         if own is not None and not others <= {own, None}:
             found.append((path.relative_to(SOURCE).as_posix(), others - {own, None}))
+    assert found == []
+
+
+def test_results_know_no_report() -> None:
+    """In a question with a report.py no file but that and figures.py imports what draws or makes a page, and nobody imports the report itself."""
+    found: list[tuple[str, object]] = []
+    for path, tree in TREES.items():
+        names = imported(tree)
+        if (path.parent / "report.py").exists() and path.stem not in ("report", "figures"):
+            drawing = {("page", "page"), ("page", "report"), ("page", "style"), (*place(path)[:2], "figures")} & names
+            found += (
+                [(path.relative_to(SOURCE).as_posix(), drawing)] if drawing and place(path)[0] == "questions" else []
+            )
+        found += [(path.name, name) for name in names if name[:1] == ("questions",) and name[-1] == "report"]
     assert found == []
 
 

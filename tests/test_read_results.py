@@ -129,9 +129,9 @@ def test_what_is_read_is_what_was_written(fresh: Results, read: Results) -> None
 ASKED: dict[str, Ask] = {
     "plan": lambda x: bristle.plan(x, velocities=4).text(),
     "validate": lambda x: bristle.validate(x, repetitions=20, starts=1).to_frame().to_csv(),
-    "sensitivity": lambda x: bristle.sensitivity(x, samples=0).text(),
+    "sensitivity": lambda x: bristle.report_of(bristle.sensitivity(x, samples=0)).text(),
     "adapt": lambda x: repr(bristle.adapt(x)),
-    "compare": lambda x: bristle.compare(x, x).text() if isinstance(x, Results) else "",
+    "compare": lambda x: bristle.report_of(bristle.compare(x, x)).text() if isinstance(x, Results) else "",
     "inspect": lambda x: str(bristle.inspect(x).segments),
 }
 
@@ -269,7 +269,7 @@ def test_a_robot_is_read_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
     assert [x["joints"] for x in json.loads(read.to_json(tmp_path))["experiments"]] == [["shoulder", "elbow"]]
     with pytest.raises(InputError, match="got 2 joints; expected one: say which with joint"):
         bristle.sensitivity(path, samples=0)
-    asked = [bristle.sensitivity(x, joint="elbow", samples=0).text() for x in (path, read, fresh)]
+    asked = [bristle.report_of(bristle.sensitivity(x, joint="elbow", samples=0)).text() for x in (path, read, fresh)]
     assert asked[0] == asked[1] == asked[2]
 
 

@@ -89,7 +89,7 @@ def questions(results: bristle.Results) -> None:
     checked: pd.DataFrame = bristle.validate(results, repetitions=20, starts=2).to_frame()
     assert planned
     assert len(checked)
-    assert bristle.sensitivity(results, samples=0).text()
+    assert bristle.report_of(bristle.sensitivity(results, samples=0)).text()
     assert results.plot().get_xlabel()
     reason = ""
     try:

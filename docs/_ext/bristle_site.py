@@ -33,6 +33,10 @@ RETURNED = (
     "bristle.questions.explorer.page.Explorer",
     "bristle.questions.method_validation.results.Validation",
     "bristle.questions.session_comparison.results.Comparison",
+    "bristle.page.report.Report",
+    "bristle.page.report.Section",
+    "bristle.page.report.Table",
+    "bristle.page.page.Drawing",
     "bristle.errors.InputError",
 )
 """Classes that `bristle` returns or raises, and does not name itself."""

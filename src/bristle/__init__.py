@@ -31,10 +31,10 @@ if TYPE_CHECKING:
         read_export,
         read_results,
         report,
+        report_of,
         sensitivity,
         simulate,
         validate,
-        write_comparison,
     )
     from bristle.data.experiment.draft import Told
     from bristle.errors import InputError
@@ -77,10 +77,10 @@ __all__ = [
     "read_results",
     "register_law",
     "report",
+    "report_of",
     "sensitivity",
     "simulate",
     "validate",
-    "write_comparison",
 ]
 
 

@@ -356,11 +356,12 @@ def compare(
         check_folder(output)
     with shown():
         from bristle import compare as run
+        from bristle import report_of
 
-        compared = run(first, second)
-    _tell([compared.text()])
+        report = report_of(run(first, second))
+    _tell([report.text()])
     if output is not None:
-        print_lines([f"Page: {compared.write(output)}"], done=True)
+        print_lines([f"Page: {report.write(output)}"], done=True)
 
 
 @app.command()
@@ -441,13 +442,15 @@ def sensitivity(
         return
     folder = output_folder(output, experiment, "-sensitivity")
     with shown() as progress:
+        from bristle import report_of
         from bristle import sensitivity as run
 
         study = run(
             experiment, joint=joint, amplitude=amplitude, frequency=frequency, samples=samples, progress=progress
         )
-    _tell([study.text()])
-    print_lines([f"Page: {study.write(folder)}"], done=True)
+        report = report_of(study)
+    _tell([report.text()])
+    print_lines([f"Page: {report.write(folder)}"], done=True)
 
 
 @app.command()

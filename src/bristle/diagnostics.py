@@ -2403,7 +2403,7 @@ def but(finding: Finding, **numbers: Any) -> Finding:
     return replace(made, subject=finding.subject)
 
 
-WEIGHTIEST_FIRST = (
+_BY_WEIGHT = (
     "unexplained misfit inertia-below-zero velocity-factor velocity-unrelated whole-positions count-unit "
     "count-contradicts effort-far-beyond links-not-removed joint-order gravity-direction links-oppose not-converged "
     "out-of-steps still-lower full-fit-lower ipopt-lower undercut ipopt-undercuts static-at-edge at-edge flat-profile "
@@ -2435,10 +2435,11 @@ WEIGHTIEST_FIRST = (
     "gripper-reference box-held box-cut noise-assumed held-as-known extrapolated limit-slowest-guessed "
     "limit-hold-guessed limit-positions-guessed limit-acceleration-guessed limit-rate limit-frequency "
     "frequency-lowered links-scale constant-by-masses beyond-urdf effort-beyond header-lines decimal-comma "
-    "counts-of-a-turn cutoff-lowered truth-undeclared unit-differs in-one-session files-all-shared "
-    "files-shared one-simulated fit-distrusted models-differ laws-differ common-shift warned-since mixed-value-units "
+    "counts-of-a-turn cutoff-lowered truth-undeclared unit-differs in-one-session files-all-shared files-shared "
+    "one-simulated fit-distrusted models-differ laws-differ common-shift warned-since mixed-value-units "
     "scatter-of-few error-increased gain-at-limit model-unfit adaptation-worse adaptation-harms plants-refused "
     "loop-diverges motion-worse export-loses export-leaves-out export-without-inertia export-without-bristle "
     "export-joint-left-out"
-).split()  # noqa: SIM905  # a list of words
+)
+WEIGHTIEST_FIRST = _BY_WEIGHT.split()
 """Codes of what is critical, then of what calls for caution, in the order in which warnings are named."""

@@ -7,7 +7,6 @@ from numpy.typing import ArrayLike
 from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 
 
 def _record(time: ArrayLike, position: ArrayLike, starts: tuple[int, ...] = (0,)) -> Record:
@@ -31,11 +30,8 @@ def test_a_slow_sine_comes_back() -> None:
     np.testing.assert_allclose(_of(record.velocity)[inside], w * np.cos(w * t)[inside], atol=1e-4 * w)
     np.testing.assert_allclose(_of(record.acceleration)[inside], -(w**2) * np.sin(w * t)[inside], atol=1e-3 * w**2)
     (note,) = record.notes
-    assert (note.code, note.numbers["cutoff"], note.numbers["why"]) == (
-        "motion-from-position",
-        50.0,
-        Kind.CUTOFF_ASKED(),
-    )
+    assert (note.code, note.numbers["cutoff"]) == ("motion-from-position", 50.0)
+    assert note.numbers["why"].code == "cutoff-asked"
 
 
 def test_the_filter_is_zero_phase_and_of_twice_half_power() -> None:
@@ -74,7 +70,7 @@ def test_short_segments_are_left_out_and_counted() -> None:
     record = estimate_motion(_record(t, t**2, (0, 50, 53)), 10.0)
     assert (record.time.size, record.starts, record.dropped) == (90, (0, 50), 3)
     assert record.time[50] == 20
-    assert Kind.ROWS_OF_SHORT_SEGMENTS(rows=3, least=16) in record.notes
+    assert any((note.code, note.numbers) == ("rows-of-short-segments", {"rows": 3}) for note in record.notes)
     with pytest.raises(ValueError, match="no segment between gaps has 16 samples"):
         estimate_motion(_record(t[:10], t[:10]), 10.0)
 
@@ -84,7 +80,7 @@ def test_a_cutoff_beyond_nyquist_is_lowered_and_said() -> None:
     t = np.arange(100) * 0.05
     (note,) = estimate_motion(_record(t, np.sin(t)), 100.0).notes
     assert note.numbers["cutoff"] == pytest.approx(8.0)
-    assert note.numbers["why"] == Kind.CUTOFF_LOWERED(asked=100.0)
+    assert (note.numbers["why"].code, note.numbers["why"].numbers) == ("cutoff-lowered", {"asked": 100.0})
 
 
 def test_a_logged_velocity_stays_and_is_differentiated() -> None:

@@ -15,10 +15,9 @@ from bristle.data.encoder import count_mismatch
 from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Position, Signals
-from bristle.data.record import Record
+from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.signal_checks import check_signals, merged, travel_ratio
-from bristle.diagnostics import Kind
-from bristle.findings import Finding, Severity
+from bristle.findings import CAUTION, CRITICAL, Finding, Severity
 from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
 
@@ -280,12 +279,26 @@ def test_counts_given_as_rad_are_critical(tmp_path: Path, counts: float) -> None
 
 def test_files_with_one_fault_are_one_warning() -> None:
     """Files alike are named together, a few of many; what is critical comes first; another remedy is another warning."""
-    alike = [Kind.VELOCITY_FACTOR(files=(f"{k}.csv",), ratio=57.0 + k / 10, remedy="x") for k in range(9)]
-    other = [Kind.VELOCITY_FACTOR(files=("z.csv",), ratio=-1.0, remedy="y"), Kind.LOST_SAMPLES(files=("a.csv row 5",))]
-    found = merged([other[1], *alike, other[0]])
+
+    def factor(file: str, ratio: float, remedy: str) -> Finding:
+        numbers = {"files": (file,), "ratio": ratio, "remedy": remedy}
+        return Finding("velocity-factor", CRITICAL, f"Of {file}{OTHER_FILES}: {ratio:g}.", numbers)
+
+    alike = [factor(f"{k}.csv", 57.0 + k / 10, "x") for k in range(9)]
+    lost = [
+        Finding("lost-samples", CAUTION, f"Lost: {place}{OTHER_PLACES}.", {"files": (place,)})
+        for place in ("a.csv row 5", "b.csv row 9")
+    ]
+    found = merged([*lost, *alike, factor("z.csv", -1.0, "y")])
     assert [d.code for d in found] == ["velocity-factor", "velocity-factor", "lost-samples"]
     assert found[0].numbers["files"] == ("0.csv", "1.csv", "2.csv", "3.csv", "and 5 more")
     assert found[0].numbers["ratio"] == 57.0
+    assert [*map(str, found)] == [
+        "Of 0.csv, 1.csv, 2.csv, 3.csv, and 5 more: 57.",
+        "Of z.csv: -1.",
+        "Lost: a.csv row 5; b.csv row 9.",
+    ]
+    assert str(alike[0]) == "Of 0.csv: 57."
 
 
 def test_a_unit_that_contradicts_the_encoder(tmp_path: Path) -> None:
@@ -296,20 +309,20 @@ def test_a_unit_that_contradicts_the_encoder(tmp_path: Path) -> None:
     cases = (
         (q, "unit: rad", None),
         (np.rad2deg(q), "unit: deg", None),
-        (np.rad2deg(q), "unit: rad", ("COUNT_UNIT", Severity.CRITICAL, "Write `unit: deg` under")),
-        (q, "unit: deg", ("COUNT_UNIT", Severity.CRITICAL, "Write `unit: rad` under")),
-        (q / (2 * np.pi), "unit: rad", ("COUNT_UNIT", Severity.CRITICAL, "Write `unit: rev` under")),
-        (1e3 * q, "unit: rad", ("COUNT_UNIT", Severity.CRITICAL, "Write `unit: mrad` under")),
-        (51 * q, "unit: rad", ("COUNT_CONTRADICTS", Severity.CRITICAL, "51 times")),
-        (q / 4, "unit: rad", ("COUNT_BITS", Severity.NOTE, "0.25 times")),
-        (np.round(q, 2), "unit: rad", ("COUNT_ROUNDED", Severity.CAUTION, "rounded to steps of 0.01 rad")),
-        (np.round(np.rad2deg(q)), "unit: deg", ("WHOLE_DEGREES", Severity.CAUTION, "`unit: counts`")),
+        (np.rad2deg(q), "unit: rad", ("count-unit", Severity.CRITICAL, "Write `unit: deg` under")),
+        (q, "unit: deg", ("count-unit", Severity.CRITICAL, "Write `unit: rad` under")),
+        (q / (2 * np.pi), "unit: rad", ("count-unit", Severity.CRITICAL, "Write `unit: rev` under")),
+        (1e3 * q, "unit: rad", ("count-unit", Severity.CRITICAL, "Write `unit: mrad` under")),
+        (51 * q, "unit: rad", ("count-contradicts", Severity.CRITICAL, "51 times")),
+        (q / 4, "unit: rad", ("count-bits", Severity.NOTE, "0.25 times")),
+        (np.round(q, 2), "unit: rad", ("count-rounded", Severity.CAUTION, "rounded to steps of 0.01 rad")),
+        (np.round(np.rad2deg(q)), "unit: deg", ("whole-degrees", Severity.CAUTION, "`unit: counts`")),
     )
     for logged, position, wanted in cases:
         found = [
             d
             for d in written(tmp_path, position, np.column_stack([t, logged, torque]))
-            if d.code.startswith(("COUNT", "WHOLE"))
+            if d.code.startswith(("count", "whole"))
         ]
         assert [(d.code, d.severity) for d in found] == ([] if wanted is None else [wanted[:2]])
         assert wanted is None or wanted[2] in str(found[0])

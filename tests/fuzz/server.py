@@ -19,8 +19,8 @@ from .inputs import good_results
 
 SECONDS, BYTES = 20, 2 * 2**30
 """What one input may take, in time of the processor."""
-_PATIENCE = 4.0
-"""Times that: a command that waits, and does not work, is ended then; beside other jobs one that works may take longer than its own time."""
+_PATIENCE = 30.0
+"""Times that: a command that waits, and does not work, is ended then; one that works is by its time of the processor, whatever runs beside it."""
 _READERS = (
     "data",
     "questions/session_comparison/results_file.py",
@@ -58,6 +58,7 @@ def _run(folder: str, arguments: list[str]) -> None:
         os.dup2(os.open(f"{folder}.{name}", os.O_WRONLY | os.O_CREAT | os.O_TRUNC), number)
     resource.setrlimit(resource.RLIMIT_DATA, (BYTES, BYTES))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    resource.setrlimit(resource.RLIMIT_CPU, (2 * SECONDS, 2 * SECONDS))
     process._sentence = sentence
     sys.argv = ["bristle", *arguments]
     try:
@@ -92,8 +93,8 @@ def serve() -> None:
     """Answer until the input ends."""
     import bristle.questions.experiment_design.page
     import bristle.questions.method_validation.page
-    import bristle.questions.sensitivity.page
-    import bristle.questions.session_comparison.page  # noqa: F401  # imported for those that are forked
+    import bristle.questions.sensitivity.report
+    import bristle.questions.session_comparison.report  # noqa: F401  # imported for those that are forked
 
     with tempfile.TemporaryDirectory() as folder:
         good_results(Path(folder))  # what is imported or compiled at its first use is there, too

@@ -11,8 +11,8 @@ import bristle
 from bristle.diagnostics import Kind
 from bristle.identification.fisher import Information
 from bristle.questions.sensitivity.local import Map
-from bristle.questions.sensitivity.page import captions
 from bristle.questions.sensitivity.parameter_box import spans_of
+from bristle.questions.sensitivity.report import report
 from bristle.questions.sensitivity.sobol import Effect, Global, Indices, Output
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
 
@@ -38,10 +38,16 @@ def known(tmp_path_factory: pytest.TempPathFactory) -> SensitivityStudy:
     return bristle.sensitivity(write(tmp_path_factory.mktemp("captions"), speeds()), samples=0)
 
 
+def captions(study: SensitivityStudy) -> dict[str, str]:
+    """The first sentence of each figure's caption, by the name of its file."""
+    figures = (section.figure for section in report(study).sections)
+    return {x.name: re.sub(r"(?<=[a-z0-9%)₀-₉ₛ±·])\. .*$", ".", x.caption) for x in figures if x is not None}
+
+
 def test_every_caption_begins_with_a_number(known: SensitivityStudy, tmp_path: Path) -> None:
     """Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there."""
     whole = replace(known, sobol=SOBOL)
-    index = whole.write(tmp_path / "out")
+    index = bristle.report_of(whole).write(tmp_path / "out")
     found = findings(page_text(index))
     assert found == list(captions(whole).values())
     assert len(found) == 4 + len(known.expected) + 1

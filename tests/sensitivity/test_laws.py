@@ -17,7 +17,6 @@ from bristle.questions.sensitivity.formulas import formulas
 from bristle.questions.sensitivity.local import SineMotion, local
 from bristle.questions.sensitivity.parameter_box import box_of, joints_at, ordered
 from bristle.questions.sensitivity.study import SensitivityStudy
-from bristle.questions.sensitivity.tables import information_table, map_table, parameter_table
 
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
 from ..names import named
@@ -46,16 +45,17 @@ def test_every_part_has_the_laws_own_parameter(study: SensitivityStudy, tmp_path
     own = OWN[law.name]
     assert study.local.names == study.map.names
     assert set(study.to_frame().parameter) == set(study.local.names)
-    for table in (parameter_table(study), *(information_table(study, e) for e in study.expected)):
+    report = bristle.report_of(study)
+    for table in (report.frames["parameters"], *(e.to_frame(study.kind) for e in study.expected)):
         assert own in set(table.parameter)
         assert "v_end" not in set(table.parameter)
-    assert own in map_table(study).columns
+    assert own in report.frames["map"].columns
     assert len(time_figure(study).axes) == 1 + len(study.local.names)
     assert len([ax for ax in map_figure(study).axes if ax.get_visible()]) == 1 + len(study.local.names)
-    text = page_text(study.write(tmp_path / "page"))
+    text = page_text(report.write(tmp_path / "page"))
     assert SYMBOLS[law.name] in text
-    assert "v_end" not in study.text()
-    assert own in study.text()
+    assert "v_end" not in report.text()
+    assert own in report.text()
 
 
 def test_constant_velocities_and_the_motion_are_of_the_laws_parameters(study: SensitivityStudy) -> None:

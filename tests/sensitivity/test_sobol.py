@@ -26,10 +26,9 @@ from bristle.model.vectorize import evaluate
 from bristle.page.style import render_as
 from bristle.questions.sensitivity import sobol
 from bristle.questions.sensitivity.figures import sobol_figure
+from bristle.questions.sensitivity.findings import sobol_sentences
 from bristle.questions.sensitivity.parameter_box import box_of, joints_at, ordered
 from bristle.questions.sensitivity.sobol import Global, global_sensitivity, indices
-from bristle.questions.sensitivity.tables import sobol_table
-from bristle.questions.sensitivity.text import sobol_sentences
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop
 
@@ -447,7 +446,7 @@ def test_the_figure_says_what_there_is_not(found: Global) -> None:
     assert [ax.get_legend() is not None for ax in figure.axes] == [False, True, False]
     nothing = tuple(replace(output, indices=None, reason=Finding("x", Severity.NOTE, "None.")) for output in outputs)
     assert render_as(sobol_figure(replace(found, outputs=nothing), "revolute", name="x", simulated=False), "svg")
-    assert sobol_table(replace(found, outputs=nothing), "revolute").empty
+    assert replace(found, outputs=nothing).to_frame("revolute").empty
 
 
 def test_table_and_sentences_hold_the_same_numbers(found: Global) -> None:
@@ -455,7 +454,7 @@ def test_table_and_sentences_hold_the_same_numbers(found: Global) -> None:
 
     The sentences name the largest first, what was drawn, the seed, and that it is simulated.
     """
-    frame = sobol_table(found, "revolute")
+    frame = found.to_frame("revolute")
     effects = [e for output in found.outputs if output.indices for e in output.indices.effects]
     assert frame["total"].tolist() == [e.total for e in effects]
     assert frame["upper"].tolist() == [0.025, 0.01, 0.05] * 3

@@ -35,7 +35,7 @@ from bristle.model.parameters import Lugre, ParameterName, unit
 from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
 from bristle.questions.session_comparison.figures import forest_figure
-from bristle.questions.session_comparison.page import caption, changes
+from bristle.questions.session_comparison.report import report
 from bristle.questions.session_comparison.results import Change, Comparison, Session, SessionFit, SessionJoint
 from bristle.simulation.bench import steady_points
 
@@ -468,7 +468,10 @@ def test_the_caption_begins_with_the_largest_change(
         }
         return session(fit_of(source="static +", parameters=parameters), kind=kind)
 
-    assert caption(compare(told(first), told(second)).changes) == found
+    captions = [
+        section.figure.caption for section in report(compare(told(first), told(second))).sections if section.figure
+    ]
+    assert captions[0].startswith(f"{found} Each parameter")
 
 
 def results(folder: Path, name: str, joint: str = "wrist", seed: int = 0, alpha_2: float = TRUTH.alpha_2) -> Path:
@@ -590,16 +593,19 @@ def test_a_page_replaces_no_session(sessions: tuple[Path, Path]) -> None:
 
 
 def test_a_comparison_carries_itself(tmp_path: Path) -> None:
-    """Its frame is the table of changes; written by itself or by `bristle.write_comparison`, from a path or a text, its page is the same."""
+    """Its report has its frame as a table, is written by a path or a text, and begins in the terminal with the joint; another result has none."""
     compared = compare(session(plain({"alpha_0": 2.0}, 0.1)), session(plain({"alpha_0": 3.0, "v_s": 1.0}, 0.1)))
-    pd.testing.assert_frame_equal(compared.to_frame(), changes(compared))
+    report = bristle.report_of(compared)
+    pd.testing.assert_frame_equal(compared.to_frame(), report.frames["changes"])
     assert compared.to_frame()["verdict"].tolist() == [str(c.verdict) for c in compared.changes]
-    first, second = compared.write(str(tmp_path / "one")), bristle.write_comparison(compared, tmp_path / "two")
+    first, second = report.write(str(tmp_path / "one")), report.write(tmp_path / "two")
     assert first == tmp_path / "one" / "index.html"
-    assert first.read_bytes() == second.read_bytes()
-    lines = compared.text().splitlines()
+    assert first.read_text(encoding="utf-8") == second.read_text(encoding="utf-8") == report.html()
+    lines = report.text().splitlines()
     assert lines[0] == "[[wrist]] revolute"
     assert str(compared.sentence) in lines
+    with pytest.raises(bristle.InputError, match="got a Change; expected what compare or sensitivity gave"):
+        bristle.report_of(compared.changes[0])  # type: ignore[arg-type]
 
 
 def test_no_sentence_decides_on_a_comparison(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -609,22 +615,22 @@ def test_no_sentence_decides_on_a_comparison(monkeypatch: pytest.MonkeyPatch) ->
     second = session(plain(b, 0.1, "joint"), correlated(1.5), inputs=("abc", "def"), simulated=True)
     sessions = {**first, **session(plain({"v_s": 1.0}), joint="elbow")}, second
     before = compare(*sessions)
-    words = held(before), before.text()
+    words = held(before), report(before).text()
     assert len(before.warnings) > 3
     without_sentences(monkeypatch)
     after = compare(*sessions)
     assert held(after) == words[0]
-    assert after.text() != words[1]
+    assert report(after).text() != words[1]
 
 
-def test_tiny_chances_are_shown_as_below_the_least(tmp_path: Path) -> None:
+def test_tiny_chances_are_shown_as_below_the_least() -> None:
     """A p-value below 1e-99, zero included, reads `< 1e-99` on the page and in the terminal; none reads 0; one above is itself."""
     a, b = (session(plain({"alpha_0": x, "alpha_2": 4.0 + 1e-12 * x}, 1e-12)) for x in (2.0, 3.0))
     compared = compare(a, b)
     assert change(compared, "alpha_0").adjusted == 0
-    page = compared.write(tmp_path / "out").read_text(encoding="utf-8")
+    page = report(compared).html()
     assert page.count("&lt; 1e-99") == 1
-    assert "p < 1e-99" in compared.text()
+    assert "p < 1e-99" in report(compared).text()
     assert f">{change(compared, 'alpha_2').adjusted:.2g}<" in page
 
 
@@ -651,7 +657,7 @@ def spoilt(good: str, what: str) -> str:
     joint = document["joints"][HOSTILE]
     fit = joint["static"]["+"]
     if what == "schema":
-        document["schema"] = "bristle-results/3"
+        document["schema"] = "bristle-results/1"
     elif what == "covariance":
         fit["covariance"].pop()
     elif what == "negative":
@@ -681,7 +687,7 @@ TEXTS = {
     "infinite": ('{"schema": 1e999}', "is no results file"),
 }
 SPOILT = {
-    "schema": "is no results file of schema bristle-results/2 or 1 (schema",
+    "schema": "is no results file of schema bristle-results/3 or 2 (schema",
     "covariance": "a covariance is not of the 4 parameters",
     "negative": "a standard error is negative",
     "interval": "an interval ends before it begins",
@@ -804,7 +810,7 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
     "many wrong numbers": (lambda x: plus(x).update(covariance=[["x"]] * 900_000), "covariance.0.0: Input should be a valid number"),
     "many empty fits": (lambda x: x["static"].update({f"s{k}": {} for k in range(90_000)}), "of its entries are wrong or missing"),
     "many empty segments": (lambda x: x.update(segments=[{}] * 90_000), "of its entries are wrong or missing"),
-    "many objects": (lambda x: x.update(truth={f"s{k}": {} for k in range(100_000)}), "objects, more than 100000"),
+    "many objects": (lambda x: x.update(truth={f"s{k}": {} for k in range(200_000)}), "objects, more than 200000"),
     "warnings that are sentences": (lambda x: x.update(warnings=["The joint sticks."] * 9), "warnings.0: Input should be"),
     "many sentences": (lambda x: x.update(warnings=["The joint sticks."] * 100_000), "of its entries are wrong or missing"),
     "a warning without numbers": (lambda x: x.update(warnings=[warning("BOUND") | {"numbers": [1]}]), "warnings.0.numbers: Input should be"),
@@ -817,8 +823,8 @@ REFUSED: dict[str, tuple[Spoil, str]] = {
 
 
 def warning(kind: str, **numbers: object) -> dict[str, Any]:
-    """A diagnostic as a file may have it."""
-    return {"kind": kind, "severity": "note", "text": "The joint sticks.", "numbers": numbers}
+    """A finding as a file may have it."""
+    return {"code": kind, "severity": "note", "message": "The joint sticks.", "numbers": numbers, "effect": {}}
 
 
 def nested(depth: int) -> list[Any]:
@@ -927,7 +933,7 @@ def test_a_hundred_joints_are_compared(sessions: tuple[Path, Path], tmp_path: Pa
     code, _, said = run("compare", tmp_path / "0.json", tmp_path / "1.json", "-o", tmp_path / "out")
     assert (code, said) == (0, [])
     page = (tmp_path / "out" / "index.html").read_text(encoding="utf-8")
-    assert page.count('--joint">') == 100
+    assert page.count("<h2>joint ") == 100
     assert page.count("<svg ") == len(list((tmp_path / "out" / "figures").glob("*.svg"))) == 30
     assert "Figures show the first 30 joints; the tables contain all." in page
 

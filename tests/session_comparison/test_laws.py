@@ -9,8 +9,7 @@ import pytest
 import bristle
 from bristle.model.laws.registry import law_named
 from bristle.questions.session_comparison.compare import compare
-from bristle.questions.session_comparison.laws import alike
-from bristle.questions.session_comparison.results import Comparison, Session
+from bristle.questions.session_comparison.results import Comparison, Session, alike
 from bristle.questions.session_comparison.results_file import session_of
 
 from ..conftest import speeds, write
@@ -61,7 +60,7 @@ def test_under_two_laws_what_means_the_same_is_compared() -> None:
     found = compare(session("paper", of=DRAG), session(DRAG))
     assert names(found, compared=True) == {"breakaway"}
     assert names(found, compared=False) == {"alpha_0", "alpha_1", "alpha_2", "v_s", "alpha_3"}
-    assert {c.verdict.numbers["why"].kind for c in found.changes if c.changed is None} == {"of-other-laws"}
+    assert {c.verdict.numbers["why"].code for c in found.changes if c.changed is None} == {"of-other-laws"}
     assert not found.hints
     (told,) = (x for x in found.warnings if x.code in ("laws-differ", "models-differ"))
     assert told.code == "laws-differ"
@@ -104,4 +103,4 @@ def test_results_files_and_the_page_say_it(tmp_path: Path) -> None:
     files = [bristle.identify(path).write(path.parent / "report").parent / "results.json" for path in paths]
     found = bristle.compare(*files)
     assert {name.rstrip("+-") for name in names(found, compared=True)} == {"breakaway"}
-    assert "has the friction law gaussian" in page_text(found.write(tmp_path / "page"))
+    assert "has the friction law gaussian" in page_text(bristle.report_of(found).write(tmp_path / "page"))

@@ -8,13 +8,13 @@ from bristle.api.experiments import (
     report,
     sensitivity,
     validate,
-    write_comparison,
 )
 from bristle.api.exploring import explore
 from bristle.api.exporting import export, read_export
 from bristle.api.files import complete, draft, inspect
 from bristle.api.fleets import Fleet, fleet
 from bristle.api.identifying import identify
+from bristle.api.reports import report_of
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
@@ -55,8 +55,8 @@ __all__ = [
     "read_results",
     "register_law",
     "report",
+    "report_of",
     "sensitivity",
     "simulate",
     "validate",
-    "write_comparison",
 ]

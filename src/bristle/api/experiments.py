@@ -147,17 +147,6 @@ def compare(first: Results | Path | str, second: Results | Path | str) -> Compar
     return compare_sessions(*sessions)
 
 
-def write_comparison(compared: Comparison, folder: Path | str) -> Path:
-    """`Comparison.write`: what `compare` returned as a page with figures and tables.
-
-    >>> import bristle
-    >>> first = bristle.identify("wrist.yaml")
-    >>> bristle.write_comparison(bristle.compare(first, first), "page").name
-    'index.html'
-    """
-    return compared.write(folder)
-
-
 def sensitivity(
     experiment: Known | None = None,
     *,
@@ -174,7 +163,7 @@ def sensitivity(
     >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
     >>> fit = bristle.fit(v, T, directions="symmetric")
     >>> study = bristle.sensitivity(fit, samples=0)
-    >>> print(study.text()[:44])
+    >>> print(bristle.report_of(study).text()[:44])
     joint: RMS of p dT/dp relative to the RMS of
 
     Args:

@@ -18,8 +18,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps, estimate_motion, smoothed, usable
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 
 _POWER = 0.999
 """Of the position's power, which lies below the motion's bandwidth."""
@@ -58,7 +57,7 @@ def of_motion(record: Record) -> tuple[float, Finding]:
     least = usable(record, _WIDER * own)
     if effort is None:
         shown = _first(moves, own)
-        return usable(record, max(least, _ABOVE * shown)), Kind.CUTOFF_OF_MOTION(motion=own, shown=shown)
+        return usable(record, max(least, _ABOVE * shown)), _by_motion(own, shown)
 
     # where the inertia makes as much of the motion's noise as the effort has itself, white both; one that is commanded has none
     drives, order = _shown(effort[part], record.step), 2 if record.velocity is None else 1
@@ -68,7 +67,7 @@ def of_motion(record: Record) -> tuple[float, Finding]:
         shown = min(shown, float((drives.noise / made) ** (0.5 / order) / (2 * np.pi)))
     cutoff = usable(record, max(least, _ABOVE * shown))
     if moves.counted:  # what counts take the fit gives back
-        return cutoff, Kind.CUTOFF_OF_MOTION(motion=own, shown=shown)
+        return cutoff, _by_motion(own, shown)
 
     # down the ladder while the acceleration is noise, which takes from the inertia
     (inertia, error), tried = _inertia(record, effort, cutoff), cutoff / _LADDER
@@ -77,20 +76,31 @@ def of_motion(record: Record) -> tuple[float, Finding]:
         if lower < _SEEN * its_error or lower - inertia <= max(_STANDS[0] * lower, _STANDS[1] * error):
             break
         cutoff, inertia, error, tried = tried, lower, its_error, tried / _LADDER
-    return cutoff, Kind.CUTOFF_OF_MOTION(motion=own, shown=shown)
+    return cutoff, _by_motion(own, shown)
+
+
+def _by_motion(motion: float, shown: float) -> Finding:
+    """Why a moving run has its cut-off: the bandwidth of its motion, and the frequency up to which it shows something, Hz."""
+    message = (
+        f", for 99.9 % of the motion lies below {motion:.3g} Hz, and motion and effort show more than noise up to {shown:.3g} Hz "
+        "(fit.position_cutoff overrules)"
+    )
+    return Finding("cutoff-of-motion", NOTE, message, {"motion": motion, "shown": shown})
 
 
 def of_held_speeds(record: Record) -> tuple[float, Finding]:
     """Cut-off of the low pass of a position at held speeds, Hz, with the reason: half of the frequency at which it falls into noise."""
     position = _shown(np.asarray(record.position)[_longest(record)], record.step)
     shown = _first(position, position.own)
-    return usable(record, _HELD * shown), Kind.CUTOFF_OF_HOLDS(shown=shown)
+    why = f", half of the frequency up to which the position shows more than noise, {shown:.3g} Hz"
+    return usable(record, _HELD * shown), Finding("cutoff-of-holds", NOTE, why, {"shown": shown})
 
 
 def of_slow_loading(record: Record) -> tuple[float, Finding]:
     """Cut-off of the low pass of slow loading, Hz, with the reason: ten times the bandwidth of the torque."""
     own = _shown(np.asarray(record.torque)[_longest(record)], record.step).own
-    return usable(record, _SLOW * own), Kind.CUTOFF_OF_LOADING(own=own)
+    why = f", ten times the frequency below which 99.9 % of it lies, {own:.3g} Hz"
+    return usable(record, _SLOW * own), Finding("cutoff-of-loading", NOTE, why, {"own": own})
 
 
 def decimation(records: Sequence[Record]) -> int:

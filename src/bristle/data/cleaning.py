@@ -16,9 +16,8 @@ from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals, 
 from bristle.data.experiment.tables import keys_of
 from bristle.data.record import Record
 from bristle.data.text_table import RawTable
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 
 _TURN = 2 * np.pi
 _LARGEST = 1e20
@@ -68,7 +67,8 @@ def make_record(
     rows = _scaled(table, signals, context)
     if signals.time is not None and signals.time.rate is not None:
         rows.data["time"] = np.arange(table.rows) / signals.time.rate if table.time is None else table.time
-        rows.notes.append(Kind.RATE_DECLARED(rate=signals.time.rate))
+        message = f"Time from the declared rate of {signals.time.rate:g} Hz."
+        rows.notes.append(Finding("rate-declared", NOTE, message, {"rate": signals.time.rate}))
     _drop_non_finite(rows, table, cleaning)
     _drop_motor_off(rows)
     _drop_by_time(rows, cleaning)
@@ -171,8 +171,14 @@ def _drop_non_finite(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
         )
     if bad.size == table.rows:
         raise InputError(f"no row of {table.rows} is finite in every signal; leave out a signal that was not logged")
-    rows.notes.append(Kind.ROWS_NOT_FINITE(rows=bad.size, first=f"{rows.word} {rows.number[bad[0]]}"))
+    message = _dropped(bad, "inf, nan or empty", rows)
+    rows.notes.append(Finding("rows-not-finite", CAUTION, message, {"rows": bad.size}))
     rows.keep(finite)
+
+
+def _dropped(bad: NDArray[np.intp], why: str, rows: _Rows) -> str:
+    """What is said of rows that are dropped: `bad` are their places among those that are left."""
+    return f"{_count(bad.size)} dropped: {why} (first: {rows.word} {rows.number[bad[0]]})."
 
 
 def _drop_motor_off(rows: _Rows) -> None:
@@ -183,7 +189,12 @@ def _drop_motor_off(rows: _Rows) -> None:
         raise InputError(
             f"enabled is 0 in all {off.size} rows: the drive was never on; name another column, or leave enabled out"
         )
-    rows.notes.append(Kind.ROWS_MOTOR_OFF(rows=off.sum(), first=f"{rows.word} {rows.number[np.flatnonzero(off)[0]]}"))
+    count = int(off.sum())
+    message = (
+        f"{_count(count)} left out (first: {rows.word} {rows.number[np.flatnonzero(off)[0]]}): the drive is off there, the motor is open, and what "
+        "it is given is no torque."
+    )
+    rows.notes.append(Finding("rows-motor-off", NOTE, message, {"rows": count}))
     rows.off_before = np.cumsum(off)
     rows.keep(~off)
 
@@ -195,9 +206,9 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     behind[1:] = time[1:] < seen[:-1]
     twice = np.zeros(time.size, dtype=bool)
     twice[1:] = (time[1:] <= seen[:-1]) & ~behind[1:]
-    for bad, what, key, action, kind in (
-        (behind, "time runs backward", "backward", cleaning.backward, Kind.ROWS_BACKWARD),
-        (twice, "a time stamp repeats", "duplicates", cleaning.duplicates, Kind.ROWS_REPEATED),
+    for bad, what, key, action in (
+        (behind, "time runs backward", "backward", cleaning.backward),
+        (twice, "a time stamp repeats", "duplicates", cleaning.duplicates),
     ):
         if bad.any() and action == "refuse":
             k = int(np.flatnonzero(bad)[0])
@@ -206,7 +217,9 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
                 f"split the log, or declare cleaning: {{{key}: drop}}"
             )
         if bad.any():
-            rows.notes.append(kind(rows=bad.sum(), first=f"{rows.word} {rows.number[np.flatnonzero(bad)[0]]}"))
+            message, numbers = _dropped(np.flatnonzero(bad), what, rows), {"rows": int(bad.sum())}
+            note = Finding("rows-backward" if bad is behind else "rows-repeated", CAUTION, message, numbers)
+            rows.notes.append(note)
     rows.keep(~(behind | twice))
 
 
@@ -222,9 +235,15 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     wide = (intervals > gap * step) & ~off
     worst = float(np.abs(intervals[~(wide | off)] - step).max(initial=0.0)) / step
     if stamped:
-        rows.notes.append(Kind.SAMPLING(step=step, rate=1 / step, jitter=100 * worst))
+        message = f"Sampling interval {step:.4g} s (median, {1 / step:.6g} Hz); jitter: at most {100 * worst:.0f} %."
+        rows.notes.append(Finding("sampling", NOTE, message, {"step": step, "rate": 1 / step, "jitter": 100 * worst}))
     if wide.any():
-        rows.notes.append(Kind.GAPS(gaps=wide.sum(), intervals=gap, seconds=gap * step, longest=intervals.max()))
+        count, longest = int(wide.sum()), float(intervals.max())
+        message = (
+            f"{count} gap{'' if count == 1 else 's'} longer than {gap:g} intervals ({gap * step:.4g} s), the longest {longest:.4g} s; "
+            "each segment between gaps is treated separately."
+        )
+        rows.notes.append(Finding("gaps", CAUTION, message, {"gaps": count, "longest": longest}))
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))
 
 
@@ -234,7 +253,9 @@ def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool
     if period is not None:
         rows.data["position"] = np.unwrap(position, period=period)
         turns = int((np.abs(jumps) > period / 2).sum())
-        rows.notes.append(Kind.UNWRAPPED(period=period, unit="rad" if revolute else "m", turns=turns))
+        unit, times = "rad" if revolute else "m", f"{turns} time{'' if turns == 1 else 's'}"
+        message = f"Position wraps at {period:.6g} {unit}: unwrapped {times}."
+        rows.notes.append(Finding("unwrapped", NOTE, message, {"period": period, "turns": turns}))
     elif turn is not None and not declared:
         full = np.flatnonzero(np.abs(np.abs(jumps) / turn - 1) < 0.1)
         if full.size:
@@ -256,8 +277,11 @@ def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
             )
         parts = zip(np.split(time, starts[1:]), np.split(rows.data[name], starts[1:]), strict=True)
         rows.data[name] = np.concatenate([np.interp(t + signal.delay, t, values) for t, values in parts])
-        taken = Kind.TAKEN_EARLIER if signal.delay > 0 else Kind.TAKEN_LATER
-        rows.notes.append(taken(signal=name.capitalize(), delay=abs(signal.delay)))
+        delay, late = abs(signal.delay), signal.delay > 0
+        message = (
+            f"{name.capitalize()} taken {delay:.4g} s {'earlier' if late else 'later'} than logged: the declared delay."
+        )
+        rows.notes.append(Finding("taken-earlier" if late else "taken-later", NOTE, message, {"delay": delay}))
 
 
 def _enough(rows: _Rows) -> None:

@@ -10,9 +10,8 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 
 Choice = Callable[[Record], tuple[float, Finding]]
 """A rule for the cut-off of a record's low pass, Hz, with the reason."""
@@ -46,14 +45,20 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
     smooth = smoothed(record, values, used)
     velocity = derivative(record, smooth) if record.velocity is None else record.velocity
     acceleration = derivative(record, smooth, 2 if record.velocity is None else 1)
-    done = Kind.MOTION_FROM_POSITION if record.velocity is None else Kind.ACCELERATION_FROM_VELOCITY
+    estimated = record.velocity is None
+    message = (
+        f"{'Velocity and acceleration from position' if estimated else 'Acceleration from velocity'}: Butterworth low pass of order {ORDER}, "
+        f"forward and backward, cut-off {used:.3g} Hz{why.message}; then the derivatives of a quintic spline."
+    )
+    numbers = {"cutoff": used, "why": why}
+    note = Finding("motion-from-position" if estimated else "acceleration-from-velocity", NOTE, message, numbers)
     return replace(
         record,
         velocity=velocity,
-        velocity_estimated=record.velocity is None,
+        velocity_estimated=estimated,
         acceleration=acceleration,
         cutoff=used,
-        notes=(*record.notes, done(order=ORDER, cutoff=used, why=why)),
+        notes=(*record.notes, note),
     )
 
 
@@ -62,7 +67,10 @@ def low_pass(record: Record, cutoff: float | Choice) -> tuple[float, Finding]:
     if callable(cutoff):
         return cutoff(record)
     used = usable(record, cutoff)
-    return used, Kind.CUTOFF_LOWERED(asked=cutoff) if used < cutoff else Kind.CUTOFF_ASKED()
+    if used == cutoff:
+        return used, Finding("cutoff-asked", NOTE, ", as asked")
+    why = f", lowered from {cutoff:g} Hz, which is not below the Nyquist frequency"
+    return used, Finding("cutoff-lowered", CAUTION, why, {"asked": cutoff})
 
 
 def usable(record: Record, cutoff: float) -> float:
@@ -153,7 +161,11 @@ def _without_short_segments(record: Record) -> Record:
         if (values := getattr(record, name)) is not None
     }
     lost = record.time.size - kept.size
-    note = Kind.ROWS_OF_SHORT_SEGMENTS(rows=lost, least=SHORTEST)
+    message = (
+        f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {SHORTEST} samples, "
+        "which cannot be differentiated."
+    )
+    note = Finding("rows-of-short-segments", CAUTION, message, {"rows": lost})
     lengths = [s.stop - s.start for s in long]
     starts = (0, *(int(k) for k in np.cumsum(lengths)[:-1]))
     return replace(record, **signals, starts=starts, dropped=record.dropped + lost, notes=(*record.notes, note))

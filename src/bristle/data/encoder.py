@@ -2,16 +2,15 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data import units
 from bristle.data.experiment.signals import Context, Position
-from bristle.data.record import Record
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.data.record import OTHER_FILES, Record
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.model.parameters import unit as unit_of
 
 if TYPE_CHECKING:
@@ -72,10 +71,20 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
         return None
     size = abs(signal.factor("position", context) / context.to_joint("position"))
     if size >= _WHOLE:
-        return Kind.WHOLE_POSITIONS(files=(file,), unit=signal.unit)
+        message = (
+            f"Every position of {file}{OTHER_FILES} is a whole number of {signal.unit}: encoder counts. Write `unit: counts` under "
+            "signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
+        )
+        return Finding("whole-positions", CRITICAL, message, {"files": (file,)})
     declared = context.resolution is not None and _apart(size / context.resolution, 1.0) < _FACTOR
     degrees = context.kind_of("position") == "revolute" and _apart(size, units.factor("deg", "rad")) < _NAMED
-    return Kind.WHOLE_DEGREES(files=(file,)) if degrees and not declared else None
+    if declared or not degrees:
+        return None
+    message = (
+        f"Every position of {file}{OTHER_FILES} is a whole number of deg: encoder counts (then write `unit: counts` under "
+        "signals.position, and give encoder_resolution), or a sensor with steps of 1 deg, which hides inertia and v_s."
+    )
+    return Finding("whole-degrees", CAUTION, message, {"files": (file,)})
 
 
 def count_mismatch(record: Record, signal: Position | None, context: Context) -> Finding | None:
@@ -92,19 +101,37 @@ def count_mismatch(record: Record, signal: Position | None, context: Context) ->
     if context.resolution is None:
         return _turn_of_another_unit(record.file, step, signal, context)
     ratio = step / context.resolution
-    if _apart(ratio, 1.0) < _FACTOR:
-        return None
+    return None if _apart(ratio, 1.0) < _FACTOR else _mismatch(record.file, step, ratio, signal, context)
+
+
+def _mismatch(file: str, step: float, ratio: float, signal: Position, context: Context) -> Finding:
+    """Steps of the position that are `ratio` times the declared count: a wrong unit, bits, rounding, or none of these."""
     now = signal.factor("position", context) / context.to_joint("position")
-    kind = Kind.COUNT_ROUNDED if _is_round(step / abs(now)) else Kind.COUNT_CONTRADICTS
-    kind = Kind.COUNT_BITS if _power_of_two(ratio, _NAMED) else kind
     line = next((f"`unit: {u}`" for u, by in _other_units(signal, context) if _apart(ratio * by, 1.0) < _NAMED), None)
-    numbers = {
-        "files": (record.file,),
-        "step": step,
-        "ratio": ratio,
-        "unit": unit_of("position", context.kind_of("position")),
-    }
-    return kind(**numbers) if line is None else Kind.COUNT_UNIT(**numbers, remedy=line)
+    numbers: dict[str, Any] = {"files": (file,), "step": step, "ratio": ratio}
+    position = f"The position of {file}{OTHER_FILES}"
+    times = f"{ratio:.4g} times the declared encoder_resolution"
+    seen = f"{step:.4g} {unit_of('position', context.kind_of('position'))}"
+    if line is not None:
+        message = (
+            f"{position} changes in steps of {seen}, {times}: a wrong unit. Write {line} under signals.position; where the position is right, "
+            f"write `encoder_resolution: {seen}`."
+        )
+        return Finding("count-unit", CRITICAL, message, {**numbers, "remedy": line})
+    if _power_of_two(ratio, _NAMED):
+        message = (
+            f"{position} changes in steps of {seen}, {times}, a power of two: quadrature, or a different number of bits. "
+            f"Write `encoder_resolution: {seen}`."
+        )
+        return Finding("count-bits", NOTE, message, numbers)
+    if _is_round(step / abs(now)):
+        message = f"{position} is rounded to steps of {seen}, {times}: log more digits, or write `encoder_resolution: {seen}`."
+        return Finding("count-rounded", CAUTION, message, numbers)
+    message = (
+        f"{position} changes in steps of {seen}, {times}: one of the two is wrong. Where the position is right, write "
+        f"`encoder_resolution: {seen}`; else correct the unit or scale of signals.position, the gear included."
+    )
+    return Finding("count-contradicts", CRITICAL, message, numbers)
 
 
 def _turn_of_another_unit(file: str, step: float, signal: Position, context: Context) -> Finding | None:
@@ -114,9 +141,13 @@ def _turn_of_another_unit(file: str, step: float, signal: Position, context: Con
         return None
     for unit, by in _other_units(signal, context):
         if turn / by > _COARSEST and _power_of_two(turn / by, _POWER):
-            return Kind.COUNTS_OF_A_TURN(
-                files=(file,), declared=turn, counts=round(turn / by), remedy=f"`unit: {unit}`"
+            counts, remedy = round(turn / by), f"`unit: {unit}`"
+            message = (
+                f"A turn of {file}{OTHER_FILES} has {turn:.6g} counts as declared, and {counts} with {remedy} under "
+                "signals.position: a power of two, as encoders have. Check the unit."
             )
+            numbers = {"files": (file,), "declared": turn, "counts": counts, "remedy": remedy}
+            return Finding("counts-of-a-turn", CAUTION, message, numbers)
     return None
 
 

@@ -8,10 +8,9 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.signals import Context, Signals, si
-from bristle.data.record import Record
-from bristle.diagnostics import Kind
+from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.estimation.autocorrelation import inflation
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 
 _AROUND = 5
 """Samples on either side that tell the usual travel of one."""
@@ -73,10 +72,20 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
     word, rows = _rows(record, signals, [k + 1 for k, *_ in places])
     where = f"{record.file} {word}{'s' * (len(rows) > 1)} {', '.join(shortened(list(map(str, rows))))}"
     if counted and all(samples > 0 for *_, samples in places):
-        return Kind.LOST_SAMPLES(files=(f"{where} (about {sum(n for *_, n in places):.1f} samples)",))
+        place = f"{where} (about {sum(n for *_, n in places):.1f} samples)"
+        message = (
+            f"Samples are missing, or the encoder slipped: {place}{OTHER_PLACES}. The position jumps there by more than its speed explains, "
+            "while the time goes on: speeds from it, and the acceleration there, are wrong. Log the time of each sample, or split the log."
+        )
+        return Finding("lost-samples", CAUTION, message, {"files": (place,)})
     largest = max((size for _, size, _ in places), key=abs)
     most = "up to " if len(places) > 1 else ""
-    return Kind.POSITION_JUMPS(files=(f"{where} (by {most}{abs(largest):.2g} {si('position', context)})",))
+    place = f"{where} (by {most}{abs(largest):.2g} {si('position', context)})"
+    message = (
+        f"The position jumps: {place}{OTHER_PLACES}. Neither its speed nor the time explains it, as where an encoder slips, misses counts or "
+        "is reset: speeds from it, and the acceleration there, are wrong. Mend the encoder, or split the log there."
+    )
+    return Finding("position-jumps", CAUTION, message, {"files": (place,)})
 
 
 def _are_counts(places: Sequence[tuple[int, float, float]]) -> bool:
@@ -130,11 +139,15 @@ def held_position(record: Record, signals: Signals) -> Finding | None:
     if not found:
         return None
     word, (first,) = _rows(record, signals, [found[0][0]])
-    return Kind.POSITION_HELD(
-        files=(f"{record.file} ({len(found)} times, first at {word} {first})",),
-        samples=int(np.median([n for _, n in found])),
-        share=100 * sum(n for _, n in found) / record.position.size,
+    place = f"{record.file} ({len(found)} times, first at {word} {first})"
+    samples = int(np.median([n for _, n in found]))
+    share = 100 * sum(n for _, n in found) / record.position.size
+    message = (
+        f"The position stays the same for {samples} samples of a motion and then catches up at once: {place}{OTHER_PLACES}, {share:.2g} % "
+        "of the samples. The reading was not refreshed: speeds from it, and the acceleration there, are wrong. Log each reading once, with the "
+        "time at which it was taken."
     )
+    return Finding("position-held", CAUTION, message, {"files": (place,), "samples": samples, "share": share})
 
 
 def _held(position: Array) -> list[tuple[int, int]]:
@@ -166,8 +179,17 @@ def irregular_sampling(record: Record) -> Finding | None:
     if _jitter(record, np.arange(record.time.size, dtype=float), least=0.0) < jitter / 2:
         longest = record.time[max(between_gaps(record), key=lambda s: s.stop - s.start)]
         step = np.polynomial.Polynomial.fit(np.arange(longest.size), longest, 1).convert().coef[1]
-        return Kind.STAMPS_JITTER(files=(record.file,), jitter=jitter, line=f"{{rate: {1 / step:.5g} Hz}}")
-    return Kind.SAMPLED_IRREGULARLY(files=(record.file,), jitter=jitter)
+        message = (
+            f"The time stamps of {record.file}{OTHER_FILES} jitter by {jitter:.2g} of a sample (standard deviation), while the position advances "
+            "as if sampled regularly: speeds and accelerations are too noisy. "
+            f"Write `time: {{rate: {1 / step:.5g} Hz}}` under signals."
+        )
+        return Finding("stamps-jitter", CAUTION, message, {"files": (record.file,), "jitter": jitter, "rate": 1 / step})
+    message = (
+        f"The position of {record.file}{OTHER_FILES} is noisy in proportion to its speed, as if sampled {jitter:.2g} of a sample (standard "
+        "deviation) off its time: this takes away from the inertia. Log the time at which each sample was taken, in the loop of the controller."
+    )
+    return Finding("sampled-irregularly", CAUTION, message, {"files": (record.file,), "jitter": jitter})
 
 
 def _jitter(record: Record, time: Array, least: float = _DEVIATIONS) -> float:
@@ -259,12 +281,11 @@ def velocity_lag(record: Record) -> Finding | None:
     lags, why, remedy = (
         ("lags behind", "filtered", "it unfiltered") if lag > 0 else ("leads", "the command", "the measured one")
     )
-    return Kind.VELOCITY_LAGS(
-        files=(record.file,),
-        lags=lags,
-        lag=abs(lag),
-        samples=abs(lag) / record.step,
-        error=error / record.step,
-        why=why,
-        remedy=remedy,
+    lag, samples, error = abs(lag), abs(lag) / record.step, error / record.step
+    message = (
+        f"The logged velocity of {record.file}{OTHER_FILES} {lags} its position by {lag:.2g} s ({samples:.2g} samples, standard error "
+        f"{error:.2g}), as where it is {why}: friction at reversals and the inertia are wrong. Leave `velocity` out under signals to have it "
+        f"estimated from the position, or log {remedy}."
     )
+    numbers = {"files": (record.file,), "lag": lag, "samples": samples, "error": error, "remedy": remedy}
+    return Finding("velocity-lags", CAUTION, message, numbers)

@@ -8,8 +8,10 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array, as_floats
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import Finding, unit_of
 
+OTHER_FILES, OTHER_PLACES = unit_of("other_files"), unit_of("other_places")
+"""Marks in the messages of a record's warnings, after its file or the place in it, where `merged` adds those of other runs; printed as nothing."""
 _SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration", "link_torque")
 
 

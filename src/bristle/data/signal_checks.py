@@ -3,8 +3,9 @@
 Each check is a function of a record that gives a diagnostic, or None. None of them knows a friction law.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from itertools import groupby
 from typing import NamedTuple
 
@@ -16,11 +17,10 @@ from bristle.data.encoder import POSITION_UNITS, count_mismatch
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Position, Signal, Signals
 from bristle.data.motion_checks import held_position, irregular_sampling, position_jumps, shortened, velocity_lag
-from bristle.data.record import Record
+from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.timestamps import ISO
 from bristle.data.torque_checks import check_torque
-from bristle.diagnostics import Kind, but
-from bristle.findings import Finding, Severity
+from bristle.findings import CRITICAL, Finding
 
 _SPANS = (1, 4, 16, 64, 256)
 """Samples over which travel is compared: noise hides a short one, a reversal a long one."""
@@ -85,8 +85,17 @@ def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
         return d.code, str(d.numbers.get("remedy", ""))
 
     groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]
-    together = [but(d[0], files=shortened([file for x in d for file in x.numbers["files"]])) for d in groups]
-    return tuple(sorted(together, key=lambda d: d.severity is not Severity.CRITICAL))
+    return tuple(sorted(map(_as_one, groups), key=lambda d: d.severity is not CRITICAL))
+
+
+def _as_one(same: Sequence[Finding]) -> Finding:
+    """The first of some warnings, with the files or places of all."""
+    first = same[0]
+    files = shortened([file for x in same for file in x.numbers["files"]])
+    message = first.message
+    for mark, between in ((OTHER_FILES, ", "), (OTHER_PLACES, "; ")):
+        message = message.replace(mark, "".join(f"{between}{file}" for file in files[1:]))
+    return replace(first, message=message, numbers={**first.numbers, "files": files})
 
 
 def travel_ratio(record: Record) -> TravelRatio | None:
@@ -127,8 +136,13 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     sure = ratio.high < _TOGETHER * ratio.low
     if not sure or (ratio.value > 0 and ratio.low < 1 + _FACTOR and ratio.high > 1 - _FACTOR):
         return None
-    lines = _remedies(signals, context, ratio.value)
-    return Kind.VELOCITY_FACTOR(files=(record.file,), ratio=ratio.value, remedy=" or ".join(lines))
+    remedy = " or ".join(_remedies(signals, context, ratio.value))
+    message = (
+        f"The position of {record.file}{OTHER_FILES} moves {ratio.value:.3g} times as far as its logged velocity says: one of the two is wrong "
+        f"by this factor, and with it friction against speed. What makes them agree: {remedy}."
+    )
+    numbers = {"files": (record.file,), "ratio": ratio.value, "remedy": remedy}
+    return Finding("velocity-factor", CRITICAL, message, numbers)
 
 
 def _unrelated(record: Record, ratio: TravelRatio) -> Finding | None:
@@ -138,7 +152,12 @@ def _unrelated(record: Record, ratio: TravelRatio) -> Finding | None:
     both = (np.diff(record.position[:: _SPANS[2]]), record.velocity[:: _SPANS[2]] - record.velocity.mean())
     if any(x.size < 2 * _FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
         return None
-    return Kind.VELOCITY_UNRELATED(files=(record.file,), correlation=ratio.correlation)
+    message = (
+        f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation {ratio.correlation:.2f}): name the "
+        "right column under signals.velocity, or leave velocity out to have it estimated."
+    )
+    numbers = {"files": (record.file,), "correlation": ratio.correlation}
+    return Finding("velocity-unrelated", CRITICAL, message, numbers)
 
 
 def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:

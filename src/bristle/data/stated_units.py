@@ -6,10 +6,10 @@ from contextlib import suppress
 from bristle.data import units
 from bristle.data.experiment.gear import SIDED
 from bristle.data.experiment.signals import DRIVE, Context, Signal, Signals
+from bristle.data.record import OTHER_FILES
 from bristle.data.timestamps import ISO
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 
 _SAME = 1e-6
 """Units differ by more."""
@@ -27,7 +27,12 @@ def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple
         declared = signal.unit
         if unit and declared and plain and declared != ISO and not _alike(unit, declared):
             remedy = f"`unit: {unit}` under signals.{name}"
-            found.append(Kind.UNIT_DIFFERS(files=(file,), signal=name, stated=unit, declared=declared, remedy=remedy))
+            message = (
+                f"Unit of {name}: the header of {file}{OTHER_FILES} states {unit}, and {declared} is declared. Write {remedy}; where the header "
+                "is wrong, correct it, or leave the unit out of it."
+            )
+            numbers = {"files": (file,), "signal": name, "stated": unit, "declared": declared, "remedy": remedy}
+            found.append(Finding("unit-differs", CAUTION, message, numbers))
     return tuple(found)
 
 
@@ -44,6 +49,8 @@ def gear_note(signals: Signals, context: Context) -> tuple[Finding, ...]:
     if context.gear is None:
         return ()
     logged = [name for name in (*SIDED, *DRIVE) if getattr(signals, name) is not None]
-    moved = tuple(dict.fromkeys(name for name in logged if context.gear.at_motor(name)))
-    unit = "" if context.kind == "revolute" else " rad/m"
-    return (Kind.GEAR_TAKEN(ratio=context.gear.ratio, unit=unit, signals=moved or ("no signal",)),)
+    moved = dict.fromkeys(name for name in logged if context.gear.at_motor(name))
+    ratio, unit = context.gear.ratio, "" if context.kind == "revolute" else " rad/m"
+    signals_moved = ", ".join(moved) or "no signal"
+    message = f"Gear of ratio {ratio:g}{unit}: logged at the motor, and brought to the joint: {signals_moved}."
+    return (Finding("gear-taken", NOTE, message, {"ratio": ratio}),)

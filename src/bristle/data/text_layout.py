@@ -11,9 +11,8 @@ from pathlib import Path
 from typing import IO, NamedTuple
 
 from bristle.data.units import signal_unit
-from bristle.diagnostics import Kind
 from bristle.errors import InputError, short
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 
 _SAMPLE, _MOST = 2**18, 3 * 2**20
 """Bytes that are looked at, and where the lines are so long that these hold fewer than `_HEADED` of them."""
@@ -237,9 +236,10 @@ def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, 
             )
     if len(cells) < 2 and not any(is_value(cell) for _, row in cells for cell in row if cell):
         return None
-    lines = tuple(Kind.HEADER_LINE(line=line, text=short(", ".join(row))) for line, row in cells[:3])
-    more = Kind.MORE_LINES(count=len(cells) - 3) if len(cells) > 3 else ""
-    return Kind.HEADER_LINES(count=len(cells), lines=lines, more=more)
+    lines = ", ".join(f"{line} ({short(', '.join(row))})" for line, row in cells[:3])
+    more = f", and {len(cells) - 3} more" if len(cells) > 3 else ""
+    message = f"Taken as header, not as data: line{'' if len(cells) == 1 else 's'} {lines}{more}."
+    return Finding("header-lines", CAUTION, message, {"count": len(cells)})
 
 
 def split(line: str, delimiter: str) -> list[str]:

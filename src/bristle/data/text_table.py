@@ -22,9 +22,8 @@ from bristle.data.ros.files import is_bag
 from bristle.data.ros.read import read_bag
 from bristle.data.text_layout import LONGEST, Layout, is_stamp, text_layout
 from bristle.data.timestamps import seconds_of_stamps
-from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_regular, short, short_list, unreadable
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -179,10 +178,8 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
     frame = _frame(path, layout, [place for key, place in places.items() if key.stamps])
     if layout.blocks:
         _refuse_other_times(frame, places)
-    notes = (
-        *([layout.note] if layout.note else []),
-        *([Kind.DECIMAL_COMMA()] if layout.decimal == "," else []),
-    )
+    comma = Finding("decimal-comma", CAUTION, "Numbers have a decimal comma.") if layout.decimal == "," else None
+    notes = tuple(filter(None, (layout.note, comma)))
     stamps = {key: seconds_of_stamps(frame[place], str(key)) for key, place in places.items() if key.stamps}
     numbers = {key: _numbers(frame[place], key) for key, place in places.items() if not key.stamps}
     stated = {key: layout.units[place] for key, place in places.items() if place < len(layout.units)}

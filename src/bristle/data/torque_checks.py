@@ -7,10 +7,9 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import RunKind
-from bristle.data.record import Record
-from bristle.diagnostics import Kind
+from bristle.data.record import OTHER_FILES, Record
 from bristle.estimation.autocorrelation import inflation
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 
 _LEVELS = 20
 """A signal has more levels than this, or nothing can be said of how often it takes one."""
@@ -75,7 +74,7 @@ def _clipped(record: Record) -> Finding | None:
     if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
         return None
     share = sum(int(counts[k]) for k in at) / record.torque.size
-    return Kind.CLIPPED(files=(record.file,), share=share, limits=" and ".join(f"{levels[k]:.4g}" for k in at))
+    return _at_limits(record, share, " and ".join(f"{levels[k]:.4g}" for k in at))
 
 
 def _constant(record: Record) -> Finding | None:
@@ -86,9 +85,16 @@ def _constant(record: Record) -> Finding | None:
         torque = sign * record.torque[record.velocity * sign > 0]
         at = int(np.count_nonzero(torque == torque.max(initial=-np.inf)))
         if at >= _SAME and 2 * at > torque.size:
-            share = at / record.torque.size
-            return Kind.CLIPPED(files=(record.file,), share=share, limits=f"{sign * torque.max():.4g}")
+            return _at_limits(record, at / record.torque.size, f"{sign * torque.max():.4g}")
     return None
+
+
+def _at_limits(record: Record, share: float, limits: str) -> Finding:
+    message = (
+        f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {limits}. The true torque there "
+        "is unknown; move slower or more gently, or widen the range of the drive or the sensor."
+    )
+    return Finding("clipped", CAUTION, message, {"files": (record.file,), "share": share, "limits": limits})
 
 
 def _moves_at_limits(record: Record) -> bool:
@@ -113,7 +119,12 @@ def _loaded_at_start(record: Record) -> Finding | None:
     largest = float(np.abs(record.torque).max())
     if abs(begins) <= max(_DEVIATIONS * error, _BEGINS * largest):
         return None
-    return Kind.LOADED_AT_START(files=(record.file,), torque=begins, share=abs(begins) / largest)
+    share = abs(begins) / largest
+    message = (
+        f"The torque of {record.file}{OTHER_FILES} begins at {begins:.3g}, {100 * share:.0f} % of its largest, and not at zero: an offset of the "
+        "sensor makes sigma_0 too high in one direction and too low in the other. Subtract it, or begin without a load."
+    )
+    return Finding("loaded-at-start", CAUTION, message, {"files": (record.file,), "torque": begins, "share": share})
 
 
 def _dead_zone(record: Record) -> Finding | None:
@@ -134,7 +145,13 @@ def _dead_zone(record: Record) -> Finding | None:
     rests = inside.size > 0 and inside.mean() < _RESTS * steps.mean()
     if rests or samples[crosses].sum() < _CROSSES * samples.sum():
         return None
-    return Kind.DEAD_ZONE(files=(record.file,), share=float(zero.mean()))
+    share = float(zero.mean())
+    message = (
+        f"The torque of {record.file}{OTHER_FILES} is exactly zero in {100 * share:.1f} % of the samples, wherever it changes its sign: its "
+        "sensor or drive has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; switch it off, or add it to the "
+        "torque."
+    )
+    return Finding("dead-zone", CAUTION, message, {"files": (record.file,), "share": share})
 
 
 def _coarse(record: Record) -> Finding | None:
@@ -146,7 +163,12 @@ def _coarse(record: Record) -> Finding | None:
     most, stays = _COARSE
     if not step or reach > most * step or np.mean(np.diff(torque) == 0) < stays:
         return None
-    return Kind.TORQUE_COARSE(files=(record.file,), step=step, levels=round(reach / step) + 1)
+    levels = round(reach / step) + 1
+    message = (
+        f"The torque of {record.file}{OTHER_FILES} comes in {levels} steps of {step:.2g} (SI): what it rounds off is no noise and does not "
+        "average out. Numbers may be off by half a step, those of reversals by more; log it with more digits, or from a finer sensor."
+    )
+    return Finding("torque-coarse", CAUTION, message, {"files": (record.file,), "step": step, "levels": levels})
 
 
 def _most_often(values: Array) -> int:

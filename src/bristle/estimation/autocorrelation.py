@@ -3,15 +3,12 @@
 Autocorrelation, by how much it inflates the variance of a mean, and what residuals hold beyond it.
 """
 
-from typing import Any
-
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import CAUTION, CRITICAL, Finding, unit_of
 
 _WINDOW = 5.0
 """Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times."""
@@ -92,7 +89,12 @@ def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
     noise = min(float(np.sum(np.diff(residuals) ** 2)) / 2 * n / (n - 1), power)
     if power - noise <= max((_POOR * norm) ** 2, _CHANCE / np.sqrt(n) * power):
         return ()
-    return (Kind.UNEXPLAINED(error=100 * np.sqrt(power) / norm, noise=100 * np.sqrt(noise) / norm, advice=()),)
+    error, of_noise = 100 * np.sqrt(power) / norm, 100 * np.sqrt(noise) / norm
+    message = (
+        f"The relative error is {error:.2g} %, of which noise accounts for {of_noise:.2g} %: the model does not describe these data, so do not use "
+        "its parameters."
+    )
+    return (Finding("unexplained", CRITICAL, message, {"error": error, "noise": of_noise}),)
 
 
 def residual_warnings(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[Finding, ...]:
@@ -113,23 +115,36 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
     trends = {"time": time, "velocity": velocity, "position": position}
     known = {name: x for name, x in trends.items() if x.size == n and n >= _FEW and np.ptp(x) > 0}
     scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in known.items()}
-    tests: list[tuple[Kind, dict[str, Any], Array]] = [
-        (Kind.RESIDUAL_TREND, {"over": name}, np.stack([s, s * s])) for name, s in scaled.items()
-    ]
     count = min(n // 4, _HARMONICS) if "position" in known else 0
-    if count:
-        period, basis = _strongest_harmonic(residuals, known["position"], count)
-        tests.append((Kind.RESIDUAL_RIPPLE, {"period": period, "advice": ()}, basis))
     both = "velocity" in known and velocity.min() < 0 < velocity.max()
     looks, warnings = len(known) + count + both, []
     if both:  # a symmetric curve that is not: what it leaves is even in velocity
         p, share = _f_test(residuals, np.stack([np.ones(n), np.abs(velocity)]), about_mean=False)
-        if p * looks < _SIGNIFICANT:
-            warnings.append(Kind.DIRECTIONS_DIFFER(p=p * looks, looks=looks, share=share))
-    for kind, what, basis in tests:
+        if (p := p * looks) < _SIGNIFICANT:
+            message = (
+                f"Friction differs between the directions (p = {p:.1g}, corrected for {looks} tests): the difference explains "
+                f"{100 * share:.0f} % of the residuals' variance. Fit the directions separately (directions: separate)."
+            )
+            warnings.append(Finding("directions-differ", CAUTION, message, {"p": p, "looks": looks, "share": share}))
+    for over, s in scaled.items():
+        p, share = _f_test(residuals, np.stack([s, s * s]))
+        if (p := p * looks) < _SIGNIFICANT:
+            message = (
+                f"Residuals show a trend vs {over} (p = {p:.1g}, corrected for {looks} tests), which explains "
+                f"{100 * share:.0f} % of their variance."
+            )
+            numbers = {"over": over, "p": p, "looks": looks, "share": share}
+            warnings.append(Finding("residual-trend", CAUTION, message, numbers))
+    if count:
+        period, basis = _strongest_harmonic(residuals, known["position"], count)
         p, share = _f_test(residuals, basis)
-        if p * looks < _SIGNIFICANT:
-            warnings.append(kind(**what, p=p * looks, looks=looks, share=share))
+        if (p := p * looks) < _SIGNIFICANT:
+            message = (
+                f"Residuals show a ripple vs position of period {period:.3g}{unit_of('position')} (p = {p:.1g}, corrected for {looks} tests), which "
+                f"explains {100 * share:.0f} % of their variance."
+            )
+            numbers = {"period": period, "p": p, "looks": looks, "share": share}
+            warnings.append(Finding("residual-ripple", CAUTION, message, numbers))
     return tuple(warnings)
 
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 
 FACTOR = 1.5
 """Reaches to one side of an estimate that differ by more than this factor part."""
@@ -18,7 +17,7 @@ def warnings(
     bootstrap: Interval,
     *,
     at_bound: bool = False,
-    few: Finding | None = None,
+    few: Finding | str | None = None,
 ) -> tuple[Finding, ...]:
     """A diagnostic, with the reason, where the three intervals differ by more than `FACTOR`; else none.
 
@@ -42,7 +41,13 @@ def warnings(
     if at_bound or not sides:
         return ()
     ends = tuple((name, *interval) for name, interval in known.items() if interval is not None)
-    return (Kind.INTERVALS_DIFFER(sides=tuple(sides), ends=ends, reason=_reason(reaches, few)),)
+    reason = _reason(reaches, few)
+    told = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
+    message = (
+        f"The 95 % bounds {' and '.join(sides)} the estimate differ by more than 1.5x between the methods ({told}): "
+        f"{reason.message}."
+    )
+    return (Finding("intervals-differ", CAUTION, message, {"sides": tuple(sides), "ends": ends, "reason": reason}),)
 
 
 def _part(reaches: list[float], value: float) -> bool:
@@ -50,12 +55,15 @@ def _part(reaches: list[float], value: float) -> bool:
     return len(reaches) > 1 and max(reaches) > FACTOR * max(min(reaches), 0.0) + _ROUNDING * abs(value)
 
 
-def _reason(reaches: dict[str, tuple[float, float]], few: Finding | None) -> Finding:
+def _reason(reaches: dict[str, tuple[float, float]], few: Finding | str | None) -> Finding:
     below, above = reaches.get("profile", (1.0, 1.0))
     if not np.isfinite([below, above]).all():
-        return Kind.COST_STAYS_LOW()
+        message = "the cost stays below the threshold to the end of the range, so the data do not bound the parameter on that side"
+        return Finding("cost-stays-low", CAUTION, message)
     if _part([below, above], 0.0):
-        return Kind.PROFILE_SKEWED()
+        message = "the profile is skewed, which a covariance cannot represent; use the profile"
+        return Finding("profile-skewed", CAUTION, message)
     if few:
-        return Kind.FEW_TO_RESAMPLE(few=few)
-    return Kind.UNEVEN_RESIDUALS()
+        return Finding("few-to-resample", CAUTION, f"{few} are few to resample; use the profile")
+    message = "the residuals are less even or less independent than the covariance and the profile assume; use the widest interval"
+    return Finding("uneven-residuals", CAUTION, message)

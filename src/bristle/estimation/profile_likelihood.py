@@ -23,15 +23,18 @@ from scipy.optimize import brentq
 from scipy.special import fdtri
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import LEVEL, seen, student
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import LeastSquares, Minimum, Name, minimise
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.progress import Progress
 
+_OPEN = (
+    "No finite interval by the profile: with the other parameters re-optimised, every value on that side that a motion can show "
+    "fits about as well."
+)
 _TRIES, _BUDGET = 12, 40
 """Steps of the descent at one value, and evaluations on one side of the estimate (five, where the profile is smooth).
 """
@@ -129,7 +132,8 @@ def profiles(
             out[name] = Profiled((value, value), np.array([[value], [0.0]]))
         elif not np.isfinite(reach):
             whole = float(unknowns.least[j]), np.inf
-            out[name] = Profiled(whole, np.zeros((2, 0)), (Kind.PROFILE_UNSEEN(open=Kind.PROFILE_OPEN()),))
+            unseen = Finding("profile-unseen", CAUTION, f"Not identifiable: {_OPEN}")
+            out[name] = Profiled(whole, np.zeros((2, 0)), (unseen,))
         else:
             high = reach**2 / float(naive[j])
             path = _Path(problem, minimum, j, high, stop_at_better, [first], {float(x[j]): 0.0})
@@ -179,9 +183,15 @@ class _Path:
         known |= {end: 1.0 for end in ends if end is not None}
         at, heights = np.array(sorted(known.items())).T
         is_open = None in ends and (high == np.inf or low < 0 or bool(unknowns.logarithmic[j]))
-        warnings = [Kind.PROFILE_OPEN()] if is_open and not self.lost else []
-        if self.rough:
-            warnings.append(Kind.PROFILE_LOST() if self.lost else Kind.PROFILE_ROUGH())
+        warnings = [Finding("profile-open", CAUTION, _OPEN)] if is_open and not self.lost else []
+        if self.lost:
+            message = "The profile is hard to compute here: the search for a bound was stopped, so a side without a bound may have one."
+            warnings.append(Finding("profile-lost", CAUTION, message))
+        elif self.rough:
+            message = (
+                "The profile is hard to compute here (fits along it ran out of iterations): its bounds are approximate."
+            )
+            warnings.append(Finding("profile-rough", NOTE, message))
         return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), tuple(warnings))
 
     def _end(self, reach: float, limit: float) -> float | None:

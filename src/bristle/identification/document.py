@@ -19,7 +19,7 @@ from bristle.model.parameters import ParameterName, fields_of, of_friction, of_l
 
 LARGEST = 100_000_000
 """Bytes that a results file may have: about two million equations; the four embedded joints have a few millions."""
-_MOST = {"commas": 1_000_000, "objects": 100_000, "joints": 100, "parameters of a joint": 400}
+_MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}
 """What else it may have."""
 _DIGITS = 18
 """Of a whole number: counts have fewer, and numbers with a fraction are written with an exponent."""

@@ -90,6 +90,8 @@ class Drawing(NamedTuple):
     """Of its files in figures/."""
     label: str
     """How it is called for a reader who does not see it."""
+    caption: str = ""
+    """Of a figure in a section of a `Report`."""
 
 
 def write_part(
@@ -181,15 +183,15 @@ def drawn(
     """
     done = rendered(drawings.values()) if done is None else done
     found: dict[str, Drawn] = {}
-    for key, (_, asked, label) in drawings.items():
-        tell(f"drawing {label}")
+    for key, drawing in drawings.items():
+        tell(f"drawing {drawing.label}")
         forms = next(done)
         if forms is not None:
-            name = free(asked, lambda tried: f"figures/{tried}.svg" in files)
+            name = free(drawing.name, lambda tried: f"figures/{tried}.svg" in files)
             files.update(
                 (f"figures/{name}.{kind}", form) for kind, form in zip(("svg", "png", "csv"), forms, strict=True)
             )
-            svg = inline(forms[0], name, escape(wording.printable(label)))
+            svg = inline(forms[0], name, escape(wording.printable(drawing.label)))
             found[key] = Drawn(Markup(svg), name)  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
     return found
 
@@ -216,8 +218,8 @@ def _environment(package: str, number: Callable[[], int]) -> Environment:
         lstrip_blocks=True,
     )
     environment.filters |= {
-        "cell": _cell, "cell_kind": _cell_kind, "heading": _heading, "direction": wording.direction, "symbol": symbol_html,
-        "warned": warned, "flagged": flagged, "entries": entries_linked,
+        "cell": _cell, "cell_kind": lambda column: _KINDS.get(column, ""), "heading": lambda column: _HEADINGS.get(column, column),
+        "direction": wording.direction, "symbol": symbol_html, "warned": warned, "flagged": flagged, "entries": entries_linked,
     }  # fmt: skip  # a table of names
     environment.globals["next_figure"] = number
     environment.globals |= _script()
@@ -281,10 +283,6 @@ _HEADINGS = {
 }  # fmt: skip  # a table of words
 
 
-def _heading(column: str) -> str:
-    return _HEADINGS.get(column, column)
-
-
 _KINDS = {
     **dict.fromkeys(("warnings", "reasons", "notes", "verdict"), "t"),
     **dict.fromkeys(
@@ -299,18 +297,9 @@ _KINDS = {
 """Classes of the style sheet: long text, short text that stays on its line, and names of files."""
 
 
-def _cell_kind(column: str) -> str:
-    return _KINDS.get(column, "")
-
-
-_DIGITS = {
-    "difference_in_se": 2,
-    "difference": 2,
-    "error_percent": 3,
-    "standard_error": 3,
-    "systematic": 3,
-    "from_median_percent": 3,
-}
+_DIGITS = {"difference_in_se": 2, "difference": 2} | dict.fromkeys(
+    ("error_percent", "standard_error", "systematic", "from_median_percent"), 3
+)
 
 
 def _cell(value: Any, column: str) -> str | Markup:
@@ -326,15 +315,10 @@ def _cell(value: Any, column: str) -> str | Markup:
     return _CELLS.get(column, str)(str(value))
 
 
-def _named(key: str) -> str:
-    """A method or a fit by its name; any other word as it is."""
-    return {**METHODS, **FITS}.get(key, key)
-
-
 _CELLS: dict[str, Callable[[str], str]] = {
     "unit": wording.pretty,
     "direction": lambda d: d if d == "shared" else wording.direction(d),
-    **dict.fromkeys(("method", "fit", "source"), _named),
+    **dict.fromkeys(("method", "fit", "source"), lambda key: {**METHODS, **FITS}.get(key, key)),
 }
 
 
@@ -348,12 +332,5 @@ _LIBRARIES = ("casadi", "numpy", "scipy", "pandas", "matplotlib", "pint", "pydan
 
 def versions(seed: int | None) -> dict[str, Any]:
     """By what a page was made."""
-    return {"version": __version__, "versions": _versions(), "seed": seed}
-
-
-def _versions() -> list[tuple[str, str]]:
-    return [
-        ("bristle", __version__),
-        ("Python", platform.python_version()),
-        *((x, metadata.version(x)) for x in _LIBRARIES),
-    ]
+    own = [("bristle", __version__), ("Python", platform.python_version())]
+    return {"version": __version__, "versions": [*own, *((x, metadata.version(x)) for x in _LIBRARIES)], "seed": seed}

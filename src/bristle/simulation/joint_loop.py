@@ -14,9 +14,8 @@ from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import Case
 from bristle.control.pid import Gains
 from bristle.data.experiment.load import AdaptOptions, Experiment
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import (
     DEFLECTION,
     draws_by_constants,
@@ -190,13 +189,42 @@ def of_paper(joints: Sequence[Joint]) -> tuple[JointLoop, ...]:
 
 
 PAPER_ASSUMPTIONS: tuple[Finding, ...] = (
-    Kind.PAPER_REFERENCE(),
-    Kind.PAPER_CONTROL(),
-    Kind.PAPER_INERTIA(),
-    Kind.PAPER_RATES(),
-    Kind.PAPER_SAMPLING(),
-    Kind.PAPER_TABLE_2(),
-    Kind.PAPER_FEED_FORWARD(),
+    Finding(
+        "paper-reference",
+        CAUTION,
+        "Reference: 1 rad sin(2 pi f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; "
+        "the paper gives neither amplitude nor frequency.",
+    ),
+    Finding(
+        "paper-control",
+        CAUTION,
+        "Control in torque: the PID's output is taken in N*m and its error in rad; "
+        "the paper gives no unit of its control signal and no motor.",
+    ),
+    Finding(
+        "paper-inertia",
+        CAUTION,
+        "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions; the paper gives none.",
+    ),
+    Finding(
+        "paper-rates",
+        CAUTION,
+        "Learning rates: 20 for both gains, with e in rad; "
+        "the paper's [0, 1] fits an error in degrees (20 per rad is 0.35 per degree).",
+    ),
+    Finding(
+        "paper-sampling",
+        CAUTION,
+        "Sampling: controller, compensator and adaptation at 1 kHz; the paper ran continuous blocks. "
+        "The position is measured as it is, unless an encoder is named.",
+    ),
+    Finding(
+        "paper-table-2",
+        CAUTION,
+        "Table 2: the paper says wrist, its numbers are the gripper's; "
+        "plant and model have its (+) parameters in both directions.",
+    ),
+    Finding("paper-feed-forward", NOTE, "No inertia feed-forward, unless it is named."),
 )
 """Every constant of the closed loop that the paper does not give."""
 
@@ -229,14 +257,16 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
             f"expected at most {_BEYOND:g} times: lower adapt.amplitude or adapt.frequency"
         )
     if beyond > 1:
-        assumed.append(Kind.EXTRAPOLATED(ratio=beyond))
+        message = f"The reference is {beyond:.2g} times as fast as anything measured: the model is extrapolated."
+        assumed.append(Finding("extrapolated", CAUTION, message, {"ratio": beyond}))
     gains = _gains(asked, J, joint.kind, assumed)
     if asked.amplitude is None or asked.frequency is None:
         q = unit("position", joint.kind)
-        assumed.append(Kind.REFERENCE_TAKEN(amplitude=amplitude, unit=q, frequency=frequency))
+        message = f"Reference: {amplitude:.3g} {q} at {frequency:.3g} Hz; set adapt.amplitude and adapt.frequency to override."
+        assumed.append(Finding("reference-taken", NOTE, message, {"amplitude": amplitude, "frequency": frequency}))
     travel = joint.travel or amplitude
     model = known.pair(travel, J)
-    by_deflection = (Kind.DEFLECTION_OF_TRAVEL if joint.travel else Kind.DEFLECTION_OF_AMPLITUDE)(share=DEFLECTION)
+    by_deflection = f"from a deflection of {DEFLECTION:g} of the {'travel' if joint.travel else 'amplitude'}"
     for d, p in zip(SIGNED, model, strict=True):
         assumed += [
             _filled(p, name, d, joint.kind, by_deflection)
@@ -250,10 +280,19 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     diagnostic_law = None if adaptation.law == "total" else _paced(total, model.positive, gains.K_p, speed, [])
     truth = truth_of(joint)
     if truth is None:
-        assumed.append(Kind.PLANT_IS_MODEL())
-    assumed.append(Kind.DRIVE_WITHOUT_LIMIT(quantity=effort(joint.kind), period=asked.period))
+        message = (
+            "The plant is the identified model itself: backlash, flexibility and noise are not in the simulations."
+        )
+        assumed.append(Finding("plant-is-model", CAUTION, message))
+    message = f"The drive gives the {effort(joint.kind)} that it is asked for, every {asked.period:g} s, without limit."
+    assumed.append(Finding("drive-without-limit", CAUTION, message, {"period": asked.period}))
     assumed += [joint.torque_scale] if joint.torque_scale else []
-    assumed += [Kind.SYSTEMATIC_DRAWN(constants=joint.uncertain_constants)] if joint.uncertain_constants else []
+    if joint.uncertain_constants:
+        message = (
+            f"Joints are also drawn with the error of {' and '.join(joint.uncertain_constants)}; where the controller makes its torque by the same "
+            "constants that error cancels, and the range is narrower."
+        )
+        assumed.append(Finding("systematic-drawn", NOTE, message))
     loop = JointLoop(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
         draws=draws_of(joint, known, travel, J), draws_by_constants=draws_by_constants(joint, known, travel, J),
@@ -263,10 +302,13 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     if carried:
         loop = replace(loop, carried=carried, centre=asked.centre)
         rise = float(np.max(loop.sine(frequency, 1 / frequency).level))
-        told = Kind.LOAD_OF_REFERENCE(
-            names=tuple(carried.rises), rise=rise, unit=unit("torque", joint.kind),
-            centre=asked.centre, at=unit("position", joint.kind),
-        )  # fmt: skip  # a list of values
+        torque, position = unit("torque", joint.kind), unit("position", joint.kind)
+        message = (
+            f"Friction rises with load ({' and '.join(carried.rises)}): model and plant have it, by up to {rise:.3g} {torque} along the reference "
+            f"about position {asked.centre:.3g} {position} (set adapt.centre to override); gravity itself is taken as compensated."
+        )
+        numbers = {"names": tuple(carried.rises), "rise": rise, "centre": asked.centre}
+        told = Finding("load-of-reference", CAUTION, message, numbers)
         loop = replace(loop, assumptions=(told, *loop.assumptions))
     return replace(loop, compensator=replace(compensator, observer_gain=loop.observer_gain))
 
@@ -280,10 +322,12 @@ def _carried(joint: Joint) -> Carried | None:
     return Carried(rises, others) if rises and told and joint.link_inertia is None else None
 
 
-def _filled(p: Lugre[float], name: str, direction: str, kind: JointKind, by_deflection: Finding) -> Finding:
+def _filled(p: Lugre[float], name: str, direction: str, kind: JointKind, by_deflection: str) -> Finding:
     """What is said of a parameter that was filled in."""
-    how = by_deflection if name == "sigma_0" else Kind.WITH_DAMPING_RATIO(ratio=DAMPING_RATIO, inertia="")
-    return Kind.BRISTLE_FILLED(name=name, direction=direction, value=getattr(p, name), unit=unit(name, kind), how=how)
+    value = getattr(p, name)
+    how = by_deflection if name == "sigma_0" else f"from (15) with a damping ratio of {DAMPING_RATIO:g}"
+    message = f"{name} ({direction}): not identifiable from these data; assumed {value:.3g} {unit(name, kind)}, {how}."
+    return Finding("bristle-filled", CAUTION, message, {"name": name, "direction": direction, "value": value})
 
 
 def _start(asked: AdaptOptions, parameters: Sequence[str]) -> dict[str, float]:
@@ -334,8 +378,13 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
         worth = float(np.mean(G[k] * whole))
         seen = worth > _NOTHING * float(np.mean(G[k]) * np.mean(np.abs(T)))
         rates.append(_HALF * K_p / worth if seen else 0.0)
-    still = "" if all(rates) else Kind.RATE_OF_ZERO()
-    assumed.append(Kind.RATES_TAKEN(rates=tuple(rates), names=names, still=still))
+    told = ", ".join(f"{rate:.3g}" for rate in rates)
+    still = "" if all(rates) else "; zero where a parameter has no effect in steady sliding"
+    message = (
+        f"Learning rates: {told} for {', '.join(names)}, which halve the error in about 1 s{still} "
+        "(set adapt.gamma to override)."
+    )
+    assumed.append(Finding("rates-taken", NOTE, message, {"rates": tuple(rates)}))
     return replace(plain, gamma=tuple(rates))
 
 
@@ -344,8 +393,11 @@ def _gains(asked: AdaptOptions, J: float, kind: JointKind, assumed: list[Finding
         return Gains(asked.gains.K_p, asked.gains.K_i, asked.gains.K_d, asked.gains.filter_time)
     w = min(_BANDWIDTH, _SLOWEST / asked.period)
     gains = Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0)
-    q = unit("sigma_0", kind)
-    assumed.append(Kind.DEFAULT_PID(K_p=gains.K_p, unit=q, bandwidth=w))
+    message = (
+        f"PID: default, K_p {gains.K_p:.3g} {unit('sigma_0', kind)}, K_i and K_d to match, for {w:g} rad/s at this inertia "
+        "(set adapt.gains to override)."
+    )
+    assumed.append(Finding("default-pid", CAUTION, message, {"K_p": gains.K_p, "bandwidth": w}))
     return gains
 
 

@@ -1,12 +1,11 @@
 """Whether a candidate counts as motion at constant velocity: each reason says what would have let it in."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import ceil, floor, log10
 
 from bristle.data.constant_velocity.statistics import Evidence, Scale
-from bristle.diagnostics import Kind, but
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 _TOLERANCE = 0.05
 """Default drift of the velocity, relative to its mean; or what noise alone gives, where that is more."""
@@ -43,24 +42,39 @@ def reasons(e: Evidence, usual: Scale, t: Thresholds) -> tuple[Finding, ...]:
         or _unsteady(e, t)
         or _unsettled(e)
     )
-    if steady and steady.code == "accelerating" and not steady.numbers["option"]:
-        return (Kind.TRANSIENT(duration=e.duration, drift=e.drift, velocity=e.velocity),)
+    if steady and steady.code == "transient":
+        return (steady,)
     against = [reason for reason in (_too_short(e, usual, t, steady), steady, _saturated(e, t)) if reason]
-    return tuple(but(reason, alone=len(against) < 2) for reason in against)
+    effect = "would make it pass" if len(against) < 2 else "would remove this reason, not the other"
+    return tuple(replace(reason, message=f"{reason.message} {effect}.") for reason in against)
 
 
 def warnings(e: Evidence) -> tuple[Finding, ...]:
     """Warnings about a candidate that counts."""
     out = []
-    speed = abs(e.velocity)
+    speed, velocity, torque = abs(e.velocity), unit_of("velocity"), unit_of("torque")
     if sticks(e):
-        out.append(Kind.STICK_SLIP(swing=e.swing / speed, resting=e.resting))
+        swing = e.swing / speed
+        message = (
+            f"Stick-slip: the velocity deviates by {100 * swing:.0f} % of its mean and is zero {100 * e.resting:.0f} % of the time; "
+            "the mean torque is not the friction at the mean velocity."
+        )
+        out.append(Finding("stick-slip", CAUTION, message, {"swing": swing, "resting": e.resting}))
     if abs(e.logged - e.velocity) > max(0.005 * speed, 4 * e.velocity_error):
-        out.append(Kind.POSITION_DIFFERS(slope=e.velocity, logged=e.logged))
+        message = (
+            f"The slope of the position, {e.velocity:.4g}{velocity}, and the mean of the logged velocity, {e.logged:.4g}{velocity}, differ: "
+            "check for missing samples, a wrong unit or a wrong sampling rate."
+        )
+        out.append(Finding("position-differs", CAUTION, message, {"slope": e.velocity, "logged": e.logged}))
     if e.torque_drift > max(0.1 * abs(e.torque), e.torque_drift_noise):
-        out.append(Kind.TORQUE_DRIFTS(drift=e.torque_drift, torque=e.torque))
+        message = (
+            f"The torque changes by {e.torque_drift:.3g}{torque} over the segment (mean {e.torque:.4g}{torque}), more than its noise: it "
+            "depends on position, temperature or time, or had not settled."
+        )
+        out.append(Finding("torque-drifts", CAUTION, message, {"drift": e.torque_drift, "torque": e.torque}))
     if e.torque_error is None:
-        out.append(Kind.TORQUE_UNSURE())
+        message = "Fewer than two of the torque samples are independent; the standard error of the torque is unknown."
+        out.append(Finding("torque-unsure", NOTE, message))
     return tuple(out)
 
 
@@ -73,21 +87,27 @@ def sticks(e: Evidence) -> bool:
 
 
 def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Finding | None) -> Finding | None:
-    """Where there is another reason too, no threshold is proposed: it would let in what is no plateau."""
+    """Where there is another reason too, no threshold is proposed: it would let in what is no plateau.
+
+    The messages of this and of the following reasons lack their effect, which `reasons` adds.
+    """
     if t.minimum_duration is not None:
         if e.duration >= t.minimum_duration * (1 - 1e-9):
             return None
-        asked = Kind.DURATION_ASKED(asked=t.minimum_duration)
+        asked = f"segments.minimum_duration requires {t.minimum_duration:.3g} s"
     elif e.torque_error is None:
-        asked = Kind.DEPENDENT_TORQUE()
+        asked = "fewer than two of its torque samples are independent"
     elif e.samples < _INDEPENDENT * e.correlation:
-        asked = Kind.SAMPLES_ASKED(asked=_INDEPENDENT * e.correlation * e.duration / e.samples, count=_INDEPENDENT)
+        least = _INDEPENDENT * e.correlation * e.duration / e.samples
+        asked = f"{_INDEPENDENT:g} independent samples require {least:.3g} s"
     elif e.duration < _SHARE * usual.duration and abs(e.velocity) * e.duration < _SHARE * usual.distance:
-        asked = Kind.USUAL_ASKED(duration=_SHARE * usual.duration, travel=_SHARE * usual.distance)
+        duration, travel = _SHARE * usual.duration, _SHARE * usual.distance
+        asked = f"a quarter of this run's typical plateau, {duration:.3g} s or {travel:.3g} of travel, is required"
     else:
         return None
-    option = "" if other else Kind.OR_MINIMUM_DURATION(value=_rounded(e.duration, floor))
-    return Kind.TOO_SHORT(alone=True, duration=e.duration, asked=asked, option=option)
+    option = "" if other else f", or a segments.minimum_duration of {_rounded(e.duration, floor)} s,"
+    message = f"Too short: {e.duration:.3g} s; {asked}. A longer hold{option}"
+    return Finding("too-short", NOTE, message, {"duration": e.duration})
 
 
 def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Finding | None:
@@ -96,24 +116,45 @@ def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Finding 
     speed = abs(e.velocity)
     if speed > least or (t.minimum_velocity is not None and speed >= least > 0):
         return None
-    wanted = Kind.NOISE_FLOOR() if t.minimum_velocity is None else Kind.MINIMUM_VELOCITY()
-    option = Kind.OR_MINIMUM_VELOCITY(value=_rounded(speed, floor)) if speed > 1e-6 * usual.fastest else ""
-    return Kind.AT_REST(alone=True, speed=speed, wanted=wanted, least=least, option=option)
+    wanted = "the noise floor" if t.minimum_velocity is None else "segments.minimum_velocity"
+    moves, unit = speed > 1e-6 * usual.fastest, unit_of("velocity")
+    option = f", or a segments.minimum_velocity of {_rounded(speed, floor)}," if moves else ""
+    message = (
+        f"At rest or below breakaway: its mean speed is {speed:.3g}{unit}, and {wanted} is {least:.3g}{unit}. "
+        f"More torque{option}"
+    )
+    return Finding("at-rest", NOTE, message, {"speed": speed, "least": least})
 
 
 def _accelerating(e: Evidence, t: Thresholds) -> Finding | None:
+    """Transient, with a whole message, where no tolerance would let it in."""
     speed = abs(e.velocity)
     tolerance = max(_TOLERANCE * speed, min(e.drift_noise, 0.5 * speed))
     allowed = tolerance if t.velocity_tolerance is None else t.velocity_tolerance * speed
     if e.drift <= allowed:
         return None
-    return Kind.ACCELERATING(alone=True, drift=e.drift, velocity=e.velocity, allowed=allowed, option=_tolerance(e.drift, speed))
+    option, unit = _tolerance(e.drift, speed), unit_of("velocity")
+    if not option:
+        message = (
+            f"Transient: for {e.duration:.3g} s its velocity changes by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}, on the way "
+            "from one speed to another; it is no plateau, and no setting makes it one."
+        )
+        return Finding("transient", NOTE, message, {"duration": e.duration, "drift": e.drift, "velocity": e.velocity})
+    message = (
+        f"Accelerating: its velocity drifts by {e.drift:.3g}{unit} about a mean of {e.velocity:.3g}{unit}; {allowed:.3g}{unit} is "
+        f"allowed. A steadier motion{option}"
+    )
+    return Finding("accelerating", NOTE, message, {"drift": e.drift, "velocity": e.velocity, "allowed": allowed})
 
 
 def _hunting(e: Evidence) -> Finding | None:
     if e.backward <= 0.1:
         return None
-    return Kind.HUNTING(alone=True, backward=e.backward)
+    message = (
+        f"Hunting: it moves backward {100 * e.backward:.0f} % of the time; 10 % is allowed. "
+        "A controller that does not oscillate"
+    )
+    return Finding("hunting", NOTE, message, {"backward": e.backward})
 
 
 def _unsteady(e: Evidence, t: Thresholds) -> Finding | None:
@@ -121,13 +162,18 @@ def _unsteady(e: Evidence, t: Thresholds) -> Finding | None:
     allowed = max(_SWING, t.velocity_tolerance or 0.0) * speed
     if e.scatter <= allowed:
         return None
-    return Kind.UNSTEADY(alone=True, scatter=e.scatter, velocity=e.velocity, allowed=allowed, option=_tolerance(e.scatter, speed))
+    unit = unit_of("velocity")
+    message = (
+        f"Stick-slip without a steady mean: the means of its eighths scatter by {e.scatter:.3g}{unit} about {e.velocity:.3g}{unit}; "
+        f"{allowed:.3g}{unit} is allowed. A longer hold or a stiffer controller{_tolerance(e.scatter, speed)}"
+    )
+    return Finding("unsteady", NOTE, message, {"scatter": e.scatter, "velocity": e.velocity, "allowed": allowed})
 
 
-def _tolerance(deviation: float, speed: float) -> Finding | str:
-    """What to set to allow this deviation, where that can be set at all."""
+def _tolerance(deviation: float, speed: float) -> str:
+    """What to set to allow this deviation; empty where it cannot be set."""
     share = _rounded(deviation / max(speed, 1e-300), ceil)
-    return Kind.OR_VELOCITY_TOLERANCE(value=share) if float(share) < 1 else ""
+    return f", or a segments.velocity_tolerance of {share}," if float(share) < 1 else ""
 
 
 def _rounded(x: float, way: Callable[[float], int]) -> str:
@@ -139,14 +185,23 @@ def _rounded(x: float, way: Callable[[float], int]) -> str:
 def _unsettled(e: Evidence) -> Finding | None:
     if e.torque_drift <= max(abs(e.torque), e.torque_drift_noise):
         return None
-    return Kind.UNSETTLED(alone=True, drift=e.torque_drift, torque=e.torque)
+    unit = unit_of("torque")
+    message = (
+        f"Below breakaway, or not settled: its torque changes by {e.torque_drift:.3g}{unit}, more than its mean of {e.torque:.4g}{unit}. "
+        "A longer hold at this speed"
+    )
+    return Finding("unsettled", NOTE, message, {"drift": e.torque_drift, "torque": e.torque})
 
 
 def _saturated(e: Evidence, t: Thresholds) -> Finding | None:
     if t.torque_limit is not None:
-        share, limit = e.limited, Kind.LIMIT_GIVEN(limit=t.torque_limit)
+        share, limit = e.limited, f"segments.torque_limit, {t.torque_limit:.4g}{unit_of('torque')}"
     else:
-        share, limit = e.clipped, Kind.LIMIT_SEEN()
+        share, limit = e.clipped, "the largest torque or voltage of the run"
     if share <= 0.05:
         return None
-    return Kind.SATURATED(alone=True, share=share, limit=limit)
+    message = (
+        f"Saturated: {100 * share:.0f} % of its samples are at {limit}; 5 % is allowed. "
+        "A lower speed, or a higher torque_limit,"
+    )
+    return Finding("saturated", NOTE, message, {"share": share})

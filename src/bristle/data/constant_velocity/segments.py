@@ -13,10 +13,9 @@ from bristle.data.constant_velocity.changepoints import CandidateSpan, candidate
 from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
 from bristle.data.record import Record
 from bristle.data.signal_checks import travel_ratio
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import residual_warnings
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 
 __all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_warnings"]
 
@@ -171,10 +170,11 @@ def _segment(
     e = evidence(record, candidate, usual, thresholds.torque_limit)
     against = reasons(e, usual, thresholds)
     if longer is not None:
-        against = (
-            Kind.SETTLING(where=record.where(longer.start, longer.stop)),
-            *against,
+        message = (
+            f"Settling: it is the beginning or end of the plateau in {record.where(longer.start, longer.stop)}, which is judged separately; "
+            "a hold of its own would make it pass."
         )
+        against = (Finding("settling", NOTE, message), *against)
     part = slice(candidate.start, candidate.stop)
     middle = (record.time[candidate.start] + record.time[candidate.stop - 1]) / 2 - record.time[0]
     return Segment(

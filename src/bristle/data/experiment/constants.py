@@ -10,8 +10,7 @@ from bristle.data import units
 from bristle.data.experiment.schema import MotorConstants, PlusMinus
 from bristle.data.experiment.signals import Context, Signals, motor_si
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.model.functions import drive_torque_slopes_function
 from bristle.model.vectorize import evaluate
 
@@ -59,13 +58,25 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
     uncertain = tuple(c for c in constants if c.error is not None)
     exact = () if simulated else tuple(c for c in constants if c.error is None)
     if uncertain:
-        rest = Kind.TORQUE_REST_EXACT(constants=exact) if exact else ""
-        return Kind.TORQUE_UNCERTAIN(constants=uncertain, rest=rest)
+        rest = f"; assuming {_listed(exact)} exact" if exact else ""
+        message = (
+            f"Torque: every interval contains the error of {_listed(uncertain)}, which moves the parameters together; "
+            f"its part is shown as systematic{rest}."
+        )
+        return Finding("torque-uncertain", NOTE, message, {"constants": uncertain, "rest": rest})
     if not exact:
         return None
     first = exact[0]
     line = f"{first.name.split()[0]}: {first.value:g} +/- s {first.unit}".removesuffix(" 1")
-    return Kind.TORQUE_EXACT(constants=exact, line=line)
+    message = (
+        f"Torque: assuming {_listed(exact)} exact: no interval contains that error, which is often the largest; "
+        f"give it, as in {line}."
+    )
+    return Finding("torque-exact", NOTE, message, {"constants": exact})
+
+
+def _listed(constants: Sequence[Constant]) -> str:
+    return " and ".join(map(str, constants))
 
 
 def torque_shifts(record: Record, signals: Signals, motor: MotorConstants | None, context: Context) -> dict[str, Array]:

@@ -38,8 +38,8 @@ from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, val
 from bristle.data.record import Record
 from bristle.data.signal_checks import check_signals
 from bristle.data.stated_units import check_units, gear_note
-from bristle.diagnostics import Kind
 from bristle.errors import InputError, short
+from bristle.findings import NOTE, Finding
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Motor
 
@@ -348,13 +348,19 @@ def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str 
     elif record.velocity is None:
         record = estimate_motion(record, fit.velocity_cutoff or of_held_speeds)
     if drive == "current" and motor is not None and record.torque is not None:
-        note = Kind.TORQUE_FROM_CURRENT(k_t=motor.k_t, unit=si("k_t", experiment.context))
+        unit = si("k_t", experiment.context)
+        message = f"Torque from current: k_t = {motor.k_t:g} {unit}."
+        note = Finding("torque-from-current", NOTE, message, {"k_t": motor.k_t, "unit": unit})
         record = replace(record, torque=motor.k_t * record.torque, notes=(*record.notes, note))
     elif drive == "voltage" and motor is not None:
-        note = Kind.TORQUE_FROM_VOLTAGE(k_t=motor.k_t, unit=si("k_t", experiment.context), R=motor.R)
+        unit = si("k_t", experiment.context)
+        message = f"Torque from voltage by (8): k_t = {motor.k_t:g} {unit}, R = {motor.R:g} ohm."
+        note = Finding("torque-from-voltage", NOTE, message, {"k_t": motor.k_t, "R": motor.R})
         torque = drive_torque(record.voltage, record.velocity, motor)
         record = replace(record, torque=torque, notes=(*record.notes, note))
     if kind == "presliding" and record.torque is not None:
         cutoff, why = low_pass(record, fit.presliding_cutoff or of_slow_loading)
-        record = replace(record, cutoff=cutoff, notes=(*record.notes, Kind.TORQUE_SMOOTHED(cutoff=cutoff, why=why)))
+        message = f"Torque of slow loading: low pass of {cutoff:.3g} Hz{why.message}."
+        note = Finding("torque-smoothed", NOTE, message, {"cutoff": cutoff})
+        record = replace(record, cutoff=cutoff, notes=(*record.notes, note))
     return record

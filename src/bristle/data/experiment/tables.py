@@ -15,9 +15,8 @@ from bristle.data.experiment.run_files import RunFiles, TimeRange
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn
 from bristle.data.text_table import RawTable, Reader, read_table
 from bristle.data.timestamps import ISO
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 
 _INSIDE = 2
 """Samples of a signal with a time of its own that lie in a run."""
@@ -107,7 +106,12 @@ def _with_signal(
         onto = brought_to(table.time, time + (origin - table.origin) / 1e9, values, gap)
     except InputError as error:
         raise InputError(f"{source[1]}: {name}: {error}") from error
-    note = Kind.OWN_TIME(signal=name.capitalize(), samples=np.isfinite(values).sum(), outside=np.isnan(onto).sum())
+    samples, outside = int(np.isfinite(values).sum()), int(np.isnan(onto).sum())
+    message = (
+        f"{name.capitalize()} has a time of its own ({samples} sample{'' if samples == 1 else 's'}): linear between its samples, and missing in "
+        f"{outside} row{'' if outside == 1 else 's'} of the run, beyond them or in their gaps."
+    )
+    note = Finding("own-time", NOTE, message, {"samples": samples, "outside": outside})
     notes = (*table.notes, note, *(n for n in read.notes if signal.file is not None and n not in table.notes))
     kept = Key(signal.column, signal.index, file=signal.file)
     digest = table.sha256 if signal.file is None else _together([table.sha256, read.sha256])
@@ -167,11 +171,14 @@ def joined(tables: Sequence[RawTable], names: Sequence[str], gap: float) -> RawT
             time = time if shift is None else time + shift
         times.append(time)
     notes = dict.fromkeys(note for table in tables for note in table.notes)
+    message = (
+        f"One run of {', '.join(names)}, in this order. Times that begin anew, and then follow after a gap: {restarts}."
+    )
     return RawTable(
         columns={key: np.concatenate([table.columns[key] for table in tables]) for key in tables[0].columns},
         rows=sum(table.rows for table in tables),
         sha256=_together([table.sha256 for table in tables]),
-        notes=(*notes, Kind.FILES_JOINED(files=tuple(names), restarts=restarts)),
+        notes=(*notes, Finding("files-joined", NOTE, message, {"files": tuple(names), "restarts": restarts})),
         units=tables[0].units,
         time=None if tables[0].time is None else np.concatenate(times),
         origin=tables[0].origin,
@@ -233,7 +240,8 @@ def _cut(
         seen = np.zeros(0) if table.time is None else table.time[np.isfinite(table.time)]
         there = f", whose time goes from {seen.min():.6g} s to {seen.max():.6g} s" if seen.size else ""
         raise InputError(f"{name}: no row lies in the part {part} of the file{there}; give another range")
-    note: Finding = Kind.PART_TAKEN(part=part, rows=rows, total=table.rows)
+    message = f"Of {table.rows} rows {rows} are taken: {part}."
+    note = Finding("part-taken", NOTE, message, {"rows": rows, "total": table.rows})
     cut = replace(
         table,
         columns={key: values[inside] for key, values in table.columns.items()},

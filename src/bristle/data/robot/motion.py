@@ -17,8 +17,8 @@ from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
 from bristle.data.robot.robot_file import Robot
 from bristle.data.text_table import Reader, ReadOnce
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import NOTE, Finding
 
 _RESTS = 0.02
 """Of a joint's largest travel in any run: it rests where it goes no further, ..."""
@@ -168,5 +168,7 @@ def without_links(run: Run) -> Run:
     r = run.record
     if run.kind == "tracking" or r.link_torque is None or r.torque is None:
         return run
-    note = Kind.LINKS_TAKEN_OFF(largest=float(np.abs(r.link_torque).max()))
+    largest = float(np.abs(r.link_torque).max())
+    message = f"The torque of the links, at most {largest:.3g} N*m, was taken off before segments were looked for."
+    note = Finding("links-taken-off", NOTE, message, {"largest": largest})
     return replace(run, record=replace(r, torque=r.torque - r.link_torque, link_torque=None, notes=(*r.notes, note)))

@@ -15,9 +15,8 @@ from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
 from bristle.data.ros.storage import Integers, MessageBatch
 from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
-from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, short, short_list
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 
 _GAP = 5
 """Median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is."""
@@ -196,11 +195,21 @@ def _notes(
     times = {t.topic for t in targets.values() if t.path is None} | {
         name for name, path in clocks.items() if path is None
     }
-    notes = [Kind.TIME_RECEIVED(topics=tuple(sorted(times)))] if times else []
+    notes = []
+    if times:
+        message = (
+            f"Times of {', '.join(sorted(times))} are those at which messages were received, not those of a header."
+        )
+        notes.append(Finding("time-received", NOTE, message))
     others = sorted(clocks.keys() - {base.topic})
     if others:
         without = np.any([np.isnan(columns[key]) for key, t in targets.items() if t.topic in others], axis=0)
-        notes.append(Kind.TOPICS_INTERPOLATED(topics=tuple(others), onto=base.topic, rows=int(without.sum()), gap=_GAP))
+        rows = int(without.sum())
+        message = (
+            f"{', '.join(others)} interpolated linearly at the stamps of {base.topic}; {rows} row{'' if rows == 1 else 's'} outside them, or in "
+            f"gaps longer than {_GAP} intervals, left empty."
+        )
+        notes.append(Finding("topics-interpolated", NOTE, message, {"rows": rows}))
     return notes
 
 

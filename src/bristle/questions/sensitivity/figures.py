@@ -13,12 +13,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 from numpy.typing import NDArray
 
-from bristle.model.parameters import Kind, Lugre, unit
+from bristle.model.parameters import Kind, Lugre, effort, unit
 from bristle.page.style import ON_DARK, ON_LIGHT, WIDTH, new_figure, styled, thinned, title
 from bristle.page.wording import axis, measured, number, pretty, printable, symbol
-from bristle.questions.sensitivity.sobol import Global, Indices, Output
+from bristle.questions.sensitivity.sobol import Global
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
-from bristle.questions.sensitivity.text import heading, output_name
 
 _COLOURS = ("#0072B2", "#56B4E9", "#D55E00", "#009E73", "#E69F00", "#CC79A7")
 """Okabe and Ito's, one for each parameter of `Lugre`, and ..."""
@@ -133,7 +132,7 @@ def shares_figure(study: SensitivityStudy) -> Figure:
     ax.grid(visible=False, axis="y")
     ax.invert_yaxis()
     ax.legend(loc="lower right")
-    ax.set_xlabel(f"RMS of p · dT/dp / RMS {output_name('torque', study.kind)}")
+    ax.set_xlabel(f"RMS of p · dT/dp / RMS {effort(study.kind)}")
     return figure
 
 
@@ -151,7 +150,11 @@ def first_figure(study: SensitivityStudy) -> Figure:
         ink = ON_DARK if shades[k] in _DARK else ON_LIGHT
         ax.text(j, i + 0.13, symbol(names[k]), ha="center", va="center", fontsize=9, color=ink)
         ax.text(j, i - 0.26, f"{study.map.shares[i, j, k]:.2f}", ha="center", va="center", fontsize=6.5, color=ink)
-    _border(ax, study.map.claim)
+    padded = np.pad(study.map.claim.astype(int), 1)
+    for along, (across, up) in enumerate([(1, 0), (0, 1)]):  # a line around the cells where the claim holds
+        for i, j in np.argwhere(np.diff(padded, axis=along)):
+            x, y = (j - 0.5 - across, j - 0.5), (i - 0.5 - up, i - 0.5)
+            ax.plot(x, y, "-", color="black", linewidth=2.5, solid_capstyle="round")
     column = int(np.argmin(np.abs(study.map.frequencies - study.motion.frequency)))
     row = int(np.argmin(np.abs(study.map.amplitudes - study.motion.amplitude)))
     ax.plot([column + 0.36], [row + 0.3], **_STAR)
@@ -164,25 +167,10 @@ def first_figure(study: SensitivityStudy) -> Figure:
     handles.append(ax.plot([], [], "-", color="black", linewidth=2.5, label="α₀, α₂ first two")[0])
     handles.append(ax.plot([], [], label="the motion", **_STAR)[0])
     ax.legend(
-        handles=handles,
-        loc="lower left",
-        bbox_to_anchor=(-0.02, 0.99),
-        ncols=8,
-        frameon=False,
-        fontsize=8.5,
-        columnspacing=0.9,
-        handletextpad=0.5,
-    )
+        handles=handles, loc="lower left", bbox_to_anchor=(-0.02, 0.99), ncols=8, frameon=False, fontsize=8.5,
+        columnspacing=0.9, handletextpad=0.5,
+    )  # fmt: skip  # a list of values
     return figure
-
-
-def _border(ax: Axes, inside: NDArray[np.bool_]) -> None:
-    """A line around the cells that are inside."""
-    padded = np.pad(inside.astype(int), 1)
-    for along, (across, up) in enumerate([(1, 0), (0, 1)]):
-        for i, j in np.argwhere(np.diff(padded, axis=along)):
-            x, y = (j - 0.5 - across, j - 0.5), (i - 0.5 - up, i - 0.5)
-            ax.plot(x, y, "-", color="black", linewidth=2.5, solid_capstyle="round")
 
 
 def _map_axes(ax: Axes, study: SensitivityStudy, every: int = 1) -> None:
@@ -210,15 +198,8 @@ def map_figure(study: SensitivityStudy) -> Figure:
     for k, (ax, name) in enumerate(zip(axes, names, strict=False)):
         shares = np.clip(study.map.shares[:, :, k], LEAST, 1.0)
         image = _cells(ax, shares, cmap="cividis", norm=norm)
-        ax.text(
-            0.03,
-            0.93,
-            symbol(name),
-            transform=ax.transAxes,
-            va="top",
-            fontsize=11,
-            bbox={"facecolor": "white", "alpha": 0.85, "linewidth": 0, "pad": 2},
-        )
+        box = {"facecolor": "white", "alpha": 0.85, "linewidth": 0, "pad": 2}
+        ax.text(0.03, 0.93, symbol(name), transform=ax.transAxes, va="top", fontsize=11, bbox=box)
         _map_axes(ax, study, 2)
         ax.tick_params(labelsize=8.5)
         ax.label_outer(remove_inner_ticks=False)
@@ -286,47 +267,31 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
     axes = figure.subplots(len(sobol.outputs), squeeze=False)[:, 0]
     title(axes[0], name, simulated)
     for ax, output in zip(axes, sobol.outputs, strict=True):
-        ax.annotate(_panel_title(output, kind), (0, 1), (0, 4), "axes fraction", "offset points", fontsize=9)
-        if output.indices is None:
-            _empty(ax, str(output.reason))
+        heading, indices = output.heading(kind), output.indices
+        if indices is None:
+            ax.set(xticks=[], yticks=[])
+            reason = fill(printable(str(output.reason)), _LINE)
+            ax.annotate(reason, (0.5, 0.5), xycoords="axes fraction", ha="center", va="center", fontsize=9)
         else:
+            mean = f"{measured(indices.mean, indices.deviation)} {pretty(unit(output.quantity, kind))}"
+            heading += f": {mean}; {indices.samples} samples"
             ax.set_ylabel("Share of variance")
-            _bars(ax, output.indices)
+            x, ends = np.arange(len(indices.effects)), [0.0, 1.0]
+            for what, label, colour, hatch, shift in _INDICES:
+                height, half = np.array([(getattr(e, what), getattr(e, f"{what}_half")) for e in indices.effects]).T
+                ax.bar(
+                    x + shift, height, _WIDTH, color=colour, hatch=hatch, edgecolor="black", linewidth=0.6, label=label
+                )
+                ax.errorbar(x + shift, height, half, fmt="none", ecolor="black", elinewidth=1.0, capsize=3)
+                ends += [*(height - half).tolist(), *(height + half).tolist()]
+            ax.set_ylim(min(ends) - 0.05, max(ends) + 0.05)
+            ax.axhline(0.0, color="black", linewidth=0.8)
+            ax.set_yticks(np.linspace(0, 1, 5))
+            ax.set_xticks(x, [symbol(e.parameter).replace(" (", "\n(") for e in indices.effects])
+            ax.grid(visible=False, axis="x")
+        ax.annotate(heading, (0, 1), (0, 4), "axes fraction", "offset points", fontsize=9)
     if drawn := [ax for ax, output in zip(axes, sobol.outputs, strict=True) if output.indices is not None]:
         low, high = drawn[0].get_ylim()
         drawn[0].set_ylim(low, high + _ROOM)
         drawn[0].legend(loc="upper right", ncols=2)
     return figure
-
-
-def _bars(ax: Axes, indices: Indices) -> None:
-    """Both indices of each parameter, with whiskers."""
-    x, ends = np.arange(len(indices.effects)), [0.0, 1.0]
-    for what, label, colour, hatch, shift in _INDICES:
-        height, half = np.array([(getattr(e, what), getattr(e, f"{what}_half")) for e in indices.effects]).T
-        ax.bar(x + shift, height, _WIDTH, color=colour, hatch=hatch, edgecolor="black", linewidth=0.6, label=label)
-        ax.errorbar(x + shift, height, half, fmt="none", ecolor="black", elinewidth=1.0, capsize=3)
-        ends += [*(height - half).tolist(), *(height + half).tolist()]
-    ax.set_ylim(min(ends) - 0.05, max(ends) + 0.05)
-    ax.axhline(0.0, color="black", linewidth=0.8)
-    ax.set_yticks(np.linspace(0, 1, 5))
-    ax.set_xticks(x, [symbol(e.parameter).replace(" (", "\n(") for e in indices.effects])
-    ax.grid(visible=False, axis="x")
-
-
-def _empty(ax: Axes, reason: str) -> None:
-    """A panel that says why there is nothing in it."""
-    ax.set_xticks([])
-    ax.set_yticks([])
-    ax.annotate(
-        fill(printable(reason), _LINE), (0.5, 0.5), xycoords="axes fraction", ha="center", va="center", fontsize=9
-    )
-
-
-def _panel_title(output: Output, kind: Kind) -> str:
-    """What the output is, its mean and standard deviation over the box, and of how many samples."""
-    start, indices = heading(output.name, kind), output.indices
-    if indices is None:
-        return start
-    mean = f"{measured(indices.mean, indices.deviation)} {pretty(unit(output.quantity, kind))}"
-    return f"{start}: {mean}; {indices.samples} samples"

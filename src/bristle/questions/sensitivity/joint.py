@@ -130,10 +130,22 @@ def of_gripper(
     moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))
     p = edro.TABLE_1[joint.name].positive
     known = known_joint(joint)
-    identified = {name: known.estimate(name, Direction.POSITIVE) for name in Lugre._fields}
-    estimates = {
-        ParameterName(n, Direction.BOTH): _moved(e, getattr(p, n)) for n, e in identified.items() if e is not None
-    }
+    estimates = dict[ParameterName, Estimate]()
+    for name in Lugre._fields:  # with the paper's value, and all else in proportion
+        e, value = known.estimate(name, Direction.POSITIVE), getattr(p, name)
+        if e is not None and e.value:
+            by = value / e.value
+            error, interval, systematic = e.standard_error, e.interval, e.systematic
+            e = replace(
+                e,
+                value=value,
+                standard_error=None if error is None else by * error,
+                interval=None if interval is None else (by * interval[0], by * interval[1]),
+                systematic=None if systematic is None else by * systematic,
+                shifts={constant: by * shift for constant, shift in e.shifts.items()},
+            )
+        if e is not None:
+            estimates[ParameterName(name, Direction.BOTH)] = e
     assumptions = (
         Kind.GRIPPER_FRICTION(),
         Kind.GRIPPER_INTERVALS(),
@@ -141,22 +153,6 @@ def of_gripper(
         Kind.GRIPPER_REFERENCE(),
     )
     return KnownFriction(p, estimates, (), assumptions), moved, subject
-
-
-def _moved(e: Estimate, value: float) -> Estimate:
-    """The estimate with another value, and all else in proportion."""
-    if not e.value:
-        return e
-    by = value / e.value
-    error, interval, systematic = e.standard_error, e.interval, e.systematic
-    return replace(
-        e,
-        value=value,
-        standard_error=None if error is None else by * error,
-        interval=None if interval is None else (by * interval[0], by * interval[1]),
-        systematic=None if systematic is None else by * systematic,
-        shifts={constant: by * shift for constant, shift in e.shifts.items()},
-    )
 
 
 def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) -> KnownFriction:

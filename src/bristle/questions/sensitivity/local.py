@@ -132,24 +132,22 @@ def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
     velocity = reference.course.velocity
     rolled = rollout_jacobian(velocity, reference.period, p, 0.0)
     names, scaled = estimated_of(p.law), of_estimated(cleared(rolled.by_parameters), p) * values_of(p)
+    # At given z and v, by the set that acts there.
+    acting: Sequence[float | Array] = (
+        p
+        if isinstance(p, Lugre)
+        else evaluate(functions.active_function(p.law), rolled.z, velocity, *p.positive, *p.negative)
+    )
+    _, _, *slopes = evaluate(functions.torque_sensitivity_function(p.law), rolled.z, velocity, *acting)
+    by_name = dict(zip(fields_of(p.law), zip(acting, slopes, strict=True), strict=True))
     return Local(
         names=names,
         time=reference.time,
         velocity=velocity,
         torque=rolled.torque,
-        partial=_partial(rolled.z, velocity, p),
+        partial=np.column_stack([np.multiply(*by_name[name]) for name in names]),
         total=scaled.reshape(velocity.size, -1, len(names)).sum(axis=1),
     )
-
-
-def _partial(z: Array, v: Array, p: Lugre[float] | Pair[float]) -> Array:
-    """The same at given z and v, (n, 6), by the set that acts there."""
-    acting: Sequence[float | Array] = (
-        p if isinstance(p, Lugre) else evaluate(functions.active_function(p.law), z, v, *p.positive, *p.negative)
-    )
-    _, _, *slopes = evaluate(functions.torque_sensitivity_function(p.law), z, v, *acting)
-    by_name = dict(zip(fields_of(p.law), zip(acting, slopes, strict=True), strict=True))
-    return np.column_stack([np.multiply(*by_name[name]) for name in estimated_of(p.law)])
 
 
 @result
@@ -193,10 +191,10 @@ def grid(reference: SineMotion) -> tuple[Array, Array]:
 
 def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencies: Array) -> Map:
     """The total shares of a sine's third period from rest, for each amplitude (a,), rad, and frequency (f,), Hz."""
-    shares = [[_settled(p, float(a), float(f)) for f in frequencies] for a in amplitudes]
-    return Map(names=estimated_of(p.law), amplitudes=amplitudes, frequencies=frequencies, shares=np.array(shares))
 
+    def settled(amplitude: float, frequency: float) -> Array:
+        """Of one motion."""
+        return local(p, SineMotion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))).shares(last=_CELL)
 
-def _settled(p: Lugre[float] | Pair[float], amplitude: float, frequency: float) -> Array:
-    reference = SineMotion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))
-    return local(p, reference).shares(last=_CELL)
+    shares = np.array([[settled(a, f) for f in frequencies.tolist()] for a in amplitudes.tolist()])
+    return Map(names=estimated_of(p.law), amplitudes=amplitudes, frequencies=frequencies, shares=shares)

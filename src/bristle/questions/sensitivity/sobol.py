@@ -6,7 +6,7 @@ samples * (parameters + 2) evaluations.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -17,12 +17,16 @@ from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.findings import Finding
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair, ParameterName, lugre_of
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Lugre, Pair, ParameterName, effort, lugre_of, unit
 from bristle.model.periodic import rms_torque
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.parameter_box import Span, joints_at, ordered, spans_of
 from bristle.simulation.joint_loop import JointLoop
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RMS error of the simulated loop"
 """Names of the outputs."""
@@ -90,6 +94,14 @@ class Output:
     reason: Finding | None = None
     """Why there are no indices, where there are none."""
 
+    def called(self, kind: JointKind) -> str:
+        """Its name; of a joint that slides it is about a force."""
+        return self.name.replace("torque", effort(kind))
+
+    def heading(self, kind: JointKind) -> str:
+        """The same at the beginning of a line."""
+        return f"{self.called(kind)[0].upper()}{self.called(kind)[1:]}"
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Global:
@@ -103,6 +115,22 @@ class Global:
     frequency: float
     """Hz."""
     seed: int
+
+    def to_frame(self, kind: JointKind) -> "pd.DataFrame":
+        """One row for each output and parameter: the interval drawn from, both indices with their half-widths, samples."""
+        import pandas as pd
+
+        rows = [
+            {
+                "output": output.called(kind), "parameter": str(drawn.parameter), "lower": drawn.low, "upper": drawn.high,
+                "unit": unit(drawn.parameter.name, kind), "drawn": "log-uniform" if drawn.logarithmic else "uniform",
+                "first": effect.first, "first_half": effect.first_half, "total": effect.total, "total_half": effect.total_half,
+                "samples": output.indices.samples, "evaluations": output.indices.evaluations,
+            }
+            for output in self.outputs if output.indices is not None
+            for drawn, effect in zip(self.spans, output.indices.effects, strict=True)
+        ]  # fmt: skip  # a table
+        return pd.DataFrame(rows)
 
 
 def indices(
@@ -159,11 +187,8 @@ def _analysed(spans: Sequence[Span], values: Array, seed: int) -> Indices:
 
 def _problem(spans: Sequence[Span]) -> dict[str, Any]:
     """SALib's description of the unit cube."""
-    return {
-        "num_vars": len(spans),
-        "names": [str(span.parameter) for span in spans],
-        "bounds": [[0.0, 1.0] for _ in spans],
-    }
+    names = [str(span.parameter) for span in spans]
+    return {"num_vars": len(spans), "names": names, "bounds": [[0.0, 1.0] for _ in spans]}
 
 
 def _salib() -> Any:
@@ -218,15 +243,22 @@ def global_sensitivity(
         return rms_torque(joints_at(pair, spans, batch), subject.amplitude, subject.frequency)
 
     def error(batch: Array) -> Array:
-        """RMS error of the loops, rad."""
+        """RMS position error of loops with these plants and one model, rad, over the last of the periods."""
         tell("Sobol: compensated loops")
-        return _rms_error(subject, pair, joints_at(pair, spans, batch))
+        sets = [map(lugre_of(pair.law)._make, np.column_stack(p).tolist()) for p in joints_at(pair, spans, batch)]
+        cases = [subject.case(plant=Pair(*both), model=pair) for both in zip(*sets, strict=True)]
+        course = subject.sine(subject.frequency, PERIODS / subject.frequency)
+        run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)
+        return run.rms_error((PERIODS - COUNTED) / subject.frequency)
 
-    torques, breakaways = _batched(torque, points, _ROWS), _breakaway(joints_at(pair, spans, points))
+    # g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions.
+    drawn = joints_at(pair, spans, points)
+    levels = [evaluate(functions.steady_torque_function(p.law), _BARELY, *p.stribeck)[0] for p in drawn]
+    breakaways = np.asarray(np.mean(levels, axis=0))
     return Global(
         spans=spans,
         outputs=(
-            _output(RMS_TORQUE, "torque", spans, torques, seed),
+            _output(RMS_TORQUE, "torque", spans, _batched(torque, points, _ROWS), seed),
             _output(BREAKAWAY, "torque", spans, breakaways, seed),
             _tracking_output(subject, spans, error, loop_points, seed),
         ),
@@ -234,31 +266,6 @@ def global_sensitivity(
         frequency=subject.frequency,
         seed=seed,
     )
-
-
-def _breakaway(joints: Pair[Array]) -> Array:
-    """g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions."""
-    levels = [evaluate(functions.steady_torque_function(p.law), _BARELY, *p.stribeck)[0] for p in joints]
-    return np.asarray(np.mean(levels, axis=0))
-
-
-def _rms_error(subject: JointLoop, model: Pair[float], joints: Pair[Array]) -> Array:
-    """RMS position error of loops with these plants and one model, rad, over the last of the periods."""
-    one = lugre_of(joints.law)
-    sets = [[one(*row) for row in np.column_stack(p).tolist()] for p in joints]
-    cases = [subject.case(plant=Pair(*both), model=model) for both in zip(*sets, strict=True)]
-    course = subject.sine(subject.frequency, PERIODS / subject.frequency)
-    run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)
-    return run.rms_error((PERIODS - COUNTED) / subject.frequency)
-
-
-def _refuse_loop(subject: JointLoop) -> None:
-    """Raise InputError where the reference is too fast for the loop's control period, or too slow to be simulated."""
-    how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
-    if subject.frequency * subject.period > _COARSE:
-        raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
-    if _ticks(subject) > _LONGEST:
-        raise InputError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
 
 
 def _ticks(subject: JointLoop) -> int:
@@ -288,8 +295,12 @@ def _tracking_output(
     subject: JointLoop, spans: Sequence[Span], error: Callable[[Array], Array], points: Array, seed: int
 ) -> Output:
     """The loop's output; without indices where a plant drawn cannot be run, or its loop diverges."""
+    how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
     try:
-        _refuse_loop(subject)
+        if subject.frequency * subject.period > _COARSE:
+            raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
+        if _ticks(subject) > _LONGEST:
+            raise InputError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
         errors = _batched(error, points, _BATCH)
     except InputError as refused:
         why = Kind.PLANTS_REFUSED(why=str(refused))

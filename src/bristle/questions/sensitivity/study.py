@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -70,10 +69,26 @@ class Expected(NamedTuple):
         may_be_zero = np.array([x.name.startswith(_MAY_BE_ZERO) for x in self.information.names], dtype=bool)
         return (errors < _UNSEEN * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
 
+    def to_frame(self, kind: JointKind) -> "pd.DataFrame":
+        """One row per parameter: expected standard error, that of the joint's fit, whether it is identifiable."""
+        import pandas as pd
+
+        info = self.information
+        columns = (info.names, info.point.tolist(), info.standard_errors.tolist(), self.seen.tolist())
+        rows = [
+            {
+                "measurement": self.what, "parameter": str(name), "value": value, "unit": unit(name.name, kind),
+                "standard_error": error if seen else None, "percent": 100 * error / abs(value) if seen and value else None,
+                "own_standard_error": self.errors.get(name), "seen": seen,
+            }
+            for name, value, error, seen in zip(*columns, strict=True)
+        ]  # fmt: skip  # a table
+        return pd.DataFrame(rows).astype(dict.fromkeys(("standard_error", "percent", "own_standard_error"), object))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensitivityStudy:
-    """Everything that is found out about which parameters of a joint matter."""
+    """Which parameters of a joint matter. `bristle.report_of` gives its text, page and tables."""
 
     name: str
     kind: JointKind
@@ -95,31 +110,19 @@ class SensitivityStudy:
     """What was assumed or left out."""
     seed: int = SEED
 
-    def text(self) -> str:
-        """What `bristle sensitivity` prints: shares, findings and assumptions, a line each."""
-        from bristle.questions.sensitivity.text import study_text
-
-        return study_text(self)
-
     def to_frame(self) -> "pd.DataFrame":
         """One row per parameter, the largest total share first: `rank`, `parameter`, `total`, `partial` and `settled`.
 
         A share is the RMS of p dT_f / dp over the RMS of T_f: total (through the bristle), partial (at fixed z), and
         total over the last period.
         """
-        from bristle.questions.sensitivity.tables import share_table
+        import pandas as pd
 
-        return share_table(self)
-
-    def write(self, folder: Path | str) -> Path:
-        """Write a page with figures and tables into a folder; returns the path of index.html.
-
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
-        half-written.
-        """
-        from bristle.questions.sensitivity.page import write_sensitivity
-
-        return write_sensitivity(self, Path(folder))
+        shares = {"total": self.local.shares(), "partial": self.local.shares(partial=True), "settled": self.settled}
+        frame = pd.DataFrame({"parameter": self.local.names, **shares}).set_index("parameter")
+        frame = frame.loc[list(self.local.ranking)].reset_index()
+        frame.insert(0, "rank", range(1, len(frame) + 1))
+        return frame
 
 
 def check_samples(samples: int) -> None:

@@ -10,7 +10,7 @@ covariances are known. Under different friction laws only what means the same in
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from math import hypot, inf, isfinite, log
+from math import hypot, inf, isfinite, log, sqrt
 
 import numpy as np
 from scipy.special import fdtrc, stdtr, stdtrit
@@ -18,11 +18,11 @@ from scipy.special import fdtrc, stdtr, stdtrit
 from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate
-from bristle.identification.systematic import statistical
+from bristle.identification.systematic import shifted, statistical
 from bristle.model.parameters import ParameterName, of_shape
 from bristle.questions.session_comparison.explain import hints, incomparable, sentence, verdict, warnings
-from bristle.questions.session_comparison.laws import alike, with_breakaway
 from bristle.questions.session_comparison.results import (
     Change,
     Comparison,
@@ -31,6 +31,7 @@ from bristle.questions.session_comparison.results import (
     SessionFit,
     SessionJoint,
     SetChange,
+    alike,
     pairs,
     usable,
 )
@@ -45,6 +46,8 @@ _LIST = 120
 """Characters of a list of names in an error."""
 _FEW = 4.0
 """Degrees of freedom below which the test of a set says nothing."""
+_MANY = 1e9
+"""Degrees of freedom that count as without end."""
 
 
 def compare(first: Session, second: Session) -> Comparison:
@@ -64,12 +67,18 @@ def compare(first: Session, second: Session) -> Comparison:
                 f"{name}: is {first[name].kind} in one session and {second[name].kind} in the other; compare results of one joint"
             )
     both = {name: (first[name], second[name]) for name in shared}
-    both |= {n: (with_breakaway(a), with_breakaway(b)) for n, (a, b) in both.items() if a.law != b.law}
-    changes = _adjusted([change for name, (a, b) in both.items() for change in _changes(name, a, b)])
-    sets = _adjusted_sets([x for name, (a, b) in both.items() for x in _sets(name, a, b)])
+    both |= {n: (_with_breakaway(a), _with_breakaway(b)) for n, (a, b) in both.items() if a.law != b.law}
+    changes = [change for name, (a, b) in both.items() for change in _changes(name, a, b)]
+    known = [k for k, c in enumerate(changes) if c.p is not None]
+    for k, p in zip(known, holm(np.array([changes[k].p for k in known], dtype=float)).tolist(), strict=True):
+        changed = p < SIGNIFICANT
+        changes[k] = replace(changes[k], adjusted=p, changed=changed, verdict=verdict(changes[k], changed=changed))
+    sets = [x for name, (a, b) in both.items() for x in _sets(name, a, b)]
+    adjusted = holm(np.array([x.p for x in sets])).tolist()
+    sets = [replace(x, adjusted=p, changed=p < SIGNIFICANT) for x, p in zip(sets, adjusted, strict=True)]
     return Comparison(
-        changes=changes,
-        sets=sets,
+        changes=tuple(changes),
+        sets=tuple(sets),
         kinds={name: first[name].kind for name in shared},
         sentence=sentence(changes, sets),
         hints=tuple(hints(changes)),
@@ -84,6 +93,29 @@ def _few(names: Iterable[str]) -> str:
     return listed if len(listed) <= _LIST else f"{listed[:_LIST]}..."
 
 
+def _with_breakaway(joint: SessionJoint) -> SessionJoint:
+    """The same, whose fits know breakaway, alpha_0 + alpha_1, as well where their covariance has both."""
+    fits = []
+    for fit in joint.fits:
+        parameters = dict(fit.parameters)
+        for name, a in fit.parameters.items():
+            peak = name._replace(name="alpha_1")
+            if name.name != "alpha_0" or not {name, peak} <= set(fit.names) or peak not in fit.parameters:
+                continue
+            b, at = fit.parameters[peak], [fit.names.index(name), fit.names.index(peak)]
+            variance = float(fit.covariance[np.ix_(at, at)].sum())
+            if not (usable(a) and usable(b) and variance > 0):
+                continue
+            value, error = (a.value or 0.0) + (b.value or 0.0), sqrt(variance)
+            reach = student(min(fit.freedom, _MANY)) * error
+            interval = (max(value - reach, 0.0), value + reach)
+            alone = Estimate(value=value, unit=a.unit, standard_error=error, interval=interval)
+            shifts = {c: a.shifts.get(c, 0.0) + b.shifts.get(c, 0.0) for c in (*a.shifts, *b.shifts)}
+            parameters[name._replace(name="breakaway")] = shifted(alone, shifts)
+        fits.append(replace(fit, parameters=parameters))
+    return replace(joint, fits=tuple(fits))
+
+
 def holm(p: Array) -> Array:
     """Holm's adjusted p-values, (n,): the k-th smallest times n - k + 1, none below one before it, at most 1."""
     order = np.argsort(p, kind="stable")
@@ -93,13 +125,21 @@ def holm(p: Array) -> Array:
 
 
 def _changes(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[Change]:
-    """Every parameter that either session names, by the first fit that knows it in both."""
+    """Every parameter that either session names, by the first fit that knows it in both.
+
+    Raises InputError where a parameter has more than one unit.
+    """
     paired = pairs(first, second)
     for name in dict.fromkeys(name for session in (first, second) for fit in session.fits for name in fit.parameters):
         told_of = paired if alike(name.name, first.law, second.law) else []
         both = [pair for pair in told_of if name in pair.first.parameters and name in pair.second.parameters]
         told = next((pair for pair in both if all(usable(fit.parameters[name]) for fit in pair)), None)
-        _refuse_units(joint, name, first, second)
+        found = (fit.parameters[name].unit for x in (first, second) for fit in x.fits if name in fit.parameters)
+        units = list(dict.fromkeys(found))
+        if len(units) > 1:
+            raise InputError(
+                f"{joint}: {name} is in {units[0]} and in {units[1]}; compare results of one joint, in one unit"
+            )
         yield (
             incomparable(joint, name, first, second, same=bool(both))
             if told is None
@@ -107,20 +147,11 @@ def _changes(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[
         )
 
 
-def _refuse_units(joint: str, name: ParameterName, first: SessionJoint, second: SessionJoint) -> None:
-    """Raise InputError where a parameter has more than one unit."""
-    found = (fit.parameters[name].unit for session in (first, second) for fit in session.fits if name in fit.parameters)
-    units = list(dict.fromkeys(found))
-    if len(units) > 1:
-        raise InputError(
-            f"{joint}: {name} is in {units[0]} and in {units[1]}; compare results of one joint, in one unit"
-        )
-
-
 def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
     a, b = (fit.parameters[name] for fit in pair)
     value = (b.value or 0.0) - (a.value or 0.0)
-    by_factor = _by_factor(name) and min(_low(a), _low(b), a.value or 0.0, b.value or 0.0) > 0
+    lowest = min(x for e in (a, b) for x in (e.interval[0] if e.interval else -inf, e.value or 0.0))
+    by_factor = _by_factor(name) and lowest > 0
     scale = log if by_factor else float
     apart = scale(b.value or 0.0) - scale(a.value or 0.0)
     errors = [
@@ -130,21 +161,15 @@ def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
     slopes = [1 / (e.value or 1.0) if by_factor else 1.0 for e in (a, b)]
     errors += _systematic(a, b, *slopes).values()
     z = apart / hypot(*errors)
-    p = 2 * float(stdtr(_welch(errors, [*(fit.freedom for fit in pair), *(inf for _ in errors[2:])]), -abs(z)))
+    # Degrees of freedom of a difference (Welch and Satterthwaite); a constant's error has no end of them.
+    shares = [e**2 / sum(x**2 for x in errors) for e in errors[:2]]
+    freedom = 1 / max(sum(s**2 / fit.freedom for s, fit in zip(shares, pair, strict=True)), 1e-9)
+    p = 2 * float(stdtr(min(freedom, _MANY), -abs(z)))
     error = abs(value / z) if z else hypot(a.standard_error or 0.0, b.standard_error or 0.0)
     return Change(
-        joint=joint,
-        parameter=name,
-        unit=a.unit,
-        source=pair.first.source,
-        first=a,
-        second=b,
-        difference=value,
-        error=error,
-        z=z,
-        p=p,
-        verdict=Kind.NO_CHANGE(),
-    )
+        joint=joint, parameter=name, unit=a.unit, source=pair.first.source, first=a, second=b,
+        difference=value, error=error, z=z, p=p, verdict=Kind.NO_CHANGE(),
+    )  # fmt: skip  # a list of values
 
 
 def _systematic(a: Estimate, b: Estimate, by_a: float, by_b: float) -> dict[str, float]:
@@ -156,10 +181,6 @@ def _systematic(a: Estimate, b: Estimate, by_a: float, by_b: float) -> dict[str,
     return {c: b.shifts.get(c, 0.0) * by_b - a.shifts.get(c, 0.0) * by_a for c in constants}
 
 
-def _low(e: Estimate) -> float:
-    return e.interval[0] if e.interval else -inf
-
-
 def _facing(e: Estimate, towards: float, freedom: float, *, log_scale: bool) -> float:
     """The standard error of an estimate, by scatter alone, on the side where the other one lies, above it where `towards` is positive."""
     value, error, (low, high) = e.value or 0.0, e.standard_error or 0.0, statistical(e) or (0.0, 0.0)
@@ -167,66 +188,36 @@ def _facing(e: Estimate, towards: float, freedom: float, *, log_scale: bool) -> 
         error, half = error / value, log(high / value) if towards > 0 else log(value / low)
     else:
         half = high - value if towards > 0 else value - low
-    return max(error, half / float(stdtrit(min(freedom, 1e9), 0.975)))
-
-
-def _welch(errors: Sequence[float], freedom: Sequence[float]) -> float:
-    """Degrees of freedom of a difference (Welch and Satterthwaite)."""
-    share = [e**2 / sum(x**2 for x in errors) for e in errors]
-    return min(1 / max(sum(s**2 / f for s, f in zip(share, freedom, strict=True)), 1e-9), 1e9)
-
-
-def _adjusted(changes: Sequence[Change]) -> tuple[Change, ...]:
-    """The changes with Holm's p-values and verdicts."""
-    known = [k for k, c in enumerate(changes) if c.p is not None]
-    adjusted = dict(zip(known, holm(np.array([changes[k].p for k in known], dtype=float)).tolist(), strict=True))
-    return tuple(
-        replace(
-            c,
-            adjusted=adjusted[k],
-            changed=adjusted[k] < SIGNIFICANT,
-            verdict=verdict(c, changed=adjusted[k] < SIGNIFICANT),
-        )
-        if k in adjusted
-        else c
-        for k, c in enumerate(changes)
-    )
+    return max(error, half / float(stdtrit(min(freedom, _MANY), 0.975)))
 
 
 def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[SetChange]:
     """Every fit that both sessions have with the covariance of what both know, none of them distrusted."""
     for a, b in pairs(first, second):
         shared = (n for n in dict.fromkeys(a.names) if n in b.names and alike(n.name, first.law, second.law))
-        names = tuple(n for n in shared if all(_known(fit, n) for fit in (a, b)))
+        known = ({n for n, e in fit.parameters.items() if usable(e)} for fit in (a, b))
+        both = set.intersection(*known)
+        names = tuple(n for n in shared if n in both)
         freedom = min(a.freedom, b.freedom)
         if len(names) < 2 or freedom - len(names) < _FEW or FitPair(a, b).distrusted:
             continue
         statistic = _statistic(a, b, names)
         if statistic is None:
             continue
-        p = float(fdtrc(len(names), min(freedom, 1e9), statistic))
+        p = float(fdtrc(len(names), min(freedom, _MANY), statistic))
         yield SetChange(
-            joint=joint,
-            source=a.source,
-            names=names,
-            statistic=statistic,
-            freedom=freedom,
-            p=p,
-            adjusted=p,
-            changed=False,
-        )
-
-
-def _known(fit: SessionFit, name: ParameterName) -> bool:
-    """Whether a parameter of a fit's covariance is one of its parameters too, with all its numbers."""
-    return name in fit.parameters and usable(fit.parameters[name])
+            joint=joint, source=a.source, names=names, statistic=statistic, freedom=freedom, p=p, adjusted=p, changed=False
+        )  # fmt: skip  # a list of values
 
 
 def _statistic(a: SessionFit, b: SessionFit, names: Sequence[ParameterName]) -> float | None:
     """The statistic d' (C_a + C_b)**-1 d over the number of parameters; None where the sum is no covariance, or there is no such number."""
     with np.errstate(all="ignore"):  # a foreign file may hold any numbers: what is none is left out
         apart = np.array([_scaled(b, n) - _scaled(a, n) for n in names])
-        total = _scaled_covariance(a, names) + _scaled_covariance(b, names)
+        total = np.zeros((len(names), len(names)))
+        for fit in (a, b):
+            own, slope = [fit.names.index(n) for n in names], np.array([_slope(fit, n) for n in names])
+            total += fit.covariance[np.ix_(own, own)] * np.outer(slope, slope)
         moved = [_systematic(a.parameters[n], b.parameters[n], _slope(a, n), _slope(b, n)) for n in names]
         for constant in dict.fromkeys(c for by in moved for c in by):
             together = np.array([by.get(constant, 0.0) for by in moved])
@@ -253,15 +244,3 @@ def _slope(fit: SessionFit, name: ParameterName) -> float:
     """Of `_scaled` by the parameter."""
     value = fit.parameters[name].value or 0.0
     return 1 / value if _by_factor(name) and value > 0 else 1.0
-
-
-def _scaled_covariance(fit: SessionFit, names: Sequence[ParameterName]) -> Array:
-    own = [fit.names.index(name) for name in names]
-    slope = np.array([_slope(fit, name) for name in names])
-    scaled: Array = fit.covariance[np.ix_(own, own)] * np.outer(slope, slope)
-    return scaled
-
-
-def _adjusted_sets(sets: Sequence[SetChange]) -> tuple[SetChange, ...]:
-    adjusted = holm(np.array([x.p for x in sets])).tolist()
-    return tuple(replace(x, adjusted=p, changed=p < SIGNIFICANT) for x, p in zip(sets, adjusted, strict=True))

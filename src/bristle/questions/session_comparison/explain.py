@@ -8,8 +8,7 @@ from bristle.diagnostics import Kind
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.model.parameters import ParameterName
-from bristle.questions.session_comparison.laws import alike
-from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, pairs, usable
+from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, alike, pairs, usable
 
 _ALIKE = 0.5
 """Shares that differ by less than this part of their mean are one share."""

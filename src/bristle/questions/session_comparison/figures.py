@@ -1,13 +1,10 @@
 """The comparison of two sessions as figures: both intervals of each parameter, relative to the first session's value."""
 
-from collections.abc import Sequence
-
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bristle.identification.fits import Estimate
-from bristle.page.style import DIRECTION, Look, new_figure, styled, title
+from bristle.page.style import DIRECTION, new_figure, styled, title
 from bristle.page.wording import shortened, symbol
 from bristle.questions.session_comparison.results import Change, Comparison
 
@@ -19,7 +16,6 @@ _MOST = 40
 """Parameters drawn; the table has all."""
 _BEYOND = 8.0
 """The axis reaches this many times as far as the median of the rows."""
-_LOOKS = (DIRECTION["+"], DIRECTION["-"])
 
 
 @styled
@@ -35,18 +31,19 @@ def forest_figure(compared: Comparison, joint: str) -> Figure | None:
     figure = new_figure(1.3 + _ROW * len(rows))
     figure.subplots_adjust(left=0.19, right=0.87, top=1 - 0.66 / figure.get_figheight())
     ax = figure.subplots()
-    reach = _reach(rows)
-    for which, (look, side) in enumerate(zip(_LOOKS, (-_APART, _APART), strict=True)):
+    # Half of the axis, percent: all differences are on it, and intervals unless they are far wider than the others.
+    wide = np.array([max(abs(x) for e in (row.first, row.second) for x in _span(row, e)) for row in rows])
+    far = max(abs(_span(row, row.second)[1]) for row in rows)
+    reach = 1.12 * max(min(float(wide.max()), _BEYOND * float(np.median(wide))), far, 1e-6)
+    for session, look, side in (("first", DIRECTION["+"], -_APART), ("second", DIRECTION["-"], _APART)):
         for k, row in enumerate(rows):
-            _draw(
-                ax,
-                row,
-                which,
-                k + side,
-                look,
-                reach,
-                label=("first session", "second session")[which] if k == 0 else None,
-            )
+            low, value, high = _span(row, getattr(row, session))
+            y, label = k + side, f"{session} session" if k == 0 else None
+            ax.plot([max(low, -reach), min(high, reach)], [y, y], color=look.colour, linestyle=look.line, linewidth=1.8)
+            ax.plot([value], [y], color=look.colour, marker=look.marker, markersize=5.5, linestyle="none", label=label)
+            for end, edge, arrow in ((low, -reach, "<"), (high, reach, ">")):
+                if abs(end) > reach and end * edge > 0:
+                    ax.plot([edge], [y], marker=arrow, color=look.colour, markersize=7, clip_on=False)
     for k, row in enumerate(rows):
         if row.changed:
             ax.axhspan(k - 0.5, k + 0.5, color="#f0e442", alpha=0.35, linewidth=0)
@@ -65,13 +62,6 @@ def forest_figure(compared: Comparison, joint: str) -> Figure | None:
     return figure
 
 
-def _reach(rows: Sequence[Change]) -> float:
-    """Half of the axis, percent: all differences are on it, and intervals unless they are far wider than the others."""
-    wide = np.array([max(abs(x) for e in (row.first, row.second) for x in _span(row, e)) for row in rows])
-    far = max(abs(_span(row, row.second)[1]) for row in rows)
-    return 1.12 * max(min(float(wide.max()), _BEYOND * float(np.median(wide))), far, 1e-6)
-
-
 def _span(row: Change, e: Estimate | None) -> tuple[float, float, float]:
     """Lower end, value and upper end of one session, percent from the first session's value."""
     base = (row.first.value if row.first else None) or 1.0
@@ -79,12 +69,3 @@ def _span(row: Change, e: Estimate | None) -> tuple[float, float, float]:
     value = (e.value if e else None) or 0.0
     ends = sorted(100 * (x - base) / abs(base) for x in (low, high))
     return ends[0], 100 * (value - base) / abs(base), ends[1]
-
-
-def _draw(ax: Axes, row: Change, which: int, y: float, look: Look, reach: float, label: str | None) -> None:
-    low, value, high = _span(row, (row.first, row.second)[which])
-    ax.plot([max(low, -reach), min(high, reach)], [y, y], color=look.colour, linestyle=look.line, linewidth=1.8)
-    ax.plot([value], [y], color=look.colour, marker=look.marker, markersize=5.5, linestyle="none", label=label)
-    for end, edge, arrow in ((low, -reach, "<"), (high, reach, ">")):
-        if abs(end) > reach and end * edge > 0:
-            ax.plot([edge], [y], marker=arrow, color=look.colour, markersize=7, clip_on=False)

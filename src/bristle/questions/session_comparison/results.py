@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from math import inf, isfinite
-from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -13,7 +12,7 @@ from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import Kind, ParameterName
+from bristle.model.parameters import Kind, ParameterName, of_curve
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -119,7 +118,7 @@ class SetChange:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
-    """What differs between two sessions."""
+    """What differs between two sessions. `bristle.report_of` gives its text, page and tables."""
 
     changes: tuple[Change, ...]
     sets: tuple[SetChange, ...]
@@ -133,30 +132,35 @@ class Comparison:
     """What limits the comparison."""
     simulated: bool
 
-    def text(self) -> str:
-        """What `bristle compare` prints: every change, the sets, what limits the comparison, and the verdict."""
-        from bristle.questions.session_comparison.page import text
-
-        return text(self)
-
     def to_frame(self) -> "pd.DataFrame":
         """One row per joint and parameter: both values, their difference with its joint uncertainty, and the verdict.
 
         nan where they cannot be compared.
         """
-        from bristle.questions.session_comparison.page import changes
+        import pandas as pd
 
-        return changes(self)
+        numbers = (
+            "first_value", "first_error", "second_value", "second_error", "difference", "error", "z", "p", "adjusted_p",
+        )  # fmt: skip  # a list of words
+        rows = [
+            (
+                c.joint, c.parameter.name, c.parameter.direction, c.unit, c.source,
+                *(x for e in (c.first, c.second) for x in ((e.value, e.standard_error) if e else (None, None))),
+                c.difference, c.error, c.z, c.p, c.adjusted, c.changed, str(c.verdict),
+            )
+            for c in self.changes
+        ]  # fmt: skip  # one row, one line
+        columns = ["joint", "parameter", "direction", "unit", "source", *numbers, "changed", "verdict"]
+        return pd.DataFrame(rows, columns=columns).astype({**dict.fromkeys(numbers, float), "changed": object})
 
-    def write(self, folder: Path | str) -> Path:
-        """Write a page with figures and tables into a folder; returns the path of index.html.
 
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
-        half-written.
-        """
-        from bristle.questions.session_comparison.page import write_comparison
+def alike(name: str, first: Law, second: Law) -> bool:
+    """Whether a parameter means the same in two laws: one of friction in sliding in one law alone.
 
-        return write_comparison(self, Path(folder))
+    The tail of one peak, or a term, is the level alpha_0 or the viscous friction of another law: on one curve alpha_0
+    may differ by tens of percent, and no cause is behind it.
+    """
+    return first == second or not of_curve(name)
 
 
 def usable(e: Estimate) -> bool:

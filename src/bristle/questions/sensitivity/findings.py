@@ -1,4 +1,4 @@
-"""What was found of a joint's sensitivity, in sentences and as the text that the command line prints."""
+"""What was found of a joint's sensitivity, as findings."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from bristle.arrays import Array
 from bristle.diagnostics import Kind
 from bristle.findings import Finding
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import effort, unit
+from bristle.model.parameters import unit
 from bristle.questions.sensitivity.local import claimed, ranked
 from bristle.questions.sensitivity.sobol import LEVEL, Global, Output
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
@@ -17,21 +17,6 @@ _NAMED = 3
 """Parameters whose shares a sentence names."""
 _SMALL_INDEX = 0.05
 """A parameter or an interaction with a smaller share of an output's variance is not named."""
-
-
-def study_text(study: SensitivityStudy) -> str:
-    """The shares as a table, what was found in sentences, and what is assumed; a line each."""
-    simulated = " (SIMULATED data)" if study.simulated else ""
-    lines = [
-        f"{study.name}{simulated}: RMS of p dT/dp relative to the RMS of T, by parameter",
-        f"  {'':<8} {'total':>9} {'fixed z':>9} {'last period':>12}",
-    ]
-    columns = np.column_stack([study.local.shares(), study.local.shares(partial=True), study.settled])
-    for name in study.local.ranking:
-        shares = columns[study.local.names.index(name)]
-        lines.append(f"  {name:<8} " + "{:>9.2g} {:>9.2g} {:>12.2g}".format(*shares))
-    drawn = () if study.sobol is None else sobol_sentences(study.sobol, study.kind)
-    return "\n".join([*lines, *(x.flagged for x in (*findings(study), *drawn, *study.assumptions))])
 
 
 def findings(study: SensitivityStudy) -> tuple[Finding, ...]:
@@ -76,17 +61,6 @@ def _told_by(expected: Expected) -> Finding:
     return (Kind.NOT_TOLD if lost else Kind.ALL_TOLD)(what=expected.what, names=lost or names, more=more)
 
 
-def output_name(name: str, kind: JointKind) -> str:
-    """What an output is called: a joint that slides has a force."""
-    return name.replace("torque", effort(kind))
-
-
-def heading(name: str, kind: JointKind) -> str:
-    """The same at the beginning of a line."""
-    name = output_name(name, kind)
-    return f"{name[0].upper()}{name[1:]}"
-
-
 def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
     """Each output's parameters by their share of its variance, then what was drawn and what is not in it."""
     spans = tuple(
@@ -103,7 +77,7 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
 
 def _variance_shares(output: Output, kind: JointKind) -> Finding:
     """An output's parameters by their share of its variance, the largest first, or why there are none."""
-    start, indices = heading(output.name, kind), output.indices
+    start, indices = output.heading(kind), output.indices
     if indices is None:
         return Kind.NO_INDICES(output=start, why=output.reason)
     largest_first = sorted(indices.effects, key=lambda e: -e.total)

@@ -1,0 +1,140 @@
+"""The report of two sessions compared: what changed, joint by joint, with a figure and tables."""
+
+from functools import partial
+
+import pandas as pd
+
+from bristle.page.page import Drawing
+from bristle.page.plain import pair
+from bristle.page.report import Report, Section, Table
+from bristle.page.wording import counted, measured, number, percent, pretty, shortened, slugs, symbol
+from bristle.questions.session_comparison.figures import forest_figure
+from bristle.questions.session_comparison.results import Comparison
+
+_NONE = 1e-99
+"""p-values below this are shown as below it."""
+_LEAST = f"< {_NONE:g}"
+_DRAWN = 30
+"""Joints with a figure."""
+
+
+def report(compared: Comparison) -> Report:
+    """The verdict, its possible causes and its limits, then each joint; the terminal begins with the joints."""
+    joints = list(compared.kinds)
+    columns = ["joint", "source", "parameters", "F", "freedom", "p", "adjusted_p", "changed", "names"]
+    sets = pd.DataFrame(
+        [
+            (x.joint, x.source, len(x.names), x.statistic, x.freedom, x.p, x.adjusted, x.changed, ", ".join(map(str, x.names)))
+            for x in compared.sets
+        ],
+        columns=columns,
+    )  # fmt: skip  # one row, one line
+    tables = {"changes": compared.to_frame(), "sets": sets}
+    sections = [Section("", findings=(compared.sentence,), lines=(str(compared.sentence),), turn=2)]
+    if compared.hints:
+        lines = tuple(f"perhaps: {x}" for x in compared.hints)
+        sections.append(Section("Possible causes (a guess)", findings=compared.hints, lines=lines, turn=3, form="part"))
+    if compared.warnings:
+        lines = tuple(f"warning: {x.coded}" for x in compared.warnings)
+        sections.append(
+            Section("What limits the comparison", findings=compared.warnings, lines=lines, turn=1, form="part")
+        )
+    for k, (joint, slug) in enumerate(zip(joints, slugs(joints), strict=True)):
+        sections += _of_joint(compared, joint, slug, tables, with_figure=k < _DRAWN)
+    drawn = f" Figures show the first {_DRAWN} joints; the tables contain all." if len(joints) > _DRAWN else ""
+    return Report(
+        f"{joints[0] if len(joints) == 1 else f'{len(joints)} joints'}: two sessions compared",
+        tuple(sections),
+        about=f"What changed beyond the joint uncertainty.{drawn}",
+        simulated="At least one session was not measured but simulated." if compared.simulated else "",
+        tables=tables,
+    )
+
+
+def _of_joint(
+    compared: Comparison, joint: str, slug: str, tables: dict[str, pd.DataFrame], *, with_figure: bool
+) -> list[Section]:
+    """The sections of one joint: its changes, its fits as sets, and what cannot be compared."""
+    lines = [f"[[{joint}]] {compared.kinds[joint]}{', SIMULATED data' if compared.simulated else ''}"]
+    known, rows = [], []
+    for c in (c for c in compared.changes if c.joint == joint):
+        name = f"  {shortened(str(c.parameter), 12):<12}"
+        if c.changed is None or c.first is None or c.second is None:
+            lines.append(f"{name} {c.verdict}")
+            continue
+        known.append(c)
+        a, b = (f"{pair(e.value, e.standard_error)} {c.unit}" for e in (c.first, c.second))
+        chance = f"{number(c.z, 3)} standard errors, p {_p(c.adjusted)} (Holm)"
+        lines.append(f"{name} {a} -> {b} ({c.source}): {chance}. {c.verdict}")
+        both = (measured(e.value, e.standard_error) for e in (c.first, c.second))
+        rows.append((*both, None if c.percent is None else round(c.percent, 2)))
+    lines += [
+        f"  {x.source}, {len(x.names)} parameters as a set: F = {x.statistic:.3g}, p {_p(x.adjusted)} (Holm): "
+        f"{'changed' if x.changed else 'no change'}"
+        for x in compared.sets
+        if x.joint == joint
+    ]
+
+    moved, of = [c for c in known if c.changed], counted(len(known), "parameter")
+    if moved:
+        most = max(moved, key=lambda c: abs(c.percent or 0.0))
+        way = "rose" if (most.difference or 0.0) > 0 else "fell"
+        if most.first is None or most.percent is None:  # its first value is zero
+            size = f"{measured(abs(most.difference or 0.0), most.error)} {pretty(most.unit)}"
+        else:
+            size = f"{measured(abs(most.percent), percent(most.first.value, most.error))} %"
+        found = f"{len(moved)} of {of} changed; the largest change: {symbol(most.parameter)} {way} by {size}."
+    else:
+        far = number(max((abs(c.z or 0.0) for c in known), default=None), 2)
+        found = f"None of {of} changed beyond its joint uncertainty; differences are {far} standard errors at most."
+    figure = Drawing(
+        partial(forest_figure, compared, joint),
+        f"{slug}-changes",
+        f"both sessions of {joint}",
+        f"{found} Each parameter in both sessions with its 95 % interval, as a difference in percent from the first "
+        "session's value. Shaded: changed beyond the joint uncertainty. Arrow: the interval extends beyond the axis.",
+    )
+
+    changes, sets = (frame[frame["joint"] == joint] for frame in tables.values())
+    comparable = changes[changes["source"] != ""]
+    columns = ("first session", "second session", "difference (%)")
+    part = comparable[["parameter", "direction", "unit", "source"]].join(
+        pd.DataFrame(rows, columns=columns, index=comparable.index, dtype=object)
+    )
+    part = part.join(comparable[["z", "adjusted_p", "changed"]]).round({"z": 2})
+    note = (
+        "The sessions are assumed independent, so their variances add. vₛ and σ₀ are compared by their logarithm. "
+        "z: the difference in joint standard errors; p: the probability of at least such a difference by chance, "
+        "Holm-corrected for all parameters on this page; changed: below 0.05."
+    )
+    table = Table("changes", f"Changes of {joint}", tables["changes"], _few_digits(part), note)
+    sections = [Section(joint, figure=figure if with_figure else None, table=table, lines=tuple(lines))]
+    if len(sets):
+        note = (
+            "F: dᵀ (C₁ + C₂)⁻¹ d / number of parameters, with d the differences and C the covariances. A set can "
+            "change although no single parameter does; the page cannot say then which one changed."
+        )
+        part = _few_digits(sets.drop(columns=["names", "p"]))
+        table = Table("sets", f"Fits of {joint} as sets", tables["sets"], part, note)
+        sections.append(Section("All parameters of a fit at once", table=table, form="part"))
+    if len(rest := changes[changes["source"] == ""]):
+        part = rest[["parameter", "direction", "verdict"]]
+        table = Table("changes", f"Parameters of {joint} without a comparison", tables["changes"], part)
+        sections.append(Section("Not comparable", table=table, form="part"))
+    return sections
+
+
+def _few_digits(frame: pd.DataFrame) -> pd.DataFrame:
+    """The frame with its p-values in two digits, or as below the least that is shown, and what is no number as None."""
+    few = [_LEAST if p < _NONE else float(f"{p:.2g}") for p in frame["adjusted_p"]]
+    frame = frame.assign(adjusted_p=pd.Series(few, index=frame.index, dtype=object))
+    return (
+        frame.astype(object)
+        .where(frame.notna(), None)
+        .rename(columns={"adjusted_p": "p (Holm)", "changed": "changed?"})
+    )
+
+
+def _p(p: float | None) -> str:
+    """A p-value with its sign of comparison."""
+    return _LEAST if p is not None and p < _NONE else f"= {number(p, 2)}"
