@@ -178,8 +178,8 @@ def test_what_is_assumed_and_said_stands_in_the_document(handed: Handed) -> None
     assert document["parameters"][0]["standard_error"] is None
     assert document["parameters"][0]["interval"] == [0.0, "inf"]
     assert document["reason"]["severity"] == "caution"
-    assert document["reason"]["kind"] == "NOT_PASSIVE"
-    assert "N*m*s/rad" in document["reason"]["text"]
+    assert document["reason"]["code"] == "not-passive"
+    assert "N*m*s/rad" in document["reason"]["message"]
     assert document["said"] == []
 
 

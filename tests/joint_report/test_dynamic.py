@@ -63,15 +63,15 @@ def test_json_holds_both_fits_with_every_digit(moved: Joint) -> None:
         assert own["hold_out"] == [{"file": "held.csv", "relative_error": 1.5}]
         assert (own["n"], own["starts"], own["reached"], own["condition"]) == (fit.n, fit.starts, fit.reached, 8.9)
     assert found["tracking"]["crosscheck"] is None
-    assert found["joint_fit"]["crosscheck"]["verdict"]["kind"] == IPOPT.code
-    assert found["tracking"]["parameters"]["alpha_1-"]["warnings"][0]["text"] == str(UNSEEN)
+    assert found["joint_fit"]["crosscheck"]["verdict"]["code"] == IPOPT.code
+    assert found["tracking"]["parameters"]["alpha_1-"]["warnings"][0]["message"] == str(UNSEEN)
 
 
 def test_json_compares_the_stages(moved: Joint) -> None:
     """One entry per comparison; what the moving runs do not show is null, and the verdict says so."""
     found = read(moved)["consistency"]
     assert [x["parameter"] for x in found] == ["alpha_0+", "alpha_0-", "alpha_1-", "sigma_0+"]
-    assert (found[1]["difference_in_se"], found[1]["verdict"]["text"]) == (-3.2, str(DIFFER))
+    assert (found[1]["difference_in_se"], found[1]["verdict"]["message"]) == (-3.2, str(DIFFER))
     assert (found[2]["tracking_value"], found[2]["tracking_error"], found[2]["difference_in_se"]) == (None, None, None)
     assert found[3]["stage"] == "presliding"
     assert found[0]["joint_error"] == 0.005 * VALUES["alpha_0+"]
