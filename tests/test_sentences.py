@@ -13,7 +13,7 @@ from bristle.findings import Finding
 from bristle.identification.results import Joint
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.sentences import agreement, bias, choice
+from bristle.questions.joint_report.sentences import choice
 from bristle.questions.sensitivity.findings import findings, sobol_sentences
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import of_experiment, of_paper
@@ -35,13 +35,11 @@ def scarce(joint: Joint) -> Joint:
     )
 
 
-def advised(joints: tuple[Joint, ...]) -> Iterator[Finding | None]:
-    """What to measure next, which sigma_0 to use, what (14) would be off by, and whether the stages agree."""
+def advised(joints: tuple[Joint, ...]) -> Iterator[Finding]:
+    """What to measure next, and which sigma_0 to use."""
     for joint in (*joints, *map(scarce, joints)):
         yield from next_measurements(joint)
-        yield agreement(joint)
-        for fit in joint.presliding.fits.values() if joint.presliding else ():
-            yield from (choice(fit), bias(fit, joint.kind))
+        yield from map(choice, joint.presliding.fits.values() if joint.presliding else ())
 
 
 def found(results: Results) -> Iterator[Finding]:
@@ -65,7 +63,7 @@ def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPa
     worded = [str(warning) for warning in first.warnings]
     loops = held((*of_paper(first.joints), of_experiment(gripper, first.joints[0])))
     said = (*advised(first.joints), *found(first))
-    kinds = {x.code for x in said if x is not None}
+    kinds = {x.code for x in said}
     before = held(said)
     without_sentences(monkeypatch)
     second = bristle.identify(*experiments)

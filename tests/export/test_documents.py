@@ -12,11 +12,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.verdict import Trust
-from bristle.model.parameters import Direction, Lugre, ParameterName, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, Lugre, ParameterName, unit
 from bristle.questions.export.artefact import Artefact, NotInstalled, Request
 from bristle.questions.export.document_schema import as_json, export_schema, joints_in
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin
@@ -46,7 +45,7 @@ def _holding(interval: tuple[float, float], value: float) -> tuple[float, float]
 
 
 @st.composite
-def parameters(draw: st.DrawFn, kind: JointKind) -> tuple[ExportedParameter, ...]:
+def parameters(draw: st.DrawFn, kind: Kind) -> tuple[ExportedParameter, ...]:
     """A whole set for both directions, or one of each."""
     directions = draw(st.sampled_from([(Direction.BOTH,), (Direction.POSITIVE, Direction.NEGATIVE)]))
     names = [ParameterName(name, d) for d in directions for name in Lugre._fields]
@@ -65,19 +64,20 @@ def parameters(draw: st.DrawFn, kind: JointKind) -> tuple[ExportedParameter, ...
 
 
 diagnostics = st.one_of(
-    st.builds(lambda x, y: Kind.NOT_PASSIVE(direction=Direction.POSITIVE, alpha_2=x, least=y), positive, positive),
-    st.builds(lambda x: Kind.INTERVAL_WITH_ZERO(name=x), words),
     st.builds(
-        lambda x: Kind.BRISTLE_FILLED(name="sigma_0", direction="+", value=x, unit="N*m/rad", how=Kind.DEFLECTION_OF_TRAVEL(share=1e-3)),
+        lambda x, y: Finding("not-passive", CAUTION, f"{x:.3g} < {y:.3g}", {"direction": Direction.POSITIVE, "alpha_2": x, "least": y}),
+        positive,
         positive,
     ),
+    st.builds(lambda x: Finding("interval-with-zero", NOTE, x, {"name": x}), words),
+    st.builds(lambda x: Finding("bristle-filled", CAUTION, f"assumed {x:.3g} N*m/rad", {"name": "sigma_0", "value": x}), positive),
 )  # fmt: skip  # a list
 
 
 @st.composite
 def made(draw: st.DrawFn) -> ExportedJoint:
     """Any joint that can be exported."""
-    kind: JointKind = draw(st.sampled_from(["revolute", "prismatic", "revolute in A", "prismatic in A"]))
+    kind: Kind = draw(st.sampled_from(["revolute", "prismatic", "revolute in A", "prismatic in A"]))
     return ExportedJoint(
         name=draw(words), kind=kind, simulated=draw(st.booleans()), trust=draw(st.sampled_from(Trust)),
         reason=draw(st.none() | diagnostics), parameters=draw(parameters(kind)), inertia=draw(st.none() | positive),
@@ -178,8 +178,8 @@ def test_what_is_assumed_and_said_stands_in_the_document(handed: Handed) -> None
     assert document["parameters"][0]["standard_error"] is None
     assert document["parameters"][0]["interval"] == [0.0, "inf"]
     assert document["reason"]["severity"] == "caution"
-    assert document["reason"]["kind"] == "NOT_PASSIVE"
-    assert "N*m*s/rad" in document["reason"]["text"]
+    assert document["reason"]["code"] == "not-passive"
+    assert "N*m*s/rad" in document["reason"]["message"]
     assert document["said"] == []
 
 

@@ -157,7 +157,7 @@ def test_what_is_not_held_is_said(handed: Handed, target: ExportTarget) -> None:
     artefact = target.write(
         [replace(joint, inertia=None, rotor_inertia=None, parameters=(*joint.parameters, offset))], Request()
     )
-    assert {x.code for x in artefact.said} == {"EXPORT_LOSES", "EXPORT_LEAVES_OUT", "EXPORT_WITHOUT_INERTIA"}
+    assert {x.code for x in artefact.said} == {"export-loses", "export-leaves-out", "export-without-inertia"}
     assert b"armature=" not in artefact.content
     mujoco.MjModel.from_xml_string(artefact.content.decode())
 
@@ -292,5 +292,5 @@ def test_a_shared_quadratic_term_is_left_out_and_counts_as_lost(handed: Handed) 
     joint = same(handed("wrist pitch"))
     joint = replace(joint, parameters=(*joint.parameters, drag))
     artefact = mjcf.TARGET.write([joint], Request())
-    assert "EXPORT_LEAVES_OUT" in {x.code for x in artefact.said}
+    assert "export-leaves-out" in {x.code for x in artefact.said}
     assert artefact.losses[joint.name][0].percent > 1

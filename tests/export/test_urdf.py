@@ -129,7 +129,7 @@ def test_what_is_lost_and_left_out_is_said(handed: Handed, write: Callable[..., 
         interval=(-0.1, 0.3), source="joint",
     )  # fmt: skip  # a list of values
     artefact = write([replace(joint, parameters=(*joint.parameters, offset))], Request())
-    kinds = [x.kind for x in artefact.said]
+    kinds = [x.code for x in artefact.said]
     assert kinds == ["export-loses", "export-leaves-out"]
     assert "presliding" in str(artefact.said[0])
     assert "offset" in str(artefact.said[1])

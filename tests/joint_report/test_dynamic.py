@@ -11,7 +11,6 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bristle.diagnostics import Kind
 from bristle.identification.fits import TrackingFit
 from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName
@@ -64,15 +63,15 @@ def test_json_holds_both_fits_with_every_digit(moved: Joint) -> None:
         assert own["hold_out"] == [{"file": "held.csv", "relative_error": 1.5}]
         assert (own["n"], own["starts"], own["reached"], own["condition"]) == (fit.n, fit.starts, fit.reached, 8.9)
     assert found["tracking"]["crosscheck"] is None
-    assert found["joint_fit"]["crosscheck"]["verdict"]["kind"] == IPOPT.code
-    assert found["tracking"]["parameters"]["alpha_1-"]["warnings"][0]["text"] == str(UNSEEN)
+    assert found["joint_fit"]["crosscheck"]["verdict"]["code"] == IPOPT.code
+    assert found["tracking"]["parameters"]["alpha_1-"]["warnings"][0]["message"] == str(UNSEEN)
 
 
 def test_json_compares_the_stages(moved: Joint) -> None:
     """One entry per comparison; what the moving runs do not show is null, and the verdict says so."""
     found = read(moved)["consistency"]
     assert [x["parameter"] for x in found] == ["alpha_0+", "alpha_0-", "alpha_1-", "sigma_0+"]
-    assert (found[1]["difference_in_se"], found[1]["verdict"]["text"]) == (-3.2, str(DIFFER))
+    assert (found[1]["difference_in_se"], found[1]["verdict"]["message"]) == (-3.2, str(DIFFER))
     assert (found[2]["tracking_value"], found[2]["tracking_error"], found[2]["difference_in_se"]) == (None, None, None)
     assert found[3]["stage"] == "presliding"
     assert found[0]["joint_error"] == 0.005 * VALUES["alpha_0+"]
@@ -200,5 +199,5 @@ def test_agreement_is_one_sentence(moved: Joint, joint: Joint) -> None:
         "1 more not identifiable from the tracking runs."
     )
     unseen = replace(moved, consistency=(compared("alpha_1-", None, NOT_SHOWN),))
-    assert agreement(unseen) == Kind.NONE_COMPARED()
+    assert agreement(unseen) == "The moving data show none of the parameters that the other stages know."
     assert agreement(joint) is None

@@ -34,10 +34,10 @@ def test_advice_follows_from_the_warnings(joint: Joint) -> None:
     one = replace(changed(joint, {"interval": (0.0, 0.1)}, hold_out=()), segments=joint.segments)
     below, *others = next_measurements(one)
     assert (below.code, below.subject) == ("unlimited-below", ("static", "+"))
-    assert others == [
-        Kind.REPEAT_STICKING(files=("run_1.csv",)),
-        Kind.MEASURE_DIRECTION(direction="-"),
-        Kind.HOLD_BACK(),
+    assert [(x.code, dict(x.numbers)) for x in others] == [
+        ("repeat-sticking", {"files": ("run_1.csv",)}),
+        ("measure-direction", {"direction": "-"}),
+        ("hold-back", {}),
     ]
     none = replace(joint, static={"both": replace(joint.static["+"], outcome=Kind.STATIC_NO_STRIBECK())}, segments=())
     (said,) = next_measurements(none)

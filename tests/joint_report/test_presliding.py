@@ -13,7 +13,7 @@ import numpy as np
 from bristle.diagnostics import Kind
 from bristle.identification.fits import Presliding
 from bristle.identification.results import Joint
-from bristle.page.wording import METHODS, in_print
+from bristle.page.wording import METHODS
 from bristle.questions.joint_report import page, results_file, sections, sentences, tables
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.text import fit_report
@@ -21,11 +21,8 @@ from bristle.questions.joint_report.text import fit_report
 from ..pages import report_text
 from ..sameness import of_kind
 from .conftest import (
-    FEW,
-    PRIOR,
     QUANTUM,
     TABLE_1,
-    UNKNOWN_REST,
     closed_cycle,
     loaded,
     nothing_seen,
@@ -65,8 +62,8 @@ def test_json_holds_every_estimate_of_both_directions(slow: Joint) -> None:
         }
         assert found[d]["sigma_1"]["value"] == TABLE_1[d].sigma_1
         assert [found[d][f"bias_{x}"] for x in ("on_edge", "mean", "spread")] == [-0.024, -0.51, 0.28]
-        level = (found[d]["level"], found[d]["level_standard_error"], found[d]["level_source"]["kind"])
-        assert level == (fit.level, 2e-4, "OF_STATIC_FIT")
+        level = (found[d]["level"], found[d]["level_standard_error"], found[d]["level_source"]["code"])
+        assert level == (fit.level, 2e-4, "of-static-fit")
         assert (found[d]["recommended"], found[d]["quantum"], found[d]["counts"]) == ("edges", QUANTUM, 60)
     assert {d: e["value"] for d, e in whole["breakaway"].items()} == {"+": 0.025}
 
@@ -97,7 +94,7 @@ def test_json_says_why_what_does_not_exist_is_null(slow: Joint) -> None:
 
 def test_json_holds_the_warnings_of_the_runs_as_a_whole(slow: Joint) -> None:
     """What no direction owns stands among the warnings of the presliding runs."""
-    assert [x["text"] for x in read(slow)["presliding"]["warnings"]] == [str(outlier("slow_2.csv"))]
+    assert [x["message"] for x in read(slow)["presliding"]["warnings"]] == [str(outlier("slow_2.csv"))]
 
 
 # tables and text
@@ -172,7 +169,7 @@ def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path:
     text = written(slow, tmp_path / "out")
     section = text[text.index('<section id="gripper-rotation--presliding">') :]
     section = section[: section.index("</section>")]
-    for words in (*METHODS.values(), in_print(Kind.FROM_TRANSITIONS()), "-2.4 % where the joint rests",
+    for words in (*METHODS.values(), "from encoder transitions; insensitive to where inside a count the joint rests", "-2.4 % where the joint rests",
                   "-51 % on average, with a spread of 28 %",
                   "from the static fit", "of an assumed damping ratio", "median breakaway torque",
                   "is an outlier", "differ because the loop is wide",
@@ -196,18 +193,18 @@ def test_every_warning_is_listed_and_counted(slow: Joint) -> None:
     """Warnings of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about."""
     slow = slow.with_subjects()
     part = sections.report([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}}, None)["joints"][0]  # type: ignore[dict-item] # no drawing here
-    listed = {warning: where for _, own in part["warnings"] for where, warning in own}
-    assert listed[FEW] == "presliding (+)"
-    assert listed[outlier("slow_2.csv")] == "presliding"
-    assert listed[PRIOR] == "presliding (+) sigma_1, presliding (−) sigma_1"
-    assert "presliding (+) sigma_0 printed" in listed[UNKNOWN_REST]
+    listed = {warning.code: where for _, own in part["warnings"] for where, warning in own}
+    assert listed["few-counts"] == "presliding (+)"
+    assert listed["outlier"] == "presliding"
+    assert listed["prior"] == "presliding (+) sigma_1, presliding (−) sigma_1"
+    assert "presliding (+) sigma_0 printed" in listed["whole-count"]
 
 
 def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> None:
     """Without any static fit the page has the section, and no empty curve or cross-check; its links land."""
     alone = replace(only(slow, fits={"+": nothing_seen()}), static={}, crosscheck={}, segments=())
     text = written(alone, tmp_path / "out")
-    assert in_print(Kind.SIGMA_0_AT_LEAST(least=12.5, unit="N*m/rad")) in text
+    assert "No σ₀ can be given; it is at least 12.5 N·m/rad." in text
     assert "Full nonlinear fit" not in text
     assert not list((tmp_path / "out" / "figures").glob("*-curve.svg"))
     assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))

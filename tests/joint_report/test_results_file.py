@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.document import document_of, joints_of
 from bristle.identification.results import Joint, adapter
 from bristle.model.parameters import Direction, ParameterName
@@ -130,7 +130,9 @@ def test_a_warning_is_written_as_a_value_and_read_back(slide: Joint) -> None:
     said = Kind.INTERVALS_DIFFER(
         sides=("above", "below"), ends=(("profile", 0.5, math.inf), (name, np.float64(1), -math.inf)), reason=inner
     )
-    text = results_file.to_json([replace(slide, warnings=(said, Kind.AND_OTHER_JOINTS(count=np.int64(3))))])
+    text = results_file.to_json(
+        [replace(slide, warnings=(said, Finding("plan-local", NOTE, "3 others.", {"count": np.int64(3)})))]
+    )
     written, counted = json.loads(text)["joints"]["slide"]["warnings"]
     assert (written["code"], written["severity"], written["message"]) == ("intervals-differ", "caution", str(said))
     assert written["numbers"]["ends"] == [["profile", 0.5, "inf"], ["alpha_0+", 1.0, "-inf"]]

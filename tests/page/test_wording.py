@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from bristle.diagnostics import Kind
+from bristle.findings import CAUTION, Finding
 from bristle.page.wording import in_percent, in_print, in_symbols
 
 
@@ -24,7 +24,7 @@ def test_parameters_of_a_sentence_become_symbols(sentence: str, expected: str) -
 
 def test_a_diagnostic_in_print_has_symbols_and_units_in_print() -> None:
     """A page shows alpha_0 as its symbol and N*m/rad as N·m/rad; the terminal's sentence has neither."""
-    made = Kind.SIGMA_0_AT_LEAST(least=12.5, unit="N*m/rad")
+    made = Finding("sigma-0-at-least", CAUTION, "No sigma_0 can be given; it is at least 12.5 N*m/rad.")
     assert str(made) == "No sigma_0 can be given; it is at least 12.5 N*m/rad."
     assert in_print(made) == "No σ₀ can be given; it is at least 12.5 N·m/rad."
 

@@ -16,14 +16,14 @@ from bristle.control.compensator import Compensator
 from bristle.data.experiment.load import Experiment
 from bristle.data.units import positive_si
 from bristle.errors import InputError, read_at_most
-from bristle.findings import CAUTION, Finding
+from bristle.findings import Finding
 from bristle.identification.document import LARGEST
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.progress import Progress
 from bristle.questions.array_fit.fit import Fit
 from bristle.questions.export.artefact import Request
-from bristle.questions.export.export import Export, export_joints
+from bristle.questions.export.export import Export, export_joints, joint_left_out
 from bristle.questions.export.exported import ExportedJoint, Origin, exported
 from bristle.questions.export.targets import target
 from bristle.simulation.joint_loop import JointLoop
@@ -136,7 +136,7 @@ def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[Exported
         except InputError as error:
             if len(refused) + 1 == len(found):
                 raise
-            refused.append(Finding("export-joint-left-out", CAUTION, f"Left out: {error}"))
+            refused.append(joint_left_out(error))
     return tuple(joints), tuple(refused)
 
 

@@ -3,16 +3,15 @@
 Constant velocities, slow loading and a tracking motion within limits, and the intervals to expect.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from bristle.arrays import Array, result
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding, in_direction
 from bristle.identification.fisher import covariance, static_information
 from bristle.identification.limits import Limits, followed, limits_of, shortened
 from bristle.identification.measured import Measured
@@ -107,10 +106,14 @@ class Plan:
             return None
         opened = tuple(name for name, x in zip(names, now, strict=True) if not x <= limit)
         widest, left = max(known, key=now.__getitem__), then.index(max(then))
-        return Kind.PLAN_NARROWS(
-            duration=self.duration, before=now[widest], widest=str(names[widest]), after=then[left], left=str(names[left]),
-            opens=Kind.PLAN_OPENS(names=opened) if opened else "",
-        )  # fmt: skip  # a list of values
+        opens = f" Now {', '.join(map(str, opened))} cannot be identified, which the plan changes." if opened else ""
+        return Finding(
+            "plan-narrows",
+            NOTE,
+            f"In {self.duration:.3g} s the plan brings the widest 95 % interval from {now[widest]:.2g} % of the value "
+            f"({names[widest]}) to {then[left]:.2g} % ({names[left]}), as predicted.{opens}",
+            {"duration": self.duration, "before": now[widest], "after": then[left], "opened": opened},
+        )
 
     @property
     def _worse(self) -> tuple[ParameterName, ...]:
@@ -125,21 +128,34 @@ class Plan:
         """What even this plan would not show, and what would."""
         relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
         unseen = tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN)
-        warnings = [Kind.STILL_UNSEEN(names=unseen)] if unseen else []
-        warnings += [Kind.MOTION_WORSE(names=worse)] if (worse := self._worse) else []
+        warnings = []
+        if unseen:
+            message = (
+                f"Even after this plan {', '.join(map(str, unseen))} would not be identifiable within these limits."
+            )
+            warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))
+        if worse := self._worse:
+            message = (
+                f"The planned motion tells less of {', '.join(map(str, worse))} than the motion measured so far, for it serves all "
+                "parameters at once; repeat the measured one as well where these matter most."
+            )
+            warnings.append(Finding("motion-worse", CAUTION, message, {"names": worse}))
         for plan in self.velocities:
             slowest, ratio = plan.problem.low, plan.problem.low / plan.problem.p.v_s
             if ratio > 0.5:
-                warnings.append(
-                    Kind.SLOWEST_TOO_FAST(
-                        slowest=slowest,
-                        unit=unit("velocity", self.joint.kind),
-                        ratio=ratio,
-                        direction=plan.direction,
-                    )
+                message = (
+                    f"The slowest constant speed, {slowest:.3g} {unit('velocity', self.joint.kind)}, is {ratio:.2g} times "
+                    f"v_s{in_direction(plan.direction)}: slower runs would show the Stribeck term far better. If a stiffer "
+                    "controller can hold them, lower plan.minimum_velocity."
                 )
+                numbers = {"slowest": slowest, "ratio": ratio, "direction": plan.direction}
+                warnings.append(Finding("slowest-too-fast", CAUTION, message, numbers))
             if not np.isfinite(plan.chosen.alone).all():
-                warnings.append(Kind.FEW_VELOCITIES(direction=plan.direction))
+                message = (
+                    f"The planned velocities{in_direction(plan.direction)} have too few different values for a separate fit: "
+                    "identify them together with the runs so far."
+                )
+                warnings.append(Finding("few-velocities", CAUTION, message, {"direction": plan.direction}))
         return tuple(warnings)
 
     def text(self) -> str:
@@ -220,18 +236,28 @@ def plan(
         ),
         standard_errors={stage: covariance(x)[0] for stage, x in information.items()} | {"with motion": motion.errors},
         references=schedule(start, limits, runs, loadings, motion),
-        assumptions=(
-            *of_limits,
-            *of_frequency,
-            *start.assumptions,
-            Kind.PLAN_LOCAL(others=Kind.AND_OTHER_JOINTS(count=others) if (others := len(problem.sets) - 1) else ""),
-            Kind.REFERENCES_FOLLOWED(),
-            Kind.RUN_IN(settle=SETTLE, deflections=DEFLECTIONS),
-            Kind.ENCODER_COUNT(count=start.resolution, unit=unit("position", joint.kind))
-            if start.resolution
-            else Kind.ENCODER_FINE(),
-        ),
+        assumptions=(*of_limits, *of_frequency, *start.assumptions, *_of_design(joint, start, len(problem.sets) - 1)),
     )
+
+
+def _of_design(joint: Joint, start: Start, others: int) -> Iterator[Finding]:
+    """What the design assumes; the motion is planned over so many other plausible joints too."""
+    local = (
+        "The design is local: errors are those at the estimates, to first order; velocities are averaged over"
+        f" the plausible values of v_s{f', the motion over {others} other plausible joints' if others else ''}."
+    )
+    yield Finding("plan-local", NOTE, local, {"others": others})
+    followed = "Each reference is followed exactly; friction is LuGre, independent of position and time."
+    yield Finding("references-followed", NOTE, followed)
+    run_in = (
+        f"Each hold starts with a run-in of at least {SETTLE:g} s, or {DEFLECTIONS:g} bristle deflections of travel; "
+        "the bristle forgets its state over one deflection."
+    )
+    yield Finding("run-in", NOTE, run_in, {"settle": SETTLE, "deflections": DEFLECTIONS})
+    count = f"{start.resolution:.3g} {unit('position', joint.kind)} per count"
+    unknown = "the count is unknown; loading is planned as if the encoder were fine"
+    encoder = f"Encoder: {count if start.resolution else unknown}."
+    yield Finding("encoder-count", NOTE, encoder, {"count": start.resolution})
 
 
 def check_plan(velocities: int, aim: str, law: Law | None = None) -> None:

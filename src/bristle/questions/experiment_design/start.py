@@ -6,10 +6,9 @@ import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.data.encoder import resolution
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import (
     DEFLECTION,
@@ -127,11 +126,13 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     for d, other in zip(directions, reversed(directions), strict=True):
         if "alpha_0" not in estimates[d]:
             estimates[d] = {name: Estimate(value=e.value, unit=e.unit) for name, e in estimates[other].items()}
-            assumptions.append(Kind.DIRECTION_TAKEN(direction=d, other=other))
+            taken = f"Direction {d} is not identified: it is assumed to be as direction {other}."
+            assumptions.append(Finding("direction-taken", CAUTION, taken, {"direction": d, "other": other}))
     J = inertia_of(measured.experiment, joint)
     if J is None:
         J = guessed_inertia(max(seen["alpha_0"].value or 0.0 for seen in estimates.values()), limits.acceleration)
-        assumptions.append(Kind.INERTIA_GUESSED(J=J, unit=unit("inertia", joint.kind), share=INERTIAL))
+        said = f"a guess, {J:.2g} {unit('inertia', joint.kind)}: {INERTIAL:g} of alpha_0 at the largest acceleration"
+        assumptions.append(Finding("inertia-guessed", CAUTION, f"Inertia: {said}; give inertia.", {"J": J}))
     sets, guessed = {}, []
     for d, seen in estimates.items():
         held = {name: x for name in law.more if (x := known_joint(joint).values(d).get(name)) is not None}
@@ -142,7 +143,8 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
     values = np.array([getattr(sets[d], name) for name, d in names[:-1]] + [J])
     given, exact = _declared(measured, joint, names)
     if exact:
-        assumptions.append(Kind.INERTIA_EXACT(J=J, unit=unit("inertia", joint.kind)))
+        said = f"{J:.4g} {unit('inertia', joint.kind)}, given as exact; intervals are those of the others"
+        assumptions.append(Finding("inertia-exact", NOTE, f"Inertia: {said}.", {"J": J}))
     noise, equation_noise, step = _noises(measured, joint, sets, limits, assumptions)
     return Start(
         directions=directions,
@@ -165,8 +167,9 @@ def _of_constants(joint: Joint) -> Iterator[Finding]:
     """What is said of the constants that torques were computed with."""
     if joint.torque_scale:
         yield joint.torque_scale
-    if joint.uncertain_constants:
-        yield Kind.SYSTEMATIC_STAYS(constants=joint.uncertain_constants)
+    if constants := joint.uncertain_constants:
+        stays = "Expected errors are those of the scatter: no run lowers the systematic error, of"
+        yield Finding("systematic-stays", NOTE, f"{stays} {' and '.join(constants)}.", {"constants": constants})
 
 
 def embedded(names: Sequence[ParameterName], members: Sequence[ParameterName], matrix: Array) -> Array:
@@ -232,13 +235,20 @@ def _filled(
 
 def _guess(parameter: ParameterName, value: float, joint: Joint) -> Finding:
     name, direction = parameter
+    viscous = f"{_VISCOUS:g} of alpha_0 at the fastest speed"
     why = {
-        "alpha_1": Kind.PEAK_TO_LOOK_FOR(share=_PEAK),
-        "v_s": Kind.AMID_THE_SPEEDS(),
-        "sigma_0": Kind.BENT_BRISTLE(share=DEFLECTION),
-        "sigma_1": Kind.BY_DAMPING_RATIO(ratio=DAMPING_RATIO),
-    }.get(name, Kind.AMID_WHAT_IS_SEARCHED() if of_shape(name) else Kind.VISCOUS_SHARE(share=_VISCOUS))
-    return Kind.GUESSED(name=name, direction=direction, value=value, unit=unit(name, joint.kind), why=why)
+        "alpha_1": f"{_PEAK:g} of alpha_0: no Stribeck peak was found, and this is the one to look for",
+        "v_s": "in the middle of the speeds; the design allows any value among them",
+        "sigma_0": f"a bristle that bends by {DEFLECTION:g} of the travel",
+        "sigma_1": f"(15), a damping ratio of {DAMPING_RATIO:g}",
+    }.get(name, "in the middle of where it is looked for" if of_shape(name) else viscous)
+    guess = f"a guess, {value:.3g} {unit(name, joint.kind)}, {why}"
+    numbers = {"name": name, "direction": direction, "value": value}
+    return Finding("guessed", CAUTION, f"{name}{_named(direction)}: {guess}.", numbers)
+
+
+def _named(direction: Direction) -> str:
+    return f" ({direction})" if direction in SIGNED else ""
 
 
 def _noises(
@@ -257,21 +267,32 @@ def _noises(
         step = float(np.median(np.diff(moving.time)))
         variance_inflation = inflation(moving.residuals)
         equation = moving.rms * float(np.sqrt(variance_inflation))
-        assumptions.append(
-            Kind.NOISE_OF_EQUATIONS(step=step, rms=moving.rms, unit=T, inflation=variance_inflation)
-            if variance_inflation > 1
-            else Kind.NOISE_OF_INDEPENDENT(step=step, rms=moving.rms, unit=T)
-        )
+        message = f"Noise: a sample of a moving run, one every {step:.3g} s, scatters by {moving.rms:.2g} {T} as so far"
+        if variance_inflation > 1:
+            share = f"1/{variance_inflation:.2g} of an independent one"
+            message = f"{message}, and counts as {share}: residuals are correlated"
+        numbers = {"step": step, "rms": moving.rms, "inflation": variance_inflation}
+        assumptions.append(Finding("noise-of-equations", NOTE, f"{message}.", numbers))
         if not noise:
-            noise = dict.fromkeys(sets, equation * float(np.sqrt(step / limits.hold)))
-            assumptions.append(Kind.NOISE_AVERAGED(scatter=max(noise.values()), unit=T))
+            worst = equation * float(np.sqrt(step / limits.hold))
+            noise = dict.fromkeys(sets, worst)
+            message = f"{_of_holds(worst, T)}, that of those samples averaged over it."
+            assumptions.append(Finding("noise-averaged", NOTE, message, {"scatter": worst}))
         return noise, equation, step
     if not noise:
         noise = {d: _TORQUE * p.alpha_0 for d, p in sets.items()}
-        assumptions.append(Kind.NOISE_OF_HOLDS_GUESSED(scatter=max(noise.values()), unit=T, share=_TORQUE))
+        largest = max(noise.values())
+        message = f"{_of_holds(largest, T)}, {_TORQUE:g} of alpha_0: a guess."
+        assumptions.append(Finding("noise-of-holds-guessed", CAUTION, message, {"scatter": largest}))
     worst = max(noise.values())
-    assumptions.append(Kind.NOISE_OF_MOTION_GUESSED(hold=limits.hold, scatter=worst, unit=T))
+    white = f"white, and such that its mean over {limits.hold:.3g} s scatters by {worst:.2g} {T}: a guess"
+    numbers = {"hold": limits.hold, "scatter": worst}
+    assumptions.append(Finding("noise-of-motion-guessed", CAUTION, f"Noise of a moving run: {white}.", numbers))
     return noise, worst * float(np.sqrt(limits.hold / _EQUATION)), _EQUATION
+
+
+def _of_holds(scatter: float, T: str, direction: Direction = Direction.BOTH) -> str:
+    return f"Noise{_named(direction)}: a hold's mean torque scatters by {scatter:.2g} {T}"
 
 
 def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[Finding]) -> dict[Direction, float]:
@@ -287,11 +308,15 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[F
         if fit is None:
             return {}
         scatters[d], rms = scatter(fit)
-        far = Kind.FAR_POINTS(ratio=rms / scatters[d]) if rms > _FAR * scatters[d] else ""
+        ratio = rms / scatters[d]
+        outliers = "a few points are outliers, and do not count here"
+        far = f" Their root mean square is {ratio:.2g} times that: {outliers}." if ratio > _FAR else ""
+        message = f"{_of_holds(scatters[d], T, d)}, as the points did about their fit"
+        numbers = {"direction": d, "scatter": scatters[d], "ratio": ratio}
         assumptions.append(
-            Kind.NOISE_OF_POINTS(direction=d, scatter=scatters[d], unit=T, far=far)
+            Finding("noise-of-points", NOTE, f"{message}.{far}", numbers)
             if fit is own_fit
-            else Kind.NOISE_OF_OTHER_POINTS(direction=d, scatter=scatters[d], unit=T, other=fit.direction, far=far)
+            else Finding("noise-of-other-points", CAUTION, f"{message} of {fit.direction}.{far}", numbers)
         )
     return scatters
 

@@ -2,12 +2,11 @@
 
 import re
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from bristle.control.compensator import Compensator
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.model.parameters import INERTIA, fields_of
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import LARGE, Loss
@@ -87,18 +86,39 @@ def c_compiler() -> str | None:
 
 def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[Finding, ...]:
     """A diagnostic for each joint that loses more than 10 % of the torque along a motion."""
-    return tuple(
-        Kind.EXPORT_LOSES(joint=joint, target=target, losses=tuple(f"{x.percent:.0f} % {x.motion.name}" for x in large))
-        for joint, found in losses.items()
-        if (large := [x for x in found if x.percent > LARGE])
-    )
+    said = []
+    for joint, found in losses.items():
+        if large := [x for x in found if x.percent > LARGE]:
+            rms = ", ".join(f"{x.percent:.0f} % {x.motion.name}" for x in large)
+            message = (
+                f"{joint}: {target} cannot hold this friction; the torque RMS error is {rms}. "
+                "Where that matters, use a target that holds it (docs/export.md)."
+            )
+            numbers = {"joint": joint, "target": target, "percent": tuple(x.percent for x in large)}
+            said.append(Finding("export-loses", CAUTION, message, numbers))
+    return tuple(said)
 
 
 def left_out(joint: ExportedJoint, target: str, counted: Sequence[str] = ()) -> tuple[Finding, ...]:
     """What torque was identified beside the friction and the inertia, and is not in an artefact; `counted` are terms that its values stand for."""
     held = {*fields_of(joint.law), INERTIA.name, "links", "torque_constant", *counted}
     names = tuple(str(x.parameter) for x in joint.parameters if x.parameter.name not in held)
-    return (Kind.EXPORT_LEAVES_OUT(joint=joint.name, target=target, names=names),) if names else ()
+    if not names:
+        return ()
+    message = (
+        f"{joint.name}: {target} does not hold {' and '.join(names)}, identified beside the friction; "
+        "keep it in your own model of the load."
+    )
+    numbers = {"joint": joint.name, "target": target, "names": names}
+    return (Finding("export-leaves-out", CAUTION, message, numbers),)
+
+
+def without_inertia(joints: Sequence[ExportedJoint]) -> Iterator[Finding]:
+    """For each joint of which no inertia is known, that none is exported."""
+    for joint in joints:
+        if joint.rotor_inertia is None:
+            message = f"{joint.name}: no inertia is known, and none is exported; the simulator keeps its own."
+            yield Finding("export-without-inertia", CAUTION, message, {"joint": joint.name})
 
 
 def slug(joints: Sequence[ExportedJoint]) -> str:

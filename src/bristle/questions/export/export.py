@@ -4,9 +4,8 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.verdict import Trust
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import unit
@@ -87,6 +86,11 @@ def export_joints(
     )
 
 
+def joint_left_out(error: InputError) -> Finding:
+    """Of one of several joints, that it is not exported, and why."""
+    return Finding("export-joint-left-out", CAUTION, f"Left out: {error}", {"why": str(error)})
+
+
 def _takes(
     chosen: ExportTarget, joints: Sequence[ExportedJoint], request: Request
 ) -> tuple[tuple[ExportedJoint, ...], tuple[Finding, ...]]:
@@ -97,7 +101,7 @@ def _takes(
             chosen.write([joint], request)
             kept.append(joint)
         except InputError as error:
-            left_out.append(Kind.EXPORT_JOINT_LEFT_OUT(why=str(error)))
+            left_out.append(joint_left_out(error))
     if not kept:
         chosen.write(joints[:1], request)
     return tuple(kept), tuple(left_out)

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 from bristle.arrays import Interval, Number
 from bristle.data.experiment.load import Experiment
-from bristle.diagnostics import Kind, but
 from bristle.errors import InputError
-from bristle.findings import Finding, in_units
+from bristle.findings import CAUTION, NOTE, Finding, in_units, unit_of
+from bristle.findings import in_direction as said_in
 from bristle.identification.fits import Estimate, LawByName
 from bristle.identification.known_joint import (
     KnownJoint,
@@ -32,6 +32,7 @@ from bristle.model.parameters import (
     INERTIA,
     SIGNED,
     Direction,
+    Kind,
     Pair,
     ParameterName,
     Stribeck,
@@ -47,7 +48,6 @@ from bristle.model.parameters import (
     unit,
     units_of,
 )
-from bristle.model.parameters import Kind as JointKind
 from bristle.simulation.joint_loop import fastest_measured
 
 FREQUENCY = 0.5
@@ -93,7 +93,7 @@ class ExportedJoint:
     """One joint as it is handed over. Units are those of a revolute joint; rad stands for m and N*m for N where it slides."""
 
     name: str
-    kind: JointKind
+    kind: Kind
     simulated: bool
     """Whether it was identified from simulated data."""
     trust: Trust
@@ -186,10 +186,9 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     signed = any(row.parameter.direction in SIGNED for row in chosen(joint) if of_friction(row.parameter.name))
     ways = (Direction.BOTH,) if known.directions == (Direction.BOTH,) and not signed else SIGNED
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
-    said: list[Finding] = []
-    rows = [row for d in ways for row in _direction(joint, known, d, J, sources, said)]
+    rows = [row for d in ways for row in _direction(joint, known, d, J, sources)]
+    said = [*_assumed(known, ways, rows, J)]
     rows += _shared(joint, sources)
-    said = _of_both(said)
     found = verdict(joint)
     said += _doubts(rows, ways, known.law)
     rotor = inertia_of(experiment, replace(joint, link_inertia=None))
@@ -216,26 +215,15 @@ def _direction(
     d: Direction,
     J: float | None,
     sources: Mapping[ParameterName, str],
-    said: list[Finding],
 ) -> Iterator[ExportedParameter]:
-    """The parameters of a direction: without those of the bristle where its stiffness is not known. What is assumed is added to `said`."""
+    """The parameters of a direction: without those of the bristle where its stiffness is not known."""
     values, missing = known.values(d), known.missing(d)
-    if missing_peak := [name for name in peak_parameters(known.law) if name in missing]:
-        said.append(Kind.PEAK_TAKEN_AS_NONE(names=tuple(missing_peak), direction=d))
-    names = static_fields_of(known.law) if "sigma_0" in missing else fields_of(known.law)
-    if "sigma_0" in missing:
-        said.append(Kind.EXPORT_WITHOUT_BRISTLE(direction=d))
-    elif "sigma_1" in missing:
+    if "sigma_0" not in missing and "sigma_1" in missing:
         values["sigma_1"] = assumed_damping(values["sigma_0"], J) if J else 0.0
-        how = Kind.WITH_DAMPING_RATIO(ratio=DAMPING_RATIO, inertia="") if J else Kind.WITHOUT_INERTIA_UNDAMPED()
-        of = {"value": values["sigma_1"], "unit": unit("sigma_1", joint.kind), "how": how}
-        said.append(Kind.BRISTLE_FILLED(name="sigma_1", direction=d, **of))
-    for name in names:
+    for name in static_fields_of(known.law) if "sigma_0" in missing else fields_of(known.law):
         e = None if name in missing else known.estimate(name, d)
-        prior = [x for x in e.warnings if x.code == "prior"] if e is not None else []
-        said += prior
         if e is not None and e.value is not None:
-            source = "assumed" if prior else in_direction(sources, name, d) or "given"
+            source = "assumed" if _priors(e) else in_direction(sources, name, d) or "given"
             yield _estimated(ParameterName(name, d), e.value, e, source)
         else:
             source = "assumed" if name in missing else "given"
@@ -245,11 +233,48 @@ def _direction(
             )  # fmt: skip  # a list of values
 
 
-def _of_both(said: Sequence[Finding]) -> list[Finding]:
-    """What is said alike of both directions is said once."""
-    together = [(x, but(x, direction=Direction.BOTH)) for x in said]
-    twice = Counter(both for _, both in together)
-    return [both if twice[both] > 1 else x for x, both in together]
+def _priors(e: Estimate) -> list[Finding]:
+    return [x for x in e.warnings if x.code == "prior"]
+
+
+def _assumed(
+    known: KnownJoint, ways: Sequence[Direction], rows: Sequence[ExportedParameter], J: float | None
+) -> Iterator[Finding]:
+    """What was assumed of each direction; what is assumed alike of both is said once, of both."""
+    of_each = [x for d in ways for x in _assumed_of(known, d, d, rows, J)]
+    of_both = [x for d in ways for x in _assumed_of(known, d, Direction.BOTH, rows, J)]
+    counts = Counter(of_both)
+    for own, both in zip(of_each, of_both, strict=True):
+        numbers = {**both.numbers, "direction": Direction.BOTH}  # a prior names none by itself
+        yield replace(both, numbers=numbers) if counts[both] > 1 else own
+
+
+def _assumed_of(
+    known: KnownJoint, d: Direction, named: Direction, rows: Sequence[ExportedParameter], J: float | None
+) -> Iterator[Finding]:
+    """What was assumed of direction `d`, with `named` as the direction in the message."""
+    missing, numbers = known.missing(d), {"direction": named}
+    if peak := tuple(name for name in peak_parameters(known.law) if name in missing):
+        message = (
+            f"{' and '.join(peak)}{said_in(named)}: not identifiable from these data; "
+            "exported without a Stribeck peak, as alpha_1 = 0."
+        )
+        yield Finding("peak-taken-as-none", CAUTION, message, {"names": peak, **numbers})
+    if "sigma_0" in missing:
+        message = (
+            f"The bristle (sigma_0, sigma_1){said_in(named)} is not identified, and is not exported; "
+            "losses are those of the friction curve."
+        )
+        yield Finding("export-without-bristle", CAUTION, message, numbers)
+    elif "sigma_1" in missing:
+        row = next(x for x in rows if x.parameter == ParameterName("sigma_1", d))
+        in_brackets = f" ({named})" if named in SIGNED else ""
+        ratio = f"from (15) with a damping ratio of {DAMPING_RATIO:g}"
+        how = ratio if J else "for no inertia is known, without which (15) gives no damping"
+        message = f"sigma_1{in_brackets}: not identifiable from these data; assumed {row.value:.3g} {row.unit}, {how}."
+        yield Finding("bristle-filled", CAUTION, message, {"name": "sigma_1", "value": row.value, **numbers})
+    elif e := known.estimate("sigma_1", d):
+        yield from _priors(e)
 
 
 def _shared(joint: Joint, sources: Mapping[ParameterName, str]) -> Iterator[ExportedParameter]:
@@ -269,14 +294,25 @@ def _estimated(name: ParameterName, value: float, e: Estimate, source: str) -> E
 def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law) -> Iterator[Finding]:
     """Intervals that hold zero, and sets that are not passive."""
     for row in rows:
-        if row.interval is not None and row.interval[0] <= 0 <= row.interval[1]:
-            name, _ = row.parameter
-            if of_friction(name) or name == INERTIA.name:
-                kind = Kind.INTERVAL_WITH_ZERO_IMPOSSIBLE if is_positive(name) else Kind.INTERVAL_WITH_ZERO
-                yield kind(name=str(row.parameter))
+        name, _ = row.parameter
+        of_model = of_friction(name) or name == INERTIA.name
+        if of_model and row.interval is not None and row.interval[0] <= 0 <= row.interval[1]:
+            holds_zero, named = f"{row.parameter}: its 95 % interval holds zero", {"name": str(row.parameter)}
+            if is_positive(name):
+                message = f"{holds_zero}, which it cannot be; the exported value may be off by any factor."
+                yield Finding("interval-with-zero-impossible", CAUTION, message, named)
+            else:
+                message = f"{holds_zero}; the value is exported, and the data do not tell it from none."
+                yield Finding("interval-with-zero", NOTE, message, named)
     for d in ways:
         values = {x.parameter.name: x.value for x in rows if x.parameter.direction == d}
         p = lugre_of(law)(**{name: values.get(name, 0.0) for name in fields_of(law)})
         if not is_passive(p):
             least = p.sigma_1 * p.alpha_1 / p.alpha_0
-            yield Kind.NOT_PASSIVE(direction=d, alpha_2=p.alpha_2, least=least)
+            per_speed = unit_of("alpha_2")
+            message = (
+                f"The model can feed energy back{said_in(d)}: alpha_2 = {p.alpha_2:.3g}{per_speed} is below "
+                f"sigma_1 alpha_1 / alpha_0 = {least:.3g}{per_speed}. The fit stands; test a compensator that uses it with care."
+            )
+            numbers = {"direction": d, "alpha_2": p.alpha_2, "least": least}
+            yield Finding("not-passive", CAUTION, message, numbers)

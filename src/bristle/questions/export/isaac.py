@@ -9,11 +9,17 @@ import ast
 import re
 from collections.abc import Iterator, Sequence
 
-from bristle.diagnostics import Kind
 from bristle.errors import one_line
-from bristle.findings import Finding
 from bristle.model.parameters import unit
-from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug, told_by
+from bristle.questions.export.artefact import (
+    Artefact,
+    ExportTarget,
+    NotInstalled,
+    Request,
+    slug,
+    told_by,
+    without_inertia,
+)
 from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, losses_of, said_of
 from bristle.questions.export.exported import ExportedJoint
 
@@ -38,12 +44,8 @@ def write_isaac(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     text = f"{_HEAD}\nfrom isaaclab.actuators import ImplicitActuatorCfg\n\nACTUATORS = {{\n{''.join(map(_entry, found))}}}\n"
     return Artefact(
         name=f"{slug(joints)}_actuators.py", content=text.encode("ascii"), holds=_HOLDS,
-        losses=losses_of(found), said=(*said_of(found, "isaac"), *_without_inertia(joints)),
+        losses=losses_of(found), said=(*said_of(found, "isaac"), *without_inertia(joints)),
     )  # fmt: skip  # a list of values
-
-
-def _without_inertia(joints: Sequence[ExportedJoint]) -> Iterator[Finding]:
-    return (Kind.EXPORT_WITHOUT_INERTIA(joint=joint.name) for joint in joints if joint.rotor_inertia is None)
 
 
 def _static(one: CoulombViscous) -> float:

@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.errors import InputError, one_line, short
 from bristle.findings import Finding
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -25,6 +24,7 @@ from bristle.questions.export.artefact import (
     large_losses,
     left_out,
     slug,
+    without_inertia,
 )
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import (
@@ -90,8 +90,7 @@ def _held(joint: ExportedJoint, request: Request) -> _Held:
 def mjcf_left_out(joint: ExportedJoint, target: str) -> Iterator[Finding]:
     """What is identified and not exported, and that no inertia is known."""
     yield from left_out(joint, target)
-    if joint.rotor_inertia is None:
-        yield Kind.EXPORT_WITHOUT_INERTIA(joint=joint.name)
+    yield from without_inertia([joint])
 
 
 def _actuators(held: _Held) -> str:

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug, without_inertia
 from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, losses_of, said_of
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import StatedMotion, coulomb_viscous
@@ -38,13 +37,12 @@ def write_frictionloss(joints: Sequence[ExportedJoint], request: Request) -> Art
     Raises InputError where a joint's torque is a current, or the file that is merged into is no MJCF or lacks the joint.
     """
     found = best_values(joints, request, NAME)
-    without = (Kind.EXPORT_WITHOUT_INERTIA(joint=x.name) for x in joints if x.rotor_inertia is None)
     return Artefact(
         name=f"{slug(joints)}_frictionloss.xml",
         content=_example(found) if request.into is None else _merged(found, request),
         holds=_HOLDS,
         losses=losses_of(found),
-        said=(*said_of(found, NAME), *without),
+        said=(*said_of(found, NAME), *without_inertia(joints)),
     )
 
 

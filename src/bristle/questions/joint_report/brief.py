@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import isfinite
 from typing import NamedTuple
 
-from bristle.diagnostics import NOT_IDENTIFIABLE
 from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, mixed, value_fits
@@ -147,12 +146,8 @@ def _why_none(name: ParameterName, row: Known | None) -> str:
     if row is None:
         runs = "constant velocities" if of_curve(name.name) else "slow loading"
         return f"not measured; {runs} or tracking runs would show them"
-    seen = {warning.code for warning in row.estimate.warnings} & NOT_IDENTIFIABLE
-    return "not identifiable" if seen or _cautioned(row.estimate) else "not estimated"
-
-
-def _cautioned(e: Estimate) -> bool:
-    return any(warning.severity is not Severity.NOTE for warning in e.warnings)
+    cautioned = any(warning.severity is not Severity.NOTE for warning in row.estimate.warnings)
+    return "not identifiable" if cautioned else "not estimated"
 
 
 def _bounded(e: Estimate) -> bool:

@@ -5,22 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
-from bristle.findings import Finding, with_subjects
+from bristle.findings import NOTE, Finding, unit_of, with_subjects
 from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
-from bristle.model.parameters import unit, units_of
+from bristle.model.parameters import units_of
 
 WIDE = 0.15
 """A standard error above this share of its value is called wide."""
-_MOTIONS = {
-    ("alpha_1", "v_s"): Kind.PEAK_OPEN,
-    ("alpha_2",): Kind.VISCOUS_OPEN,
-    ("sigma_0", "sigma_1"): Kind.BRISTLE_OPEN,
-    ("inertia",): Kind.INERTIA_OPEN,
-}
-"""Parameters that moving runs may leave open, and what would show them."""
 _CLEAR = 1.1
 """How far above a speed that sticks and slips a proposed one lies."""
 
@@ -31,15 +23,22 @@ def next_measurements(joint: Joint) -> tuple[Finding, ...]:
     for d, fit in joint.static.items():
         if d != "shared":
             advice += with_subjects(tuple(_of_fit(joint, fit)), {}, units_of(joint.kind), ("static", d))
-    sticking = sorted({s.file for s in joint.segments if s.stick_slip})
+    sticking = tuple(sorted({s.file for s in joint.segments if s.stick_slip}))
     if sticking:
-        advice.append(Kind.REPEAT_STICKING(files=tuple(sticking)))
+        repeat = (
+            f"Repeat {', '.join(sticking)} with a stiffer velocity loop, or slightly faster: these runs stick and slip, "
+            "so their mean torque is not the friction of steady sliding."
+        )
+        advice.append(Finding("repeat-sticking", NOTE, repeat, {"files": sticking}))
     if {"+", "-"} & set(joint.static) and not {"+", "-"} <= set(joint.static):
-        advice.append(Kind.MEASURE_DIRECTION(direction="-" if "+" in joint.static else "+"))
+        other = "-" if "+" in joint.static else "+"
+        measure = f"Measure direction {other} at the same speeds: nothing is known of it."
+        advice.append(Finding("measure-direction", NOTE, measure, {"direction": other}))
     advice += _of_moving(joint)
     held = [*(fit.hold_out for fit in joint.static.values()), *(fit.hold_out for fit in moving_fits(joint).values())]
     if joint.static and not any(held):
-        advice.append(Kind.HOLD_BACK())
+        hold_back = "Hold back one run (hold_out: true): the error on data that were not fitted is the one to trust."
+        advice.append(Finding("hold-back", NOTE, hold_back))
     return tuple(advice)
 
 
@@ -53,30 +52,52 @@ def _of_moving(joint: Joint) -> Iterator[Finding]:
         for name, e in fit.parameters.items()
         if e.value is None or (e.standard_error or 0.0) > WIDE * abs(e.value)
     }
-    for names, kind in _MOTIONS.items():
-        open_ones = tuple(name for name in names if name in wide)
-        if open_ones:
-            yield kind(names=open_ones)
+    if peak := tuple(name for name in ("alpha_1", "v_s") if name in wide):
+        motion = "add constant velocities below and around v_s (experiment: ramp), or move long and slowly there"
+        message = f"The moving runs leave {' and '.join(peak)} open: {motion}."
+        yield Finding("peak-open", NOTE, message, {"names": peak})
+    if "alpha_2" in wide:
+        faster = "The moving runs leave alpha_2 open: move faster, where the viscous part is larger."
+        yield Finding("viscous-open", NOTE, faster)
+    if bristle := tuple(name for name in ("sigma_0", "sigma_1") if name in wide):
+        message = (
+            f"The moving runs leave {' and '.join(bristle)} open: add slow loading below breakaway (experiment: presliding), "
+            "or turn often and slowly, by a few times the way in which friction builds up."
+        )
+        yield Finding("bristle-open", NOTE, message, {"names": bristle})
+    if "inertia" in wide:
+        harder = "The moving runs leave inertia open: accelerate harder, or give the inertia."
+        yield Finding("inertia-open", NOTE, harder)
     if fit.quantity == "torque" and any(warning.code == "count-bias" for warning in fit.warnings):
-        yield Kind.AVOID_COUNTS()
+        finer = "Encoder counts bias the moving runs: try fit.predict: position on the same logs, or a finer encoder."
+        yield Finding("avoid-counts", NOTE, finer)
 
 
 def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[Finding]:
     speeds = np.abs(fit.velocity[fit.velocity != 0])
-    v_unit = unit("velocity", joint.kind)
     if fit.outcome.code == "static-too-few" or speeds.size == 0:
-        yield Kind.MEASURE_SPEEDS()
+        eight = (
+            "Measure at least eight constant speeds, evenly spread in log(v) over two decades or what the joint allows."
+        )
+        yield Finding("measure-speeds", NOTE, eight)
         return
     slowest, fast, floor = float(speeds.min()), float(speeds.max()), _slowest(joint, fit)
     low, high = _between(slowest / 10, slowest, floor)
     if fit.outcome.code == "static-no-stribeck":
-        rises = Kind.RISES_BELOW if slowest > floor else Kind.RISE_NOT_SHOWN
-        yield rises(low=low, high=high, unit=v_unit)
+        below = slowest > floor
+        where = "it does so below what was measured" if below else "these data do not show it"
+        yield Finding(
+            "rises-below" if below else "rise-not-shown",
+            NOTE,
+            f"If friction rises at low speed, {where}: try five constant speeds from {_speeds(low, high)}.",
+            {"low": low, "high": high},
+        )
         return
-    yield from _of_stribeck(fit, speeds, v_unit, (low, high), floor)
+    yield from _of_stribeck(fit, speeds, (low, high), floor)
     viscous = fit.parameters.get("alpha_2")
     if viscous and viscous.value and viscous.standard_error and viscous.standard_error > WIDE * viscous.value:
-        yield Kind.ALPHA_2_WIDE(low=fast, high=2 * fast, unit=v_unit)
+        faster = f"alpha_2 is wide: measure faster, {_speeds(fast, 2 * fast)}, where the viscous part is larger."
+        yield Finding("alpha-2-wide", NOTE, faster, {"low": fast, "high": 2 * fast})
 
 
 def _slowest(joint: Joint, fit: StaticFit) -> float:
@@ -98,21 +119,28 @@ def _rounded_up(x: float) -> float:
     return float(np.ceil(x / digit * (1 - 1e-12)) * digit)
 
 
-def _of_stribeck(
-    fit: StaticFit, speeds: Array, v_unit: str, slower: tuple[float, float], floor: float
-) -> Iterator[Finding]:
+def _speeds(low: float, high: float) -> str:
+    return f"{low:.2g} to {high:.2g}{unit_of('velocity')}"
+
+
+def _of_stribeck(fit: StaticFit, speeds: Array, slower: tuple[float, float], floor: float) -> Iterator[Finding]:
     v_s = fit.parameters.get("v_s")
     if v_s is None or v_s.value is None:
         return
     low, high = v_s.interval or (0.0, np.inf)
     if np.count_nonzero(speeds < v_s.value) < 3:
         first, last = _between(v_s.value / 5, v_s.value, floor)
-        yield Kind.FEW_POINTS_BELOW(low=first, high=last, unit=v_unit)
+        few = f"Fewer than three points lie below v_s: measure five constant speeds from {_speeds(first, last)}."
+        yield Finding("few-points-below", NOTE, few, {"low": first, "high": last})
     elif low <= 0:
-        yield Kind.UNLIMITED_BELOW(low=slower[0], high=slower[1], unit=v_unit)
+        first, last = slower
+        below = f"Nothing limits v_s below: measure five constant speeds from {_speeds(first, last)}."
+        yield Finding("unlimited-below", NOTE, below, {"low": first, "high": last})
     if np.isinf(high):
         first, last = _between(v_s.value, 2 * float(speeds.max()), floor)
-        yield Kind.UNLIMITED_ABOVE(low=first, high=last, unit=v_unit)
+        above = f"Nothing limits v_s above: measure more speeds from {_speeds(first, last)}."
+        yield Finding("unlimited-above", NOTE, above, {"low": first, "high": last})
     elif v_s.standard_error and v_s.standard_error > WIDE * v_s.value:
         first, last = _between(v_s.value / 2, 2 * v_s.value, floor)
-        yield Kind.V_S_WIDE(low=first, high=last, unit=v_unit)
+        speeds_near = f"measure more speeds, or longer runs, from {_speeds(first, last)}, where the curve bends"
+        yield Finding("v-s-wide", NOTE, f"v_s is wide: {speeds_near}.", {"low": first, "high": last})

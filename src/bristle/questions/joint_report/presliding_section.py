@@ -5,12 +5,11 @@ from typing import Any
 
 import pandas as pd
 
-from bristle.diagnostics import Kind
 from bristle.identification.fits import PreslidingFit
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.columns import shown
-from bristle.page.wording import WORK, direction, in_print, pretty
+from bristle.page.wording import WORK, counted, direction, in_print, pretty
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
 from bristle.questions.joint_report.sentences import bias, choice, level, median_breakaway, pair
@@ -96,7 +95,7 @@ def _slow(joint: Joint, fit: PreslidingFit) -> dict[str, Any]:
         "bias": in_print(bias(fit, joint.kind)),
         "level": pretty(level(fit, joint.kind)),
         "source": in_print(fit.level_source),
-        "crossed": Kind.EDGES_CROSSED(loadings=len(fit.loadings), counts=fit.counts),
+        "crossed": f"{counted(len(fit.loadings), 'loading')} and {counted(fit.counts, 'count edge')} crossed.",
         "sigma_1": None if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}",
         "prior": prior.warnings,
     }

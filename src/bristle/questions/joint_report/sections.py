@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from bristle.diagnostics import Kind
 from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.results import Joint
@@ -142,12 +141,13 @@ def _critical(joint: Joint) -> list[tuple[str, Finding]]:
     return [(", ".join(where), warning) for warning, where in named.items()]
 
 
-def _covered(joint: Joint) -> Finding | None:
+def _covered(joint: Joint) -> str | None:
     """How many static intervals hold the value that was simulated; None where the truth is not known."""
     inside = tables.table_1([joint])["inside"].dropna()
     count, total = int(inside.astype(bool).sum()), len(inside)
-    more = Kind.MISSES_TOGETHER() if count < 0.8 * total else ""
-    return Kind.TRUTH_INSIDE(inside=count, count=total, more=more) if total else None
+    together = "; misses are not independent: the estimates of one direction come from the same data"
+    more = together if count < 0.8 * total else ""
+    return f"{count} of {total} true values lie inside their 95 % intervals{more}." if total else None
 
 
 def _inputs(joint: Joint) -> dict[str, Any]:

@@ -1,14 +1,12 @@
-"""What is said of moving runs and of presliding, in diagnostics that page and text share."""
+"""What is said of moving runs and of presliding, in sentences that page and text share."""
 
 import math
 from collections.abc import Iterable
 
-from bristle.diagnostics import Kind
-from bristle.findings import Finding, Severity
+from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
 from bristle.identification.results import Joint
-from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import ParameterName, unit
+from bristle.model.parameters import Kind, ParameterName, unit
 from bristle.page.wording import METHODS, measured, number, span
 
 BIASED = 0.1
@@ -40,29 +38,35 @@ def bias_text(fit: TrackingFit, name: ParameterName, bias: float, share: float) 
     return f"{bias:+.3g} {fit.parameters[name].unit} ({share:+.1f} standard errors)"
 
 
-def reached(fit: TrackingFit) -> Finding:
+def reached(fit: TrackingFit) -> str:
     """How many starts found the lowest cost."""
-    return Kind.NO_STARTS() if fit.starts == 1 else Kind.STARTS_REACHED(reached=fit.reached, starts=fit.starts)
+    if fit.starts == 1:
+        return "Initialised at the other stages' estimates alone."
+    return f"{fit.reached} of {fit.starts} starts reached the lowest cost."
 
 
-def cost_change(check: Crosscheck, first: str) -> Finding:
+def cost_change(check: Crosscheck, first: str) -> str:
     """How far the costs of the two routes are apart, and how many starts reached the lower one."""
     change = check.cost_full / check.cost_grid - 1 if check.cost_grid else check.cost_full
-    starts = {"first": first, "reached": check.reached, "starts": check.starts}
+    starts = f"{check.reached} of {check.starts} starts reached it"
     if not change:
-        return Kind.COST_EQUAL(**starts)
-    return (Kind.COST_HIGHER if change > 0 else Kind.COST_LOWER)(change=abs(change), **starts)
+        return f"the full fit's equals {first}'s; {starts}"
+    return f"the full fit's is {'higher' if change > 0 else 'lower'} by {abs(change):.1g} of {first}'s; {starts}"
 
 
-def agreement(joint: Joint) -> Finding | None:
+def agreement(joint: Joint) -> str | None:
     """How many parameters agree between their own stage and the moving data; None where there is nothing to compare."""
     known = {x.parameter: abs(x.difference_in_se) for x in joint.consistency if x.difference_in_se is not None}
     if not known:
-        return Kind.NONE_COMPARED() if joint.consistency else None
+        none = "The moving data show none of the parameters that the other stages know."
+        return none if joint.consistency else None
     agreed, unseen = len(known) - sum(x.differs for x in joint.consistency), len(joint.consistency) - len(known)
     largest = max(known, key=lambda name: known[name])
-    more = Kind.MORE_UNSEEN(count=unseen) if unseen else ""
-    return Kind.STAGES_COMPARED(agreed=agreed, compared=len(known), largest=known[largest], name=largest, more=more)
+    more = f"; {unseen} more not identifiable from the tracking runs" if unseen else ""
+    return (
+        f"{agreed} of {len(known)} parameters agree between their own stage and the moving data; "
+        f"the largest difference is {known[largest]:.2g} standard errors ({largest}){more}."
+    )
 
 
 def distinct(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -93,29 +97,37 @@ def methods(fit: PreslidingFit) -> dict[str, Estimate]:
 def choice(fit: PreslidingFit) -> Finding:
     """Which of the four to use, and why."""
     if fit.sigma_0.value is None:
-        low = (fit.sigma_0.interval or (math.nan,))[0]
-        return Kind.SIGMA_0_UNKNOWN() if math.isnan(low) else Kind.SIGMA_0_AT_LEAST(least=low, unit=fit.sigma_0.unit)
-    return Kind.FROM_TRANSITIONS() if fit.recommended == "edges" else Kind.FROM_SAMPLES()
+        least = (fit.sigma_0.interval or (math.nan,))[0]
+        if math.isnan(least):
+            return Finding("sigma-0-unknown", CAUTION, "No sigma_0 can be given.")
+        at_least = f"No sigma_0 can be given; it is at least {least:.3g} {fit.sigma_0.unit}."
+        return Finding("sigma-0-at-least", CAUTION, at_least, {"least": least})
+    if fit.recommended == "edges":
+        insensitive = "sigma_0 from encoder transitions; insensitive to where inside a count the joint rests."
+        return Finding("from-transitions", NOTE, insensitive)
+    no_edges = "sigma_0 from all samples; no counts are seen in the displacement, so there are no edges to go by."
+    return Finding("from-samples", NOTE, no_edges)
 
 
-def level(fit: PreslidingFit, kind: JointKind) -> str:
+def level(fit: PreslidingFit, kind: Kind) -> str:
     """g0 with its error, or as the lower bound that it is, and its unit."""
     at_least = math.isinf(fit.level_standard_error)
     value = measured(fit.level, None if at_least else fit.level_standard_error)
     return f"{'at least ' * at_least}{value} {unit('torque', kind)}"
 
 
-def median_breakaway(estimate: Estimate) -> Finding:
+def median_breakaway(estimate: Estimate) -> str:
     """The torque at which half of a direction's loadings slid, with its interval where it has one."""
-    ends = "" if estimate.interval is None else Kind.ENDS(ends=span(estimate.interval))
-    return Kind.MEDIAN_BREAKAWAY(torque=f"{pair(estimate)} {estimate.unit}", ends=ends)
+    ends = "" if estimate.interval is None else f", 95 %: {span(estimate.interval)}"
+    return f"the median breakaway torque is {pair(estimate)} {estimate.unit}{ends}."
 
 
-def bias(fit: PreslidingFit, kind: JointKind) -> Finding:
+def bias(fit: PreslidingFit, kind: Kind) -> str:
     """What (14) as printed would be off by with this encoder."""
     if math.isnan(fit.bias_on_edge):
-        return Kind.BIAS_UNKNOWN()
-    return Kind.BIAS_OF_PRINTED(
-        on_edge=fit.bias_on_edge, mean=fit.bias_mean, spread=fit.bias_spread,
-        count=fit.quantum, unit=unit("position", kind),
-    )  # fmt: skip  # a list of values
+        return "unknown: that needs encoder counts and a sigma_0."
+    return (
+        f"{100 * fit.bias_on_edge:+.1f} % where the joint rests on a count edge; {100 * fit.bias_mean:+.0f} % on average, "
+        f"with a spread of {100 * fit.bias_spread:.0f} %, where it rests anywhere in a count "
+        f"(one count is {fit.quantum:.4g} {unit('position', kind)}; noise in the torque comes on top)."
+    )
