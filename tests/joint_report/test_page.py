@@ -26,7 +26,7 @@ from .conftest import HOSTILE, gripper
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory, slide: Joint) -> Path:
+def written(tmp_path_factory: pytest.TempPathFactory, slide: Joint, raster: None) -> Path:  # noqa: ARG001  # draws PNG files
     """The folder of a report of a bare joint and one with a hostile name and file name."""
     joint = gripper(HOSTILE)
     joint = replace(joint, inputs=tuple(replace(x, file=HOSTILE) for x in joint.inputs))
@@ -58,6 +58,7 @@ def elements(written: Path) -> dict[str, list[tuple[str, dict[str, str | None]]]
     return found
 
 
+@pytest.mark.usefixtures("raster")
 def test_two_writes_give_the_same_bytes_and_progress_keeps_its_total(tmp_path: Path, slide: Joint) -> None:
     """A report is a function of its joints: no time, no path, no random id in it. Steps count up to their total."""
     seen: list[tuple[int, int]] = []
