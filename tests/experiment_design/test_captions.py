@@ -15,7 +15,6 @@ from bristle.questions.experiment_design.captions_section import captions
 from bristle.questions.experiment_design.excitation import MEASURED
 from bristle.questions.experiment_design.loading import design_loading
 from bristle.questions.experiment_design.plan import Plan
-from bristle.simulation.edro import experiments
 
 from ..conftest import few_motions_tried, speeds, write
 from ..pages import assert_tables_are_named, findings, page_text
@@ -29,12 +28,6 @@ def quick() -> Iterator[None]:
     """Few motions are tried: what is tested holds for any number."""
     with few_motions_tried():
         yield
-
-
-@pytest.fixture(scope="module")
-def gripper() -> Plan:
-    """The plan for gripper rotation of the embedded default, which all kinds of runs were made of."""
-    return bristle.plan(experiments()[0])
 
 
 def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit: str = "") -> Plan:
