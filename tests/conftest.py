@@ -138,11 +138,18 @@ def vector_alone(pytestconfig: pytest.Config) -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
-def raster(vector_alone: None) -> Iterator[None]:  # noqa: ARG001  # what it undoes
-    """PNG files of pages are drawn, for the tests that look at them."""
+@contextlib.contextmanager
+def all_drawn() -> Iterator[None]:
+    """Pages have their PNG files, for what looks at them, and once for each kind of page."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(page, "render", style.render)
+        yield
+
+
+@pytest.fixture
+def raster() -> Iterator[None]:
+    """Pages of this test have their PNG files."""
+    with all_drawn():
         yield
 
 

@@ -500,6 +500,7 @@ def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
             assert ways["profile"] == fit["parameters"][name]["interval"]
 
 
+@pytest.mark.usefixtures("raster")
 def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on whether it helps."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():

@@ -21,17 +21,19 @@ from bristle.questions.joint_report import page, static_figures
 from bristle.questions.joint_report.console import outcomes
 from bristle.questions.joint_report.text import fit_report
 
+from ..conftest import all_drawn
 from ..pages import page_text, report_text
 from .conftest import HOSTILE, gripper
 
 
 @pytest.fixture(scope="module")
-def written(tmp_path_factory: pytest.TempPathFactory, slide: Joint, raster: None) -> Path:  # noqa: ARG001  # draws PNG files
+def written(tmp_path_factory: pytest.TempPathFactory, slide: Joint) -> Path:
     """The folder of a report of a bare joint and one with a hostile name and file name."""
     joint = gripper(HOSTILE)
     joint = replace(joint, inputs=tuple(replace(x, file=HOSTILE) for x in joint.inputs))
     folder = tmp_path_factory.mktemp("report")
-    page.write_report([slide, joint], folder, title=HOSTILE, seed=0)
+    with all_drawn():
+        page.write_report([slide, joint], folder, title=HOSTILE, seed=0)
     return folder
 
 
