@@ -395,29 +395,24 @@ def test_the_gradient_is_casadis(handed: Handed, built: Build) -> None:
     np.testing.assert_allclose(state[:2], [z, v], rtol=1e-14)
 
 
+NAMED = [
+    "step",
+    "params",
+    "",
+    "???/",
+    "????",
+    "*/ #error",
+    "??/\n*/",
+    '\\\n#include "/etc/passwd"',
+    "a" * 10_000,
+    "/*",
+    "\u202e*/",
+    "é\x00",
+]
+
+
 @settings(max_examples=60, deadline=None)
-@given(
-    name=st.text(max_size=60)
-    | st.sampled_from(
-        [
-            "step",
-            "params",
-            "",
-            "step",
-            "params",
-            "",
-            "???/",
-            "????",
-            "*/ #error",
-            "??/\n*/",
-            '\\\n#include "/etc/passwd"',
-            "a" * 10_000,
-            "/*",
-            "\u202e*/",
-            "é\x00",
-        ]
-    )
-)
+@given(name=st.text(max_size=60) | st.sampled_from(NAMED))
 def test_no_name_leaves_its_comment(handed: Handed, name: str) -> None:
     """Whatever a joint is called, the header is printable ASCII, and without its comments the same but for identifiers and guards."""
     text, plain = header(replace(handed(), name=name), Compensator()), header(handed(), Compensator())
