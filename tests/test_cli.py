@@ -29,7 +29,7 @@ from bristle.options import output_folder
 from bristle.page import output_folder as report_files
 from bristle.page.plain import interval
 from bristle.page.wording import measured
-from bristle.questions.compensation import ablation, paper_experiments, parameter_studies
+from bristle.questions.compensation import paper_experiments
 from bristle.simulation.edro import TABLE_1
 
 from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, write
@@ -500,15 +500,11 @@ def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
             assert ways["profile"] == fit["parameters"][name]["interval"]
 
 
-@pytest.mark.usefixtures("raster")
+@pytest.mark.usefixtures("raster", "few_studies")
 def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on whether it helps."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():
         monkeypatch.setattr(paper_experiments, name, value)
-    for name in ("GAMMAS", "AMPLITUDES"):
-        monkeypatch.setattr(parameter_studies, name, (1.0,))
-    monkeypatch.setattr(ablation, "BITS", (14,))
-    monkeypatch.setattr(ablation, "DELAYS", (0,))
     for name, text in whole_joint("frequency: 1 Hz").items():
         (tmp_path / name).write_text(text, encoding="utf-8")
     ran = run("adapt", tmp_path / "e.yaml", "-o", tmp_path / "out")
@@ -791,7 +787,7 @@ def test_warnings_about_signals_count(tmp_path: Path) -> None:
 
 def test_a_reader_that_closes_the_pipe_is_no_defect(tmp_path: Path) -> None:
     """`bristle identify ... | head -0` ends without a word and with exit code 0, and what it was to write is written."""
-    path = write(tmp_path, speeds())
+    path = write(tmp_path, FEW)
     command = [sys.executable, "-m", "bristle", "identify", str(path), "-o", str(tmp_path / "out.json")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:  # noqa: S603 # our own command
         assert process.stdout is not None
@@ -875,7 +871,7 @@ def test_a_full_output_of_the_system_is_met_as_well(tmp_path: Path) -> None:
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
 def test_closed_streams_are_no_defect(tmp_path: Path, closed: str) -> None:
     """With standard streams closed results are written, and a bad input still ends with 2; the codes are the only word left."""
-    path = write(tmp_path, speeds())
+    path = write(tmp_path, FEW)
     ran = process("identify", path, "-o", tmp_path / "out.json", streams=closed)
     assert (ran.returncode, ran.stderr) == (0, "")
     assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["joints"]
@@ -886,7 +882,7 @@ def test_closed_streams_are_no_defect(tmp_path: Path, closed: str) -> None:
 
 def test_an_encoding_without_greek_stops_nothing(tmp_path: Path) -> None:
     """Names that the terminal's encoding lacks are escaped on it, in an error as well; what is written is the same as ever."""
-    path = write(tmp_path, speeds(), joint="αρθρο")
+    path = write(tmp_path, FEW, joint="αρθρο")
     ran = process("identify", path, "-o", tmp_path / "out.json", PYTHONIOENCODING="ascii")
     assert (ran.returncode, ran.stderr) == (0, "")
     assert ran.stdout.startswith("\\u03b1\\u03c1")
