@@ -16,17 +16,34 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from hypothesis import settings
+from matplotlib.figure import Figure
 
 from bristle.__main__ import main
 from bristle.arrays import Array
 from bristle.model.parameters import Lugre
+from bristle.page import page, style
+from bristle.questions.compensation import ablation, parameter_studies
 from bristle.questions.experiment_design import excitation
 from bristle.simulation.bench import steady_points
+
+settings.register_profile("repeatable", deadline=None, max_examples=50, derandomize=True, database=None)
+settings.load_profile("repeatable")
 
 TRUTH = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 """Gripper rotation (+) of Table 1."""
 FEW = np.array([0.1, 0.2, -0.1, -0.2])
 """Speeds, rad/s, too few for any fit: read, refused to be fitted, and reported at once."""
+
+
+SLOW = pytest.StashKey[tuple[int, int]]()
+"""How many of the tests that were collected are slow, and how many there are."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Count them before any is left out."""
+    config.stash[SLOW] = sum(item.get_closest_marker("slow") is not None for item in items), len(items)
 
 
 class Ran(NamedTuple):
@@ -110,6 +127,40 @@ def few_motions() -> Iterator[None]:
     """Plans of this test try few motions."""
     with few_motions_tried():
         yield
+
+
+@pytest.fixture(scope="session", autouse=True)
+def vector_alone(pytestconfig: pytest.Config) -> Iterator[None]:
+    """Where slow tests are left out, the figures of pages are drawn once, as SVG: a PNG takes as long, and few tests look at it."""
+    with pytest.MonkeyPatch.context() as patch:
+        if pytestconfig.option.markexpr == "not slow":
+            blank = style.render_as(Figure(figsize=(0.1, 0.1)), "png")
+            patch.setattr(page, "render", lambda figure: (style.render_as(figure, "svg"), blank))
+        yield
+
+
+@contextlib.contextmanager
+def all_drawn() -> Iterator[None]:
+    """Pages have their PNG files, for what looks at them, and once for each kind of page."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(page, "render", style.render)
+        yield
+
+
+@pytest.fixture
+def raster() -> Iterator[None]:
+    """Pages of this test have their PNG files."""
+    with all_drawn():
+        yield
+
+
+@pytest.fixture
+def few_studies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loops of this test are tried under few circumstances, which is most of the time of `adapt`."""
+    for name in ("GAMMAS", "AMPLITUDES"):
+        monkeypatch.setattr(parameter_studies, name, (1.0,))
+    monkeypatch.setattr(ablation, "BITS", (14,))
+    monkeypatch.setattr(ablation, "DELAYS", (0,))
 
 
 @pytest.fixture(scope="session")

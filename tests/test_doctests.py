@@ -30,6 +30,7 @@ fit: {directions: symmetric}
 """
 
 
+@pytest.mark.usefixtures("few_motions", "few_studies")
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_an_example_runs(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It prints what it says."""

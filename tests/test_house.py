@@ -1,10 +1,17 @@
-"""The house: imports run down only, no question or stage knows another, and only the CLI prints."""
+"""The house: imports run down only, no question or stage knows another, only the CLI prints, and few tests are slow."""
 
 import ast
+import re
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
-SOURCE = Path(__file__).parents[1] / "src" / "bristle"
+import pytest
+
+from .conftest import SLOW
+
+ROOT = Path(__file__).parents[1]
+SOURCE = ROOT / "src" / "bristle"
 GROUND = {"arrays", "diagnostics", "errors", "findings", "progress", "workers"}
 """What every floor stands on; it imports nothing of ours."""
 CORE = {"model", "estimation", "data", "control", "identification", "simulation"}
@@ -30,8 +37,13 @@ STAGES = {"static", "presliding", "dynamic"}
 ENTRANCES = {"__init__", "__main__"}
 """Modules of the package itself: they may offer what any floor has."""
 FILES = sorted(SOURCE.rglob("*.py"))
-TREES = {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
 MODULES = {path.relative_to(SOURCE.parent).with_suffix("").parts for path in FILES}
+
+
+@cache
+def trees() -> dict[Path, ast.Module]:
+    """Every file of the package, parsed."""
+    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
 
 
 def place(path: Path) -> tuple[str, ...]:
@@ -60,7 +72,7 @@ def room(where: tuple[str, ...]) -> str | None:
 def test_imports_run_down_only() -> None:
     """A file imports nothing from a floor above its own, and no import is relative."""
     found = []
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         floor = place(path)[0]
         relative = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.level > 0]
         above = {where[0] for where in imported(tree)} - {*BELOW.get(floor, set()), *GROUND, floor, "__version__"}
@@ -72,7 +84,7 @@ def test_imports_run_down_only() -> None:
 def test_neighbours_do_not_know_each_other() -> None:
     """No question imports another, nor does static, presliding or dynamic identification."""
     found = []
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         own = room(place(path))
         others = {room(where) for where in imported(tree) if where[0] == place(path)[0]}
         if own is not None and not others <= {own, None}:
@@ -98,7 +110,7 @@ def test_only_the_cli_prints() -> None:
     """No file but terminal.py calls print, and by the floors none but cli.py knows that one."""
     prints = [
         path.name
-        for path, tree in TREES.items()
+        for path, tree in trees().items()
         for node in ast.walk(tree)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
     ]
@@ -109,3 +121,14 @@ def test_every_part_has_a_floor() -> None:
     """Each folder and module of the package is on the list, so that none escapes it; no two floors stand on each other."""
     assert {place(path)[0] for path in FILES} == {*BELOW, *ENTRANCES}
     assert set(TopologicalSorter(BELOW).static_order()) == set(BELOW)
+
+
+def test_few_tests_are_slow(pytestconfig: pytest.Config) -> None:
+    """At most 5 % of all tests are left to .ci/run, and CONTRIBUTING.md lists their files and no other."""
+    slow, every = pytestconfig.stash[SLOW]
+    if [Path(x).resolve() for x in pytestconfig.args] == [ROOT / "tests"]:  # where all were collected
+        assert slow <= 0.05 * every
+    files = {p.relative_to(ROOT / "tests").as_posix() for p in (ROOT / "tests").rglob("test_*.py")}
+    marked = {x for x in files if re.search(r"mark\.slow\b", (ROOT / "tests" / x).read_text(encoding="utf-8"))}
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").partition("Slow tests")[2]
+    assert set(re.findall(r"`([\w/]+\.py)`", text)) == marked

@@ -347,6 +347,7 @@ def test_a_foreign_experiment_is_one_sentence(text: str, says: str, fresh: Resul
         bristle.plan(read)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
 def test_a_damaged_file_is_read_or_refused(data: Any, fresh: Results, tmp_path_factory: pytest.TempPathFactory) -> None:

@@ -81,6 +81,7 @@ def test_a_killed_worker_is_one_sentence() -> None:
         list(share(called, [partial(signal.raise_signal, signal.SIGKILL)] * 2))
 
 
+@pytest.mark.usefixtures("raster")
 def test_the_bytes_do_not_depend_on_workers(tmp_path: Path) -> None:
     """A report by one process and by three is the same in every file but timings.json."""
     two_joints = [write(tmp_path / "logs", speeds(), joint=name, stem=name) for name in ("wrist", "elbow")]

@@ -15,7 +15,6 @@ from bristle.questions.experiment_design.captions_section import captions
 from bristle.questions.experiment_design.excitation import MEASURED
 from bristle.questions.experiment_design.loading import design_loading
 from bristle.questions.experiment_design.plan import Plan
-from bristle.simulation.edro import experiments
 
 from ..conftest import few_motions_tried, speeds, write
 from ..pages import assert_tables_are_named, findings, page_text
@@ -29,12 +28,6 @@ def quick() -> Iterator[None]:
     """Few motions are tried: what is tested holds for any number."""
     with few_motions_tried():
         yield
-
-
-@pytest.fixture(scope="module")
-def gripper() -> Plan:
-    """The plan for gripper rotation of the embedded default, which all kinds of runs were made of."""
-    return bristle.plan(experiments()[0])
 
 
 def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit: str = "") -> Plan:
@@ -58,20 +51,19 @@ def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit
 )
 def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool, kind: str, fit: str) -> None:
     """Of points in one direction, for one parameter, of a slide, of one law for both directions: each figure says a number with a unit at once."""
-    plan = of_points(tmp_path, aim, both=both, kind=kind, fit=fit)
-    plan.write(tmp_path / "page")
-    found = findings(page_text(tmp_path / "page" / "index.html"))
-    assert sorted(found) == sorted(captions(plan).values())
+    found = [*captions(of_points(tmp_path, aim, both=both, kind=kind, fit=fit)).values()]
     assert len(found) == 8
     assert all(NUMBER.search(finding) for finding in found), found
     assert not re.search("nan|inf|None|e[+-]0", " ".join(found))
     assert kind == "revolute" or "rad" not in " ".join(found)
 
 
+@pytest.mark.usefixtures("raster")
 def test_the_embedded_page_begins_each_caption_with_a_number(gripper: Plan, tmp_path: Path) -> None:
     """Each of the eight figures says a number with a unit at once; each table has a name and the file it is in."""
     gripper.write(tmp_path)
     found = findings(page_text(tmp_path / "index.html"))
+    assert sorted(found) == sorted(captions(gripper).values())
     assert len(found) == 8
     assert all(NUMBER.search(finding) for finding in found), found
     assert_tables_are_named(tmp_path)

@@ -36,7 +36,7 @@ from bristle.questions.experiment_design.tables import (
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
-from ..conftest import TRUTH, Ran, few_motions_tried, run, speeds, write
+from ..conftest import TRUTH, Ran, run, speeds, write
 from ..pages import page_text
 from ..sameness import held, of_kind, without_sentences
 
@@ -45,13 +45,6 @@ Q, V, T = "position reference (rad)", "velocity reference (rad/s)", "torque refe
 
 
 pytestmark = pytest.mark.usefixtures("few_motions")
-
-
-@pytest.fixture(scope="module")
-def gripper() -> Plan:
-    """The plan for gripper rotation of the embedded default, which all kinds of runs were made of."""
-    with few_motions_tried(40):
-        return bristle.plan(experiments()[0])
 
 
 def planned(folder: Path, options: str = "", *arguments: object, both: bool = True) -> Ran:

@@ -65,7 +65,11 @@ def outside(monkeypatch: pytest.MonkeyPatch) -> Law:
 
 
 @needs_gcc
-@pytest.mark.parametrize("compensator", COMPENSATORS, ids=["lugre", "stribeck", "adapting", "total"])
+@pytest.mark.parametrize(
+    "compensator",
+    [*COMPENSATORS[:2], *(pytest.param(c, marks=pytest.mark.slow) for c in COMPENSATORS[2:])],
+    ids=["lugre", "stribeck", "adapting", "total"],
+)
 @each_law
 def test_c_is_python(of: Law, compensator: Compensator, handed: Handed) -> None:
     """In double precision no torque differs, adapting or not, within v_end and beyond it; in single 5e-6; the self-tests pass."""

@@ -3,6 +3,8 @@
 import time
 from pathlib import Path
 
+import pytest
+
 from .fuzzing import fuzz
 from .inputs import good_results
 from .runner import server
@@ -11,6 +13,7 @@ BUDGET = 20.0
 """Seconds that the suite spends here."""
 
 
+@pytest.mark.slow
 def test_any_input_ends_with_a_result_or_one_sentence(tmp_path: Path) -> None:
     """Exit code 0, 2 or 3; at 2 one sentence of bounded length and nothing written; inputs unchanged; within 20 s and 2 GiB; pages without script.
 

@@ -156,6 +156,7 @@ def test_hubers_fit_satisfies_his_equations(gripper: Lugre[float], speeds: Array
     assert core.covariance == pytest.approx(variance * np.linalg.inv(J.T @ J), rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strays", [0, 2])
 def test_intervals_cover_under_hubers_loss(strays: int) -> None:
     """With no stray, and with two of ten standard deviations among 22 points, 95 % intervals cover the truth in 91 to 98 %."""

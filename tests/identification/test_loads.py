@@ -110,7 +110,7 @@ def geared(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> t
     return file, results.joint()
 
 
-@pytest.mark.parametrize("supply", [EXACT, (0.02, -0.02, 0.015, -0.01)])
+@pytest.mark.parametrize("supply", [EXACT, pytest.param((0.02, -0.02, 0.015, -0.01), marks=pytest.mark.slow)])
 def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None:
     """0.100 within 0.005, and within its interval, with a supply that errs by 2 % in each log too."""
     tracking = geared("paper+link-load", supply=supply)[1].tracking
@@ -122,6 +122,7 @@ def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None
     assert tracking.load.size == tracking.friction.size == tracking.n
 
 
+@pytest.mark.slow
 def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
     """`auto` takes link-load where friction rises with gravity's torque; without a load it keeps the paper's law."""
     (_, loaded), (_, bare) = geared("auto"), geared("auto", rises=0.0)

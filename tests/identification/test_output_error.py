@@ -150,6 +150,7 @@ def test_torque_in_position_out_recovers_the_truth() -> None:
     assert found.parameters[INERTIA].value == pytest.approx(LOADS["inertia"], rel=0.01)
 
 
+@pytest.mark.slow
 def test_intervals_are_those_of_the_jackknife_over_windows() -> None:
     """The standard errors equal those of leaving each window out and fitting again, however correlated the residuals."""
     t, rng = np.arange(0, 4.0, STEP), np.random.default_rng(0)

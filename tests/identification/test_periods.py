@@ -76,6 +76,7 @@ def bristles(seconds: float, size: float = 1.0) -> tuple[Array, Array, Array]:
     return t, q, torque + 0.01 * np.random.default_rng(1).standard_normal(t.size)
 
 
+@pytest.mark.slow
 def test_amplitudes_of_given_orders_are_within_their_intervals() -> None:
     """Of cogging and ripple of orders 4 and 11, the 95 % intervals hold the true amplitudes in 92 to 98 % of fifty sets, whose noise is white."""
     held = []
@@ -90,6 +91,7 @@ def test_amplitudes_of_given_orders_are_within_their_intervals() -> None:
     assert 0.92 <= np.mean(held) <= 0.98
 
 
+@pytest.mark.slow
 def test_orders_are_found_and_none_in_clean_data() -> None:
     """Beside all LuGre parameters both orders are found in every one of 20 sets; of 100 clean sets at least 98 show none."""
     t, q, v = moves()

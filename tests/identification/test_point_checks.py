@@ -93,6 +93,7 @@ def test_a_drift_in_random_order_is_said(tmp_path: Path, drift: float) -> None:
         assert found.numbers["share"] == pytest.approx(abs(drift), rel=0.5)
 
 
+@pytest.mark.slow
 def test_no_drift_is_said_without_one(tmp_path: Path) -> None:
     """Of a hundred clean runs, half of them in the order of speed, at most one has such a warning."""
     found = []

@@ -88,6 +88,7 @@ def test_the_bias_over_rest_positions_is_its_integral(u: float) -> None:
     assert spread == pytest.approx(np.sqrt(second - first**2), rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bits", [12, 14, 16])
 def test_over_rest_positions_edges_and_samples_are_unbiased(bits: int) -> None:
     """Over random rest positions with noise, both means lie within 2 % of the truth, (14) is off as predicted, and intervals hold the truth.

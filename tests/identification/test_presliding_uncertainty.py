@@ -119,6 +119,7 @@ def test_the_curve_is_zero_at_the_estimate_and_one_at_the_ends(way: str) -> None
     assert np.interp(value, *three.curve) == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", WAYS)
 def test_intervals_hold_the_truth(way: str) -> None:
     """Over 40 joints whose g0 is off by its error, each way's intervals hold sigma_0 in 85 % at least."""

@@ -71,6 +71,7 @@ def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
     assert (known.widened, known.stretched, known.significant) == (1.0, 1.0, True)
 
 
+@pytest.mark.slow
 def test_an_interval_is_widened_in_one_case_of_a_hundred_by_chance() -> None:
     """Of 4000 sets of five runs that differ by their errors alone 1 % are widened, whether errors are known well or by few degrees of freedom."""
     rng = np.random.default_rng(0)

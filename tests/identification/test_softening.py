@@ -137,6 +137,7 @@ def test_the_interval_of_a_softening_joint_spans_its_amplitudes() -> None:
     assert fit.uncertainty["sigma_0"].bootstrap is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantum", [2 * np.pi / 2**bits for bits in (10, 12, 14, 16)])
 @pytest.mark.parametrize("count", [1, 2, 5])
 def test_an_estimate_lies_inside_its_own_interval(quantum: float, count: int) -> None:

@@ -23,12 +23,14 @@ def torque(seed: int, size: int = 22) -> Array:
     return curve(SPEEDS[:size], GRIPPER) + NOISE * np.random.default_rng(seed).standard_normal(size)
 
 
+@pytest.mark.slow
 def test_clean_points_have_no_strays() -> None:
     """Of 100 clean sets at most 4 name a point: 1 % is what the test promises."""
     named = [find_strays(from_points(SPEEDS, torque(seed), ("+",))).rows for seed in range(100)]
     assert sum(map(bool, named)) <= 4
 
 
+@pytest.mark.slow
 def test_two_strays_are_found_wherever_they_are() -> None:
     """Two points off by ten standard deviations, at random places and signs, are both named in at least 95 of 100 sets."""
     found = 0
@@ -54,6 +56,7 @@ def test_the_first_stray_is_the_one_that_brute_force_names() -> None:
     assert set(find_strays(from_points(SPEEDS, T, ("+",))).rows) == {20, 21}
 
 
+@pytest.mark.slow
 def test_neighbours_off_to_one_side_are_found() -> None:
     """Two neighbours off by ten standard deviations with one sign, which pull the law to them, are both named in at least 95 of 100 sets."""
     found = 0

@@ -72,6 +72,7 @@ def every(fits: Mapping[str, StaticFit]) -> list[tuple[str, str, Estimate]]:
     return [(d, name, e) for d, fit in fits.items() for name, e in fit.parameters.items()]
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_truth_where_the_torque_constant_is_off() -> None:
     """With 5 % of error in K, new in each of 400 sets, 92 to 98 % of the intervals hold the truth; without its part under half of alpha_0's."""
     rng = np.random.default_rng(0)
@@ -269,6 +270,7 @@ def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
         assert e.systematic == abs(shift)
 
 
+@pytest.mark.slow
 def test_a_given_inertia_breaks_the_common_factor(tmp_path: Path) -> None:
     """With the inertia fixed the error of K goes elsewhere: the static fit moves exactly as a refit with another K, that of all parameters nearly."""
     fixed: dict[str, Any] = {"inertia": "0.0087 kg*m**2"}

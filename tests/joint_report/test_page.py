@@ -21,6 +21,7 @@ from bristle.questions.joint_report import page, static_figures
 from bristle.questions.joint_report.console import outcomes
 from bristle.questions.joint_report.text import fit_report
 
+from ..conftest import all_drawn
 from ..pages import page_text, report_text
 from .conftest import HOSTILE, gripper
 
@@ -31,7 +32,8 @@ def written(tmp_path_factory: pytest.TempPathFactory, slide: Joint) -> Path:
     joint = gripper(HOSTILE)
     joint = replace(joint, inputs=tuple(replace(x, file=HOSTILE) for x in joint.inputs))
     folder = tmp_path_factory.mktemp("report")
-    page.write_report([slide, joint], folder, title=HOSTILE, seed=0)
+    with all_drawn():
+        page.write_report([slide, joint], folder, title=HOSTILE, seed=0)
     return folder
 
 
@@ -58,6 +60,7 @@ def elements(written: Path) -> dict[str, list[tuple[str, dict[str, str | None]]]
     return found
 
 
+@pytest.mark.usefixtures("raster")
 def test_two_writes_give_the_same_bytes_and_progress_keeps_its_total(tmp_path: Path, slide: Joint) -> None:
     """A report is a function of its joints: no time, no path, no random id in it. Steps count up to their total."""
     seen: list[tuple[int, int]] = []

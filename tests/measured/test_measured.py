@@ -272,6 +272,7 @@ REPEATS = (
 )
 
 
+@pytest.mark.slow
 def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
     """Five runs of one motor by default settings: the inertia is that of plain least squares on such runs.
 

@@ -481,6 +481,7 @@ def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validatio
     assert "not identifiable in any case" in unknowable.write(tmp_path / "out").read_text(encoding="utf-8")
 
 
+@pytest.mark.usefixtures("raster")
 def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_path: Path) -> None:
     """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method."""
     page = page_text(validation.write(tmp_path / "out"))

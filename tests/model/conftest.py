@@ -1,12 +1,8 @@
 """The parameter sets that these tests share: Table 1 of the paper, one pair per joint."""
 
 import pytest
-from hypothesis import settings
 
 from bristle.model.parameters import Lugre, Pair
-
-settings.register_profile("model", deadline=None, max_examples=50)
-settings.load_profile("model")
 
 TABLE_1 = {
     "gripper": Pair(

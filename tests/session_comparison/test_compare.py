@@ -872,6 +872,7 @@ COMPARED: dict[str, Spoil] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("what", [*REFUSED, *COMPARED])
 def test_any_numbers_are_compared_or_refused(sessions: tuple[Path, Path], tmp_path: Path, what: str) -> None:
     """Numbers beyond all measure, in one session and in both: a result and a page with 0, or one short sentence with 2 and no page; no warning."""
@@ -924,6 +925,7 @@ def test_other_documents_are_refused(sessions: tuple[Path, Path], tmp_path: Path
     assert "pipe: is a pipe; expected a file" in run("compare", sessions[0], tmp_path / "pipe")[2][0]
 
 
+@pytest.mark.slow
 def test_a_hundred_joints_are_compared(sessions: tuple[Path, Path], tmp_path: Path) -> None:
     """As many joints as a file may have end in a page, with a figure for each of the first ones and a table for all."""
     for k, path in enumerate(sessions):
