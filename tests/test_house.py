@@ -95,7 +95,7 @@ def test_neighbours_do_not_know_each_other() -> None:
 def test_results_know_no_report() -> None:
     """In a question with a report.py no file but that and figures.py imports what draws or makes a page, and nobody imports the report itself."""
     found: list[tuple[str, object]] = []
-    for path, tree in TREES.items():
+    for path, tree in trees().items():
         names = imported(tree)
         if (path.parent / "report.py").exists() and path.stem not in ("report", "figures"):
             drawing = {("page", "page"), ("page", "report"), ("page", "style"), (*place(path)[:2], "figures")} & names

@@ -71,80 +71,6 @@ class Kind(Enum):
         return self.name.lower().replace("_", "-")
 
     # segments: why one is rejected
-    TOO_SHORT = (
-        _NOTE,
-        "Too short: {duration:.3g} s; {asked}. A longer hold{option} {alone!w}.",
-    )
-    OR_MINIMUM_DURATION = _NOTE, ", or a segments.minimum_duration of {value} s,"
-    TRANSIENT = (
-        _NOTE,
-        (
-            "Transient: for {duration:.3g} s its velocity changes by {drift:.3g velocity} about a mean of {velocity:.3g velocity}, on the way "
-            "from one speed to another; it is no plateau, and no setting makes it one."
-        ),
-    )
-    DURATION_ASKED = _NOTE, "segments.minimum_duration requires {asked:.3g} s"
-    DEPENDENT_TORQUE = _NOTE, "fewer than two of its torque samples are independent"
-    SAMPLES_ASKED = _NOTE, "{count:g} independent samples require {asked:.3g} s"
-    USUAL_ASKED = (
-        _NOTE,
-        "a quarter of this run's typical plateau, {duration:.3g} s or {travel:.3g} of travel, is required",
-    )
-    AT_REST = (
-        _NOTE,
-        (
-            "At rest or below breakaway: its mean speed is {speed:.3g velocity}, and {wanted} is {least:.3g velocity}. More "
-            "torque{option} {alone!w}."
-        ),
-    )
-    NOISE_FLOOR = _NOTE, "the noise floor"
-    MINIMUM_VELOCITY = _NOTE, "segments.minimum_velocity"
-    OR_MINIMUM_VELOCITY = _NOTE, ", or a segments.minimum_velocity of {value},"
-    ACCELERATING = (
-        _NOTE,
-        (
-            "Accelerating: its velocity drifts by {drift:.3g velocity} about a mean of {velocity:.3g velocity}; {allowed:.3g velocity} is "
-            "allowed. A steadier motion{option} {alone!w}."
-        ),
-    )
-    OR_VELOCITY_TOLERANCE = _NOTE, ", or a segments.velocity_tolerance of {value},"
-    HUNTING = (
-        _NOTE,
-        (
-            "Hunting: it moves backward {backward:.0%} of the time; 10 % is allowed. A controller that does not "
-            "oscillate {alone!w}."
-        ),
-    )
-    UNSTEADY = (
-        _NOTE,
-        (
-            "Stick-slip without a steady mean: the means of its eighths scatter by {scatter:.3g velocity} about "
-            "{velocity:.3g velocity}; {allowed:.3g velocity} is allowed. A longer hold or a stiffer controller{option} {alone!w}."
-        ),
-    )
-    UNSETTLED = (
-        _NOTE,
-        (
-            "Below breakaway, or not settled: its torque changes by {drift:.3g torque}, more than its mean of "
-            "{torque:.4g torque}. A longer hold at this speed {alone!w}."
-        ),
-    )
-    SATURATED = (
-        _NOTE,
-        (
-            "Saturated: {share:.0%} of its samples are at {limit}; 5 % is allowed. A lower speed, or a higher "
-            "torque_limit, {alone!w}."
-        ),
-    )
-    LIMIT_GIVEN = _NOTE, "segments.torque_limit, {limit:.4g torque}"
-    LIMIT_SEEN = _NOTE, "the largest torque or voltage of the run"
-    SETTLING = (
-        _NOTE,
-        (
-            "Settling: it is the beginning or end of the plateau in {where}, which is judged "
-            "separately; a hold of its own would make it pass."
-        ),
-    )
 
     POINT_AT_REST = _NOTE, "At rest: friction at zero velocity is not a function of velocity; remove such rows."
 
@@ -165,33 +91,6 @@ class Kind(Enum):
         "Off the law of the others by {deviations:.0f} standard deviations; fit.stray: report would make it pass.",
     )
     EXCLUDED = _NOTE, "Excluded: fit.exclude names it."
-
-    # segments: what warns about one that is kept
-    STICK_SLIP = (
-        _CAUTION,
-        (
-            "Stick-slip: the velocity deviates by {swing:.0%} of its mean and is zero {resting:.0%} of the time; "
-            "the mean torque is not the friction at the mean velocity."
-        ),
-    )
-    POSITION_DIFFERS = (
-        _CAUTION,
-        (
-            "The slope of the position, {slope:.4g velocity}, and the mean of the logged velocity, {logged:.4g velocity}, differ: "
-            "check for missing samples, a wrong unit or a wrong sampling rate."
-        ),
-    )
-    TORQUE_DRIFTS = (
-        _CAUTION,
-        (
-            "The torque changes by {drift:.3g torque} over the segment (mean {torque:.4g torque}), more than its noise: it "
-            "depends on position, temperature or time, or had not settled."
-        ),
-    )
-    TORQUE_UNSURE = (
-        _NOTE,
-        "Fewer than two of the torque samples are independent; the standard error of the torque is unknown.",
-    )
 
     # what a fit leaves
     SET_UP_PAYS = (
@@ -225,13 +124,6 @@ class Kind(Enum):
     )
     ORDER_TO_WRITE = _NOTE, "If motor or gear repeat so, write {lines} under fit."
     LACKS_A_TERM = _CAUTION, "The fit lacks a term. {advice}"
-    UNEXPLAINED = (
-        _CRITICAL,
-        (
-            "The relative error is {error:.2g} %, of which noise accounts for {noise:.2g} %: the model does not describe "
-            "these data, so do not use its parameters.{advice!t}"
-        ),
-    )
 
     # robots: what the links tell, and whether log and URDF go together
     LINKS_NOT_REMOVED = (
@@ -305,151 +197,8 @@ class Kind(Enum):
             "current, the torque constant and the gear."
         ),
     )
-    LINKS_TAKEN_OFF = (
-        _NOTE,
-        "The torque of the links, at most {largest:.3g} N*m, was taken off before segments were looked for.",
-    )
 
     # signals: what contradicts another signal, or itself
-    VELOCITY_FACTOR = (
-        _CRITICAL,
-        (
-            "The position of {files!l} moves {ratio:.3g} times as far as its logged velocity says: one of the two is wrong by "
-            "this factor, and with it friction against speed. What makes them agree: {remedy}."
-        ),
-    )
-    VELOCITY_UNRELATED = (
-        _CRITICAL,
-        (
-            "The logged velocity of {files!l} has nothing to do with its position (correlation {correlation:.2f}): name the "
-            "right column under signals.velocity, or leave velocity out to have it estimated."
-        ),
-    )
-    WHOLE_POSITIONS = (
-        _CRITICAL,
-        (
-            "Every position of {files!l} is a whole number of {unit}: encoder counts. Write `unit: counts` under "
-            "signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
-        ),
-    )
-    WHOLE_DEGREES = (
-        _CAUTION,
-        (
-            "Every position of {files!l} is a whole number of deg: encoder counts (then write `unit: counts` under "
-            "signals.position, and give encoder_resolution), or a sensor with steps of 1 deg, which hides inertia and v_s."
-        ),
-    )
-    COUNT_UNIT = (
-        _CRITICAL,
-        (
-            "The position of {files!l} changes in steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
-            "encoder_resolution: a wrong unit. Write {remedy} under signals.position; where the position is right, write "
-            "`encoder_resolution: {step:.4g} {unit}`."
-        ),
-    )
-    COUNT_CONTRADICTS = (
-        _CRITICAL,
-        (
-            "The position of {files!l} changes in steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
-            "encoder_resolution: one of the two is wrong. Where the position is right, write `encoder_resolution: "
-            "{step:.4g} {unit}`; else correct the unit or scale of signals.position, the gear included."
-        ),
-    )
-    COUNT_BITS = (
-        _NOTE,
-        (
-            "The position of {files!l} changes in steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
-            "encoder_resolution, a power of two: quadrature, or a different number of bits. Write `encoder_resolution: "
-            "{step:.4g} {unit}`."
-        ),
-    )
-    COUNT_ROUNDED = (
-        _CAUTION,
-        (
-            "The position of {files!l} is rounded to steps of {step:.4g} {unit}, {ratio:.4g} times the declared "
-            "encoder_resolution: log more digits, or write `encoder_resolution: {step:.4g} {unit}`."
-        ),
-    )
-    COUNTS_OF_A_TURN = (
-        _CAUTION,
-        (
-            "A turn of {files!l} has {declared:.6g} counts as declared, and {counts} with {remedy} under "
-            "signals.position: a power of two, as encoders have. Check the unit."
-        ),
-    )
-    CLIPPED = (
-        _CAUTION,
-        (
-            "The torque of {files!l} is clipped: {share:.1%} of its samples are exactly {limits}. The true torque there "
-            "is unknown; move slower or more gently, or widen the range of the drive or the sensor."
-        ),
-    )
-    DEAD_ZONE = (
-        _CAUTION,
-        (
-            "The torque of {files!l} is exactly zero in {share:.1%} of the samples, wherever it changes its sign: its sensor or drive "
-            "has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; switch it off, or add it to the torque."
-        ),
-    )
-    TORQUE_COARSE = (
-        _CAUTION,
-        (
-            "The torque of {files!l} comes in {levels} steps of {step:.2g} (SI): what it rounds off is no noise and does not average "
-            "out. Numbers may be off by half a step, those of reversals by more; log it with more digits, or from a finer sensor."
-        ),
-    )
-    LOADED_AT_START = (
-        _CAUTION,
-        (
-            "The torque of {files!l} begins at {torque:.3g}, {share:.0%} of its largest, and not at zero: an offset of the sensor "
-            "makes sigma_0 too high in one direction and too low in the other. Subtract it, or begin without a load."
-        ),
-    )
-    LOST_SAMPLES = (
-        _CAUTION,
-        (
-            "Samples are missing, or the encoder slipped: {files!m}. The position jumps there by more than its speed explains, while "
-            "the time goes on: speeds from it, and the acceleration there, are wrong. Log the time of each sample, or split the log."
-        ),
-    )
-    POSITION_JUMPS = (
-        _CAUTION,
-        (
-            "The position jumps: {files!m}. Neither its speed nor the time explains it, as where an encoder slips, misses counts or "
-            "is reset: speeds from it, and the acceleration there, are wrong. Mend the encoder, or split the log there."
-        ),
-    )
-    POSITION_HELD = (
-        _CAUTION,
-        (
-            "The position stays the same for {samples} samples of a motion and then catches up at once: {files!m}, {share:.2g} % "
-            "of the samples. The reading was not refreshed: speeds from it, and the acceleration there, are wrong. Log each "
-            "reading once, with the time at which it was taken."
-        ),
-    )
-    STAMPS_JITTER = (
-        _CAUTION,
-        (
-            "The time stamps of {files!l} jitter by {jitter:.2g} of a sample (standard deviation), while the position advances as if "
-            "sampled regularly: speeds and accelerations are too noisy. Write `time: {line}` under signals."
-        ),
-    )
-    SAMPLED_IRREGULARLY = (
-        _CAUTION,
-        (
-            "The position of {files!l} is noisy in proportion to its speed, as if sampled {jitter:.2g} of a sample (standard "
-            "deviation) off its time: this takes away from the inertia. Log the time at which each sample was taken, in the "
-            "loop of the controller."
-        ),
-    )
-    VELOCITY_LAGS = (
-        _CAUTION,
-        (
-            "The logged velocity of {files!l} {lags} its position by {lag:.2g} s ({samples:.2g} samples, standard error {error:.2g}), "
-            "as where it is {why}: friction at reversals and the inertia are wrong. Leave `velocity` out under signals to "
-            "have it estimated from the position, or log {remedy}."
-        ),
-    )
 
     DRIFT_IN_ORDER = (
         _CAUTION,
@@ -499,28 +248,6 @@ class Kind(Enum):
     )
 
     # residuals of any fit
-    DIRECTIONS_DIFFER = (
-        _CAUTION,
-        (
-            "Friction differs between the directions (p = {p:.1g}, corrected for {looks} tests): the difference "
-            "explains {share:.0%} of the residuals' variance. Fit the directions separately (directions: "
-            "separate)."
-        ),
-    )
-    RESIDUAL_TREND = (
-        _CAUTION,
-        (
-            "Residuals show a trend vs {over} (p = {p:.1g}, corrected for {looks} tests), which explains "
-            "{share:.0%} of their variance."
-        ),
-    )
-    RESIDUAL_RIPPLE = (
-        _CAUTION,
-        (
-            "Residuals show a ripple vs position of period {period:.3g position} (p = {p:.1g}, corrected for {looks} "
-            "tests), which explains {share:.0%} of their variance.{advice!t}"
-        ),
-    )
     CORRELATED = (
         _NOTE,
         ("Residuals are correlated (lag one {lag_one:.2f}); standard errors are multiplied by {widened:.1f} for it."),
@@ -542,26 +269,6 @@ class Kind(Enum):
             "Its error counts what each of {runs} runs leaves as one number, since a load is told by runs together: it is "
             "{widened:.2g} times that of independent samples, and the interval has Student's t of {freedom} degree{freedom!e} of "
             "freedom."
-        ),
-    )
-    INTERVALS_DIFFER = (
-        _CAUTION,
-        ("The 95 % bounds {sides!j} the estimate differ by more than 1.5x between the methods ({ends!i}): {reason}."),
-    )
-    COST_STAYS_LOW = (
-        _CAUTION,
-        (
-            "the cost stays below the threshold to the end of the range, so the data do not bound the parameter "
-            "on that side"
-        ),
-    )
-    PROFILE_SKEWED = _CAUTION, "the profile is skewed, which a covariance cannot represent; use the profile"
-    FEW_TO_RESAMPLE = _CAUTION, "{few} are few to resample; use the profile"
-    UNEVEN_RESIDUALS = (
-        _CAUTION,
-        (
-            "the residuals are less even or less independent than the covariance and the profile assume; use the "
-            "widest interval"
         ),
     )
     POINTS_FOR_PARAMETERS = _NOTE, "{points} points for {parameters} parameters"
@@ -589,25 +296,6 @@ class Kind(Enum):
     REFITTED = _NOTE, "A profile found a lower cost than the fit; the fit was repeated from there."
     STILL_LOWER = _CRITICAL, "Profiles still find lower costs after {fits} new fits: do not use this fit."
     NOT_FITTED = _NOTE, "It was not fitted: there is nothing to profile or to resample."
-    PROFILE_OPEN = (
-        _CAUTION,
-        (
-            "No finite interval by the profile: with the other parameters re-optimised, every value on that side "
-            "that a motion can show fits about as well."
-        ),
-    )
-    PROFILE_UNSEEN = _CAUTION, "Not identifiable: {open}"
-    PROFILE_ROUGH = (
-        _NOTE,
-        ("The profile is hard to compute here (fits along it ran out of iterations): its bounds are approximate."),
-    )
-    PROFILE_LOST = (
-        _CAUTION,
-        (
-            "The profile is hard to compute here: the search for a bound was stopped, so a side without a bound "
-            "may have one."
-        ),
-    )
 
     # static fits
     STRAYS = (
@@ -1199,187 +887,6 @@ class Kind(Enum):
     HELD_OUT_UNUSED = _NOTE, "Held-out presliding runs are not used: {files!l}."
     TRUTH_UNDECLARED = _CAUTION, "True parameters are given (truth), but the data are not declared simulated."
 
-    # validation of the grid search
-    POINTS_SIMULATED = (
-        _NOTE,
-        (
-            "SIMULATED: torques are those of the model at the given velocities, with white Gaussian noise; no run"
-            " is simulated, and the velocities have no error."
-        ),
-    )
-    DIRECTIONS_ALONE = (
-        _NOTE,
-        ("Each direction is validated separately: what directions share (inertia, gravity, offset) is taken as known."),
-    )
-    NO_STRIBECK_TERM = _NOTE, "nothing to validate: {outcome}"
-    POINTS_WITHOUT_NOISE = (
-        _NOTE,
-        "nothing to validate: the points lie on the model without noise; choose a noise level with --noise",
-    )
-    TOO_FEW_TO_VALIDATE = (
-        _NOTE,
-        "nothing to validate: {points} points were fitted; four parameters and their noise need at least 5",
-    )
-    NO_GRID_FIT = _NOTE, "nothing to validate: the grid fitted no friction curve."
-    NOTHING_TRIED = _NOTE, "Nothing was validated."
-    NEVER_UNDERCUT = (
-        _NOTE,
-        (
-            "{fits} IPOPT fits from random starts within the grid's bounds ({starts} of them on the first data "
-            "set of each case): none has a cost below the refined grid's by more than {same:g} relative (at most "
-            "{deficit:.1g})."
-        ),
-    )
-    UNDERCUT = (
-        _CRITICAL,
-        (
-            "{fits} IPOPT fits from random starts within the grid's bounds ({starts} of them on the first data "
-            "set of each case): the lowest cost is up to {deficit:.2g} relative below the refined grid's; do not "
-            "use the grid before the cause is known."
-        ),
-    )
-    DESIGN_VALIDATED = (
-        _NOTE,
-        (
-            "{design}: random starts that end in another minimum: {other!c}; with v_s free, {outside:.3g} % find "
-            "a lower cost outside the grid's range; v_s is not identifiable by any method in {unknowable} of "
-            "{cases} cases; in {coarse} of the others a plain grid of {values} is too coarse."
-        ),
-    )
-    V_S_KNOWABLE = (
-        _NOTE,
-        (
-            "v_s is identifiable here ({below} of {speeds} speeds lie below it): its estimates scatter by "
-            "{spread:.3g} % of the true value; no estimate returned in {declined:.3g} % of the repetitions."
-        ),
-    )
-    V_S_UNKNOWABLE = (
-        _CRITICAL,
-        (
-            "v_s is not identifiable here by any method ({below} of {speeds} speeds lie below it): no estimate "
-            "returned in {declined:.3g} % of the repetitions, and the best fit's v_s has a median error of "
-            "{bias:.3g} % of the true value and scatters by {spread:.3g} %. A solver that returns a number all "
-            "the same returns noise."
-        ),
-    )
-    IPOPT_NEVER_LOWER = (
-        _NOTE,
-        "From {starts} random starts within the grid's bounds IPOPT never finds a cost below the refined grid's.",
-    )
-    IPOPT_UNDERCUTS = (
-        _CRITICAL,
-        (
-            "IPOPT finds a cost below the refined grid's, by {deficit:.2g} relative; do not use the grid before "
-            "the cause is known."
-        ),
-    )
-    POLISHING_STAYS = (
-        _NOTE,
-        (
-            "IPOPT initialised at the grid's estimate stays there, within {shift:.1g} standard errors: the full "
-            "fit adds nothing."
-        ),
-    )
-    POLISHING_MOVES = (
-        _CAUTION,
-        (
-            "IPOPT initialised at the grid's estimate moves by up to {shift:.2g} standard errors, at nearly the "
-            "same cost."
-        ),
-    )
-    STARTS_PART = (
-        _NOTE,
-        (
-            "Random starts that end in another minimum, or before they reach one: {other!c}; without a Stribeck "
-            "term: {flat!c}. The grid needs no start."
-        ),
-    )
-    STARTS_AGREE = (
-        _NOTE,
-        (
-            "Every random start of {solvers!l} ends in the grid's minimum: here the grid's only advantage is its "
-            "computing time."
-        ),
-    )
-    PLAIN_GRID_ERROR = (
-        _NOTE,
-        (
-            "The paper's plain grid of {values} adds an error of v_s of {share:.3g} % of its standard error; "
-            "{enough}. The refined grid adds none."
-        ),
-    )
-    FINE_GRID = (
-        _NOTE,
-        (
-            "the smallest of the grids tried that stays below {most:.3g} % has {values} values "
-            "(a step divided by the root of 12 predicts {predicted})"
-        ),
-    )
-    NO_FINE_GRID = _NOTE, "to stay below {most:.3g} % it would need about {predicted} values"
-    LOWER_OUTSIDE_RANGE = (
-        _CAUTION,
-        (
-            "With v_s free, {count} of {starts} starts find a lower cost outside the grid's range, at v_s from "
-            "{low:.3g} to {high:.3g}: there the range determines v_s, not the data."
-        ),
-    )
-    FIT_TIMES = _NOTE, "Computing time of one fit relative to the refined grid: {times!x}."
-    PLAIN_GRID_ENOUGH = _NOTE, "A plain grid of {values} is faster than the refined grid, and fine enough here."
-
-    # a plan of measurements
-    PLAN_NARROWS = (
-        _NOTE,
-        (
-            "In {duration:.3g} s the plan brings the widest 95 % interval from {before:.2g} % of the value ({widest}) to "
-            "{after:.2g} % ({left}), as predicted.{opens}"
-        ),
-    )
-    PLAN_OPENS = _NOTE, " Now {names!l} cannot be identified, which the plan changes."
-    MOTION_WORSE = (
-        _CAUTION,
-        (
-            "The planned motion tells less of {names!l} than the motion measured so far, for it serves all parameters at once;"
-            " repeat the measured one as well where these matter most."
-        ),
-    )
-    PLAN_LOCAL = (
-        _NOTE,
-        (
-            "The design is local: errors are those at the estimates, to first order; velocities are averaged over"
-            " the plausible values of v_s{others}."
-        ),
-    )
-    AND_OTHER_JOINTS = _NOTE, ", the motion over {count} other plausible joints"
-    REFERENCES_FOLLOWED = (
-        _NOTE,
-        "Each reference is followed exactly; friction is LuGre, independent of position and time.",
-    )
-    RUN_IN = (
-        _NOTE,
-        (
-            "Each hold starts with a run-in of at least {settle:g} s, or {deflections:g} bristle deflections of "
-            "travel; the bristle forgets its state over one deflection."
-        ),
-    )
-    ENCODER_COUNT = _NOTE, "Encoder: {count:.3g} {unit} per count."
-    ENCODER_FINE = _NOTE, "Encoder: the count is unknown; loading is planned as if the encoder were fine."
-    STILL_UNSEEN = _CAUTION, "Even after this plan {names!l} would not be identifiable within these limits."
-    SLOWEST_TOO_FAST = (
-        _CAUTION,
-        (
-            "The slowest constant speed, {slowest:.3g} {unit}, is {ratio:.2g} times v_s{direction!d}: slower runs"
-            " would show the Stribeck term far better. If a stiffer controller can hold them, lower "
-            "plan.minimum_velocity."
-        ),
-    )
-    FEW_VELOCITIES = (
-        _CAUTION,
-        (
-            "The planned velocities{direction!d} have too few different values for a separate fit: identify them "
-            "together with the runs so far."
-        ),
-    )
-
     # limits of a plan that nobody declared
     LIMIT_SPEED = _NOTE, "Fastest speed: {value:g} {unit}, the fastest measured; set plan.velocity to override."
     LIMIT_SLOWEST = (
@@ -1443,88 +950,7 @@ class Kind(Enum):
     )
     CAPPED_BY_RATE = _NOTE, "plan.rate, {rate:g} Hz, gives {samples:g} samples to a period"
 
-    # what a plan starts from
-    DIRECTION_TAKEN = _CAUTION, "Direction {direction} is not identified: it is assumed to be as direction {other}."
-    INERTIA_GUESSED = (
-        _CAUTION,
-        "Inertia: a guess, {J:.2g} {unit}: {share:g} of alpha_0 at the largest acceleration; give inertia.",
-    )
-    INERTIA_EXACT = _NOTE, "Inertia: {J:.4g} {unit}, given as exact; intervals are those of the others."
-    GUESSED = _CAUTION, "{name}{direction!b}: a guess, {value:.3g} {unit}, {why}."
-    PEAK_TO_LOOK_FOR = (
-        _NOTE,
-        "{share:g} of alpha_0: no Stribeck peak was found, and this is the one to look for",
-    )
-    AMID_THE_SPEEDS = _NOTE, "in the middle of the speeds; the design allows any value among them"
-    AMID_WHAT_IS_SEARCHED = _NOTE, "in the middle of where it is looked for"
-    BENT_BRISTLE = _NOTE, "a bristle that bends by {share:g} of the travel"
-    BY_DAMPING_RATIO = _NOTE, "(15), a damping ratio of {ratio:g}"
-    VISCOUS_SHARE = _NOTE, "{share:g} of alpha_0 at the fastest speed"
-    NOISE_OF_EQUATIONS = (
-        _NOTE,
-        (
-            "Noise: a sample of a moving run, one every {step:.3g} s, scatters by {rms:.2g} {unit} as so far, "
-            "and counts as 1/{inflation:.2g} of an independent one: residuals are correlated."
-        ),
-    )
-    NOISE_OF_INDEPENDENT = (
-        _NOTE,
-        "Noise: a sample of a moving run, one every {step:.3g} s, scatters by {rms:.2g} {unit} as so far.",
-    )
-    NOISE_AVERAGED = (
-        _NOTE,
-        "Noise: a hold's mean torque scatters by {scatter:.2g} {unit}, that of those samples averaged over it.",
-    )
-    NOISE_OF_HOLDS_GUESSED = (
-        _CAUTION,
-        "Noise: a hold's mean torque scatters by {scatter:.2g} {unit}, {share:g} of alpha_0: a guess.",
-    )
-    NOISE_OF_MOTION_GUESSED = (
-        _CAUTION,
-        "Noise of a moving run: white, and such that its mean over {hold:.3g} s scatters by {scatter:.2g} {unit}: a guess.",
-    )
-    NOISE_OF_POINTS = (
-        _NOTE,
-        "Noise{direction!b}: a hold's mean torque scatters by {scatter:.2g} {unit}, as the points did about their fit.{far}",
-    )
-    NOISE_OF_OTHER_POINTS = (
-        _CAUTION,
-        (
-            "Noise{direction!b}: a hold's mean torque scatters by {scatter:.2g} {unit}, "
-            "as the points did about their fit of {other}.{far}"
-        ),
-    )
-    FAR_POINTS = (
-        _NOTE,
-        " Their root mean square is {ratio:.2g} times that: a few points are outliers, and do not count here.",
-    )
-
     # a joint in its loop
-    EXTRAPOLATED = (
-        _CAUTION,
-        "The reference is {ratio:.2g} times as fast as anything measured: the model is extrapolated.",
-    )
-    REFERENCE_TAKEN = (
-        _NOTE,
-        "Reference: {amplitude:.3g} {unit} at {frequency:.3g} Hz; set adapt.amplitude and adapt.frequency to override.",
-    )
-    DEFAULT_PID = (
-        _CAUTION,
-        (
-            "PID: default, K_p {K_p:.3g} {unit}, K_i and K_d to match, for {bandwidth:g} rad/s at this inertia "
-            "(set adapt.gains to override)."
-        ),
-    )
-    RATES_TAKEN = (
-        _NOTE,
-        "Learning rates: {rates!g} for {names!l}, which halve the error in about 1 s{still} (set adapt.gamma to override).",
-    )
-    RATE_OF_ZERO = _NOTE, "; zero where a parameter has no effect in steady sliding"
-    BRISTLE_FILLED = (
-        _CAUTION,
-        "{name}{direction!b}: not identifiable from these data; assumed {value:.3g} {unit}, {how}.",
-    )
-    DEFLECTION_OF_AMPLITUDE = _NOTE, "from a deflection of {share:g} of the amplitude"
     WITH_DAMPING_RATIO = _NOTE, "from (15) with a damping ratio of {ratio:g}{inertia}"
     SHAPE_HELD = (
         _CAUTION,
@@ -1544,101 +970,11 @@ class Kind(Enum):
             "load."
         ),
     )
-    LOAD_OF_REFERENCE = (
-        _CAUTION,
-        (
-            "Friction rises with load ({names!j}): model and plant have it, by up to {rise:.3g} {unit} along the reference about "
-            "position {centre:.3g} {at} (set adapt.centre to override); gravity itself is taken as compensated."
-        ),
-    )
-    PLANT_IS_MODEL = (
-        _CAUTION,
-        "The plant is the identified model itself: backlash, flexibility and noise are not in the simulations.",
-    )
-    DRIVE_WITHOUT_LIMIT = (
-        _CAUTION,
-        "The drive gives the {quantity} that it is asked for, every {period:g} s, without limit.",
-    )
-    PAPER_REFERENCE = (
-        _CAUTION,
-        (
-            "Reference: 1 rad sin(2 pi f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; "
-            "the paper gives neither amplitude nor frequency."
-        ),
-    )
-    PAPER_CONTROL = (
-        _CAUTION,
-        (
-            "Control in torque: the PID's output is taken in N*m and its error in rad; "
-            "the paper gives no unit of its control signal and no motor."
-        ),
-    )
-    PAPER_INERTIA = (
-        _CAUTION,
-        "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions; the paper gives none.",
-    )
-    PAPER_RATES = (
-        _CAUTION,
-        (
-            "Learning rates: 20 for both gains, with e in rad; "
-            "the paper's [0, 1] fits an error in degrees (20 per rad is 0.35 per degree)."
-        ),
-    )
-    PAPER_SAMPLING = (
-        _CAUTION,
-        (
-            "Sampling: controller, compensator and adaptation at 1 kHz; the paper ran continuous blocks. "
-            "The position is measured as it is, unless an encoder is named."
-        ),
-    )
-    PAPER_TABLE_2 = (
-        _CAUTION,
-        (
-            "Table 2: the paper says wrist, its numbers are the gripper's; "
-            "plant and model have its (+) parameters in both directions."
-        ),
-    )
-    PAPER_FEED_FORWARD = _NOTE, "No inertia feed-forward, unless it is named."
-
-    # what is handed over
-    PEAK_TAKEN_AS_NONE = (
-        _CAUTION,
-        "{names!j}{direction!d}: not identifiable from these data; exported without a Stribeck peak, as alpha_1 = 0.",
-    )
-    EXPORT_JOINT_LEFT_OUT = _CAUTION, "Left out: {why}"
-    EXPORT_WITHOUT_BRISTLE = (
-        _CAUTION,
-        "The bristle (sigma_0, sigma_1){direction!d} is not identified, and is not exported; losses are those of the friction curve.",
-    )
-    INTERVAL_WITH_ZERO = (
-        _NOTE,
-        "{name}: its 95 % interval holds zero; the value is exported, and the data do not tell it from none.",
-    )
-    INTERVAL_WITH_ZERO_IMPOSSIBLE = (
-        _CAUTION,
-        "{name}: its 95 % interval holds zero, which it cannot be; the exported value may be off by any factor.",
-    )
-    EXPORT_LOSES = (
-        _CAUTION,
-        (
-            "{joint}: {target} cannot hold this friction; the torque RMS error is {losses!l}. "
-            "Where that matters, use a target that holds it (docs/export.md)."
-        ),
-    )
-    EXPORT_LEAVES_OUT = (
-        _CAUTION,
-        "{joint}: {target} does not hold {names!j}, identified beside the friction; keep it in your own model of the load.",
-    )
-    EXPORT_WITHOUT_INERTIA = (
-        _CAUTION,
-        "{joint}: no inertia is known, and none is exported; the simulator keeps its own.",
-    )
 
     # what sensitivity is explored of
     ONE_DIRECTION_KNOWN = _CAUTION, "Only direction {direction} is known; it is used for both."
     BRISTLE_ASSUMED = _CAUTION, "{name}: not identifiable from these data; assumed {value:.3g} {unit}, {how}."
     DEFLECTION_OF_TRAVEL = _NOTE, "from a deflection of {share:g} of the travel"
-    WITHOUT_INERTIA_UNDAMPED = _NOTE, "for no inertia is known, without which (15) gives no damping"
     WITH_GUESSED_INERTIA = _NOTE, " and a guessed inertia of {J:.2g} {unit}"
     AS_HELD = _NOTE, "as it was held in the fit"
     GRIPPER_FRICTION = (
@@ -1822,85 +1158,6 @@ class Kind(Enum):
     )
     IN_BOTH_DIRECTIONS = _NOTE, " in both directions"
 
-    # a fleet of joints
-    FLEET_CHANGED = (
-        _NOTE,
-        (
-            "{changed} of {tested} joints changed, at a false discovery rate of {rate:.3g} %; the clearest: {first}{more}."
-        ),
-    )
-    JOINT_CHANGED = _NOTE, "{joint}, {name} by {percent:+.3g} % since {since}"
-    AND_JOINTS = _NOTE, "; {count} other{count!e} changed as well"
-    FLEET_UNCHANGED = (
-        _NOTE,
-        "None of {tested} joints changed beyond the scatter between sessions, at a false discovery rate of {rate:.3g} %.",
-    )
-    FLEET_UNTESTED = (
-        _NOTE,
-        "No joint was tested for a change; the notes say why.",
-    )
-    COMMON_SHIFT = (
-        _CAUTION,
-        (
-            "{names!l} of all {joints} joints of type {type} shifted together, by up to {percent:+.2g} %: the cause is common to the type. "
-            "The shift is taken off, and no joint is accused of it. {cause}"
-        ),
-    )
-    SHIFT_UNLOGGED = _NOTE, "Temperature is not in the catalog; log it, for it does this."
-    SHIFT_LOGGED = (
-        _NOTE,
-        "Temperature is taken off already; look for a new lot of grease, new firmware or another torque constant.",
-    )
-    WARNED_SINCE = (
-        _CAUTION,
-        (
-            "{count} of the joints that changed have warnings since that they did not have before: {codes!l}. Look at their logs first; "
-            "a failing sensor is not wear."
-        ),
-    )
-    MIXED_VALUE_UNITS = (
-        _CAUTION,
-        (
-            "Type {type} has values in {unit} and in {other}; the {count} values in {other} are left out. "
-            "Give these joints a type of their own."
-        ),
-    )
-    OF_OTHER_FITS = (
-        _NOTE,
-        (
-            "{count} values come from another fit than most values of the same parameter of their joint, and are left out of the findings: "
-            "two fits may differ without any change of the joint."
-        ),
-    )
-    SCATTER_OF_FEW = (
-        _CAUTION,
-        (
-            "The scatter between sessions of type {type} rests on {count} pairs of successive sessions, so only large changes are told from it; "
-            "more joints of the type, or more sessions, narrow it."
-        ),
-    )
-    BEYOND_ERRORS = (
-        _NOTE,
-        (
-            "Type {type}: by the errors of the estimates alone, as compare judges two sessions, there are steps: {steps!m}{more}. "
-            "Whether they are more than what sessions scatter by is not told from so few."
-        ),
-    )
-    MORE_STEPS = _NOTE, ", {count} more"
-    JOINTS_UNTESTED = _NOTE, "Not tested for a change: {count} joint{count!e}; {why!m}."
-    UNTESTED_BY_SESSIONS = _NOTE, "{count} without values in more than {baseline} sessions"
-    UNTESTED_BY_SCATTER = _NOTE, "{count} whose type has too few repeated sessions to tell the scatter between them"
-    BASELINES_BEGUN = (
-        _NOTE,
-        "{count} joint{count!e} began anew at a session tagged baseline; the last: {joint} on {since}.",
-    )
-    SESSIONS_FAILED = _NOTE, "{failed} of {total} joint session{total!e} without a result; the first: {first}"
-    SESSIONS_LEFT_OUT = _NOTE, "{count} joint session{count!e} left out of the findings; the first: {first}"
-    VALUES_CRITICAL = (
-        _NOTE,
-        "{count} value{count!e} with a critical warning left out of the findings; the commonest: {codes!l}.",
-    )
-
     # two sessions compared: what limits it
     IN_ONE_SESSION = _CAUTION, "In the {which} session alone: {names!l}."
     FILES_ALL_SHARED = (
@@ -1934,127 +1191,7 @@ class Kind(Enum):
         ),
     )
 
-    # what was counted, assumed and done where a file was read
-    HEADER_LINES = _CAUTION, "Taken as header, not as data: line{count!e} {lines!l}{more}."
-    HEADER_LINE = _NOTE, "{line} ({text})"
-    MORE_LINES = _NOTE, ", and {count} more"
-    DECIMAL_COMMA = _CAUTION, "Numbers have a decimal comma."
-    UNIT_DIFFERS = (
-        _CAUTION,
-        (
-            "Unit of {signal}: the header of {files!l} states {stated}, and {declared} is declared. Write {remedy}; where the header is "
-            "wrong, correct it, or leave the unit out of it."
-        ),
-    )
-    OWN_TIME = (
-        _NOTE,
-        (
-            "{signal} has a time of its own ({samples} sample{samples!e}): linear between its samples, and missing in {outside} row{outside!e} of "
-            "the run, beyond them or in their gaps."
-        ),
-    )
-    FILES_JOINED = (
-        _NOTE,
-        "One run of {files!l}, in this order. Times that begin anew, and then follow after a gap: {restarts}.",
-    )
-    PART_TAKEN = _NOTE, "Of {total} rows {rows} are taken: {part}."
-    GEAR_TAKEN = _NOTE, "Gear of ratio {ratio:g}{unit}: logged at the motor, and brought to the joint: {signals!l}."
-    RATE_DECLARED = _NOTE, "Time from the declared rate of {rate:g} Hz."
-    TIME_RECEIVED = _NOTE, "Times of {topics!l} are those at which messages were received, not those of a header."
-    TOPICS_INTERPOLATED = (
-        _NOTE,
-        (
-            "{topics!l} interpolated linearly at the stamps of {onto}; {rows} row{rows!e} outside them, or in gaps longer "
-            "than {gap} intervals, left empty."
-        ),
-    )
-    ROWS_NOT_FINITE = _CAUTION, "{rows} row{rows!e} dropped: inf, nan or empty (first: {first})."
-    ROWS_MOTOR_OFF = (
-        _NOTE,
-        (
-            "{rows} row{rows!e} left out (first: {first}): the drive is off there, the motor is open, and what it is given is no "
-            "torque."
-        ),
-    )
-    ROWS_BACKWARD = _CAUTION, "{rows} row{rows!e} dropped: time runs backward (first: {first})."
-    ROWS_REPEATED = _CAUTION, "{rows} row{rows!e} dropped: a time stamp repeats (first: {first})."
-    ROWS_OF_SHORT_SEGMENTS = (
-        _CAUTION,
-        (
-            "{rows} row{rows!e} dropped: segments between gaps shorter than {least} samples, "
-            "which cannot be differentiated."
-        ),
-    )
-    SAMPLING = (
-        _NOTE,
-        "Sampling interval {step:.4g} s (median, {rate:.6g} Hz); jitter: at most {jitter:.0f} %.",
-    )
-    GAPS = (
-        _CAUTION,
-        (
-            "{gaps} gap{gaps!e} longer than {intervals:g} intervals ({seconds:.4g} s), "
-            "the longest {longest:.4g} s; each segment between gaps is treated separately."
-        ),
-    )
-    UNWRAPPED = _NOTE, "Position wraps at {period:.6g} {unit}: unwrapped {turns} time{turns!e}."
-    TAKEN_EARLIER = _NOTE, "{signal} taken {delay:.4g} s earlier than logged: the declared delay."
-    TAKEN_LATER = _NOTE, "{signal} taken {delay:.4g} s later than logged: the declared delay."
-    MOTION_FROM_POSITION = (
-        _NOTE,
-        (
-            "Velocity and acceleration from position: Butterworth low pass of order {order}, forward and backward, "
-            "cut-off {cutoff:.3g} Hz{why}; then the derivatives of a quintic spline."
-        ),
-    )
-    ACCELERATION_FROM_VELOCITY = (
-        _NOTE,
-        (
-            "Acceleration from velocity: Butterworth low pass of order {order}, forward and backward, "
-            "cut-off {cutoff:.3g} Hz{why}; then the derivatives of a quintic spline."
-        ),
-    )
-    TORQUE_SMOOTHED = _NOTE, "Torque of slow loading: low pass of {cutoff:.3g} Hz{why}."
-    CUTOFF_ASKED = _NOTE, ", as asked"
-    CUTOFF_OF_MOTION = (
-        _NOTE,
-        (
-            ", for 99.9 % of the motion lies below {motion:.3g} Hz, and motion and effort show more than noise up to {shown:.3g} Hz "
-            "(fit.position_cutoff overrules)"
-        ),
-    )
-    CUTOFF_OF_HOLDS = _NOTE, ", half of the frequency up to which the position shows more than noise, {shown:.3g} Hz"
-    CUTOFF_OF_LOADING = _NOTE, ", ten times the frequency below which 99.9 % of it lies, {own:.3g} Hz"
-    CUTOFF_LOWERED = _CAUTION, ", lowered from {asked:g} Hz, which is not below the Nyquist frequency"
-    TORQUE_FROM_CURRENT = _NOTE, "Torque from current: k_t = {k_t:g} {unit}."
-    TORQUE_FROM_VOLTAGE = _NOTE, "Torque from voltage by (8): k_t = {k_t:g} {unit}, R = {R:g} ohm."
-
     # the constants that torques were computed with
-    TORQUE_EXACT = (
-        _NOTE,
-        (
-            "Torque: assuming {constants!j} exact: no interval contains that error, which is often the largest; "
-            "give it, as in {line}."
-        ),
-    )
-    TORQUE_UNCERTAIN = (
-        _NOTE,
-        (
-            "Torque: every interval contains the error of {constants!j}, which moves the parameters together; "
-            "its part is shown as systematic{rest}."
-        ),
-    )
-    TORQUE_REST_EXACT = _NOTE, "; assuming {constants!j} exact"
-    SYSTEMATIC_STAYS = (
-        _NOTE,
-        "Expected errors are those of the scatter: no run lowers the systematic error, of {constants!j}.",
-    )
-    SYSTEMATIC_DRAWN = (
-        _NOTE,
-        (
-            "Joints are also drawn with the error of {constants!j}; where the controller makes its torque by the same "
-            "constants that error cancels, and the range is narrower."
-        ),
-    )
     COMMON_CONSTANTS = (
         _NOTE,
         (
@@ -2067,107 +1204,6 @@ class Kind(Enum):
         "{joint}: {constants!j} is of one session alone: its error widens the differences.",
     )
 
-    # what to measure next, about the static fit of a direction
-    MEASURE_SPEEDS = (
-        _NOTE,
-        ("Measure at least eight constant speeds, evenly spread in log(v) over two decades or what the joint allows."),
-    )
-    RISES_BELOW = (
-        _NOTE,
-        (
-            "If friction rises at low speed, it does so below what was measured: try five constant speeds from "
-            "{low:.2g} to {high:.2g} {unit}."
-        ),
-    )
-    RISE_NOT_SHOWN = (
-        _NOTE,
-        (
-            "If friction rises at low speed, these data do not show it: try five constant speeds from {low:.2g} to "
-            "{high:.2g} {unit}."
-        ),
-    )
-    FEW_POINTS_BELOW = (
-        _NOTE,
-        "Fewer than three points lie below v_s: measure five constant speeds from {low:.2g} to {high:.2g} {unit}.",
-    )
-    UNLIMITED_BELOW = (
-        _NOTE,
-        "Nothing limits v_s below: measure five constant speeds from {low:.2g} to {high:.2g} {unit}.",
-    )
-    UNLIMITED_ABOVE = _NOTE, "Nothing limits v_s above: measure more speeds from {low:.2g} to {high:.2g} {unit}."
-    V_S_WIDE = (
-        _NOTE,
-        (
-            "v_s is wide: measure more speeds, or longer runs, from {low:.2g} to {high:.2g} {unit}, where the curve "
-            "bends."
-        ),
-    )
-    ALPHA_2_WIDE = (
-        _NOTE,
-        "alpha_2 is wide: measure faster, {low:.2g} to {high:.2g} {unit}, where the viscous part is larger.",
-    )
-
-    # what to measure next, about a joint and its moving runs
-    REPEAT_STICKING = (
-        _NOTE,
-        (
-            "Repeat {files!l} with a stiffer velocity loop, or slightly faster: these runs stick and slip, so their "
-            "mean torque is not the friction of steady sliding."
-        ),
-    )
-    MEASURE_DIRECTION = _NOTE, "Measure direction {direction} at the same speeds: nothing is known of it."
-    PEAK_OPEN = (
-        _NOTE,
-        (
-            "The moving runs leave {names!j} open: add constant velocities below and around v_s (experiment: ramp), "
-            "or move long and slowly there."
-        ),
-    )
-    VISCOUS_OPEN = (
-        _NOTE,
-        "The moving runs leave {names!j} open: move faster, where the viscous part is larger.",
-    )
-    BRISTLE_OPEN = (
-        _NOTE,
-        (
-            "The moving runs leave {names!j} open: add slow loading below breakaway (experiment: presliding), or turn "
-            "often and slowly, by a few times the way in which friction builds up."
-        ),
-    )
-    INERTIA_OPEN = _NOTE, "The moving runs leave {names!j} open: accelerate harder, or give the inertia."
-    AVOID_COUNTS = (
-        _NOTE,
-        ("Encoder counts bias the moving runs: try fit.predict: position on the same logs, or a finer encoder."),
-    )
-    HOLD_BACK = (
-        _NOTE,
-        "Hold back one run (hold_out: true): the error on data that were not fitted is the one to trust.",
-    )
-
-    # which sigma_0 to use, and what (14) would be off by
-    FROM_TRANSITIONS = (
-        _NOTE,
-        "sigma_0 from encoder transitions; insensitive to where inside a count the joint rests.",
-    )
-    FROM_SAMPLES = (
-        _NOTE,
-        "sigma_0 from all samples; no counts are seen in the displacement, so there are no edges to go by.",
-    )
-    SIGMA_0_AT_LEAST = _CAUTION, "No sigma_0 can be given; it is at least {least:.3g} {unit}."
-    SIGMA_0_UNKNOWN = _CAUTION, "No sigma_0 can be given."
-    BIAS_OF_PRINTED = (
-        _NOTE,
-        (
-            "{on_edge:+.1%} where the joint rests on a count edge; {mean:+.0%} on average, with a spread of "
-            "{spread:.0%}, where it rests anywhere in a count (one count is {count:.4g} {unit}; noise in the torque "
-            "comes on top)."
-        ),
-    )
-    BIAS_UNKNOWN = _NOTE, "unknown: that needs encoder counts and a sigma_0."
-    EDGES_CROSSED = _NOTE, "{loadings} loading{loadings!e} and {counts} count edge{counts!e} crossed."
-    MEDIAN_BREAKAWAY = _NOTE, "the median breakaway torque is {torque}{ends}."
-    ENDS = _NOTE, ", 95 %: {ends}"
-
     # where the torque at which slow loading slides, and the inertia, come from
     OF_STATIC_FIT = _NOTE, "the static fit"
     OF_MOVING_RUNS = _NOTE, "the moving runs"
@@ -2179,34 +1215,7 @@ class Kind(Enum):
     CREEP_ADDED = _NOTE, ", with up to {share:.0%} added for the creep before it"
     OF_LARGEST_HELD = _CAUTION, "the largest torque held: no run breaks away"
 
-    # simulated data: how many intervals hold what was simulated
-    TRUTH_INSIDE = _NOTE, "{inside} of {count} true values lie inside their 95 % intervals{more}."
-    MISSES_TOGETHER = (
-        _NOTE,
-        "; misses are not independent: the estimates of one direction come from the same data",
-    )
-
     # how a fit of moving runs and a full fit ended, whether the stages agree, what was held out
-    STARTS_REACHED = _NOTE, "{reached} of {starts} starts reached the lowest cost."
-    NO_STARTS = _NOTE, "Initialised at the other stages' estimates alone."
-    COST_HIGHER = (
-        _NOTE,
-        "the full fit's is higher by {change:.1g} of {first}'s; {reached} of {starts} starts reached it",
-    )
-    COST_LOWER = (
-        _NOTE,
-        "the full fit's is lower by {change:.1g} of {first}'s; {reached} of {starts} starts reached it",
-    )
-    COST_EQUAL = _NOTE, "the full fit's equals {first}'s; {reached} of {starts} starts reached it"
-    STAGES_COMPARED = (
-        _NOTE,
-        (
-            "{agreed} of {compared} parameters agree between their own stage and the moving data; the largest "
-            "difference is {largest:.2g} standard errors ({name}){more}."
-        ),
-    )
-    MORE_UNSEEN = _NOTE, "; {count} more not identifiable from the tracking runs"
-    NONE_COMPARED = _NOTE, "The moving data show none of the parameters that the other stages know."
     HELD_OUT_RUNS = _NOTE, "Hold-out: held-out runs."
     EACH_LEFT_OUT = _NOTE, "Hold-out: each point predicted from all others."
 
@@ -2301,89 +1310,12 @@ class Kind(Enum):
     )
 
     # compensation
-    ERRORS_COMPENSATED = (
-        _NOTE,
-        (
-            "{joint}, {frequency:g} Hz: RMS error {without:.3g} {unit} without, {identified:.3g} {unit} "
-            "({identified_percent:.2g} %) with and {adaptive:.3g} {unit} ({adaptive_percent:.2g} %) with adaptive "
-            "compensation."
-        ),
-    )
-    ERROR_REDUCED = (
-        _NOTE,
-        (
-            "LuGre feed-forward reduces the RMS error of {joint} at {frequency:g} Hz from {without:.3g} {unit} to "
-            "{identified:.3g} {unit} ({percent:.2g} %)."
-        ),
-    )
-    ERROR_INCREASED = (
-        _CAUTION,
-        (
-            "LuGre feed-forward increases the RMS error of {joint} at {frequency:g} Hz from {without:.3g} {unit} to "
-            "{identified:.3g} {unit} ({percent:.2g} %)."
-        ),
-    )
-    ADAPTATION_WORSE = (
-        _CAUTION,
-        (
-            "Adaptation makes {joint} worse at {frequency:g} Hz: RMS error {identified:.3g} {unit} with the identified "
-            "model, {adaptive:.3g} {unit} adapted."
-        ),
-    )
-    ADAPTED_TO = _NOTE, "{joint}, {law}: {name} from {initial:g} to {final:.3f} of its {reference} value."
     CURVE_MIXED = (
         _NOTE,
         "The friction curve{direction!d} mixes two fits, which are not one law: for the curve take the values of one of them.",
     )
-    STRIBECK_AS_GOOD = (
-        _NOTE,
-        (
-            "The Stribeck curve compensates {joint} as well as LuGre does on this motion: RMS error {stribeck:.3g} and {lugre:.3g} "
-            "{unit}, both driven by the reference velocity, with the finest encoder and no delay."
-        ),
-    )
-    ABLATED = (
-        _NOTE,
-        "{cycling} of {tried} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge.",
-    )
 
     # compensation: whether adaptation helps on a measured run
-    GAIN_AT_LIMIT = (
-        _CAUTION,
-        (
-            "A gain ended at its limit ({ratios!n}; {after:.3g} % of the friction torque is left unexplained instead of "
-            "{before:.3g} %): widen adapt.limits if friction may have changed that much; otherwise leave it off, or "
-            "lower gamma."
-        ),
-    )
-    MODEL_UNFIT = (
-        _CAUTION,
-        (
-            "The identified model leaves {before:.3g} % of this run's friction torque unexplained ({after:.3g} % adapted): check units, "
-            "sign and columns of the run; until then its gains mean nothing."
-        ),
-    )
-    ADAPTATION_HELPS = (
-        _NOTE,
-        (
-            "It helps here: {after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %, at ratios "
-            "{ratios!n}."
-        ),
-    )
-    ADAPTATION_IDLE = (
-        _NOTE,
-        (
-            "It changes nothing here: {before:.3g} % of the friction torque is left unexplained without it, {after:.3g} % with "
-            "it, at ratios {ratios!n}."
-        ),
-    )
-    ADAPTATION_HARMS = (
-        _CAUTION,
-        (
-            "Leave it off: {after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %, at ratios "
-            "{ratios!n}."
-        ),
-    )
 
 
 UNRESOLVED = frozenset({

@@ -1,5 +1,6 @@
 """Cogging and ripple: amplitudes of given orders, orders that are found, units, hold-outs, and what is refused."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,8 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import load_experiment
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.diagnostics import Kind, but
 from bristle.errors import InputError
+from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unasked_terms import columns_of, known_and_left
@@ -239,12 +240,12 @@ def test_whole_periods_average_out_of_a_hold() -> None:
 
 def test_a_ripple_left_says_which_lines_to_write() -> None:
     """The caution names the order nearest to its period, beside the regressors and orders that were fitted; a trend is left as it is."""
-    ripple = Kind.RESIDUAL_RIPPLE(period=2 * np.pi / 11.2, p=1e-9, looks=60, share=0.4, advice=())
-    trend = Kind.RESIDUAL_TREND(over="time", p=1e-9, looks=60, share=0.4)
+    ripple = Finding("residual-ripple", CAUTION, "A ripple.", {"period": 2 * np.pi / 11.2})
+    trend = Finding("residual-trend", CAUTION, "A trend.")
     told, same = with_orders_advised([ripple, trend], ["inertia", "cogging_sin_4", "cogging_cos_4"], "revolute")
     assert "write regressors: [inertia, cogging], orders: [4, 11] under fit" in str(told)
     assert same == trend
     assert with_orders_advised([told], ["cogging_sin_11"], "revolute") == (told,)
-    (per_metre,) = with_orders_advised([but(ripple, period=0.024)], [], "prismatic")
+    (per_metre,) = with_orders_advised([replace(ripple, numbers={"period": 0.024})], [], "prismatic")
     assert "write regressors: [cogging], orders: [42] under fit" in str(per_metre)
     assert regressor_line(ASKED, ["offset"]) == "regressors: [offset, cogging, ripple]"

@@ -12,6 +12,8 @@ from bristle.data.record import Record
 from bristle.data.slow_loading import Loading
 from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
+from bristle.estimation.interval_comparison import they_differ
+from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.uncertainty import run_fits as moving_run_fits
@@ -138,7 +140,7 @@ def test_every_interval_is_widened_alike() -> None:
     assert [w.code for w in wide.warnings] == ["runs-scatter"]
     far = replace(scattered(), by_run={"near": 1.0, "middle": 1.1, "far": 2.0})
     assert wider_estimate(e, far, spread).warnings[0].numbers["farthest"] == "far"
-    differ = Kind.INTERVALS_DIFFER(sides=("above",), ends=(("profile", 1.9, 2.5),), reason=Kind.PROFILE_SKEWED())
+    differ = they_differ(["above"], [("profile", 1.9, 2.5)], Finding("profile-skewed", CAUTION, "it is skewed"))
     curve_and_draws = {"curve": np.array([[1.9, 2.5], [1.0, 1.0]]), "draws": np.array([2.5])}
     three = Uncertainty(
         covariance=(1.8, 2.2), profile=(0.5, np.inf), bootstrap=None, warnings=(differ,), **curve_and_draws

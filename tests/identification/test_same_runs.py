@@ -9,7 +9,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.diagnostics import Kind
-from bristle.findings import Severity
+from bristle.findings import CRITICAL, Finding, Severity
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
@@ -132,7 +132,7 @@ def test_only_what_differs_is_widened() -> None:
     assert widened(own, lugre_fit(inertia=(None, 1e-4))) == set()
     assert widened(own, lugre_fit(alpha_0=(1.2, 0.01), alpha_1=(0.1, 0.01), inertia=(3.0, 0.01))) == {"alpha_0"}
     failed = lugre_fit(inertia=(3.1, 0.01))
-    poor = replace(failed, warnings=(Kind.UNEXPLAINED(error=30.0, noise=1.0, advice=()),))
+    poor = replace(failed, warnings=(Finding("unexplained", CRITICAL, "The error is 30 %."),))
     assert widened(own, failed) == {"inertia"}
     better = replace(lugre_fit(alpha_0=(1.0, 0.01), inertia=(3.0, 0.01)), relative_error=0.1)
     assert is_superseded(beside_moving({"both": own}, better)["both"])

@@ -14,7 +14,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, Loop
 from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, Presliding, PreslidingFit, Profile, StaticFit
 from bristle.identification.results import Input, Joint
 from bristle.identification.static.curve import curve
@@ -89,19 +89,22 @@ def costs(v: Array, torque: Array, grid: Array) -> Array:
     return np.array([np.linalg.lstsq(a, torque, rcond=None)[1][0] for a in shapes])
 
 
+STICKS = Finding("stick-slip", CAUTION, "Stick-slip: it rests.", {"swing": 0.4})
+
+
 def segments(fits: Mapping[str, StaticFit]) -> tuple[Segment, ...]:
     """The points as segments; one sticks and slips, one is rejected, one has no standard error."""
     kept = [
         Segment(
             file=f"run_{k}.csv", start=100, stop=900, velocity=float(v), torque=float(T), standard_error=NOISE if k else None,
-            accepted=True, stick_slip=k == 1, warnings=(Kind.STICK_SLIP(swing=0.4, resting=0.1),) if k == 1 else (), labels={"load": "1 kg"},
+            accepted=True, stick_slip=k == 1, warnings=(STICKS,) if k == 1 else (), labels={"load": "1 kg"},
         )
         for fit in fits.values()
         for k, (v, T) in enumerate(zip(fit.velocity, fit.torque, strict=True))
     ]  # fmt: skip  # one point, one line
     wild = Segment(
         file="wild.csv", start=0, stop=20, velocity=30.0, torque=2.0, standard_error=0.1, accepted=False,
-        reasons=(Kind.TOO_SHORT(duration=0.02, asked=Kind.DURATION_ASKED(asked=0.2), option=Kind.OR_MINIMUM_DURATION(value="0.02"), alone=True),),
+        reasons=(Finding("too-short", NOTE, "Too short: 0.02 s; 0.2 s is required.", {"duration": 0.02}),),
     )  # fmt: skip  # as above
     return (*kept, wild)
 
@@ -131,7 +134,11 @@ def gripper(name: str = "gripper rotation") -> Joint:
                 sha256="ab" * 32,
                 rows=1000,
                 dropped=3,
-                notes=(Kind.ROWS_NOT_FINITE(rows=3, first="line 7"),),
+                notes=(
+                    Finding(
+                        "rows-not-finite", CAUTION, "3 rows dropped: inf, nan or empty (first: line 7).", {"rows": 3}
+                    ),
+                ),
                 labels={"load": "1 kg"},
             ),
         ),

@@ -10,7 +10,7 @@ import pytest
 import bristle
 from bristle.api.results import Results
 from bristle.diagnostics import Kind
-from bristle.findings import Finding, Severity
+from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import chosen
 from bristle.identification.results import Joint
@@ -26,7 +26,7 @@ from .moving import moving
 EDRO = Path(__file__).parents[2] / "reports" / "edro" / "results.json"
 CRITICAL = Kind.STAGES_DO_NOT_FIT(joint=9.0, alone=1.0)
 LONG = tuple(
-    Kind.UNIT_DIFFERS(signal=f"signal {k}", files=("a_long_name_of_a_file.csv",), stated="deg", declared="rad", remedy="`unit: deg`")
+    Finding("unit-differs", CAUTION, f"The unit of signal {k} in a_long_name_of_a_file.csv is deg, and rad is declared: write `unit: deg`.")
     for k in range(20)
 )  # fmt: skip  # a list of values
 
@@ -116,7 +116,12 @@ def test_the_error_of_a_constant_is_in_the_error() -> None:
     joint = gripper()
     fit = joint.static["+"]
     wide = replace(fit.parameters["alpha_0"], value=1.0, standard_error=0.03, systematic=0.04)
-    told = Kind.TORQUE_UNCERTAIN(constants=("torque_constant 9.8 +/- 0.2 N*m/A",), rest="")
+    told = Finding(
+        "torque-uncertain",
+        NOTE,
+        "Torque: torque_constant 9.8 +/- 0.2 N*m/A.",
+        {"constants": ("torque_constant 9.8 +/- 0.2 N*m/A",), "rest": ""},
+    )
     own = replace(fit, parameters={**fit.parameters, "alpha_0": wide})
     text = words(brief_report([replace(joint, static={"+": own}, torque_scale=told)]))
     assert "alpha_0+ 1.000 +/- 0.050 N*m" in text

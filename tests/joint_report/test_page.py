@@ -12,7 +12,7 @@ from markupsafe import escape
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
+from bristle.findings import CRITICAL, Finding
 from bristle.identification.results import Joint
 from bristle.page.entries import by_code
 from bristle.page.page import save_figure, symbol_html
@@ -258,7 +258,7 @@ def test_save_figure(tmp_path: Path, record: Record) -> None:
 
 def test_a_critical_sentence_stands_once_on_the_terminal(joint: Joint) -> None:
     """What is critical about the one solve of both directions is printed once, below the verdict, and counted with each."""
-    warning = Kind.UNEXPLAINED(error=40.0, noise=3.0, advice=())
+    warning = Finding("unexplained", CRITICAL, "The relative error is 40 %.")
     static = {d: replace(fit, warnings=(warning,)) for d, fit in joint.static.items()}
     verdict, *lines = list(outcomes([replace(joint, static=static).with_subjects()]))[1:]
     assert verdict.split("  ")[:2] == [joint.name, "do not use"]

@@ -10,8 +10,8 @@ import jsonschema
 import numpy as np
 import pytest
 
-from bristle.diagnostics import Kind
-from bristle.findings import NOTE, Finding
+from bristle.estimation.interval_comparison import they_differ
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.document import document_of, joints_of
 from bristle.identification.results import Joint, adapter
 from bristle.model.parameters import Direction, ParameterName
@@ -126,10 +126,8 @@ def test_the_file_is_the_result(slow: Joint, moved: Joint) -> None:
 
 def test_a_warning_is_written_as_a_value_and_read_back(slide: Joint) -> None:
     """Kind, severity, sentence and numbers, with diagnostics, lists, NumPy's numbers, names and infinities among them; kind and numbers come back."""
-    name, inner = ParameterName("alpha_0", Direction.POSITIVE), Kind.COST_STAYS_LOW()
-    said = Kind.INTERVALS_DIFFER(
-        sides=("above", "below"), ends=(("profile", 0.5, math.inf), (name, np.float64(1), -math.inf)), reason=inner
-    )
+    name, inner = ParameterName("alpha_0", Direction.POSITIVE), Finding("cost-stays-low", CAUTION, "the cost stays low")
+    said = they_differ(("above", "below"), (("profile", 0.5, math.inf), (str(name), np.float64(1), -math.inf)), inner)
     text = results_file.to_json(
         [replace(slide, warnings=(said, Finding("plan-local", NOTE, "3 others.", {"count": np.int64(3)})))]
     )

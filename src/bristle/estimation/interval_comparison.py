@@ -1,5 +1,7 @@
 """Three intervals of one parameter side by side: where they part, and why."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from bristle.findings import CAUTION, Finding
@@ -41,13 +43,18 @@ def warnings(
     if at_bound or not sides:
         return ()
     ends = tuple((name, *interval) for name, interval in known.items() if interval is not None)
-    reason = _reason(reaches, few)
+    return (they_differ(sides, ends, _reason(reaches, few)),)
+
+
+def they_differ(sides: Sequence[str], ends: Sequence[tuple[str, float, float]], reason: Finding) -> Finding:
+    """That the intervals, each a method and its ends, differ below or above the estimate, and why."""
     told = ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends)
     message = (
         f"The 95 % bounds {' and '.join(sides)} the estimate differ by more than 1.5x between the methods ({told}): "
         f"{reason.message}."
     )
-    return (Finding("intervals-differ", CAUTION, message, {"sides": tuple(sides), "ends": ends, "reason": reason}),)
+    numbers = {"sides": tuple(sides), "ends": tuple(ends), "reason": reason}
+    return Finding("intervals-differ", CAUTION, message, numbers)
 
 
 def _part(reaches: list[float], value: float) -> bool:

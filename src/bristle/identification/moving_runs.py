@@ -4,6 +4,7 @@ Directions, regressors, inertia, the decimation filter, and what is refused befo
 """
 
 from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +18,6 @@ from bristle.data.experiment.orders import PERIODIC
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
-from bristle.diagnostics import Kind, but
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.findings import Finding
@@ -173,7 +173,7 @@ def with_orders_advised(
         if not order or order in known:
             return warning
         lines = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*known, order})))}]"
-        return but(warning, advice=(Kind.ORDER_TO_WRITE(lines=lines),))
+        return replace(warning, message=f"{warning.message} If motor or gear repeat so, write {lines} under fit.")
 
     return tuple(map(advised, warnings))
 

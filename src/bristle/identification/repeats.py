@@ -25,8 +25,9 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind, but
+from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
+from bristle.estimation.interval_comparison import they_differ
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName, least_of
@@ -272,7 +273,11 @@ def _spread_pair(ends: tuple[float, float] | None, spread: Spread) -> tuple[floa
 def _spread_warnings(warnings: Sequence[Finding], spread: Spread) -> tuple[Finding, ...]:
     """Warnings that name the ends of intervals name them as they are spread."""
     return tuple(
-        but(w, ends=tuple((way, *spread(np.array(ends)).tolist()) for way, *ends in w.numbers["ends"]))
+        they_differ(
+            w.numbers["sides"],
+            [(way, *spread(np.array(ends)).tolist()) for way, *ends in w.numbers["ends"]],
+            w.numbers["reason"],
+        )
         if w.code == "intervals-differ"
         else w
         for w in warnings

@@ -336,6 +336,13 @@ def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str
             raise InputError(f"{shown}: {str(error).removeprefix(f'{shown}: ')}") from error
 
 
+def from_current(k_t: float, unit: str) -> Finding:
+    """That the torque is the current times k_t, in that unit."""
+    return Finding(
+        "torque-from-current", NOTE, f"Torque from current: k_t = {k_t:g} {unit}.", {"k_t": k_t, "unit": unit}
+    )
+
+
 def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str | None) -> Record:
     """The record with velocity and torque, for tracking with acceleration, and with the low pass that its kind needs."""
     from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading
@@ -348,9 +355,7 @@ def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str 
     elif record.velocity is None:
         record = estimate_motion(record, fit.velocity_cutoff or of_held_speeds)
     if drive == "current" and motor is not None and record.torque is not None:
-        unit = si("k_t", experiment.context)
-        message = f"Torque from current: k_t = {motor.k_t:g} {unit}."
-        note = Finding("torque-from-current", NOTE, message, {"k_t": motor.k_t, "unit": unit})
+        note = from_current(motor.k_t, si("k_t", experiment.context))
         record = replace(record, torque=motor.k_t * record.torque, notes=(*record.notes, note))
     elif drive == "voltage" and motor is not None:
         unit = si("k_t", experiment.context)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.data.bandwidth import decimation
-from bristle.data.experiment.load import Experiment, Run
+from bristle.data.experiment.load import Experiment, Run, from_current
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.experiment.signals import Signal, Signals
 from bristle.data.record import Record
@@ -15,7 +15,7 @@ from bristle.data.robot.motion import LinkTorques, RobotMotion, read_motions, re
 from bristle.data.robot.rigid_body import RigidBody, rigid_body
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
-from bristle.diagnostics import Kind, but
+from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate
@@ -200,7 +200,8 @@ def _with_constant(
         current = np.asarray(run.record.torque)
         shifts = {**{c: K * x for c, x in run.record.torque_shifts.items()}, str(constant): current * (error or 0.0)}
         notes = tuple(
-            but(d, k_t=K * d.numbers["k_t"]) if d.code == "torque-from-current" else d for d in run.record.notes
+            from_current(K * d.numbers["k_t"], d.numbers["unit"]) if d.code == "torque-from-current" else d
+            for d in run.record.notes
         )
         scaled.append(_with(run, torque=K * current, torque_shifts=shifts, notes=notes))
     return own, tuple(scaled)

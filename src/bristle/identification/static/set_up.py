@@ -16,7 +16,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind, but
+from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import explained_beside
 from bristle.findings import Finding
 from bristle.identification.fits import StaticFit, TrackingFit
@@ -82,7 +82,10 @@ class BetterSetUp:
             return fit
         pays = Kind.SET_UP_PAYS(lines=self.lines, asked=self.asked_error, error=self.error)
         if any(warning.code == "unexplained" for warning in fit.warnings):
-            advised = (but(w, advice=(pays,)) if w.code == "unexplained" else w for w in fit.warnings)
+            advised = (
+                replace(w, message=f"{w.message} {pays.message}") if w.code == "unexplained" else w
+                for w in fit.warnings
+            )
             return replace(fit, warnings=tuple(advised))
         return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *filter(_is_other, fit.warnings)))
 
