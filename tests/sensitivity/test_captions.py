@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import bristle
-from bristle.diagnostics import Kind
+from bristle.findings import NOTE, Finding
 from bristle.identification.fisher import Information
 from bristle.questions.sensitivity.local import Map
 from bristle.questions.sensitivity.parameter_box import spans_of
@@ -119,7 +119,8 @@ def test_the_strongest_correlation(known: SensitivityStudy, matrix: list[list[fl
 
 def test_the_largest_index(known: SensitivityStudy) -> None:
     """It is that of all outputs; how many of these have none is said beside it, or in its place."""
-    bare = Output(name="breakaway torque", quantity="torque", indices=None, reason=Kind.NOTHING_CHANGES_IT())
+    nothing = Finding("nothing-changes-it", NOTE, "Nothing changes it.")
+    bare = Output(name="breakaway torque", quantity="torque", indices=None, reason=nothing)
     for outputs, expected in (
         ((WHOLE,), "vₛ has the largest total index, 0.951 ± 0.034 for the RMS friction torque."),
         (

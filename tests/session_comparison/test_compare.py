@@ -24,8 +24,7 @@ from scipy import stats
 import bristle
 from bristle.__main__ import main
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import CRITICAL, Finding
 from bristle.identification import document
 from bristle.identification.fits import Estimate
 from bristle.identification.static.fit import estimate_static
@@ -89,8 +88,7 @@ def change(compared: Comparison, parameter: str) -> Change:
 def moved(compared: Comparison) -> dict[str, float]:
     """The parameters that the sentence says changed, and by how many percent."""
     assert compared.sentence.code == "parameters-changed"
-    told: tuple[Finding, ...] = compared.sentence.numbers["changes"]
-    return {x.numbers["name"]: x.numbers["percent"] for x in told}
+    return {name: percent for _, name, percent in compared.sentence.numbers["changes"]}
 
 
 def linear(rng: np.random.Generator, n: int, shift: float = 0.0) -> SessionFit:
@@ -277,7 +275,7 @@ def test_a_set_can_change_although_none_of_its_parameters_does() -> None:
     assert found.p == pytest.approx(stats.chi2.sf(2 * found.statistic, 2), rel=1e-6)
     assert found.changed
     assert not any(c.changed for c in compared.changes)
-    assert compared.sentence == Kind.ONLY_SETS_CHANGED(compared=2, fits=("static +",), rest="")
+    assert (compared.sentence.code, compared.sentence.numbers["fits"]) == ("only-sets-changed", ("static +",))
 
 
 def test_a_set_without_a_changed_parameter_is_named_beside_those_that_changed() -> None:
@@ -288,10 +286,10 @@ def test_a_set_without_a_changed_parameter_is_named_beside_those_that_changed() 
     ]
     compared = compare(*moved)
     assert [str(c.parameter) for c in compared.changes if c.changed] == ["inertia"]
-    assert compared.sentence.numbers["sets"] == Kind.SETS_CHANGED_TOO(fits=("static +",))
+    assert "As a set, though none alone, so did those of the fit static +." in str(compared.sentence)
     apart = compare(session(correlated(0.0)), session(correlated(9.0)))
     assert apart.sets[0].changed
-    assert apart.sentence.numbers["sets"] == ""
+    assert apart.sentence.numbers["fits"] == ()
 
 
 def test_one_small_p_among_many_is_no_change() -> None:
@@ -314,10 +312,11 @@ def test_a_session_does_not_differ_from_itself() -> None:
     assert [c.z for c in compared.changes] == [0.0, 0.0]
     assert not any(c.changed for c in compared.changes)
     assert not any(x.changed for x in compared.sets)
-    assert compared.sentence == Kind.NONE_CHANGED(compared=2, rest="")
-    assert compared.warnings == (Kind.FILES_ALL_SHARED(joint="wrist"),)
+    assert str(compared.sentence) == "None of 2 parameters changed beyond its joint uncertainty."
+    assert [x.code for x in compared.warnings] == ["files-all-shared"]
     more = session(correlated(0.3), inputs=("abc", "def"))
-    assert compare(own, more).warnings == (Kind.FILES_SHARED(joint="wrist", same=1, files=2),)
+    (shared,) = compare(own, more).warnings
+    assert (shared.code, shared.numbers) == ("files-shared", {"same": 1, "files": 2})
     assert not compare(own, session(correlated(0.3), inputs=("def",))).warnings
 
 
@@ -332,19 +331,20 @@ def test_what_cannot_be_compared_is_listed_with_its_reason() -> None:
     more = fit_of(source="tracking", parameters={"sigma_0": estimate(2.0)})
     other = fit_of(source="presliding +", parameters={"sigma_0": estimate(2.0)})
     compared = compare(session(first, more), session(second, other))
-    assert {str(c.parameter): c.verdict for c in compared.changes} == {
-        name: Kind.NOT_COMPARABLE(why=why)
+    elsewhere = "session has it in other directions; identify both with the same fit.directions"
+    assert {str(c.parameter): str(c.verdict) for c in compared.changes} == {
+        name: f"Not comparable: {why}."
         for name, why in {
-            "alpha_0": Kind.IN_OTHER_DIRECTIONS(which="second"),
-            "alpha_0+": Kind.IN_OTHER_DIRECTIONS(which="first"),
-            "alpha_1": Kind.NOT_IDENTIFIABLE_IN(where=Kind.ONE_SESSION(which="first")),
-            "v_s": Kind.OPEN_IN(where=Kind.BOTH_SESSIONS()),
-            "alpha_2": Kind.NOT_IN_SESSION(which="second"),
-            "sigma_0": Kind.OF_OTHER_STAGES(),
+            "alpha_0": f"the second {elsewhere}",
+            "alpha_0+": f"the first {elsewhere}",
+            "alpha_1": "it is not identifiable in the first session",
+            "v_s": "its interval is open, or one-sided, in both sessions",
+            "alpha_2": "the second session does not have it",
+            "sigma_0": "the sessions have it from different stages",
         }.items()
     }
     assert {c.changed for c in compared.changes} == {None}
-    assert compared.sentence == Kind.NOTHING_COMPARED()
+    assert compared.sentence.code == "nothing-compared"
 
 
 def test_the_fit_to_use_is_the_first_that_both_know_and_trust() -> None:
@@ -354,11 +354,13 @@ def test_the_fit_to_use_is_the_first_that_both_know_and_trust() -> None:
     )
     assert change(compare(session(joint, moving, points), session(joint, moving, points)), "alpha_0").source == "joint"
     assert change(compare(session(moving, points), session(joint, moving, points)), "alpha_0").source == "tracking"
-    bad = replace(moving, distrusted=Kind.NOT_CONVERGED())
+    bad = replace(moving, distrusted=Finding("not-converged", CRITICAL, "It did not converge."))
     compared = compare(session(bad, points), session(moving, points))
     assert change(compared, "alpha_0").source == "static both"
-    distrusted = Kind.FIT_DISTRUSTED(joint="wrist", source="tracking", why=Kind.NOT_CONVERGED())
-    assert compared.warnings == (distrusted,)
+    (warning,) = compared.warnings
+    assert warning.code == "fit-distrusted"
+    assert str(warning).startswith("wrist: the tracking fit is used only")
+    assert str(warning).endswith("It did not converge.")
     assert change(compare(session(bad), session(moving)), "alpha_0").source == "tracking"
 
 
@@ -367,14 +369,15 @@ def test_a_model_that_differs_between_sessions_is_doubted() -> None:
     full = fit_of(source="static +", parameters={"alpha_0+": estimate(1.0), "alpha_1+": estimate(1.0)})
     flat = fit_of(source="static +", parameters={"alpha_0+": estimate(2.0), "alpha_1+": estimate(None)})
     (warning,) = compare(session(full), session(flat)).warnings
-    assert warning == Kind.MODELS_DIFFER(joint="wrist", terms=("alpha_1+",), which="first", source="static +")
+    assert (warning.code, warning.numbers["terms"]) == ("models-differ", ("alpha_1+",))
+    assert "of the first session alone by its static + fit" in str(warning)
 
 
 def test_one_share_of_all_torques_hints_at_their_scale() -> None:
     """Friction and inertia all up by a tenth: perhaps the motor constant; the single causes are not guessed at then."""
     names = ("alpha_0+", "alpha_2+", "inertia")
     compared = compare(session(plain(dict.fromkeys(names, 10.0), 0.1)), session(plain(dict.fromkeys(names, 11.0), 0.1)))
-    assert compared.hints == (Kind.TORQUE_SCALE(joint="wrist"),)
+    assert [x.code for x in compared.hints] == ["torque-scale"]
     assert moved(compared) == pytest.approx(dict.fromkeys(names, 10.0))
 
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit
 from bristle.questions.sensitivity.local import claimed, ranked
@@ -21,57 +20,89 @@ _SMALL_INDEX = 0.05
 
 def findings(study: SensitivityStudy) -> tuple[Finding, ...]:
     """Whether the paper's claim holds, along the motion and over the map, and what each measurement would tell."""
-    total, settled, names = study.local.shares(), study.settled, study.local.names
-    order, at_fixed_z = (ranked(x, names)[:_NAMED] for x in (total, study.local.shares(partial=True)))
-    claim = (Kind.CLAIM_HOLDS if claimed(total, names) else Kind.CLAIM_FAILS)(
-        amplitude=study.motion.amplitude, unit=unit("position", study.kind), frequency=study.motion.frequency, largest=_largest(total, names),
-        settled=Kind.ONCE_SETTLED(largest=_largest(settled, names)) if ranked(settled, names)[:_NAMED] != order else "",
-    )  # fmt: skip  # a list of values
-    other = (Kind.OTHER_AT_FIXED_Z(names=at_fixed_z),) if at_fixed_z != order else ()
-    return (claim, *other, _claim_over_map(study), *map(_told_by, study.expected))
+    total, at_fixed_z, names = study.local.shares(), study.local.shares(partial=True), study.local.names
+    holds, largest, settled = claimed(total, names), _largest(total, names), _largest(study.settled, names)
+    later = f" In its last period, after the bristle's first deflection: {_listed(settled)}."
+    message = (
+        f"The paper's claim that alpha_0 and alpha_2 matter most {'holds' if holds else 'does not hold'} for "
+        f"{study.motion.amplitude:.3g} {unit('position', study.kind)} at {study.motion.frequency:.3g} Hz: "
+        f"RMS of p dT/dp relative to that of T: {_listed(largest)} (total).{later if list(settled) != list(largest) else ''}"
+    )
+    numbers = {
+        "amplitude": study.motion.amplitude,
+        "frequency": study.motion.frequency,
+        "largest": tuple(largest.items()),
+    }
+    found = [Finding("claim-holds" if holds else "claim-fails", NOTE, message, numbers)]
+    first = ranked(at_fixed_z, names)[:_NAMED]
+    if first != tuple(largest):
+        message = f"At fixed z the order would be {', '.join(first)}: the bristle's response to a parameter matters."
+        found.append(Finding("other-at-fixed-z", NOTE, message, {"names": first}))
+    return (*found, _claim_over_map(study), *map(_told_by, study.expected))
 
 
-def _largest(shares: Array, names: Sequence[str]) -> tuple[tuple[str, float], ...]:
-    """The largest of the shares, (6,), each after its parameter's name."""
+def _largest(shares: Array, names: Sequence[str]) -> dict[str, float]:
+    """The largest of the shares, (6,), by the parameter's name, in their order."""
     by_name = dict(zip(names, shares.tolist(), strict=True))
-    return tuple((name, by_name[name]) for name in ranked(shares, names)[:_NAMED])
+    return {name: by_name[name] for name in ranked(shares, names)[:_NAMED]}
+
+
+def _listed(shares: dict[str, float]) -> str:
+    return ", ".join(f"{name} {share:.2g}" for name, share in shares.items())
 
 
 def _claim_over_map(study: SensitivityStudy) -> Finding:
     """Where on the map the claim holds: at the lowest, the motion's own and the highest frequency."""
     claim, amplitudes, frequencies = study.map.claim, study.map.amplitudes, study.map.frequencies
-    parts = []
+    where = []
     for j in dict.fromkeys((0, int(np.argmin(np.abs(frequencies - study.motion.frequency))), frequencies.size - 1)):
-        broken, f = np.flatnonzero(~claim[:, j]), frequencies[j]
+        broken, at = np.flatnonzero(~claim[:, j]), f"at {frequencies[j]:.2g} Hz"
         if broken.size == 0:
-            parts.append(Kind.AT_EVERY_AMPLITUDE(frequency=f))
+            where.append(f"{at} at every amplitude")
         elif broken[-1] + 1 == amplitudes.size:
-            parts.append(Kind.NOT_AT_THE_LARGEST(frequency=f))
+            where.append(f"{at} not at the largest amplitude")
         else:
-            least = amplitudes[broken[-1] + 1]
-            parts.append(Kind.FROM_AMPLITUDE(frequency=f, amplitude=least, unit=unit("position", study.kind)))
-    first = tuple(study.map.names[k] for k in np.unique(study.map.first))
-    return Kind.CLAIM_ON_MAP(motions=claim.size, held=int(claim.sum()), where=tuple(parts), first=first)
+            where.append(f"{at} from {amplitudes[broken[-1] + 1]:.2g} {unit('position', study.kind)} up")
+    first, held = tuple(study.map.names[k] for k in np.unique(study.map.first)), int(claim.sum())
+    message = (
+        f"Of {claim.size} motions on the map it holds for {held}: {', '.join(where)}. "
+        f"Parameters that rank first somewhere: {', '.join(first)}."
+    )
+    return Finding("claim-on-map", NOTE, message, {"motions": claim.size, "held": held, "first": first})
 
 
 def _told_by(expected: Expected) -> Finding:
     """Which parameters a measurement identifies, and which combinations it hardly does."""
-    names, more = expected.information.names, expected.information.unseen
+    names, more = expected.information.names, "".join(f" {x.message}" for x in expected.information.unseen)
     lost = tuple(name for name, seen in zip(names, expected.seen, strict=True) if not seen)
-    return (Kind.NOT_TOLD if lost else Kind.ALL_TOLD)(what=expected.what, names=lost or names, more=more)
+    if not lost:
+        message = f"From {expected.what} alone all of {', '.join(map(str, names))} are identifiable.{more}"
+        return Finding("all-told", NOTE, message, {"names": names})
+    message = (
+        f"From {expected.what} alone {', '.join(map(str, lost))} would not be identifiable "
+        f"(standard error over half the value).{more}"
+    )
+    return Finding("not-told", CAUTION, message, {"names": lost})
 
 
 def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
     """Each output's parameters by their share of its variance, then what was drawn and what is not in it."""
-    spans = tuple(
-        (Kind.DRAWN_LOGARITHM if s.logarithmic else Kind.DRAWN_SPAN)(name=s.parameter, low=s.low, high=s.high)
-        for s in sobol.spans
+    spans = ", ".join(
+        f"{s.parameter} [{s.low:.3g}, {s.high:.3g}]{' (log-uniform)' if s.logarithmic else ''}" for s in sobol.spans
     )
-    reference = {"amplitude": sobol.amplitude, "unit": unit("position", kind), "frequency": sobol.frequency}
+    drawn = (
+        "Parameters are drawn uniformly unless stated otherwise, and independently, although those of a fit are "
+        f"correlated: {spans}. Seed {sobol.seed}."
+    )
+    simulated = (
+        f"SIMULATED: a sine of {sobol.amplitude:.3g} {unit('position', kind)} at {sobol.frequency:.3g} Hz; in the loop the "
+        "compensator keeps the nominal parameters while the plant is drawn. ± of an index is its "
+        f"{100 * LEVEL:.0f} % bootstrap interval, which is conservative for these samples."
+    )
     return (
         *(_variance_shares(output, kind) for output in sobol.outputs),
-        Kind.DRAWN_FROM(spans=spans, seed=sobol.seed),
-        Kind.INDICES_SIMULATED(**reference, level=LEVEL),
+        Finding("drawn-from", NOTE, drawn, {"spans": tuple(map(tuple, sobol.spans)), "seed": sobol.seed}),
+        Finding("indices-simulated", NOTE, simulated, {"amplitude": sobol.amplitude, "frequency": sobol.frequency}),
     )
 
 
@@ -79,15 +110,19 @@ def _variance_shares(output: Output, kind: JointKind) -> Finding:
     """An output's parameters by their share of its variance, the largest first, or why there are none."""
     start, indices = output.heading(kind), output.indices
     if indices is None:
-        return Kind.NO_INDICES(output=start, why=output.reason)
+        return Finding("no-indices", NOTE, f"{start}: {output.reason}")
     largest_first = sorted(indices.effects, key=lambda e: -e.total)
-    listed = tuple(
-        Kind.SOBOL_INDEX(name=e.parameter, total=e.total, half=e.total_half, first=e.first)
+    listed = ", ".join(
+        f"{e.parameter} {e.total:.2f} ± {e.total_half:.2f} ({e.first:.2f} alone)"
         for k, e in enumerate(largest_first)
         if k == 0 or e.total >= _SMALL_INDEX
     )
     share = 1 - sum(e.first for e in indices.effects)
-    return Kind.SOBOL_INDICES(
-        output=start, indices=listed, more=Kind.INTERACTIONS(share=share) if share >= _SMALL_INDEX else "",
-        samples=indices.samples, evaluations=indices.evaluations,
-    )  # fmt: skip  # a list of values
+    more = f"; interactions account for {share:.2f}" if share >= _SMALL_INDEX else ""
+    message = f"{start}: total index {listed}{more}; {indices.samples} samples, {indices.evaluations} evaluations."
+    numbers = {
+        "total": tuple((e.parameter, e.total) for e in largest_first),
+        "samples": indices.samples,
+        "evaluations": indices.evaluations,
+    }
+    return Finding("sobol-indices", NOTE, message, numbers)

@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 import casadi as ca
 
 from bristle.control.adaptation import printed
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.model import law
 from bristle.model.formula import Formula, abbreviated, as_latex, as_text, formula_of
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -63,13 +62,24 @@ class Formulas:
 
     def sentences(self) -> tuple[Finding, ...]:
         """What the printed (19) is, compared term by term with CasADi's derivatives, and what the formulas are of."""
-        more = [Kind.FORMULAS_AS_MEASURED(fastest=FASTEST)] if self.law.terms else []
-        if self.printed is None:
-            return Kind.TOTAL_DERIVATIVES(), *more
-        same = tuple(f"dT_f/d{name}" for name in self.printed_is)
-        extra = "" if "alpha_0" in self.printed_is else Kind.PRINTED_IS_ANOTHER()
-        is_ = Kind.PRINTED_IS(derivatives=same, extra=extra) if same else Kind.PRINTED_IS_NONE(extra=extra)
-        return is_, Kind.TOTAL_DERIVATIVES(), *more
+        found = []
+        if self.printed is not None:
+            same = ", ".join(f"dT_f/d{name}" for name in self.printed_is) or "none of these derivatives"
+            extra = "" if "alpha_0" in self.printed_is else " It is not dT_f/dalpha_0, which it is said to be."
+            message = f"The right-hand side of the paper's (19) is, term by term, {same}.{extra}"
+            found.append(Finding("printed-is", NOTE, message, {"parameters": self.printed_is}))
+        message = (
+            "Total derivatives add dT_f/dz dz/dp, with z through the whole motion; "
+            "in steady sliding they are those of T_ss above."
+        )
+        found.append(Finding("total-derivatives", NOTE, message))
+        if self.law.terms:
+            message = (
+                f"Viscous friction is written as it is up to {FASTEST}, the fastest speed measured; where one of its "
+                "coefficients is negative, it stays beyond as large as there."
+            )
+            found.append(Finding("formulas-as-measured", NOTE, message))
+        return tuple(found)
 
     def text(self) -> str:
         """What `bristle sensitivity --symbolic` prints."""

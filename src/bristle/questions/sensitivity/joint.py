@@ -5,9 +5,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from bristle.data.units import positive_si
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import (
     DEFLECTION,
@@ -147,10 +146,24 @@ def of_gripper(
         if e is not None:
             estimates[ParameterName(name, Direction.BOTH)] = e
     assumptions = (
-        Kind.GRIPPER_FRICTION(),
-        Kind.GRIPPER_INTERVALS(),
-        Kind.GRIPPER_NOISE(),
-        Kind.GRIPPER_REFERENCE(),
+        Finding(
+            "gripper-friction",
+            NOTE,
+            "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers.",
+        ),
+        Finding(
+            "gripper-intervals",
+            CAUTION,
+            "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these "
+            "numbers; the paper gives none.",
+        ),
+        Finding("gripper-noise", CAUTION, "Noise: of the same simulated logs."),
+        Finding(
+            "gripper-reference",
+            CAUTION,
+            "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; "
+            "the paper names no motion.",
+        ),
     )
     return KnownFriction(p, estimates, (), assumptions), moved, subject
 
@@ -160,7 +173,8 @@ def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) 
     directions = known.directions
     assumptions = [*without_load(joint), *([joint.torque_scale] if joint.torque_scale else [])]
     if len(directions) == 1 and directions != (Direction.BOTH,):
-        assumptions.append(Kind.ONE_DIRECTION_KNOWN(direction=directions[0]))
+        message = f"Only direction {directions[0]} is known; it is used for both."
+        assumptions.append(Finding("one-direction-known", CAUTION, message, {"direction": directions[0]}))
     identified = inertia_of(measured.experiment, joint)
     J = identified or guessed_inertia(max(known.values(d)["alpha_0"] for d in directions), limits.acceleration)
     sets, estimates, assumed = [], dict[ParameterName, Estimate](), list[ParameterName]()
@@ -169,23 +183,23 @@ def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) 
         sets.append(p)
         own = d if len(directions) > 1 else Direction.BOTH
         assumed += [ParameterName(name, own) for name in missing]
-        assumptions += [
-            Kind.BRISTLE_ASSUMED(
-                name=ParameterName(name, own), value=getattr(p, name), unit=unit(name, joint.kind), how=how
+        for name, how in _how(missing, None if identified else J, joint.kind).items():
+            guessed, value = ParameterName(name, own), getattr(p, name)
+            message = (
+                f"{guessed}: not identifiable from these data; assumed {value:.3g} {unit(name, joint.kind)}, {how}."
             )
-            for name, how in _how(missing, None if identified else J, joint.kind).items()
-        ]
+            assumptions.append(Finding("bristle-assumed", CAUTION, message, {"name": guessed, "value": value}))
         for parameter, e in known.estimates.items():
             if of_friction(parameter.name) and parameter.direction in (d, Direction.BOTH):
                 estimates[parameter if len(directions) > 1 else parameter._replace(direction=own)] = e
     return KnownFriction(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(assumptions))
 
 
-def _how(missing: Sequence[str], guessed_J: float | None, kind: JointKind) -> dict[str, Finding]:
+def _how(missing: Sequence[str], guessed_J: float | None, kind: JointKind) -> dict[str, str]:
     """How each parameter that the data do not show was found; `guessed_J` is the inertia (kg*m**2) where that is a guess."""
-    inertia = "" if guessed_J is None else Kind.WITH_GUESSED_INERTIA(J=guessed_J, unit=unit("inertia", kind))
+    inertia = "" if guessed_J is None else f" and a guessed inertia of {guessed_J:.2g} {unit('inertia', kind)}"
     guesses = {
-        "sigma_0": Kind.DEFLECTION_OF_TRAVEL(share=DEFLECTION),
-        "sigma_1": Kind.WITH_DAMPING_RATIO(ratio=DAMPING_RATIO, inertia=inertia),
+        "sigma_0": f"from a deflection of {DEFLECTION:g} of the travel",
+        "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}{inertia}",
     }
-    return {name: guesses.get(name, Kind.AS_HELD()) for name in missing}
+    return {name: guesses.get(name, "as it was held in the fit") for name in missing}

@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import Estimate
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import (
@@ -112,11 +111,15 @@ def box_of(
         if not of_friction(bare) or bare == FASTEST or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], least) < e.interval[1]:
-            notes.append(Kind.BOX_HELD(name=name, value=e.value, unit=e.unit))
+            message = f"{name}: no finite 95 % interval; it is held at {e.value:.3g} {e.unit}."
+            notes.append(Finding("box-held", CAUTION, message, {"name": name, "value": e.value}))
             continue
         low, high = e.interval
         if not is_possible(bare, low):
             low = _SMALL * min(e.value, high) if is_positive(bare) else least
-            notes.append(Kind.BOX_CUT(name=name, low=low, unit=e.unit))
+            message = (
+                f"{name}: its interval includes impossible values; it is drawn from {low:.3g} {e.unit} up (assumed)."
+            )
+            notes.append(Finding("box-cut", CAUTION, message, {"name": name, "low": low}))
         box[name] = (low, high)
     return box, tuple(notes)

@@ -13,9 +13,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model import functions
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Pair, ParameterName, effort, lugre_of, unit
@@ -288,7 +287,8 @@ def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array
     indices = _analysed(spans, values, seed)
     if indices.effects:
         return Output(name=name, quantity=quantity, indices=indices)
-    return Output(name=name, quantity=quantity, indices=None, reason=Kind.NOTHING_CHANGES_IT())
+    why = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
+    return Output(name=name, quantity=quantity, indices=None, reason=why)
 
 
 def _tracking_output(
@@ -303,10 +303,13 @@ def _tracking_output(
             raise InputError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
         errors = _batched(error, points, _BATCH)
     except InputError as refused:
-        why = Kind.PLANTS_REFUSED(why=str(refused))
+        why = Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
         return Output(name=TRACKING, quantity="position", indices=None, reason=why)
     diverged = int(np.count_nonzero(~(errors < _LOST * subject.amplitude)))
     if diverged:
-        why = Kind.LOOP_DIVERGES(diverged=diverged, drawn=errors.size)
+        message = (
+            f"The loop diverges with {diverged} of the {errors.size} plants drawn; narrow the box, or lower the gains."
+        )
+        why = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": errors.size})
         return Output(name=TRACKING, quantity="position", indices=None, reason=why)
     return _output(TRACKING, "position", spans, errors, seed)

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
@@ -176,16 +175,20 @@ def _sobol(
 ) -> tuple[Global | None, tuple[Finding, ...]]:  # fmt: skip
     """Sobol indices over the intervals, or why there are none."""
     if not samples:
-        return None, (Kind.SOBOL_NOT_ASKED(),)
+        return None, (Finding("sobol-not-asked", NOTE, "Sobol indices were not asked for (samples: 0)."),)
     if isinstance(loop, str):
-        return None, (Kind.NO_SOBOL(why=loop),)
+        return None, _no_sobol(loop)
     if not box:
-        return None, (Kind.SOBOL_WITHOUT_INTERVALS(),)
+        return None, _no_sobol("no parameter has a finite interval")
     along_motion = replace(loop, amplitude=motion.amplitude, frequency=motion.frequency)
     try:
         return global_sensitivity(model.p, box, along_motion, samples=samples, seed=SEED, progress=progress), ()
     except InputError as error:
-        return None, (Kind.NO_SOBOL(why=str(error)),)
+        return None, _no_sobol(str(error))
+
+
+def _no_sobol(why: str) -> tuple[Finding, ...]:
+    return (Finding("no-sobol", NOTE, f"No Sobol indices: {why}."),)
 
 
 def _formulas(law: Law) -> tuple[Formulas | None, tuple[Finding, ...]]:
@@ -193,7 +196,7 @@ def _formulas(law: Law) -> tuple[Formulas | None, tuple[Finding, ...]]:
     try:
         return formulas(law), ()
     except ValueError as error:  # no SymPy, or a law with an operation that no formula has
-        return None, (Kind.NO_FORMULAS(why=str(error)),)
+        return None, (Finding("no-formulas", NOTE, f"No formulas: {error}."),)
 
 
 def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Expected:
@@ -227,7 +230,12 @@ def _expected(
     kept = [k for k, name in enumerate(full.names) if name not in held]
     names = tuple(full.names[k] for k in kept)
     information = Information(names=names, point=full.point[kept], matrix=full.matrix[np.ix_(kept, kept)])
-    return Expected(what, information, errors, (noise, Kind.HELD_AS_KNOWN(names=tuple(held))) if held else (noise,))
+    if not held:
+        return Expected(what, information, errors, (noise,))
+    message = f"Taken as known, because the joint's own fit has none: {', '.join(map(str, held))}."
+    return Expected(
+        what, information, errors, (noise, Finding("held-as-known", CAUTION, message, {"names": tuple(held)}))
+    )
 
 
 def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[float, Finding]:
@@ -236,12 +244,17 @@ def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[
     if fit is not None and fit.quantity == "torque" and fit.rms > 0:
         steps = np.diff(fit.time)
         between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
-        correlated = Kind.TIMES_FOR_CORRELATION(ratio=np.sqrt(variance_inflation)) if variance_inflation > 1 else ""
-        source = Kind.NOISE_OF_FIT(rms=fit.rms, unit=torque_unit, step=between, correlated=correlated)
+        ratio = np.sqrt(variance_inflation)
+        correlated = f", times {ratio:.1f} for their correlation" if ratio > 1 else ""
+        message = f"Noise: residuals of the moving runs' fit, {fit.rms:.2g} {torque_unit} per sample every {between:.3g} s{correlated}."
+        source = Finding("noise-of-fit", NOTE, message, {"rms": fit.rms, "step": between, "ratio": ratio})
         return fit.rms * float(np.sqrt(variance_inflation * between / period)), source
     noise = _NOISE * float(np.mean([one.alpha_0 for one in ([p] if isinstance(p, Lugre) else p)]))
-    source = Kind.NOISE_ASSUMED(noise=noise, unit=torque_unit, share=_NOISE)
-    return noise * float(np.sqrt(1e-3 / period)), source
+    message = (
+        f"Noise: assumed white, {noise:.2g} {torque_unit} ({100 * _NOISE:.0f} % of alpha_0) at 1 kHz; "
+        "standard errors are proportional to it."
+    )
+    return noise * float(np.sqrt(1e-3 / period)), Finding("noise-assumed", CAUTION, message, {"noise": noise})
 
 
 def _constant_velocities_tell(joint: Joint) -> Expected | None:
@@ -265,4 +278,5 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
         held += [name for name, e in estimates.items() if e is None or e.value is None]
     point = np.concatenate([p[: len(static)] for p in sets.values()])
     information = Information(names=names, point=point, matrix=matrix)
-    return _expected("the constant velocities", information, errors, Kind.NOISE_OF_STATIC_FIT(), held)
+    noise = Finding("noise-of-static-fit", NOTE, "Noise: the scatter of the points about the static fit.")
+    return _expected("the constant velocities", information, errors, noise, held)

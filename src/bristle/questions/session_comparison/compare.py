@@ -16,13 +16,12 @@ import numpy as np
 from scipy.special import fdtrc, stdtr, stdtrit
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate
 from bristle.identification.systematic import shifted, statistical
 from bristle.model.parameters import ParameterName, of_shape
-from bristle.questions.session_comparison.explain import hints, incomparable, sentence, verdict, warnings
+from bristle.questions.session_comparison.explain import NO_CHANGE, hints, incomparable, sentence, verdict, warnings
 from bristle.questions.session_comparison.results import (
     Change,
     Comparison,
@@ -168,7 +167,7 @@ def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
     error = abs(value / z) if z else hypot(a.standard_error or 0.0, b.standard_error or 0.0)
     return Change(
         joint=joint, parameter=name, unit=a.unit, source=pair.first.source, first=a, second=b,
-        difference=value, error=error, z=z, p=p, verdict=Kind.NO_CHANGE(),
+        difference=value, error=error, z=z, p=p, verdict=NO_CHANGE,
     )  # fmt: skip  # a list of values
 
 

@@ -4,8 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from bristle.diagnostics import Kind
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.model.parameters import ParameterName
 from bristle.questions.session_comparison.results import Change, Session, SessionJoint, SetChange, alike, pairs, usable
@@ -14,13 +13,7 @@ _ALIKE = 0.5
 """Shares that differ by less than this part of their mean are one share."""
 _LARGE = 1e6
 """A change of more percent is told by its power of ten."""
-_CAUSES = {
-    "alpha_0": (Kind.ALPHA_0_ROSE, Kind.ALPHA_0_FELL),
-    "alpha_2": (Kind.ALPHA_2_ROSE, Kind.ALPHA_2_FELL),
-    "sigma_0": (Kind.SIGMA_0_ROSE, Kind.SIGMA_0_FELL),
-    "inertia": (Kind.INERTIA_ROSE, Kind.INERTIA_FELL),
-}
-"""Of what rose, and of what fell."""
+NO_CHANGE = Finding("no-change", NOTE, "No change beyond the joint uncertainty.")
 
 
 def incomparable(joint: str, name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> Change:
@@ -34,7 +27,7 @@ def incomparable(joint: str, name: ParameterName, first: SessionJoint, second: S
         source="",
         first=a,
         second=b,
-        verdict=Kind.NOT_COMPARABLE(why=_why_not(name, first, second, same=same)),
+        verdict=Finding("not-comparable", NOTE, f"Not comparable: {_why_not(name, first, second, same=same)}."),
     )
 
 
@@ -44,74 +37,75 @@ def _any(session: SessionJoint, name: ParameterName) -> Estimate | None:
     return next((e for e in found if e.value is not None), found[0] if found else None)
 
 
-def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> Finding:
+def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> str:
     if not alike(name.name, first.law, second.law):
-        return Kind.OF_OTHER_LAWS()
+        return "it means another thing in the law of each session"
     told = {"first": _any(first, name), "second": _any(second, name)}
     for which, session in (("first", first), ("second", second)):
         if told[which] is None:
             others = {n.name for fit in session.fits for n in fit.parameters}
-            return (Kind.IN_OTHER_DIRECTIONS if name.name in others else Kind.NOT_IN_SESSION)(which=which)
+            if name.name in others:
+                return f"the {which} session has it in other directions; identify both with the same fit.directions"
+            return f"the {which} session does not have it"
     unknown = [which for which, e in told.items() if e is None or e.value is None]
     if unknown:
-        return Kind.NOT_IDENTIFIABLE_IN(where=_the(unknown))
+        return f"it is not identifiable in {_the(unknown)}"
     if not same:
-        return Kind.OF_OTHER_STAGES()
-    return Kind.OPEN_IN(where=_the([which for which, e in told.items() if e is None or not usable(e)]))
+        return "the sessions have it from different stages"
+    opened = [which for which, e in told.items() if e is None or not usable(e)]
+    return f"its interval is open, or one-sided, in {_the(opened)}"
 
 
-def _the(which: Sequence[str]) -> Finding:
-    return Kind.ONE_SESSION(which=which[0]) if len(which) == 1 else Kind.BOTH_SESSIONS()
+def _the(which: Sequence[str]) -> str:
+    return f"the {which[0]} session" if len(which) == 1 else "both sessions"
 
 
 def verdict(c: Change, *, changed: bool) -> Finding:
     """What became of one parameter."""
     if not changed:
-        return Kind.NO_CHANGE()
-    return Kind.ROSE() if (c.difference or 0.0) > 0 else Kind.FELL()
+        return NO_CHANGE
+    if (c.difference or 0.0) > 0:
+        return Finding("rose", NOTE, "Rose beyond the joint uncertainty.")
+    return Finding("fell", NOTE, "Fell beyond the joint uncertainty.")
 
 
 def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Finding:
     """The overall verdict."""
     compared = [c for c in changes if c.changed is not None]
     if not compared:
-        return Kind.NOTHING_COMPARED()
+        message = "Nothing can be compared: no parameter has a closed interval from the same stage in both sessions."
+        return Finding("nothing-compared", CAUTION, message)
     moved = [c for c in compared if c.changed]
-    several = len({c.joint for c in changes}) > 1
-    left = len(changes) - len(compared)
-    rest = Kind.MORE_NOT_COMPARABLE(count=left) if left else ""
-    if moved:
-        return Kind.PARAMETERS_CHANGED(
-            moved=len(moved),
-            compared=len(compared),
-            changes=tuple(_change(c, several=several) for c in moved),
-            sets=_together(moved, sets, several=several),
-            rest=rest,
-        )
-    together = tuple(_named(x, several=several) for x in sets if x.changed)
-    if together:
-        return Kind.ONLY_SETS_CHANGED(compared=len(compared), fits=together, rest=rest)
-    return Kind.NONE_CHANGED(compared=len(compared), rest=rest)
-
-
-def _together(moved: Sequence[Change], sets: Sequence[SetChange], *, several: bool) -> Finding | str:
-    """The sets that changed without any of their parameters doing so alone; empty where there are none."""
     alone = {(c.joint, c.parameter) for c in moved}
     silent = [x for x in sets if x.changed and alone.isdisjoint((x.joint, name) for name in x.names)]
-    fits = tuple(_named(x, several=several) for x in silent)
-    return Kind.SETS_CHANGED_TOO(fits=fits) if fits else ""
+    several = len({c.joint for c in changes}) > 1
+    fits = tuple(f"{x.joint}, {x.source}" if several else x.source for x in silent)
+    left = len(changes) - len(compared)
+    rest = f" {left} more cannot be compared." if left else ""
+    if moved:
+        listed = ", ".join(_change(c, several=several) for c in moved)
+        together = f" As a set, though none alone, so did those of the fit {'; '.join(fits)}." if fits else ""
+        message = f"{len(moved)} of {len(compared)} parameters changed beyond their joint uncertainty: {listed}.{together}{rest}"
+        percents = tuple((c.joint, str(c.parameter), c.percent) for c in moved)
+        return Finding(
+            "parameters-changed", NOTE, message, {"compared": len(compared), "changes": percents, "fits": fits}
+        )
+    if fits:
+        message = (
+            f"None of {len(compared)} parameters changed beyond its joint uncertainty alone, but as a set those of "
+            f"{'; '.join(fits)} did: the friction changed, and which of them is not told apart.{rest}"
+        )
+        return Finding("only-sets-changed", NOTE, message, {"compared": len(compared), "fits": fits})
+    message = f"None of {len(compared)} parameters changed beyond its joint uncertainty.{rest}"
+    return Finding("none-changed", NOTE, message, {"compared": len(compared)})
 
 
-def _named(x: SetChange, *, several: bool) -> str:
-    return f"{x.joint}, {x.source}" if several else x.source
-
-
-def _change(c: Change, *, several: bool) -> Finding | str:
+def _change(c: Change, *, several: bool) -> str:
     """A parameter that changed, and by how many percent of the first session's value, where that is not zero."""
     name = f"{c.joint} {c.parameter}" if several else str(c.parameter)
     if c.percent is None:
         return name
-    return (Kind.CHANGED_BY if abs(c.percent) < _LARGE else Kind.CHANGED_BY_POWERS)(name=name, percent=c.percent)
+    return f"{name} ({c.percent:+.1f} %)" if abs(c.percent) < _LARGE else f"{name} ({c.percent:+.1e} %)"
 
 
 def hints(changes: Sequence[Change]) -> Iterator[Finding]:
@@ -124,14 +118,40 @@ def _hints_of(joint: str, own: Sequence[Change]) -> Iterator[Finding]:
     torques = [c for c in own if c.parameter.name in ("alpha_0", "alpha_2", "inertia")]
     shares = [(c.difference or 0.0) / abs(c.first.value) for c in torques if c.first and c.first.value]
     if len(shares) > 2 and any(c.changed for c in torques) and np.ptp(shares) < _ALIKE * abs(np.mean(shares)):
-        yield Kind.TORQUE_SCALE(joint=joint)
+        message = (
+            f"{joint}: friction and inertia changed by the same ratio; "
+            "that may be the torque's scale (motor constant, drive gain), not the friction."
+        )
+        yield Finding("torque-scale", NOTE, message)
         return
-    for name, (rose, fell) in _CAUSES.items():
+    for name in ("alpha_0", "alpha_2", "sigma_0", "inertia"):
         found = [c for c in own if c.parameter.name == name]
         signs = {(c.difference or 0.0) > 0 for c in found}
-        if any(c.changed for c in found) and len(signs) == 1:
-            everywhere = Kind.IN_BOTH_DIRECTIONS() if len(found) > 1 else ""
-            yield (rose if signs == {True} else fell)(joint=joint, everywhere=everywhere)
+        if not any(c.changed for c in found) or len(signs) > 1:
+            continue
+        rose = signs == {True}
+        told = f"{joint}: {name} {'rose' if rose else 'fell'}{' in both directions' if len(found) > 1 else ''};"
+        match name:
+            case "alpha_0":
+                cause = (
+                    "wear, dirt, a tighter preload or a colder joint"
+                    if rose
+                    else "running in, a warmer joint or a lost preload"
+                )
+                message = f"{told} {cause} may do that."
+                yield Finding("alpha-0-rose" if rose else "alpha-0-fell", NOTE, message)
+            case "alpha_2":
+                message = f"{told} a {'colder or stiffer' if rose else 'warmer or thinner'} lubricant may do that."
+                yield Finding("alpha-2-rose" if rose else "alpha-2-fell", NOTE, message)
+            case "sigma_0":
+                message = f"{told} {'a tighter preload' if rose else 'wear or a lost preload'} may do that."
+                yield Finding("sigma-0-rose" if rose else "sigma-0-fell", NOTE, message)
+            case "inertia":
+                message = (
+                    f"{told} another load, or another scale of the torque (motor constant, drive gain), "
+                    "which would scale the friction alike, may do that."
+                )
+                yield Finding("inertia-rose" if rose else "inertia-fell", NOTE, message)
 
 
 def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator[Finding]:
@@ -139,7 +159,9 @@ def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator
     for which, session, other in (("first", first, second), ("second", second, first)):
         alone = tuple(name for name in session if name not in other)
         if alone:
-            yield Kind.IN_ONE_SESSION(which=which, names=alone)
+            yield Finding(
+                "in-one-session", CAUTION, f"In the {which} session alone: {', '.join(alone)}.", {"names": alone}
+            )
     for name in shared:
         yield from _warnings_of(name, first[name], second[name])
 
@@ -149,32 +171,50 @@ def _of_constants(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Find
     of_a, of_b = ({c: 0 for fit in x.fits for e in fit.parameters.values() for c in e.shifts} for x in (a, b))
     common, own = tuple(c for c in of_a if c in of_b), tuple(sorted(of_a.keys() ^ of_b.keys()))
     if common:
-        yield Kind.COMMON_CONSTANTS(joint=joint, constants=common)
+        message = (
+            f"{joint}: {' and '.join(common)} is common to both sessions: its error moves both alike, "
+            "and does not widen their difference."
+        )
+        yield Finding("common-constants", NOTE, message, {"constants": common})
     if own:
-        yield Kind.OWN_CONSTANTS(joint=joint, constants=own)
+        message = f"{joint}: {' and '.join(own)} is of one session alone: its error widens the differences."
+        yield Finding("own-constants", NOTE, message, {"constants": own})
     yield from dict.fromkeys(x.torque_scale for x in (a, b) if x.torque_scale and not (common or own))
 
 
 def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Finding]:
     same, files = len(set(a.inputs) & set(b.inputs)), max(len(set(a.inputs)), len(set(b.inputs)))
     if same:
-        yield (
-            Kind.FILES_ALL_SHARED(joint=joint)
-            if same == files
-            else Kind.FILES_SHARED(joint=joint, same=same, files=files)
+        which = "all" if same == files else f"{same} of {files}"
+        message = (
+            f"{joint}: the sessions share data and are not independent: {which} of the files are the same in both. "
+            "Errors of differences are overstated, and changes missed."
         )
+        numbers = {"same": same, "files": files}
+        yield Finding("files-all-shared" if same == files else "files-shared", CAUTION, message, numbers)
     yield from _of_constants(joint, a, b)
     if a.simulated != b.simulated:
-        yield Kind.ONE_SIMULATED(joint=joint)
+        yield Finding("one-simulated", CAUTION, f"{joint}: one session is SIMULATED, the other measured.")
     if a.law != b.law:
-        yield Kind.LAWS_DIFFER(joint=joint, first=a.law.name, second=b.law.name)
+        message = (
+            f"{joint}: the first session has the friction law {a.law.name}, the second {b.law.name}, so only parameters "
+            "that mean the same in both are compared; to compare all, identify both sessions with one law, "
+            f"as `law: {b.law.name}` under fit."
+        )
+        yield Finding("laws-differ", CAUTION, message)
     for pair in pairs(a, b):
         source = pair.first.source
         if pair.distrusted:
-            yield Kind.FIT_DISTRUSTED(joint=joint, source=source, why=pair.distrusted)
+            why = pair.distrusted.message
+            message = f"{joint}: the {source} fit is used only for what no other fit knows: {why}"
+            yield Finding("fit-distrusted", CAUTION, message)
         known = [{n for n, e in fit.parameters.items() if e.value is not None} for fit in pair]
         for which, more in (("first", known[0] - known[1]), ("second", known[1] - known[0])):
             own = (n for n in more if alike(n.name, a.law, b.law))
             terms = tuple(sorted(str(n) for n in own if n.name.startswith(("alpha", "offset"))))
             if terms:
-                yield Kind.MODELS_DIFFER(joint=joint, terms=terms, which=which, source=source)
+                message = (
+                    f"{joint}: {', '.join(terms)} is known of the {which} session alone by its {source} fit: "
+                    "the two models differ, and so may the other parameters without any change of the joint."
+                )
+                yield Finding("models-differ", CAUTION, message, {"terms": terms})

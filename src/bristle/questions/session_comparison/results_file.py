@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.errors import InputError, check_name, short
 from bristle.identification.document import check_most, checked, document_of, reading
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
@@ -77,7 +76,7 @@ def _fits(joint: Joint) -> Iterator[SessionFit]:
                 parameters={_name(name): _checked(e) for name, e in moving.parameters.items()},
                 names=tuple(map(_name, moving.names)),
                 covariance=_covariance(moving),
-                distrusted=Kind.NOT_CONVERGED() if moving.outcome.code == "not-converged" else None,
+                distrusted=moving.outcome if moving.outcome.code == "not-converged" else None,
             )
     for d, fit in joint.static.items():
         if fit.degrees_of_freedom < 0:
