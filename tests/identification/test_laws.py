@@ -23,15 +23,7 @@ from bristle.model.laws import registry
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.laws.registry import competing, law_named
-from bristle.model.parameters import (
-    Direction,
-    Lugre,
-    ParameterName,
-    Stribeck,
-    lugre_of,
-    static_fields_of,
-    static_of,
-)
+from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, lugre_of, static_fields_of, static_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
