@@ -191,10 +191,7 @@ def option(fit: str, files: Mapping[str, str]) -> dict[str, str]:
 
 
 AGAIN = "  - {files: data.csv, experiment: points}\n"
-MADE = {
-    "out/.bristle-manifest": "index.html\n",
-    "out/index.html": "the last report",
-}
+MADE = {"out/.bristle-manifest": "index.html\n", "out/index.html": "the last report"}
 BAD = [
     *bad("missing file", READ, "'data.csv' is no file", gone=["data.csv"]),
     *bad("missing file", [NEW], "data.csv: no such file", gone=["data.csv"]),

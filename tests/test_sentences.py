@@ -51,6 +51,7 @@ def found(results: Results) -> Iterator[Finding]:
     yield from (x.verdict for x in replays(of_experiment(measured.experiment, joint), joint, measured))
 
 
+@pytest.mark.slow
 def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
     """With every template replaced by its kind's name, two joints come out the same in every number, kind and severity; so does --strict.
 

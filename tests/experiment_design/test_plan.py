@@ -25,14 +25,7 @@ from bristle.questions.experiment_design.figures import (
 from bristle.questions.experiment_design.loading import design_loading
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.start import scatter
-from bristle.questions.experiment_design.tables import (
-    comparison,
-    intervals,
-    lines,
-    loading,
-    motions,
-    references,
-)
+from bristle.questions.experiment_design.tables import comparison, intervals, lines, loading, motions, references
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 

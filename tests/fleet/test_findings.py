@@ -55,6 +55,7 @@ def plain() -> tuple[pd.DataFrame, FleetTruth, Findings]:
     return frame, truth, findings(frame)
 
 
+@pytest.mark.slow
 def test_what_wears_is_named_and_little_else() -> None:
     """Over six fleets of 200 robots: of a change of 15 % at least 75 % are found, and 6 % of the named, joints or parameters, are false."""
     said = right = wrong = tests = 0
@@ -271,6 +272,7 @@ def test_a_sensor_that_fails_is_named_by_joint_and_session(plain: tuple[pd.DataF
     assert accused(again) == accused(found)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("freedom", [3.0, 8.0])
 def test_errors_of_few_points_accuse_nobody(freedom: float) -> None:
     """Sessions that scatter by errors of few points, and no more: an error that is small by chance makes no joint accused, nor a scatter."""

@@ -22,15 +22,7 @@ from bristle.model.laws import registry
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.laws.registry import competing, law_named
-from bristle.model.parameters import (
-    Direction,
-    Lugre,
-    ParameterName,
-    Stribeck,
-    lugre_of,
-    static_fields_of,
-    static_of,
-)
+from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, lugre_of, static_fields_of, static_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
@@ -280,7 +272,7 @@ def moving(law: Law) -> dict[str, Any]:
     return {"t": t, "position": np.cumsum(v) * h, "torque": T, "velocity": v, "directions": "symmetric"}
 
 
-@pytest.mark.parametrize("name", ["exponential", "lorentzian+quadratic"])
+@pytest.mark.parametrize("name", [pytest.param("exponential", marks=pytest.mark.slow), "lorentzian+quadratic"])
 def test_moving_runs_choose_their_law(name: str) -> None:
     """From a motion whose slow speeds are all presliding `auto` takes the true law, and its parameters are the truth's to 4 %."""
     fit = bristle.fit_dynamic(**moving(law_named(name)), law="auto")

@@ -303,8 +303,5 @@ def test_a_simulated_motor_moves_with_its_drive(*, torque: bool) -> None:
     values = values_of(Pair(GRIPPER, OTHER)) | {
         InitialState(n, k): x for n, x in rest.items() for k in range(len(motions))
     }
-    louder = replace(
-        problem,
-        motions=tuple(replace(w, drive=(1 + 0.5 * SHARE) * w.drive) for w in motions),
-    )
+    louder = replace(problem, motions=tuple(replace(w, drive=(1 + 0.5 * SHARE) * w.drive) for w in motions))
     assert residuals(with_more_torque(problem, "K", 0.5), values)[0] == pytest.approx(residuals(louder, values)[0])
