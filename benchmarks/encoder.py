@@ -15,12 +15,12 @@ from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.data.slow_loading import find_loadings
-from bristle.diagnostics import Kind
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.fits import PreslidingFit, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue, printed_bias
 from bristle.model import functions

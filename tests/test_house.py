@@ -12,7 +12,7 @@ from .conftest import SLOW
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "src" / "bristle"
-GROUND = {"arrays", "diagnostics", "errors", "findings", "progress", "workers"}
+GROUND = {"arrays", "errors", "findings", "progress", "workers"}
 """What every floor stands on; it imports nothing of ours."""
 CORE = {"model", "estimation", "data", "control", "identification", "simulation"}
 BELOW = {

@@ -14,7 +14,7 @@ import typer.main
 
 import bristle
 from bristle import cli
-from bristle.diagnostics import Kind
+from bristle.identification.messages import Kind
 
 pytest.importorskip("sphinx", reason="needs the extra docs")
 pytest.importorskip("myst_parser", reason="needs the extra docs")

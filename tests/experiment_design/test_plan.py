@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 import bristle
-from bristle.diagnostics import Kind
 from bristle.findings import Finding, Severity
 from bristle.identification.fits import StaticFit
 from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured, measure
+from bristle.identification.messages import Kind
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MEASURED

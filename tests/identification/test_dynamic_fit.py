@@ -12,7 +12,6 @@ from scipy.signal import lfilter
 from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
-from bristle.diagnostics import NOT_IDENTIFIABLE
 from bristle.estimation.nonlinear import minimise
 from bristle.findings import Severity
 from bristle.identification.dynamic import unknowns
@@ -33,6 +32,7 @@ from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.dynamic.unknowns import least_squares as posed_about
 from bristle.identification.fits import TrackingFit
+from bristle.identification.messages import NOT_IDENTIFIABLE
 from bristle.identification.moving_runs import moved_in
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout

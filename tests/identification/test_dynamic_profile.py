@@ -9,7 +9,6 @@ from scipy.signal import lfilter
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profiles
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
@@ -26,6 +25,7 @@ from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
 

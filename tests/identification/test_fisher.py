@@ -5,7 +5,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.diagnostics import Kind
 from bristle.estimation.covariance import covariance as fitted_covariance
 from bristle.identification.fisher import (
     Information,
@@ -18,6 +17,7 @@ from bristle.identification.fisher import (
     static_jacobian,
     unseen_directions,
 )
+from bristle.identification.messages import Kind
 from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points

@@ -5,8 +5,8 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Kind
 from bristle.identification.fits import StaticFit
+from bristle.identification.messages import Kind
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.solution import solve_static

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Kind
 from bristle.estimation.interval_comparison import FACTOR, warnings
 from bristle.findings import Finding
 from bristle.identification.fits import Uncertainty
+from bristle.identification.messages import Kind
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.solution import StaticSolution, solve_static

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import DEFLECTION, Source, chosen, draws_of, known_joint, whole
+from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import SIGNED, Direction, Pair, ParameterName

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment, load_experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import Finding
 from bristle.identification import model_selection
@@ -21,6 +20,7 @@ from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import TrackingFit
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
+from bristle.identification.messages import Kind
 from bristle.identification.model_criteria import (
     APART,
     COULOMB,

@@ -12,11 +12,11 @@ from bristle.data.constant_velocity.segments import Segment, find_segments
 from bristle.data.differentiation import smoothed
 from bristle.data.experiment.load import Run, load_experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.measured import Measured
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import loads_slowly, refuse_opposing, unrelated
 from bristle.identification.point_checks import point_warnings
 from bristle.identification.static.runs import refuse_opposing_points

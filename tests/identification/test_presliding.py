@@ -11,9 +11,9 @@ from scipy.integrate import quad
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
-from bristle.diagnostics import Kind
 from bristle.identification.dynamic.priors import _stiffness
 from bristle.identification.fits import Presliding, PreslidingFit
+from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
 from bristle.identification.presliding.stiffness import KnownValue, printed_bias
 from bristle.model import functions, law

@@ -9,9 +9,9 @@ from scipy.optimize import minimize_scalar
 from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
-from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.identification.fits import Uncertainty
+from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import REACH, KnownValue, by_edges, of_loading, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty

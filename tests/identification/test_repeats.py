@@ -10,7 +10,6 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading
-from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.estimation.interval_comparison import they_differ
 from bristle.findings import CAUTION, Finding
@@ -18,6 +17,7 @@ from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.uncertainty import run_fits as moving_run_fits
 from bristle.identification.fits import Estimate, RunScatter, TrackingFit, Uncertainty
+from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.repeats import (

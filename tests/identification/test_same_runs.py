@@ -8,11 +8,11 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.findings import CRITICAL, Finding, Severity
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_records

@@ -9,9 +9,9 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
-from bristle.diagnostics import Kind
 from bristle.findings import Finding
 from bristle.identification.fits import AmplitudeStiffness
+from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import identify_presliding
 from bristle.identification.presliding.softening import stiffness_by_amplitude
 from bristle.identification.presliding.stiffness import KnownValue, stiffness

@@ -13,10 +13,10 @@ import yaml
 import bristle
 from bristle.arrays import Interval
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Kind
 from bristle.identification.dynamic.output_error import Window, with_more_torque
 from bristle.identification.dynamic.problem import InitialState, residuals
 from bristle.identification.fits import Estimate, StaticFit
+from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Joint

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from bristle.diagnostics import Kind
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, other_warnings, value_warnings, verdict
 from bristle.model.parameters import ParameterName

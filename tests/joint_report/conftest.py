@@ -13,9 +13,9 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, Loop
-from bristle.diagnostics import Kind
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, Presliding, PreslidingFit, Profile, StaticFit
+from bristle.identification.messages import Kind
 from bristle.identification.results import Input, Joint
 from bristle.identification.static.curve import curve
 from bristle.model.functions import loading_displacement_function, stribeck_shape_function

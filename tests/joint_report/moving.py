@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from bristle.diagnostics import Kind
 from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.results import Consistency, Joint
 from bristle.model.parameters import ParameterName, unit
 

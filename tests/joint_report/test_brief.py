@@ -9,10 +9,10 @@ import pytest
 
 import bristle
 from bristle.api.results import Results
-from bristle.diagnostics import Kind
 from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import chosen
+from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.identification.verdict import value_warnings, verdict
 from bristle.page.plain import WIDTH, interval, pair, wrapped

@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bristle.diagnostics import Kind
+from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.questions.joint_report.next_measurements import next_measurements
 

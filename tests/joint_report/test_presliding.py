@@ -10,8 +10,8 @@ from typing import Any
 import jsonschema
 import numpy as np
 
-from bristle.diagnostics import Kind
 from bristle.identification.fits import Presliding
+from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.page.wording import METHODS
 from bristle.questions.joint_report import page, results_file, sections, sentences, tables

@@ -13,9 +13,9 @@ import bristle
 from bristle.control.plant import State, plant_step
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
-from bristle.diagnostics import NOT_IDENTIFIABLE, Kind
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.measured import measure
+from bristle.identification.messages import NOT_IDENTIFIABLE, Kind
 from bristle.identification.results import Joint
 from bristle.model.parameters import Motor, Pair, ParameterName
 from bristle.questions.compensation.replay import replays

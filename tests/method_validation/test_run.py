@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 import bristle
 from bristle import identify
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation.covariance import covariance, student
 from bristle.identification.fits import Estimate, StaticFit
+from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch

@@ -10,8 +10,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
 from bristle.data.experiment.load import Experiment, load_experiment
-from bristle.diagnostics import Kind
 from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.model.parameters import Lugre, Pair, ParameterName, unit
 from bristle.simulation import edro

@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array, freeze
-from bristle.diagnostics import Kind
 from bristle.findings import Finding
 from bristle.identification.dynamic.fit import hardly_seen
+from bristle.identification.messages import Kind
 from bristle.model import functions
 from bristle.model.parameters import (
     SIGNED,

@@ -15,7 +15,6 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.constants import torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.findings import Finding
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
@@ -28,6 +27,7 @@ from bristle.identification.law_comparison import (
     with_averages_of_motion,
 )
 from bristle.identification.measured import Measured, nothing_to_fit, through_wider, with_law, with_options
+from bristle.identification.messages import Kind
 from bristle.identification.model_criteria import APART, LUGRE, SYMMETRIC
 from bristle.identification.model_selection import compare_on_motion, compare_on_points, refitted
 from bristle.identification.moving_runs import (

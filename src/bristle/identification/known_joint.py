@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array, Interval
 from bristle.data.experiment.load import Experiment
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.load_levels import friction_rise
+from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation.covariance import covariance, seen
 from bristle.findings import Finding
 from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
@@ -22,6 +21,7 @@ from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.law_ranking import GAIN, FittedLaw, Known, LeftOut, Solve, ranked
 from bristle.identification.load_levels import load_is_known
 from bristle.identification.measured import Measured
+from bristle.identification.messages import Kind
 from bristle.identification.model_criteria import power_of
 from bristle.identification.moving_runs import regressors
 from bristle.identification.results import Averaged, LawComparison

@@ -23,9 +23,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.findings import Finding
+from bristle.identification.messages import Kind
 from bristle.identification.model_criteria import power_of, scores
 from bristle.identification.results import Averaged, LawComparison, LawRow
 from bristle.model.laws.gaussian import GAUSSIAN

@@ -6,10 +6,10 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Run
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.findings import Finding
 from bristle.identification.measured import Measured
+from bristle.identification.messages import Kind
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import in_current, unit
 

@@ -15,10 +15,10 @@ from bristle.data.differentiation import estimate_motion, usable
 from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
-from bristle.diagnostics import Kind
 from bristle.errors import InputError, short, short_list
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import ONE_RATE, load_columns, longest_decimation, needed, terms_of
 from bristle.identification.static.points import PointSearch, point_regressors, search_points, without_strays
 

@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.findings import Finding
 from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.results import ModelComparison, ModelRow
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"

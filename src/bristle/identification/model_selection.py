@@ -9,7 +9,6 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
@@ -19,6 +18,7 @@ from bristle.identification.dynamic.problem import DynamicProblem, dynamic_probl
 from bristle.identification.dynamic.starts import carried
 from bristle.identification.dynamic.unknowns import fit, with_deflections
 from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.model_criteria import (
     APART,
     COULOMB,

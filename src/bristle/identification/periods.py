@@ -11,7 +11,6 @@ from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.orders import PERIODIC
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import explained_beside
 from bristle.identification.dynamic.fit import SEED, STARTS
@@ -19,6 +18,7 @@ from bristle.identification.dynamic.priors import posed_and_start
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unasked_terms import columns_of, known_and_left
 from bristle.identification.measured import Measured, with_loads, with_options
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import directions, turn_of, with_orders
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem

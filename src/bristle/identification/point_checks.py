@@ -12,10 +12,10 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.findings import Finding
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.same_runs import is_superseded
 from bristle.identification.static.points import point_regressors, points_problem

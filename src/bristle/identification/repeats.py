@@ -25,11 +25,11 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.estimation.interval_comparison import they_differ
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
+from bristle.identification.messages import Kind
 from bristle.model.parameters import ParameterName, least_of
 
 Key = TypeVar("Key", bound=Hashable)

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtri
 
-from bristle.diagnostics import Kind
 from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.repeats import spreader, wider_three
 from bristle.identification.systematic import NORMAL, combined, statistical
 from bristle.model.parameters import Direction, ParameterName, least_of, of_curve, peak_parameters

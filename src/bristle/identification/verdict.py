@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from typing import NamedTuple
 
-from bristle.diagnostics import NOT_IDENTIFIABLE, WEIGHTIEST_FIRST, Kind
 from bristle.findings import Finding, Severity
 from bristle.identification.known_joint import Known, Source, chosen, moving_fits
+from bristle.identification.messages import NOT_IDENTIFIABLE, WEIGHTIEST_FIRST, Kind
 from bristle.identification.results import Joint
 
 

@@ -12,12 +12,12 @@ import numpy as np
 from scipy.special import fdtrc, stdtrit
 
 from bristle.arrays import Array
-from bristle.diagnostics import NOT_IDENTIFIABLE, UNRESOLVED, Kind
 from bristle.estimation.linear import NO_SIGN, inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import Finding
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
+from bristle.identification.messages import NOT_IDENTIFIABLE, UNRESOLVED, Kind
 from bristle.model.parameters import Direction, ParameterName, of_load, peak_parameters
 
 WIDE = 0.5

@@ -11,11 +11,11 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Values
 from bristle.identification.fits import Crosscheck
+from bristle.identification.messages import Kind
 from bristle.model import law
 from bristle.model.parameters import Lugre, fields_of, lugre_of, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes

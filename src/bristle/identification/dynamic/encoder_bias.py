@@ -21,13 +21,13 @@ from bristle.arrays import Array
 from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.findings import Finding
 from bristle.identification.dynamic.claims import warned, without_weak
 from bristle.identification.dynamic.fit import OF_PHYSICS, DynamicSolution, physics
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import TrackingFit
+from bristle.identification.messages import Kind
 from bristle.model.parameters import ParameterName, of_friction
 
 REPETITIONS = 6

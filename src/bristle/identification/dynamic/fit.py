@@ -12,7 +12,6 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
 from bristle.estimation.covariance import condition, student
@@ -48,6 +47,7 @@ from bristle.identification.dynamic.unknowns import (
     without_deflections,
 )
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import with_orders_advised
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST

@@ -14,12 +14,12 @@ from bristle.arrays import Array
 from bristle.control.plant import quantise
 from bristle.data.differentiation import derivative, smoothed, usable
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import Finding
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, modelled, parameters
+from bristle.identification.messages import Kind
 from bristle.model.parameters import INERTIA, Lugre, unit
 from bristle.model.parameters import Kind as JointKind
 

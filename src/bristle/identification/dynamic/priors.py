@@ -13,7 +13,6 @@ from scipy.special import ndtri
 from bristle.data.encoder import resolution
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import Finding
@@ -27,6 +26,7 @@ from bristle.identification.dynamic.systematic import shifts_of
 from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, run_fits, with_three_ways
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import clustered, scatter_of, widened, with_priors_beside
 from bristle.identification.results import Consistency

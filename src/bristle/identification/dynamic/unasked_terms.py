@@ -6,11 +6,11 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import explained_beside
 from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import Finding
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line
 from bristle.model.parameters import SIGNED, unit
 from bristle.model.parameters import Kind as JointKind

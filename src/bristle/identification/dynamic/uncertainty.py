@@ -14,7 +14,6 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
@@ -27,6 +26,7 @@ from bristle.identification.dynamic.problem import Unknown, Values
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, without_deflections
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
+from bristle.identification.messages import Kind
 from bristle.identification.repeats import RunFit
 from bristle.model.parameters import ParameterName, of_friction
 from bristle.progress import Progress, teller

@@ -13,11 +13,11 @@ from bristle.data.differentiation import low_pass
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import ONSET, Loading, Loop, find_all_loadings, find_loops
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import Finding
 from bristle.identification.fits import AmplitudeStiffness, Estimate, Presliding, PreslidingFit, Uncertainty
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.presliding.softening import stiffness_by_amplitude, with_most
 from bristle.identification.presliding.stiffness import (

@@ -21,11 +21,11 @@ from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
-from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
 from bristle.findings import Finding
 from bristle.identification.fits import AmplitudeStiffness
+from bristle.identification.messages import Kind
 from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading
 from bristle.model import functions
 from bristle.model.parameters import Kind as JointKind

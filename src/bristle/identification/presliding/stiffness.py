@@ -20,11 +20,11 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
-from bristle.diagnostics import Kind, but
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL, student
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate
+from bristle.identification.messages import Kind, but
 from bristle.model import functions
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit

@@ -16,11 +16,11 @@ from bristle.data.differentiation import between_gaps, smoothed
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_all_loadings, torque_turns
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
 from bristle.findings import Finding
+from bristle.identification.messages import Kind
 from bristle.identification.presliding.stiffness import by_samples, of_loading
 from bristle.model import functions
 from bristle.model.vectorize import evaluate

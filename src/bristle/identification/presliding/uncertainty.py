@@ -22,12 +22,12 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
-from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
+from bristle.identification.messages import Kind
 from bristle.identification.presliding.stiffness import (
     KnownValue,
     Piece,

@@ -11,11 +11,11 @@ from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
-from bristle.diagnostics import Kind
 from bristle.estimation.covariance import student
 from bristle.findings import Finding
 from bristle.identification.dynamic.priors import fit_alone
 from bristle.identification.fits import Estimate
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import decimator, directions, regressors
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import Regression, from_records

@@ -15,11 +15,11 @@ from bristle.data.robot.motion import LinkTorques, RobotMotion, read_motions, re
 from bristle.data.robot.rigid_body import RigidBody, rigid_body
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import LEVELS, regressors
 from bristle.identification.robot.links import (
     Course,

@@ -11,9 +11,9 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.identification.fits import Crosscheck
+from bristle.identification.messages import Kind
 from bristle.identification.static.problem import Regression, unknowns_of
 from bristle.identification.static.profiles import reduced
 from bristle.model import law

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Kind
 from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings, unexplained
 from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, RunScatter, StaticFit, Uncertainty
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import with_orders_advised
 from bristle.identification.repeats import clustered, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck

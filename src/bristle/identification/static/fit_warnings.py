@@ -5,11 +5,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import lag_one
 from bristle.findings import Finding
 from bristle.identification.fits import Profile
+from bristle.identification.messages import Kind
 from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression
 from bristle.model.parameters import Direction

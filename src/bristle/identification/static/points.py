@@ -10,9 +10,9 @@ from scipy.special import ndtri
 from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.estimation.linear import inverse_gram
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import DIRECTIONS, declared, load_columns, terms_of
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import Regression, from_points

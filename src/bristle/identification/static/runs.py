@@ -14,12 +14,12 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.errors import InputError
 from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, StaticFit
 from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.measured import Measured
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, refuse_opposing, regressors
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve

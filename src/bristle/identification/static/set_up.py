@@ -16,10 +16,10 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.diagnostics import Kind
 from bristle.estimation.autocorrelation import explained_beside
 from bristle.findings import Finding
 from bristle.identification.fits import StaticFit, TrackingFit
+from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     REGRESSORS,

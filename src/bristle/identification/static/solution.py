@@ -11,12 +11,12 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Kind
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import NO_SIGN, best_column_p_value, first_order
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate, Profile
+from bristle.identification.messages import Kind
 from bristle.identification.static.fit_warnings import fit_warnings, is_closed, speeds_of
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.huber import huber

@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from bristle.data.experiment.schema import FitOptions
-from bristle.diagnostics import Kind, but
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate, OtherPoints, StaticFit, Stray
+from bristle.identification.messages import Kind, but
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.solution import StaticSolution, solve_static

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.diagnostics import Kind
 from bristle.estimation import interval_comparison
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.bootstrap import (
@@ -29,6 +28,7 @@ from bristle.estimation.bootstrap import (
 from bristle.estimation.covariance import covariance, seen
 from bristle.estimation.linear import inverse_gram
 from bristle.identification.fits import Uncertainty
+from bristle.identification.messages import Kind
 from bristle.identification.repeats import RunFit
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution, descended

@@ -1,4 +1,4 @@
-"""Sentences of findings that have no place of their own yet, by name."""
+"""Sentences of the findings of identification, by name, until identification itself is written anew; all others stand where they arise."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -34,23 +34,14 @@ def _raw(value: Any) -> Any:
 
 
 _CONVERSIONS: dict[str, Callable[[Any], str]] = {
-    "b": lambda direction: f" ({direction})" if direction in {"+", "-"} else "",
-    "c": lambda numbers: ", ".join(f"{name} {number:.3g} %" for name, number in numbers),
     "d": in_direction,
     "e": lambda count: "" if count == 1 else "s",
-    "g": lambda numbers: ", ".join(f"{number:.3g}" for number in numbers),
-    "i": lambda ends: ", ".join(f"{name} {low:.4g} to {high:.4g}" for name, low, high in ends),
     "j": lambda words: " and ".join(str(_raw(x)) for x in words),
     "l": lambda words: ", ".join(str(_raw(x)) for x in words),
     "m": lambda words: "; ".join(str(_raw(x)) for x in words),
-    "n": lambda numbers: ", ".join(f"{name} {number:.3g}" for name, number in numbers),
     "p": lambda numbers: ", ".join(f"{name} ({number:.1f})" for name, number in numbers),
-    "t": lambda sentences: "".join(f" {_raw(sentence)}" for sentence in sentences),
-    "w": lambda alone: "would make it pass" if alone else "would remove this reason, not the other",
-    "x": lambda numbers: ", ".join(f"{name} {number:.2g}" for name, number in numbers),
 }
-"""Of a direction in brackets, of named percentages, of a direction, the ending of what is counted, of numbers, of named intervals, of lists of names
-and of long things, of named numbers, the same in brackets, of sentences that follow, of whether a reason stands alone, and of named ratios."""
+"""Of a direction, the ending of what is counted, of lists of names and of long things, of named numbers in brackets."""
 _CRITICAL, _CAUTION, _NOTE = CRITICAL, CAUTION, NOTE
 
 
@@ -122,7 +113,6 @@ class Kind(Enum):
             "corrected for all orders tried): nothing that repeats with the position is fitted."
         ),
     )
-    ORDER_TO_WRITE = _NOTE, "If motor or gear repeat so, write {lines} under fit."
     LACKS_A_TERM = _CAUTION, "The fit lacks a term. {advice}"
 
     # robots: what the links tell, and whether log and URDF go together
@@ -951,7 +941,6 @@ class Kind(Enum):
     CAPPED_BY_RATE = _NOTE, "plan.rate, {rate:g} Hz, gives {samples:g} samples to a period"
 
     # a joint in its loop
-    WITH_DAMPING_RATIO = _NOTE, "from (15) with a damping ratio of {ratio:g}{inertia}"
     SHAPE_HELD = (
         _CAUTION,
         (
@@ -972,47 +961,6 @@ class Kind(Enum):
     )
 
     # what sensitivity is explored of
-    ONE_DIRECTION_KNOWN = _CAUTION, "Only direction {direction} is known; it is used for both."
-    BRISTLE_ASSUMED = _CAUTION, "{name}: not identifiable from these data; assumed {value:.3g} {unit}, {how}."
-    DEFLECTION_OF_TRAVEL = _NOTE, "from a deflection of {share:g} of the travel"
-    WITH_GUESSED_INERTIA = _NOTE, " and a guessed inertia of {J:.2g} {unit}"
-    AS_HELD = _NOTE, "as it was held in the fit"
-    GRIPPER_FRICTION = (
-        _NOTE,
-        "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers.",
-    )
-    GRIPPER_INTERVALS = (
-        _CAUTION,
-        (
-            "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these numbers; "
-            "the paper gives none."
-        ),
-    )
-    GRIPPER_NOISE = _CAUTION, "Noise: of the same simulated logs."
-    GRIPPER_REFERENCE = (
-        _CAUTION,
-        "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion.",
-    )
-    BOX_HELD = _CAUTION, "{name}: no finite 95 % interval; it is held at {value:.3g} {unit}."
-    BOX_CUT = (
-        _CAUTION,
-        "{name}: its interval includes impossible values; it is drawn from {low:.3g} {unit} up (assumed).",
-    )
-    SOBOL_NOT_ASKED = _NOTE, "Sobol indices were not asked for (samples: 0)."
-    SOBOL_WITHOUT_INTERVALS = _NOTE, "No Sobol indices: no parameter has a finite interval."
-    NO_SOBOL = _NOTE, "No Sobol indices: {why}."
-    NO_FORMULAS = _NOTE, "No formulas: {why}."
-    NOISE_OF_FIT = (
-        _NOTE,
-        "Noise: residuals of the moving runs' fit, {rms:.2g} {unit} per sample every {step:.3g} s{correlated}.",
-    )
-    TIMES_FOR_CORRELATION = _NOTE, ", times {ratio:.1f} for their correlation"
-    NOISE_ASSUMED = (
-        _CAUTION,
-        "Noise: assumed white, {noise:.2g} {unit} ({share:.0%} of alpha_0) at 1 kHz; standard errors are proportional to it.",
-    )
-    NOISE_OF_STATIC_FIT = _NOTE, "Noise: the scatter of the points about the static fit."
-    HELD_AS_KNOWN = _CAUTION, "Taken as known, because the joint's own fit has none: {names!l}."
     NOTHING_SEEN_OF = _CAUTION, "{name} is not identifiable."
 
     # friction models side by side
@@ -1086,124 +1034,6 @@ class Kind(Enum):
         ),
     )
 
-    # two sessions compared: what became of a parameter
-    ROSE = _NOTE, "Rose beyond the joint uncertainty."
-    FELL = _NOTE, "Fell beyond the joint uncertainty."
-    NO_CHANGE = _NOTE, "No change beyond the joint uncertainty."
-    NOT_COMPARABLE = _NOTE, "Not comparable: {why}."
-    IN_OTHER_DIRECTIONS = (
-        _NOTE,
-        "the {which} session has it in other directions; identify both with the same fit.directions",
-    )
-    NOT_IN_SESSION = _NOTE, "the {which} session does not have it"
-    NOT_IDENTIFIABLE_IN = _NOTE, "it is not identifiable in {where}"
-    OF_OTHER_LAWS = _NOTE, "it means another thing in the law of each session"
-    OF_OTHER_STAGES = _NOTE, "the sessions have it from different stages"
-    OPEN_IN = _NOTE, "its interval is open, or one-sided, in {where}"
-    ONE_SESSION = _NOTE, "the {which} session"
-    BOTH_SESSIONS = _NOTE, "both sessions"
-
-    # two sessions compared: all in all
-    NOTHING_COMPARED = (
-        _CAUTION,
-        "Nothing can be compared: no parameter has a closed interval from the same stage in both sessions.",
-    )
-    PARAMETERS_CHANGED = (
-        _NOTE,
-        ("{moved} of {compared} parameters changed beyond their joint uncertainty: {changes!l}.{sets}{rest}"),
-    )
-    CHANGED_BY = _NOTE, "{name} ({percent:+.1f} %)"
-    CHANGED_BY_POWERS = _NOTE, "{name} ({percent:+.1e} %)"
-    SETS_CHANGED_TOO = _NOTE, " As a set, though none alone, so did those of the fit {fits!m}."
-    ONLY_SETS_CHANGED = (
-        _NOTE,
-        (
-            "None of {compared} parameters changed beyond its joint uncertainty alone, but as a set those of {fits!m} did: "
-            "the friction changed, and which of them is not told apart.{rest}"
-        ),
-    )
-    NONE_CHANGED = _NOTE, "None of {compared} parameters changed beyond its joint uncertainty.{rest}"
-    MORE_NOT_COMPARABLE = _NOTE, " {count} more cannot be compared."
-
-    # two sessions compared: what a change may come from
-    TORQUE_SCALE = (
-        _NOTE,
-        (
-            "{joint}: friction and inertia changed by the same ratio; "
-            "that may be the torque's scale (motor constant, drive gain), not the friction."
-        ),
-    )
-    ALPHA_0_ROSE = (
-        _NOTE,
-        "{joint}: alpha_0 rose{everywhere}; wear, dirt, a tighter preload or a colder joint may do that.",
-    )
-    ALPHA_0_FELL = _NOTE, "{joint}: alpha_0 fell{everywhere}; running in, a warmer joint or a lost preload may do that."
-    ALPHA_2_ROSE = _NOTE, "{joint}: alpha_2 rose{everywhere}; a colder or stiffer lubricant may do that."
-    ALPHA_2_FELL = _NOTE, "{joint}: alpha_2 fell{everywhere}; a warmer or thinner lubricant may do that."
-    SIGMA_0_ROSE = _NOTE, "{joint}: sigma_0 rose{everywhere}; a tighter preload may do that."
-    SIGMA_0_FELL = _NOTE, "{joint}: sigma_0 fell{everywhere}; wear or a lost preload may do that."
-    INERTIA_ROSE = (
-        _NOTE,
-        (
-            "{joint}: inertia rose{everywhere}; another load, or another scale of the torque (motor constant, drive gain), "
-            "which would scale the friction alike, may do that."
-        ),
-    )
-    INERTIA_FELL = (
-        _NOTE,
-        (
-            "{joint}: inertia fell{everywhere}; another load, or another scale of the torque (motor constant, drive gain), "
-            "which would scale the friction alike, may do that."
-        ),
-    )
-    IN_BOTH_DIRECTIONS = _NOTE, " in both directions"
-
-    # two sessions compared: what limits it
-    IN_ONE_SESSION = _CAUTION, "In the {which} session alone: {names!l}."
-    FILES_ALL_SHARED = (
-        _CAUTION,
-        (
-            "{joint}: the sessions share data and are not independent: all of the files are the same in both. "
-            "Errors of differences are overstated, and changes missed."
-        ),
-    )
-    FILES_SHARED = (
-        _CAUTION,
-        (
-            "{joint}: the sessions share data and are not independent: {same} of {files} of the files are the same in both. "
-            "Errors of differences are overstated, and changes missed."
-        ),
-    )
-    ONE_SIMULATED = _CAUTION, "{joint}: one session is SIMULATED, the other measured."
-    FIT_DISTRUSTED = _CAUTION, "{joint}: the {source} fit is used only for what no other fit knows: {why}"
-    LAWS_DIFFER = (
-        _CAUTION,
-        (
-            "{joint}: the first session has the friction law {first}, the second {second}, so only parameters that mean "
-            "the same in both are compared; to compare all, identify both sessions with one law, as `law: {second}` under fit."
-        ),
-    )
-    MODELS_DIFFER = (
-        _CAUTION,
-        (
-            "{joint}: {terms!l} is known of the {which} session alone by its {source} fit: the two models differ, and so may "
-            "the other parameters without any change of the joint."
-        ),
-    )
-
-    # the constants that torques were computed with
-    COMMON_CONSTANTS = (
-        _NOTE,
-        (
-            "{joint}: {constants!j} is common to both sessions: its error moves both alike, and does not widen their "
-            "difference."
-        ),
-    )
-    OWN_CONSTANTS = (
-        _NOTE,
-        "{joint}: {constants!j} is of one session alone: its error widens the differences.",
-    )
-
     # where the torque at which slow loading slides, and the inertia, come from
     OF_STATIC_FIT = _NOTE, "the static fit"
     OF_MOVING_RUNS = _NOTE, "the moving runs"
@@ -1218,96 +1048,6 @@ class Kind(Enum):
     # how a fit of moving runs and a full fit ended, whether the stages agree, what was held out
     HELD_OUT_RUNS = _NOTE, "Hold-out: held-out runs."
     EACH_LEFT_OUT = _NOTE, "Hold-out: each point predicted from all others."
-
-    # sensitivity: which parameters matter
-    CLAIM_HOLDS = (
-        _NOTE,
-        (
-            "The paper's claim that alpha_0 and alpha_2 matter most holds for {amplitude:.3g} {unit} at "
-            "{frequency:.3g} Hz: RMS of p dT/dp relative to that of T: {largest!x} (total).{settled}"
-        ),
-    )
-    CLAIM_FAILS = (
-        _NOTE,
-        (
-            "The paper's claim that alpha_0 and alpha_2 matter most does not hold for {amplitude:.3g} {unit} at "
-            "{frequency:.3g} Hz: RMS of p dT/dp relative to that of T: {largest!x} (total).{settled}"
-        ),
-    )
-    ONCE_SETTLED = _NOTE, " In its last period, after the bristle's first deflection: {largest!x}."
-    OTHER_AT_FIXED_Z = (
-        _NOTE,
-        "At fixed z the order would be {names!l}: the bristle's response to a parameter matters.",
-    )
-    CLAIM_ON_MAP = (
-        _NOTE,
-        (
-            "Of {motions} motions on the map it holds for {held}: {where!l}. Parameters that rank first somewhere: "
-            "{first!l}."
-        ),
-    )
-    AT_EVERY_AMPLITUDE = _NOTE, "at {frequency:.2g} Hz at every amplitude"
-    NOT_AT_THE_LARGEST = _NOTE, "at {frequency:.2g} Hz not at the largest amplitude"
-    FROM_AMPLITUDE = _NOTE, "at {frequency:.2g} Hz from {amplitude:.2g} {unit} up"
-    ALL_TOLD = _NOTE, "From {what} alone all of {names!l} are identifiable.{more!t}"
-    NOT_TOLD = (
-        _CAUTION,
-        "From {what} alone {names!l} would not be identifiable (standard error over half the value).{more!t}",
-    )
-
-    # sensitivity: Sobol indices
-    SOBOL_INDICES = (
-        _NOTE,
-        "{output}: total index {indices!l}{more}; {samples} samples, {evaluations} evaluations.",
-    )
-    SOBOL_INDEX = _NOTE, "{name} {total:.2f} ± {half:.2f} ({first:.2f} alone)"
-    INTERACTIONS = _NOTE, "; interactions account for {share:.2f}"
-    NO_INDICES = _NOTE, "{output}: {why}"
-    NOTHING_CHANGES_IT = _NOTE, "None of the parameters drawn changes it."
-    PLANTS_REFUSED = _CAUTION, "Not every plant drawn can be run: {why}."
-    LOOP_DIVERGES = (
-        _CAUTION,
-        "The loop diverges with {diverged} of the {drawn} plants drawn; narrow the box, or lower the gains.",
-    )
-    DRAWN_FROM = (
-        _NOTE,
-        (
-            "Parameters are drawn uniformly unless stated otherwise, and independently, although those of a fit are "
-            "correlated: {spans!l}. Seed {seed}."
-        ),
-    )
-    DRAWN_SPAN = _NOTE, "{name} [{low:.3g}, {high:.3g}]"
-    DRAWN_LOGARITHM = _NOTE, "{name} [{low:.3g}, {high:.3g}] (log-uniform)"
-    INDICES_SIMULATED = (
-        _NOTE,
-        (
-            "SIMULATED: a sine of {amplitude:.3g} {unit} at {frequency:.3g} Hz; in the loop the compensator keeps the "
-            "nominal parameters while the plant is drawn. ± of an index is its {level:.0%} bootstrap interval, which "
-            "is conservative for these samples."
-        ),
-    )
-
-    # sensitivity: what the printed law of adaptation is
-    PRINTED_IS = _NOTE, "The right-hand side of the paper's (19) is, term by term, {derivatives!l}.{extra}"
-    PRINTED_IS_NONE = (
-        _NOTE,
-        "The right-hand side of the paper's (19) is, term by term, none of these derivatives.{extra}",
-    )
-    PRINTED_IS_ANOTHER = _NOTE, " It is not dT_f/dalpha_0, which it is said to be."
-    FORMULAS_AS_MEASURED = (
-        _NOTE,
-        (
-            "Viscous friction is written as it is up to {fastest}, the fastest speed measured; where one of its "
-            "coefficients is negative, it stays beyond as large as there."
-        ),
-    )
-    TOTAL_DERIVATIVES = (
-        _NOTE,
-        (
-            "Total derivatives add dT_f/dz dz/dp, with z through the whole motion; in steady sliding they are those of "
-            "T_ss above."
-        ),
-    )
 
     # compensation
     CURVE_MIXED = (
