@@ -68,7 +68,7 @@ def test_numbers_have_the_units_of_their_joint(kind: Any, shown: str) -> None:
 
 
 def test_every_code_has_a_paragraph() -> None:
-    """Each code that src makes is explained under its severity, in words without braces; nothing else is. Parts of identification's sentences are none."""
+    """Each code that src makes is explained under its severity, in words without braces; parts of identification's sentences are none."""
     made = dict(codes())
     assert {code for code, x in entries().items() if made.get(code) != x.severity} == set()
     parts = {kind.code for kind in Kind if kind.severity is NOTE}
