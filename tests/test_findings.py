@@ -77,7 +77,7 @@ def test_every_code_has_a_paragraph() -> None:
         assert x.reason.endswith("."), x.code
         assert x.advice.endswith("."), x.code
         assert not set("{}") & set(x.meaning + x.advice), x.code
-    assert {x.code for x in entries().values() if x.severity != "note"} == set(WEIGHTIEST_FIRST)
+    assert set(WEIGHTIEST_FIRST) <= made.keys()
 
 
 def codes() -> Iterator[tuple[str, str]]:
