@@ -865,7 +865,9 @@ def test_a_full_output_of_the_system_is_met_as_well(tmp_path: Path) -> None:
     assert tree(tmp_path) == before
 
 
-@pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize(
+    "closed", [*(pytest.param(x, marks=pytest.mark.slow) for x in (">&-", "2>&-", ">&- 2>&-")), "<&- >&- 2>&-"]
+)
 def test_closed_streams_are_no_defect(tmp_path: Path, closed: str) -> None:
     """With standard streams closed results are written, and a bad input still ends with 2; the codes are the only word left."""
     path = write(tmp_path, FEW)

@@ -100,7 +100,7 @@ def test_the_bytes_do_not_depend_on_workers(tmp_path: Path) -> None:
 
 
 @LINUX
-@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL])
+@pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGKILL])
 def test_nothing_is_left_of_what_is_stopped(tmp_path: Path, how: signal.Signals) -> None:
     """Ctrl-C ends the workers too, with one word and nothing written; so does a signal that leaves no time to say it."""
     process = subprocess.Popen(  # noqa: S603  # our own command

@@ -248,10 +248,10 @@ def test_malformed_yaml_is_refused(tmp_path: Path, text: str, says: str) -> None
     """Malformed, hostile, huge and empty YAML is one short sentence within seconds, with the line where there is one."""
     path = tmp_path / "experiment.yaml"
     path.write_text(text)
-    begun = time.perf_counter()
+    begun = time.process_time()
     with pytest.raises(InputError, match=says) as caught:
         load_experiment(path)
-    assert time.perf_counter() - begun < 5
+    assert time.process_time() - begun < 5
     assert "\n" not in str(caught.value)
     assert len(str(caught.value)) < 500
 

@@ -124,6 +124,7 @@ def test_the_fmu_is_python(name: str, handed: Handed) -> None:
     assert np.count_nonzero(np.diff(np.sign(true.velocity))) > 10
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "factors",
     [

@@ -366,6 +366,7 @@ FEATURES: Mapping[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
 """What a fleet may have or lack."""
 
 
+@pytest.mark.slow
 def test_a_fleet_may_lack_anything() -> None:
     """No warning, failure, change, temperature or type, each alone and all together, with many joints or one session: text, page and tables are made.
 

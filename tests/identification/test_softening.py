@@ -96,6 +96,7 @@ def test_a_maxwell_slip_joint_softens(quantum: float) -> None:
         assert warning.numbers["ratio"] < 0.8 * warning.numbers["lugre"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("quantum", COUNTS)
 def test_a_lugre_joint_does_not(quantum: float) -> None:
     """Of 60 pure LuGre joints at each encoder, with g0 known or only bounded, none is named (at 1 % a test of 360 would see some four)."""

@@ -235,6 +235,7 @@ def test_the_band_of_the_curve_includes_the_systematic_error(tmp_path: Path) -> 
     assert wide == pytest.approx(np.hypot(np.asarray(narrow), NORMAL * SHARE * torque), rel=1e-9)
 
 
+@pytest.mark.slow
 def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
     """Each stage's systematic error is by how much the whole identification moves with K; stages that share K do not average it out.
 

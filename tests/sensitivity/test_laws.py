@@ -39,6 +39,7 @@ def study(request: pytest.FixtureRequest) -> SensitivityStudy:
     return bristle.sensitivity(motion(request.param), samples=32)
 
 
+@pytest.mark.slow
 def test_every_part_has_the_laws_own_parameter(study: SensitivityStudy, tmp_path: Path) -> None:
     """Shares, map, tables, figures, Sobol indices and page tell of the law's own parameter, and none of v_end."""
     law = study.model.p.law
