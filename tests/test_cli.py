@@ -426,7 +426,7 @@ def test_one_direction_is_a_warning(hostile: tuple[Path, Ran]) -> None:
     assert ran.code == 0
     assert not ran.said
     assert list(joint["static"]) == ["+"]
-    (warning,) = (x["text"] for x in joint["warnings"])
+    (warning,) = (x["message"] for x in joint["warnings"])
     assert "Direction - is not identified" in warning
     assert warning in html.unescape(report_text(folder / "out"))
 

@@ -82,7 +82,7 @@ def test_cycles_close_or_are_said_to_drift(results: Results) -> None:
 def warned(value: Any) -> Iterator[str]:
     """The kind of each diagnostic of a results file that is critical or a caution, wherever it stands."""
     match value:
-        case {"severity": severity, "kind": str(kind), "text": _}:
+        case {"severity": severity, "code": str(kind), "message": _}:
             yield from [kind] if severity != "note" else []
         case dict():
             yield from (kind for x in value.values() for kind in warned(x))
@@ -91,8 +91,8 @@ def warned(value: Any) -> Iterator[str]:
 
 
 def test_every_warning_has_a_cause_that_is_listed(results: Results) -> None:
-    """What is critical or a caution in the results is of the kinds that docs/warnings.md lists with a cause, and each of these is there."""
+    """What is critical or a caution in the results has the codes that docs/warnings.md lists with a cause, and each of these is there."""
     page = (Path(__file__).parents[1] / "docs" / "warnings.md").read_text(encoding="utf-8")
     table = page.partition("its cause in the simulation")[2].partition("\n\n")[0]
-    listed = {kind for row in re.findall(r"^\| (`.*?) \|", table, re.MULTILINE) for kind in re.findall(r"\w+", row)}
+    listed = {code for row in re.findall(r"^\| (`.*?) \|", table, re.MULTILINE) for code in re.findall(r"[\w-]+", row)}
     assert set(warned(json.loads(results_file.to_json(results.joints)))) == listed

@@ -53,8 +53,8 @@ class Finding:
     severity: Severity
     message: str
     """A sentence, in which `unit_of` stands for units of the joint until it is known."""
-    numbers: Mapping[str, Any] = field(default_factory=dict)
-    """What the message names, by name, for who computes with it."""
+    numbers: Mapping[str, Any] = field(default_factory=dict, compare=False)
+    """What the message names, by name, for who computes with it; a part of it that is a finding is a text once it was written."""
     effect: Mapping[str, float] = field(default_factory=dict)
     """What it is worth, where that was computed."""
     subject: tuple[str, ...] = field(default=(), compare=False)

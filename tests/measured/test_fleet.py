@@ -48,8 +48,7 @@ def test_five_sessions_of_a_servo(measured_data: Path, tmp_path: Path) -> None:
     assert found.changed == early.changed == 0
     assert "scatter-of-few" in found.text()
     (alone,) = [note for note in found.findings.notes if note.code == "beyond-errors"]
-    (step,) = alone.numbers["steps"]
-    assert (step.numbers["name"], step.numbers["since"]) == ("sigma_0-", "2026-05-02")
+    assert alone.numbers["steps"] == 1
     first = early.findings.changes.iloc[0]
     assert (first["parameter"], first["direction"]) == ("sigma_0", "-")
     assert first["since"] == pd.Timestamp("2026-05-02")
