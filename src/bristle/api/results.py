@@ -10,7 +10,7 @@ from bristle.api.logs import JointLogs
 from bristle.api.sources import path_of, source_text
 from bristle.errors import InputError, short, short_list
 from bristle.findings import Finding, Severity
-from bristle.identification.document import checked, document_of, joints_of, reading
+from bristle.identification.document import document_of, joints_of, reading
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.progress import Progress
@@ -228,7 +228,6 @@ def read_results(path: Path | str) -> Results:
     """
     path = path_of(path, "the path of a results.json")
     with reading(path) as text:
-        checked(text)
         document = document_of(text)
         joints = joints_of(document)
         session_of(joints)  # which refuses numbers that are none

@@ -3,6 +3,8 @@
 Autocorrelation, by how much it inflates the variance of a mean, and what residuals hold beyond it.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import fdtrc
@@ -126,25 +128,27 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
                 f"{100 * share:.0f} % of the residuals' variance. Fit the directions separately (directions: separate)."
             )
             warnings.append(Finding("directions-differ", CAUTION, message, {"p": p, "looks": looks, "share": share}))
-    for over, s in scaled.items():
-        p, share = _f_test(residuals, np.stack([s, s * s]))
-        if (p := p * looks) < _SIGNIFICANT:
-            message = (
-                f"Residuals show a trend vs {over} (p = {p:.1g}, corrected for {looks} tests), which explains "
-                f"{100 * share:.0f} % of their variance."
-            )
-            numbers = {"over": over, "p": p, "looks": looks, "share": share}
-            warnings.append(Finding("residual-trend", CAUTION, message, numbers))
+    patterns: list[tuple[str, dict[str, Any], Array]] = [
+        (f"trend vs {over}", {"over": over}, np.stack([s, s * s])) for over, s in scaled.items()
+    ]
     if count:
         period, basis = _strongest_harmonic(residuals, known["position"], count)
+        patterns.append((f"ripple vs position of period {period:.3g}{unit_of('position')}", {"period": period}, basis))
+    for what, of, basis in patterns:
         p, share = _f_test(residuals, basis)
         if (p := p * looks) < _SIGNIFICANT:
             message = (
-                f"Residuals show a ripple vs position of period {period:.3g}{unit_of('position')} (p = {p:.1g}, corrected for {looks} tests), which "
-                f"explains {100 * share:.0f} % of their variance."
+                f"Residuals show a {what} (p = {p:.1g}, corrected for {looks} tests), which explains "
+                f"{100 * share:.0f} % of their variance."
             )
-            numbers = {"period": period, "p": p, "looks": looks, "share": share}
-            warnings.append(Finding("residual-ripple", CAUTION, message, numbers))
+            warnings.append(
+                Finding(
+                    "residual-ripple" if "period" in of else "residual-trend",
+                    CAUTION,
+                    message,
+                    {**of, "p": p, "looks": looks, "share": share},
+                )
+            )
     return tuple(warnings)
 
 

@@ -69,11 +69,12 @@ def checked(text: str) -> Any:
 
 
 def document_of(text: str) -> Document:
-    """The document that a checked text holds, its joints named as they stand there, without samples.
+    """The document that a text holds, its joints named as they stand there, without samples.
 
-    Raises InputError, or pydantic's ValidationError, where it is not of schema bristle-results/3 or 2.
+    The text is read twice: as it is written, key by key and number by number, and by pydantic, which takes no text for a
+    number. Raises InputError, ValueError, or pydantic's ValidationError, where it is not of schema bristle-results/3 or 2.
     """
-    found = json.loads(text)
+    found = checked(text)
     if isinstance(found, dict) and found.get("schema") == "bristle-results/2":
         text = json.dumps(json.loads(text, object_hook=_finding))
     document = adapter().validate_json(text, strict=True)

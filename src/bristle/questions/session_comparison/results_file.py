@@ -9,7 +9,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError, check_name, short
-from bristle.identification.document import check_most, checked, document_of, reading
+from bristle.identification.document import check_most, document_of, reading
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.results import Joint
 from bristle.model.laws.parts import FASTEST
@@ -29,18 +29,12 @@ def read_session(path: Path) -> Session:
     Raises InputError in one sentence where it is no results file of schema bristle-results/3 or 2, and OSError where it cannot be read.
     """
     with reading(path) as text:
-        return _session(text)
+        return session_of(document_of(text).joints.values())
 
 
 def session_of(joints: Iterable[Joint]) -> Session:
     """Identified joints, by name, as a session to compare. Raises InputError where a number is none."""
     return {joint.name: _joint(joint.name, joint, tuple(x.sha256 for x in joint.inputs)) for joint in joints}
-
-
-def _session(text: str) -> Session:
-    """The joints, read twice: as it is written, key by key and number by number, and by pydantic, which takes no text for a number."""
-    checked(text)
-    return session_of(document_of(text).joints.values())
 
 
 def _joint(name: str, joint: Joint, inputs: tuple[str, ...]) -> SessionJoint:
