@@ -498,8 +498,9 @@ def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("raster", "few_studies")
-def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on whether it helps."""
+@pytest.mark.parametrize("times", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int) -> None:
+    """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on it; twice the same."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():
         monkeypatch.setattr(paper_experiments, name, value)
     for name, text in whole_joint("frequency: 1 Hz").items():
@@ -514,8 +515,9 @@ def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.
         assert words in shown.text
     assert (tmp_path / "out" / "tables" / "replay.csv").is_file()
     first = tree(tmp_path / "out")
-    assert run("adapt", tmp_path / "e.yaml", "-o", tmp_path / "out").code == 0
-    assert tree(tmp_path / "out") == first
+    for _ in range(times - 1):
+        assert run("adapt", tmp_path / "e.yaml", "-o", tmp_path / "out").code == 0
+        assert tree(tmp_path / "out") == first
 
 
 def test_validate_prints_a_verdict(tmp_path: Path) -> None:

@@ -50,7 +50,9 @@ def folder(tmp_path: Path) -> Path:
     ("command", "steps"),
     [
         (("identify", "e.yaml"), ("starting", "identifying wrist", "fitting friction vs velocity")),
-        (("new", "data.csv", "-o", "n.yaml"), ("starting", "regressors and directions")),
+        pytest.param(
+            ("new", "data.csv", "-o", "n.yaml"), ("starting", "regressors and directions"), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_a_terminal_shows_the_step(folder: Path, command: tuple[str, ...], steps: tuple[str, ...]) -> None:

@@ -152,6 +152,7 @@ def test_questions_of_what_was_read_are_answered_as_before(
         assert ask(str(folder / "out" / "results.json")) == answer
 
 
+@pytest.mark.slow
 def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path: Path) -> None:
     """Where the logs are gone, the page, tables and text are those of the fresh results, byte for byte; what needs them says so in a sentence."""
     there, here = tmp_path / "there" / "out", tmp_path / "here" / "out"

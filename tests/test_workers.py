@@ -82,6 +82,7 @@ def test_a_killed_worker_is_one_sentence() -> None:
 
 
 @pytest.mark.usefixtures("raster")
+@pytest.mark.slow
 def test_the_bytes_do_not_depend_on_workers(tmp_path: Path) -> None:
     """A report by one process and by three is the same in every file but timings.json."""
     two_joints = [write(tmp_path / "logs", speeds(), joint=name, stem=name) for name in ("wrist", "elbow")]
@@ -100,7 +101,9 @@ def test_the_bytes_do_not_depend_on_workers(tmp_path: Path) -> None:
 
 
 @LINUX
-@pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGKILL])
+@pytest.mark.parametrize(
+    "how", [signal.SIGINT, *(pytest.param(how, marks=pytest.mark.slow) for how in (signal.SIGTERM, signal.SIGKILL))]
+)
 def test_nothing_is_left_of_what_is_stopped(tmp_path: Path, how: signal.Signals) -> None:
     """Ctrl-C ends the workers too, with one word and nothing written; so does a signal that leaves no time to say it."""
     process = subprocess.Popen(  # noqa: S603  # our own command

@@ -7,6 +7,8 @@ from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.data.run_kinds import Stretches, kinds_of, stretches
+from bristle.model.parameters import Lugre
+from bristle.model.rollout import rollout
 
 G0, STIFFNESS, J = 0.5, 100.0, 0.05
 """N*m, N*m/rad, kg*m**2: the joint bends by 5 mrad, of which a count is a hundredth."""
@@ -79,6 +81,16 @@ def test_slow_loading_until_it_slides_both_ways_is_presliding() -> None:
     q = np.concatenate([way, way[-1] + slide, way[-1] + 1.0 - way, 0.0 - slide])
     T = np.concatenate([quarter, np.full(1500, 1.05 * G0), -quarter, np.full(1500, -1.05 * G0)])
     assert kind(log(rate, np.gradient(q) * rate, q, T)) == "presliding"
+
+
+def test_slow_turns_are_no_slow_loading() -> None:
+    """A joint that slides for a moment at each of some speeds takes half a second to turn, and slides all the same."""
+    speeds = np.ravel([(x, -x) for x in np.geomspace(0.008, 0.3, 8)])
+    moves = np.concatenate([np.append(np.full(300, x), np.zeros(500)) for x in speeds])
+    v = np.convolve(moves, np.full(1000, 1e-3), "valid")
+    T = rollout(v, 1e-3, Lugre(0.8, 0.35, 0.6, 0.05, 1000.0, 1.0)).torque
+    T += 0.01 * np.random.default_rng(0).standard_normal(v.size)
+    assert kind(log(1000.0, v, np.cumsum(v) / 1000, T, velocity=False)) == "tracking"
 
 
 def test_few_speeds_tell_more_as_tracking() -> None:

@@ -390,6 +390,7 @@ def test_a_plan_carries_itself(gripper: Plan, tmp_path: Path) -> None:
     assert first.read_bytes() == second.read_bytes()
 
 
+@pytest.mark.slow
 def test_no_sentence_decides_on_a_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With every template replaced by its kind's name a plan comes out the same in every number and warning."""
     path = write(tmp_path, speeds(both=False))

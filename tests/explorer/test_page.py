@@ -105,6 +105,7 @@ def test_numbers_are_those_of_the_results(edro: Explored) -> None:
         assert told["moving"]["residuals"] == joint.moving.residuals.tolist()
 
 
+@pytest.mark.slow
 def test_bytes_repeat(hostile: Explored, tmp_path: Path) -> None:
     """A second call in one process gives the same bytes, and so does another process from the results file."""
     first = hostile.page.html

@@ -127,6 +127,7 @@ def test_a_damaged_task_is_told(tmp_path: Path) -> None:
     assert table["failure"].to_pylist() == ["two lines"]
 
 
+@pytest.mark.slow
 def test_a_hundred_thousand_sessions_are_read_at_once(tmp_path: Path) -> None:
     """1e5 joint sessions, 1e6 rows, are compacted in a minute and read by pandas in 5 s."""
     keys = [f"{k:032x}" for k in range(100_000)]

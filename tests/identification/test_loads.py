@@ -135,6 +135,7 @@ def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
     assert {f"gaussian+{name}" for name in LOADS} <= {row.law for row in bare.laws.rows}
 
 
+@pytest.mark.slow
 def test_under_the_papers_law_a_caution_has_the_line_to_write() -> None:
     """A load that the law does not have is named, with a law that has it."""
     tracking = geared("paper")[1].tracking

@@ -146,6 +146,31 @@ def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:
         api.draft(swung(tmp_path), told=told, folder=tmp_path)
 
 
+def test_an_offset_that_outweighs_friction_is_no_friction(tmp_path: Path) -> None:
+    """One speed both ways under a constant load: the draft has an offset, not a friction that drives in one direction."""
+    t = np.arange(6000) / 100
+    stroke, moving = t // 4, t % 4 >= 0.3
+    v = np.where(stroke % 2, -0.0125, 0.0125)
+    T = 53 + 6.7 * np.sign(v) + 0.1 * np.random.default_rng(0).standard_normal(t.size)
+    q = np.where(stroke % 2, 4.0 - t % 4, t % 4) * 0.0125
+    kept = (x[moving] for x in (t, q, T))
+    log = written(tmp_path / "log.csv", "t [s],q [m],F [N]", *kept)
+    text, _ = api.draft(log, told=Told(columns={"torque": "F [N]"}), folder=tmp_path)
+    assert "fit: {directions: symmetric, regressors: [offset]}" in text
+
+
+def test_a_joint_that_hardly_moves_shows_no_gravity(tmp_path: Path) -> None:
+    """Hysteresis of bristles within 0.3 mrad looks like a spring, and over so little gravity does too: it is not drafted."""
+    t = np.arange(4000) / 400
+    T = 6 * np.sin(2 * np.pi * 2 * t)
+    dT = np.gradient(T)
+    q = np.cumsum(dT / (40_000 * (1 - np.sign(dT) * T / 11)))
+    log = written(tmp_path / "log.csv", "t [s],q [rad],tau [N*m]", t, 5e-6 * np.round(q / 5e-6), T)
+    text, _ = api.draft(log, folder=tmp_path)
+    assert "experiment: tracking" in text
+    assert "gravity" not in text
+
+
 @pytest.mark.parametrize("runs", ["  - {files: log.csv}\n", "  - files: log.csv\n    load: none\n"])
 def test_a_half_filled_file_gets_its_kinds(tmp_path: Path, runs: str) -> None:
     """A run without `experiment` gets the one that its files are of, in the place where it belongs; all else stays as it was written."""

@@ -59,6 +59,7 @@ def test_every_part_has_the_laws_own_parameter(study: SensitivityStudy, tmp_path
     assert own in report.text()
 
 
+@pytest.mark.slow
 def test_constant_velocities_and_the_motion_are_of_the_laws_parameters(study: SensitivityStudy) -> None:
     """Both expect an error of every parameter of the law that they can show."""
     motion_, steady = (e.information for e in study.expected)

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from bristle.data.bandwidth import of_slow_loading
 from bristle.data.constant_velocity.segments import Thresholds, find_segments
 from bristle.data.differentiation import smoothed
 from bristle.data.record import Record
@@ -22,8 +23,6 @@ _MOVES = 0.02
 """Of the fastest speed: what is slower, and not held, is at rest."""
 _SMOOTH = 10.0
 """Hz: the low pass of the speed by which rest is told from motion."""
-_SLOW = 2.0
-"""Hz: the low pass of slow loading."""
 _BEND = {"revolute": 0.1, "prismatic": 0.005}
 """rad or m: no bristle bends further, so a longer displacement is a motion."""
 _LOADING = 0.5
@@ -158,7 +157,7 @@ def _slow_loadings(record: Record, joint: JointKind) -> list[Loading]:
     if record.position is None:
         return []
     try:
-        found = find_loadings(record, _SLOW, None, None)
+        found = find_loadings(record, of_slow_loading(record)[0], None, None)
     except InputError:  # the joint slides
         return []
     return [

@@ -41,6 +41,8 @@ _FEWEST = 4
 """Samples for each column, below which a relation cannot be tested."""
 ONE_RATE = 1.05
 """Ratio of two sampling intervals that count as one."""
+_SWING = 0.1
+"""rad: over less, gravity is a spring and a constant, as a bristle is that does not break away."""
 _DROWNS = 1e9
 """Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
 DIRECTIONS = {"+": 1.0, "-": -1.0}
@@ -109,6 +111,12 @@ def regressors_of(parameters: Collection[str], kind: JointKind) -> tuple[str, ..
     plain = [name for name, terms in REGRESSORS.items() if not set(terms.names).isdisjoint(parameters)]
     each = [with_orders((x[0],), (x[2],), kind)[0] for name in parameters if (x := periodic(name))]
     return (*plain, *dict.fromkeys(each))
+
+
+def swings(positions: Sequence[Array]) -> bool:
+    """Whether the way, rad, from one end of all positions to the other is long enough to show gravity."""
+    whole = np.concatenate(positions) if positions else np.zeros(0)
+    return bool(whole.size and np.ptp(whole) >= _SWING)
 
 
 def needed(record: Record, name: str) -> Array:

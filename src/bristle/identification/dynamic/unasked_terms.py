@@ -11,7 +11,7 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import Finding
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown
 from bristle.identification.messages import Kind
-from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line
+from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, swings
 from bristle.model.parameters import SIGNED, unit
 from bristle.model.parameters import Kind as JointKind
 
@@ -29,7 +29,7 @@ def regressor_left_out(problem: DynamicProblem, solution: MultistartSolution[Unk
     if problem.quantity != "torque":
         return []
     asked = {name.name for name in problem.extra_names}
-    located = all(m.position.size for m in problem.motions)
+    located = all(m.position.size for m in problem.motions) and swings([m.position for m in problem.motions])
     names = [x for x in _TRIED if asked.isdisjoint(REGRESSORS[x].names) and (located or x != "gravity")]
     known, rest = known_and_left(problem, solution)
     found = {x: explained_beside(known, rest, columns_of(problem, (x,))) for x in names}

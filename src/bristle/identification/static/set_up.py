@@ -27,6 +27,7 @@ from bristle.identification.moving_runs import (
     inertia,
     regressor_line,
     regressors,
+    swings,
     terms_of,
 )
 from bristle.identification.static.points import point_regressors, points_problem
@@ -166,6 +167,8 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     possible = [
         name for name, terms in REGRESSORS.items() if set(terms.needs) <= has and (name != "inertia" or fixed is None)
     ] + _periodic(regressors(experiment))
+    if "gravity" in possible and not swings([np.asarray(r.position) for r in records]):
+        possible.remove("gravity")
     return _Trial(
         possible,
         lambda sides: from_records(records, sides, possible, experiment.fit.every, fixed)[0],
@@ -202,9 +205,17 @@ def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial) -> Be
         return together or apart
     apart, together = _clear(apart) or _as_asked(apart), _clear(together) or _as_asked(together)
     errors, now = (_errors(x.set_up, trial) for x in (together, apart))
-    shown = errors is not None and now is not None and together.error < _EXPLAINS and _pays(errors, now, 1.0)
+    tried = errors is not None and now is not None and together.error < _EXPLAINS
+    shown = tried and (_drives(sides, apart.set_up, trial) or _pays(errors, now, 1.0))
     alike = together.set_up.directions != sides and shown
     return together if alike else replace(apart, asked_error=together.asked_error)
+
+
+def _drives(sides: tuple[str, ...], set_up: SetUp, trial: _Trial) -> bool:
+    """Whether what these directions would call friction drives the joint in one of them, with no gravity that may."""
+    problem = trial.pose(sides)
+    levels = problem.linear[:, [name.name == "alpha_0" for name in problem.linear_names]]
+    return "gravity" not in set_up.regressors and bool((problem.torque @ levels < 0).any())
 
 
 def _as_asked(better: BetterSetUp) -> BetterSetUp:
