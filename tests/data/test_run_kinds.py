@@ -89,7 +89,7 @@ def test_slow_turns_are_no_slow_loading() -> None:
     moves = np.concatenate([np.append(np.full(300, x), np.zeros(500)) for x in speeds])
     v = np.convolve(moves, np.full(1000, 1e-3), "valid")
     T = rollout(v, 1e-3, Lugre(0.8, 0.35, 0.6, 0.05, 1000.0, 1.0)).torque
-    T += 0.01 * np.random.default_rng(0).standard_normal(v.size)
+    T = T + 0.01 * np.random.default_rng(0).standard_normal(v.size)
     assert kind(log(1000.0, v, np.cumsum(v) / 1000, T, velocity=False)) == "tracking"
 
 
