@@ -19,9 +19,9 @@ import numpy as np
 import bristle
 from bristle.arrays import Array
 from bristle.data.experiment.load import load_experiment, read_runs
+from bristle.identification.curve import curve
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measured_of
-from bristle.identification.static.curve import curve
 from bristle.simulation import edro
 
 REPETITIONS = 15

@@ -25,21 +25,18 @@ from functools import partial
 from itertools import pairwise
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 import bristle
-from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.identification.known_joint import chosen, draws_of, known_joint
-from bristle.identification.results import Joint
-from bristle.identification.static.curve import band
-from bristle.identification.verdict import verdict
-from bristle.model.parameters import SIGNED, Direction
-from calibration_logs import FAULTS, Log, faulty, joints, steady
-from calibration_logs import Joint as Truth
+from bristle.identification.curve import known_curve
+from bristle.identification.known_joint import chosen
+from bristle.identification.verdict import value_warnings, verdict
+from bristle.model.parameters import SIGNED
+from calibration_logs import FAULTS, Log, faulty, joints
 
 PARAMETERS = ("alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "inertia")
 SAMPLES = 5
@@ -47,47 +44,6 @@ SAMPLES = 5
 WRONG, RIGHT = 15.0, 3.0
 """%, of the curve."""
 Row = dict[str, Any]
-
-
-class Answer(NamedTuple):
-    """What is said of a joint."""
-
-    verdict: str
-    code: str
-    """Of the first reason."""
-    friction: Array
-    """At the speeds of the log, (n,); nan where it is not known."""
-    band: Array
-    """Half of the 95 % band there, (n,)."""
-    parameters: dict[str, tuple[float, float, float, float]]
-    """Value, standard error and 95 % interval, with the direction's sign where each has its own."""
-
-
-def answer_of(joint: Joint, v: Array) -> Answer:
-    """What the results say, at some speeds, (n,)."""
-    found, rows, known = verdict(joint), chosen(joint), known_joint(joint)
-    curve, half = np.full((2, v.size), np.nan)
-    both = joint.moving is not None and all(map(known.has_law, SIGNED))
-    drawn = draws_of(joint, known, joint.travel or 1.0, 1.0) if both else ()
-    drag = sum(row.estimate.value or 0.0 for row in rows if row.parameter.name == "quadratic")
-    for d, p in zip(SIGNED, [known.filled(d, 1.0, 1.0) if known.has_law(d) else None for d in SIGNED], strict=True):
-        side = v > 0 if d == Direction("+") else v < 0
-        if p is None or not side.any():
-            continue
-        truth = Truth("", bristle.Pair(p, p), 1.0)
-        curve[side] = steady(v[side], truth) + drag * v[side] * np.abs(v[side])
-        if drawn:
-            each = [steady(v[side], Truth("", pair, 1.0)) for pair, _ in drawn]
-            half[side] = 1.96 * np.std(each, axis=0)
-        elif (static := joint.static.get(str(d)) or joint.static.get("both")) is not None:
-            wide = band(v[side], static)
-            half[side] = np.nan if wide is None else wide
-    numbers = {
-        str(row.parameter): (row.estimate.value, row.estimate.standard_error or np.nan, *row.estimate.interval)
-        for row in rows
-        if row.estimate.value is not None and row.estimate.interval is not None
-    }
-    return Answer(str(found.trust), found.reason.code if found.reason else "", curve, half, numbers)
 
 
 def written(log: Log, folder: Path) -> Iterator[str]:
@@ -116,26 +72,31 @@ def tried(seed: int, k: int) -> Row:
             text, _ = bristle.draft(*(folder / name for name in written(log, folder)))
             (folder / "e.yaml").write_text(text, encoding="utf-8")
             (joint,) = bristle.identify(folder / "e.yaml").joints
-            answer = answer_of(joint, log.speeds)
+            friction, _ = known_curve(joint, log.speeds)
         except Exception as end:  # noqa: BLE001  # a defect is a row of the table too
             sentence = str(end) if isinstance(end, InputError) else f"a defect: {type(end).__name__}: {end}"
             return row | {"seconds": time.process_time() - began, "verdict": "refused", "code": sentence[:200]}
-    row |= {"seconds": time.process_time() - began, "verdict": answer.verdict, "code": answer.code}
-    true = log.curve
-    size = float(np.sqrt(np.mean(true**2)))
-    row |= {"error": 100 * float(np.sqrt(np.mean((answer.friction - true) ** 2))) / size}
-    row |= {"band": 100 * float(np.sqrt(np.mean(answer.band**2) / np.mean(answer.friction**2)))}
-    row["shown"] = shown(log)
+    found, known, true = verdict(joint), joint.accuracy, log.curve
+    row |= {"seconds": time.process_time() - began, "verdict": str(found.trust)}
+    row |= {"code": found.reason.code if found.reason else "", "shown": shown(log)}
+    row["error"] = 100 * float(np.sqrt(np.mean((friction - true) ** 2) / np.mean(true**2)))
+    row["band"] = np.nan if known is None else known.band
+    row |= {} if known is None else {"statistical": known.statistical, "apart": known.apart, "opinion": known.opinion}
+    row |= (
+        {} if known is None else {"misfit": known.misfit, "cautions": " ".join(w.code for w in value_warnings(joint))}
+    )
     truths = {
         f"{name}{d}": getattr(p, name) for d, p in zip(SIGNED, log.joint.pair, strict=True) for name in PARAMETERS[:5]
     }
     truths |= {f"{name}{d}": (1 + log.more) * truths[f"{name}{d}"] for name in PARAMETERS[:3] for d in "+" if log.more}
     same = log.joint.pair.positive == log.joint.pair.negative and not log.more
     truths |= {name: truths[f"{name}+"] for name in PARAMETERS[:5] if same} | {"inertia": log.inertia}
-    for name, (value, error, low, high) in answer.parameters.items():
-        if name in truths and (name != "inertia" or log.experiment == "motion"):
-            row |= {f"{name} z": (value - truths[name]) / error, f"{name} inside": low <= truths[name] <= high}
-            row |= {f"{name} width": error / value if value else np.nan}
+    for x in chosen(joint):
+        name, e = str(x.parameter), x.estimate
+        if name in truths and e.value is not None and e.interval and (name != "inertia" or log.experiment == "motion"):
+            row[f"{name} inside"] = e.interval[0] <= truths[name] <= e.interval[1]
+            row |= {f"{name} z": (e.value - truths[name]) / e.standard_error} if e.standard_error else {}
+            row |= {f"{name} width": (e.standard_error or np.nan) / e.value} if e.value else {}
     return row
 
 
@@ -173,7 +134,7 @@ def main() -> None:
     halves = {half: measures(frame[frame.half == half]) for half in ("set", "reported")}
     print(pd.DataFrame(halves | {"all": measures(frame)}).to_string())
     by = frame.assign(fault=frame.fault.where(frame.fault != "", "clean: " + frame.experiment)).groupby("fault")
-    print(by.apply(of_fault, include_groups=False).to_string())
+    print(pd.DataFrame({str(name): of_fault(group) for name, group in by}).T.to_string())
 
 
 def share(x: "pd.Series[Any]") -> str:
@@ -188,10 +149,10 @@ def measures(frame: pd.DataFrame) -> dict[str, str]:
     with_error = clean[clean.error.notna()]
     named = [code in FAULTS[fault].codes for code, fault in zip(others.code, others.fault, strict=True)]
     seen = frame[frame.shown.eq(True) & (frame.fault == "")]
-    sigma = [c for c in frame if str(c).startswith("sigma_0") and str(c).endswith(" z")]
+    sigma = [c for c in map(str, frame) if c.startswith("sigma_0") and c.endswith(" z")]
     good = [
-        any(abs(row[c]) <= 3 and row[str(c).replace(" z", " width")] <= 0.3 for c in sigma)
-        for _, row in seen.iterrows()
+        any(abs(row[c]) <= 3 and row[c.replace(" z", " width")] <= 0.3 for c in sigma)
+        for row in seen.to_dict("records")
     ]
     table = {
         "clean, within the band (93 %)": share(clean.error <= clean.band),

@@ -2,8 +2,8 @@
 
 Five repeats of one experiment, simulated: moving runs of gripper rotation (+) with an inertia, and runs that each give a whole curve of points at
 constant velocity. In each run the true parameters are the same, or scatter about their mean by so many standard errors that a run has, each
-independently. Printed are, per parameter: in how many experiments its interval is widened; the mean sqrt(chi2_red) before and after; and how often
-the 95 % interval covers the mean.
+independently. Printed are, per parameter: in how many experiments its interval is widened; the mean sqrt(chi2_red) before and after (of moving runs,
+the error by the scatter of parts over that of the fit); and how often the 95 % interval covers the mean.
 """
 
 import argparse
@@ -17,10 +17,10 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
-from bristle.identification.dynamic.uncertainty import run_fits as moving_run_fits
+from bristle.identification.dynamic.uncertainty import parts_of_runs
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms
 from bristle.identification.fits import Estimate, RunScatter
-from bristle.identification.repeats import scatter_of, spreader, widened, wider_estimate
+from bristle.identification.repeats import clustered, scatter_of, spreader, widened, wider_estimate
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.solution import solve_static
@@ -92,9 +92,8 @@ def moving(truths: list[dict[ParameterName, float]], rng: np.random.Generator) -
         records.append(Record(file=f"run {k}", time=t, velocity=v, torque=torque, acceleration=acceleration))
     problem = dynamic_problem(records, ("both",), ("inertia",), 1, None)
     solved = fit_tracking(problem, TRUTH, "revolute", starts=1)
-    scatter = scatter_of(
-        moving_run_fits(solved), solved.fit.parameters, solved.solution.freedom, logarithms(solved.fit.names)
-    )
+    freedom, names = solved.solution.freedom, solved.fit.names
+    scatter = clustered(*parts_of_runs(solved), solved.fit.parameters, freedom, logarithms(names))
     fit = widened(solved.fit, scatter, LOGARITHMIC)
     return {name: (fit.parameters[name], x) for name, x in fit.repeats.items()}
 

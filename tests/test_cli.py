@@ -446,8 +446,8 @@ def test_html_in_a_name_stays_text(hostile: tuple[Path, Ran]) -> None:
     assert all(re.fullmatch(r"[a-z0-9-]+\.(svg|png|csv)", name) for name in figures)
 
 
-def test_strict_ends_with_3_where_there_are_warnings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With --strict warnings are exit code 3 of every command that fits, and without it 0; the same result is written either way."""
+def test_strict_ends_with_3_where_a_joint_is_not_to_be_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With --strict that is exit code 3 of every command that fits, and without it 0; the same result is written either way."""
     path = write(tmp_path, FEW)
     monkeypatch.chdir(tmp_path)
     assert run("identify", path, "-o", "free.json").code == 0
@@ -456,11 +456,11 @@ def test_strict_ends_with_3_where_there_are_warnings(tmp_path: Path, monkeypatch
     assert len(strict.said) == 1
     assert (tmp_path / "strict.json").read_bytes() == (tmp_path / "free.json").read_bytes()
     undrawn(monkeypatch)
-    one = write(
-        tmp_path / "one", speeds(both=False)
-    )  # the other direction is in warning; of too few points there is nothing to validate
-    tried = run("validate", one, "-o", "tried", "--repetitions", "20", "--starts", "2", "--strict")
-    assert tried.code == 3
+    one = write(tmp_path / "one", speeds(both=False))  # of too few points there is nothing to validate
+    tried = ("validate", one, "-o", "tried", "--repetitions", "20", "--starts", "2", "--strict")
+    assert run(*tried).code == 0
+    assert run("identify", one, "--strict", "--need", "1e-3%").code == 3
+    assert run("identify", one, "--need", "none").code == 2
     assert run("report", "wrist.yaml", "--strict").code == 3
     free = (tmp_path / "free.json").read_text(encoding="utf-8").replace('"folder": "."', '"folder": "../.."')
     assert (tmp_path / "reports" / "wrist" / "results.json").read_text(encoding="utf-8") == free

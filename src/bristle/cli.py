@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from bristle.errors import InputError
+from bristle.errors import InputError, short_list
 from bristle.options import (
     ExperimentFile,
     FleetCatalog,
     FleetOutput,
+    Need,
     OfRobot,
     Strict,
     Uncertainty,
@@ -77,6 +78,7 @@ def report(
         bool, typer.Option("--zip", help="Write all of it as report.zip in the folder as well, to mail.")
     ] = False,
     workers: Workers = None,
+    need: Need = 10.0,
     strict: Strict = False,
 ) -> None:
     """Identify, and write the report: pages and data.
@@ -97,6 +99,7 @@ def report(
             *sources,
             folder=folder,
             uncertainty=uncertainty,
+            need=need,
             workers=workers,
             mailed=mailed,
             found=lambda results: _tell(results.outcomes()),
@@ -117,6 +120,7 @@ def identify(
     laws: Annotated[bool, typer.Option("--laws", help="Print the friction laws side by side.")] = False,
     uncertainty: Uncertainty = False,
     workers: Workers = None,
+    need: Need = 10.0,
     strict: Strict = False,
 ) -> None:
     """Print the values to use, and whether to trust them.
@@ -130,7 +134,9 @@ def identify(
         from bristle import identify as run
 
         sources = [] if experiment is None else [experiment]
-        results = run(*sources, joint=joint, progress=progress, uncertainty=uncertainty, workers=workers or cores())
+        results = run(
+            *sources, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
+        )
     _tell([results.text(full=full)])
     if uncertainty:
         from bristle.questions.joint_report.interval_tables import interval_lines
@@ -587,7 +593,7 @@ def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:
 
 
 def _finish(results: "Results", strict: bool) -> None:
-    count = len(results.serious) if strict else 0
-    if count:
-        complain(f"{count} warning{'' if count == 1 else 's'}, critical or for caution (--strict)")
+    names = results.not_to_be_used if strict else ()
+    if names:
+        complain(f"not to be used (--strict): {short_list(names)}")
         raise typer.Exit(3)

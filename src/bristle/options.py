@@ -18,6 +18,17 @@ def output_path(text: str) -> Path:
     return Path(text)
 
 
+def percent(text: str | float) -> float:
+    """A percentage, with its sign or without."""
+    try:
+        value = float(str(text).strip().removesuffix("%"))
+    except ValueError:
+        value = 0.0
+    if not 0 < value < float("inf"):
+        raise typer.BadParameter(f"got {text!r}; expected a percentage of friction that is more than 0, such as 10%")
+    return value
+
+
 def to(metavar: str, meaning: str) -> Any:
     """The option -o that names what to write."""
     return typer.Option("-o", "--output", parser=output_path, metavar=metavar, help=meaning)
@@ -65,7 +76,16 @@ FleetOutput = Annotated[
     str | None,
     typer.Option("-o", "--output", metavar="DIR", help="Where dataset and page land [default: reports/NAME-fleet]."),
 ]
-Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a warning is critical or calls for caution.")]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a joint is not to be used.")]
+Need = Annotated[
+    float,
+    typer.Option(
+        "--need",
+        parser=percent,
+        metavar="PERCENT",
+        help="To how much of friction it has to be known (95 %), to be used.",
+    ),
+]
 
 
 def write(path: Path, text: str) -> None:

@@ -67,8 +67,8 @@ def print_found(lines: Iterable[str]) -> None:
 
 
 _COLOURS = {
-    r"(?m)(?<=: )use$|(?<=  )use(?=$|  )": "green",
-    r"use with caution|\bcautions?\b": "yellow",
+    r"(?m)(?<=: )use(?=\. )|(?<=  )use(?=$|  )": "green",
+    r"\bcautions?\b": "yellow",
     r"do not use|\bcritical\b|Critical": "red",
     r"(?<=\[)[a-z][a-z0-9]*(-[a-z0-9]+)*(?=\])": "cyan",
     r"SIMULATED": "magenta",

@@ -177,10 +177,10 @@ def test_what_is_assumed_and_said_stands_in_the_document(handed: Handed) -> None
     assert document["parameters"][0]["source"] == "assumed"
     assert document["parameters"][0]["standard_error"] is None
     assert document["parameters"][0]["interval"] == [0.0, "inf"]
-    assert document["reason"]["severity"] == "caution"
-    assert document["reason"]["code"] == "not-passive"
-    assert "N*m*s/rad" in document["reason"]["message"]
-    assert document["said"] == []
+    assert document["reason"] is None
+    (said,) = document["said"]
+    assert (said["severity"], said["code"]) == ("caution", "not-passive")
+    assert "N*m*s/rad" in said["message"]
 
 
 def changed(text: str, **fields: Any) -> str:
@@ -293,7 +293,7 @@ def test_a_script_for_matlab_has_every_value(handed: Handed) -> None:
     for joint in joints:
         for one in joint.parameters:
             assert f"'value', {one.value!r}, 'unit', '{one.unit}'" in text
-    for part in ("SIMULATED", "sha256 " + "0" * 64, "% use with caution: "):
+    for part in ("SIMULATED", "sha256 " + "0" * 64):
         assert part in text
 
 

@@ -40,13 +40,14 @@ def test_a_whole_fit_is_what_is_known() -> None:
 
 
 def test_a_law_is_of_one_stage() -> None:
-    """Where the moving runs show no peak their alpha_0 is the sum; the peak of another stage is not put on top of it, though it is listed."""
+    """Where the moving runs show no peak their alpha_0 is the sum; the peak of another stage is neither put on top of it nor listed."""
     own = with_static(joint(unseen(tracked(values_of(GRIPPER)), {"alpha_1+": 0.0, "v_s+": 0.2})), alpha_1=0.01)
     known = known_joint(own)
     assert known.values(Direction.POSITIVE)["alpha_1"] == 0.0
     assert "alpha_1" in known.missing(Direction.POSITIVE)
     listed = {row.parameter: row for row in chosen(own)}
-    assert listed[parse("alpha_1+")].source == Source.STATIC
+    assert listed[parse("alpha_1+")].source == Source.TRACKING
+    assert listed[parse("alpha_1+")].estimate.value is None
     assert listed[parse("alpha_0+")].source == Source.TRACKING
 
 

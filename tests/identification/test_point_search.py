@@ -58,11 +58,11 @@ def test_clean_points_say_nothing(tmp_path: Path) -> None:
     assert (of(ABOUT, fit), fit.strays, fit.other_points, fit.n) == ([], (), None, 22)
 
 
-def test_a_stray_is_named_judged_and_kept(tmp_path: Path) -> None:
-    """By default every point is fitted; the stray is named by its line, the fit without it stands beside; what moves the result is critical."""
+def test_a_stray_is_named_judged_and_kept_where_asked(tmp_path: Path) -> None:
+    """With `stray: report` every point is fitted; the stray is named by its line, the fit without it beside; what moves the curve is critical."""
     T = torques()
     T[20] += 20 * NOISE
-    fit = static(experiment(tmp_path, SPEEDS, T))
+    fit = static(experiment(tmp_path, SPEEDS, T, "fit: {stray: report}\n"))
     (stray,) = fit.strays
     assert (stray.file, stray.where, stray.velocity, stray.torque) == ("points.csv", "line 22", SPEEDS[20], T[20])
     assert stray.deviations == pytest.approx(20, rel=0.4)
@@ -87,18 +87,19 @@ def test_a_term_that_the_fit_lacks_comes_before_strays(tmp_path: Path) -> None:
         assert first.numbers["advice"].code == "term-first"
     T = torques()
     T[10] += 20 * NOISE
-    (then,) = of({"strays", "strays-matter"}, static(experiment(tmp_path / "b", SPEEDS, T)))
+    (then,) = of({"strays", "strays-matter"}, static(experiment(tmp_path / "b", SPEEDS, T, "fit: {stray: report}\n")))
     assert then.numbers["advice"].code == "to-leave-out"
+    assert of({"strays-left-out"}, static(experiment(tmp_path / "b", SPEEDS, T)))
 
 
 @pytest.mark.usefixtures("few_motions")
-def test_strays_are_left_out_of_everything_where_asked(tmp_path: Path) -> None:
-    """With `fit.stray: drop` the fit, the cross-check, the models and a plan are those of a file without the point; the fit with it stands beside."""
+def test_strays_are_left_out_of_everything(tmp_path: Path) -> None:
+    """The fit, the cross-check, the models and a plan are those of a file without the point; the fit with it stands beside."""
     T = torques()
     T[6] += 20 * NOISE
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
-    path = experiment(tmp_path / "a", SPEEDS, T, "fit: {stray: drop}\n")
+    path = experiment(tmp_path / "a", SPEEDS, T)
     bare = experiment(tmp_path / "b", np.delete(SPEEDS, 6), np.delete(T, 6))
     found = [bristle.identify(x) for x in (path, bare)]
     dropped, without = (x.joints[0] for x in found)
@@ -216,8 +217,7 @@ def test_a_stray_among_torques_of_zero_is_named_without_a_relative_error(tmp_pat
     T[10] = 1.0
     fit = static(experiment(tmp_path, SPEEDS, T))
     assert [stray.where for stray in fit.strays] == ["line 12"]
-    assert fit.other_points is not None
-    assert np.isnan(fit.other_points.relative_error)
+    assert np.isnan(fit.relative_error or np.nan)
 
 
 def test_what_an_offset_would_be_is_noted(tmp_path: Path) -> None:

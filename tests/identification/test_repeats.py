@@ -15,13 +15,15 @@ from bristle.estimation.interval_comparison import they_differ
 from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
-from bristle.identification.dynamic.uncertainty import run_fits as moving_run_fits
+from bristle.identification.dynamic.uncertainty import parts_of_runs
+from bristle.identification.dynamic.unknowns import logarithms
 from bristle.identification.fits import Estimate, RunScatter, TrackingFit, Uncertainty
 from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.repeats import (
     RunFit,
+    clustered,
     scatter_of,
     spreader,
     widened,
@@ -172,25 +174,33 @@ def moving(truths: Sequence[Lugre[float]]) -> DynamicSolution:
     return fit_tracking(problem, start | {INERTIA: 1.27e-3}, "revolute", starts=1)
 
 
-def test_moving_runs_that_differ_in_one_parameter_say_so_in_it() -> None:
-    """Runs whose sigma_0 differs by 20 % have it back run by run; it is widened and warned of, and equal runs are not."""
-    stiff = [1.0, 1.2, 0.8, 1.1, 0.9]
+def test_the_error_by_runs_is_their_scatter() -> None:
+    """Of six runs whose sigma_0 differs by 2 %, the error of sigma_0 is that of their scatter; equal runs widen nothing."""
+    stiff = [1.0, 1.02, 0.98, 1.01, 0.99, 1.0]
     solved = moving([GRIPPER._replace(sigma_0=x * GRIPPER.sigma_0) for x in stiff])
-    scatter = scatter_of(moving_run_fits(solved), solved.fit.parameters, 1e6, {SIGMA_0, ALPHA_0})
-    assert list(scatter[SIGMA_0].by_run.values()) == pytest.approx([x * GRIPPER.sigma_0 for x in stiff], rel=0.03)
-    fit = widened(solved.fit, scatter, ("alpha_0", "sigma_0"))
-    assert scatter[SIGMA_0].widened > 3
-    wide, before = fit.parameters[SIGMA_0], solved.fit.parameters[SIGMA_0]
-    assert wide.value == before.value
-    assert (wide.standard_error or 0) == pytest.approx((before.standard_error or 0) * scatter[SIGMA_0].widened)
-    row = fit.names.index(SIGMA_0)
-    assert fit.covariance[row, row] == pytest.approx(solved.fit.covariance[row, row] * scatter[SIGMA_0].widened ** 2)
-    assert "runs-scatter" in [w.code for w in wide.warnings]
+    e, logarithmic = solved.fit.parameters[SIGMA_0], logarithms(solved.fit.names)
+    x = clustered(*parts_of_runs(solved), solved.fit.parameters, 1e6, logarithmic)[SIGMA_0]
+    assert list(x.by_run) == [f"run {k}" for k in range(6)]
+    assert list(x.by_run.values()) == pytest.approx([k * GRIPPER.sigma_0 for k in stiff], rel=5e-3)
+    by_runs = x.before * (e.standard_error or 0.0)
+    assert by_runs == pytest.approx(np.std(stiff, ddof=1) / 6**0.5 * GRIPPER.sigma_0, rel=0.1)
     same = moving([GRIPPER] * 3)
-    found = scatter_of(moving_run_fits(same), same.fit.parameters, 1e6, {SIGMA_0, ALPHA_0})
+    found = clustered(*parts_of_runs(same), same.fit.parameters, 1e6, logarithms(same.fit.names))
     assert len(found) >= 5
-    assert not any(x.significant for x in found.values())
-    assert moving_run_fits(moving([GRIPPER])) == []
+    assert not any(one.significant for one in found.values())
+    assert not clustered(*parts_of_runs(moving([GRIPPER])), same.fit.parameters, 1e6)
+
+
+def test_a_scatter_that_is_no_chance_widens_and_is_said() -> None:
+    """The errors of the fit and of the joint covariance grow alike, the value stays, and the sentence says by how much."""
+    fit = moving([GRIPPER] * 6).fit
+    wide = widened(fit, {SIGMA_0: scattered()}, ("sigma_0",))
+    e, before = wide.parameters[SIGMA_0], fit.parameters[SIGMA_0]
+    assert e.value == before.value
+    assert (e.standard_error or 0) == pytest.approx(3 * (before.standard_error or 0))
+    row = fit.names.index(SIGMA_0)
+    assert wide.covariance[row, row] == pytest.approx(9 * fit.covariance[row, row])
+    assert "runs-scatter" in [w.code for w in e.warnings]
 
 
 def test_priors_beside_the_runs_take_their_scatter_down() -> None:

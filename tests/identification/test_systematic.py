@@ -13,6 +13,7 @@ import yaml
 import bristle
 from bristle.arrays import Interval
 from bristle.data.experiment.schema import FitOptions
+from bristle.identification.curve import band
 from bristle.identification.dynamic.output_error import Window, with_more_torque
 from bristle.identification.dynamic.problem import InitialState, residuals
 from bristle.identification.fits import Estimate, StaticFit
@@ -20,7 +21,6 @@ from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Joint
-from bristle.identification.static.curve import band
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.identification.systematic import NORMAL, combined, statistical

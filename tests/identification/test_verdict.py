@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.messages import Kind
-from bristle.identification.results import Joint
+from bristle.identification.results import Accuracy, Joint
 from bristle.identification.verdict import Trust, other_warnings, value_warnings, verdict
 from bristle.model.parameters import ParameterName
 
@@ -43,9 +44,9 @@ def static(*warnings: Finding) -> StaticFit:
     [
         pytest.param(joint(whole()), Trust.USE, None, id="nothing is said"),
         pytest.param(joint(whole(NOTE)), Trust.USE, None, id="a note"),
-        pytest.param(joint(whole(CAUTION, NOTE)), Trust.CAUTION, CAUTION, id="a caution about the fit"),
-        pytest.param(joint(whole(), warnings=(CAUTION,)), Trust.CAUTION, CAUTION, id="a caution about the joint"),
-        pytest.param(joint(said(whole(), "v_s-", CAUTION)), Trust.CAUTION, CAUTION, id="a caution about a value"),
+        pytest.param(joint(whole(CAUTION, NOTE)), Trust.USE, None, id="a caution about the fit"),
+        pytest.param(joint(whole(), warnings=(CAUTION,)), Trust.USE, None, id="a caution about the joint"),
+        pytest.param(joint(said(whole(), "v_s-", CAUTION)), Trust.USE, None, id="a caution about a value"),
         pytest.param(joint(whole(CAUTION, CRITICAL)), Trust.DO_NOT_USE, CRITICAL, id="something critical, behind a caution"),
         pytest.param(joint(whole(), static={"+": static(CRITICAL)}), Trust.USE, None, id="a fit whose values are not shown"),
         pytest.param(joint(whole(CRITICAL), joint_fit=whole()), Trust.USE, None, id="the moving runs alone, beside a joint fit"),
@@ -55,13 +56,13 @@ def static(*warnings: Finding) -> StaticFit:
     ],
 )  # fmt: skip  # a table
 def test_the_weightiest_warning_about_the_values_decides(own: Joint, trust: Trust, reason: Finding | None) -> None:
-    """Critical: do not use; a caution: with caution; a note, or a warning about a fit that gives no value: use."""
+    """Critical: do not use; a caution, a note, or a warning about a fit that gives no value: use."""
     assert verdict(own) == (trust, reason)
     counted = (*value_warnings(own), *other_warnings(own))
     assert len(counted) == len(set(counted))
 
 
-def test_values_that_are_not_identifiable_call_for_caution_and_are_named_once() -> None:
+def test_values_that_are_not_identifiable_are_named_once() -> None:
     """What no stage shows is named in one warning; what another stage shows is not."""
     fit = unseen(
         whole(Kind.UNSEEN(names=("alpha_0+", "sigma_0+", "sigma_1+"))),
@@ -70,8 +71,31 @@ def test_values_that_are_not_identifiable_call_for_caution_and_are_named_once() 
     for name in ("alpha_0+", "sigma_0+", "sigma_1+"):
         fit = said(fit, name, Kind.AT_BOUND(), Kind.UNSEEN_FAR())
     own = joint(fit, static={"+": static()})
-    assert verdict(own) == (Trust.CAUTION, Kind.UNSEEN(names=("sigma_0+", "sigma_1+")))
-    assert value_warnings(own) == (verdict(own).reason,)
+    assert value_warnings(own) == (Kind.UNSEEN(names=("sigma_0+", "sigma_1+")),)
+
+
+@pytest.mark.parametrize(
+    ("band", "apart", "warnings", "trust", "code"),
+    [
+        (9.9, 0.0, (CAUTION,), Trust.USE, None),
+        (10.1, 0.0, (CAUTION,), Trust.DO_NOT_USE, "not-passive"),
+        (10.1, 0.0, (), Trust.DO_NOT_USE, "too-uncertain"),
+        (12.0, 11.0, (), Trust.DO_NOT_USE, "opinions-differ"),
+        (np.inf, 0.0, (), Trust.DO_NOT_USE, "too-uncertain"),
+        (2.0, 0.0, (CRITICAL, CAUTION), Trust.DO_NOT_USE, "stages-do-not-fit"),
+    ],
+)
+def test_friction_has_to_be_known_as_well_as_it_is_needed(
+    band: float, apart: float, warnings: tuple[Finding, ...], trust: Trust, code: str | None
+) -> None:
+    """The values are used where the band is at most what is asked for, and nothing critical is said; the weightiest finding is the reason."""
+    known = Accuracy(
+        slowest=0.1, fastest=1.0, band=band, statistical=5.0, apart=apart, misfit=0.0, share=1.0, opinion="peak"
+    )
+    own = replace(joint(whole(*warnings)), accuracy=known)
+    found = verdict(own)
+    assert (found.trust, found.reason and found.reason.code) == (trust, code)
+    assert (verdict(replace(own, need=1000.0)).trust is Trust.USE) == (CRITICAL not in warnings and band < np.inf)
 
 
 def test_a_joint_without_a_value_is_not_to_be_used() -> None:

@@ -14,10 +14,10 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, Loop
 from bristle.findings import CAUTION, NOTE, Finding
+from bristle.identification.curve import curve
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, Presliding, PreslidingFit, Profile, StaticFit
 from bristle.identification.messages import Kind
 from bristle.identification.results import Input, Joint
-from bristle.identification.static.curve import curve
 from bristle.model.functions import loading_displacement_function, stribeck_shape_function
 from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate

@@ -1,4 +1,4 @@
-"""The short report: the values to use first, a verdict with one reason, warnings counted once, in 40 lines of 80 columns."""
+"""The short report: a number and a verdict first, then the values to use, and what was found, in lines of 80 columns."""
 
 import re
 from collections.abc import Callable
@@ -18,6 +18,7 @@ from bristle.identification.verdict import value_warnings, verdict
 from bristle.page.plain import WIDTH, interval, pair, wrapped
 from bristle.questions.joint_report.brief import LINES, brief_report
 from bristle.questions.joint_report.interval_tables import interval_lines
+from bristle.questions.joint_report.sentences import known_to
 from bristle.questions.joint_report.text import fit_report
 
 from .conftest import HOSTILE, gripper, loaded
@@ -47,7 +48,8 @@ def test_each_value_to_use_stands_in_the_table_with_its_source(edro: Results) ->
     blocks = str(edro).split("\n\n")
     assert len(blocks) == len(edro.joints) + 2
     for joint, block in zip(edro.joints, blocks[1:], strict=False):
-        assert block.startswith(f"{joint.name} (revolute, SIMULATED data): {verdict(joint).trust}\n")
+        first = f"{joint.name} (revolute, SIMULATED data): {verdict(joint).trust}. {known_to(joint, '+/-')}"
+        assert words(block).startswith(first)
         for row in chosen(joint):
             e = row.estimate
             assert e.interval is not None
@@ -57,7 +59,7 @@ def test_each_value_to_use_stands_in_the_table_with_its_source(edro: Results) ->
                 block,
                 re.M,
             )
-        assert f"{joint.name.split()[0]}_held_out.csv" in block
+        assert "; held-out torque within " in first
 
 
 def test_no_row_of_a_table_is_broken(edro: Results) -> None:
@@ -78,23 +80,25 @@ def test_no_row_of_a_table_is_broken(edro: Results) -> None:
 
 @pytest.mark.parametrize("make", [gripper, loaded, moving], ids=["points", "slow", "moving"])
 @pytest.mark.parametrize("warnings", [(), LONG, (CRITICAL, *LONG)], ids=["as it is", "cautions", "critical"])
-def test_forty_lines_of_eighty_columns(make: Callable[[], Joint], warnings: tuple[Finding, ...]) -> None:
-    """However much is warned of, a joint with two directions has at most 40 lines; what is critical is the reason, first of all."""
+def test_what_is_critical_stands_whole_and_little_else(
+    make: Callable[[], Joint], warnings: tuple[Finding, ...]
+) -> None:
+    """However much is found: the number, the reason, the table, all that is critical; of the rest whole sentences of a few lines, then codes."""
     joint = replace(make(), warnings=warnings).with_subjects()
     lines = brief_report([joint]).splitlines()
-    assert len(lines) <= LINES
     assert max(map(len, lines)) <= WIDTH
     assert max(map(len, fit_report([joint]).splitlines())) <= WIDTH
-    text, found = "\n".join(lines), verdict(joint)
-    assert lines[0].endswith(f": {found.trust}")
-    if found.reason is not None:
-        about = rf"{found.reason.severity} \[{found.reason.code}\]( \([^)]+\))?: {re.escape(str(found.reason))}"
-        assert re.match(about, words("\n".join(lines[1:])))
+    text, found, of_values = words("\n".join(lines)), verdict(joint), value_warnings(joint)
+    of = ", SIMULATED data" if joint.simulated else ""
+    assert text.startswith(f"{joint.name} ({joint.kind}{of}): {found.trust}. {known_to(joint, '+/-')}")
+    critical = [x for x in of_values if x.severity is Severity.CRITICAL]
     assert (found.reason == CRITICAL) == (CRITICAL in warnings)
-    critical = [x for x in value_warnings(joint) if x.severity is Severity.CRITICAL]
-    assert (f"{len(critical)} critical" in text) == bool(critical)
-    for code in {x.code for x in value_warnings(joint)[:8]}:
-        assert f"[{code}]" in text
+    for finding in critical:
+        assert str(finding) in text
+    told = [x for x in of_values if x not in critical and str(x) in text]
+    assert sum(line.startswith("  caution") for line in lines) == len(told) <= LINES
+    for finding in of_values:
+        assert finding.code in text
 
 
 def test_what_has_no_value_is_named_with_the_reason() -> None:

@@ -158,16 +158,16 @@ def test_table_1_is_complete(moved: Joint) -> None:
 
 
 def test_table_1_takes_the_best_stage_that_knows(moved: Joint) -> None:
-    """Without a joint fit: the moving runs, but its own stage for what these do not show; without moving runs: static and presliding."""
+    """Without a joint fit the moving runs, to whose curve no other stage adds what they do not show; else static and presliding."""
     alone = tables.all_tables([replace(moved, joint_fit=None)])["table_1"].set_index(["direction", "parameter"])
-    assert alone["source"].value_counts().to_dict() == {"tracking": 12, "static": 1}
-    assert alone.loc[("-", "alpha_1"), "source"] == "static"
+    assert alone["source"].value_counts().to_dict() == {"tracking": 13}
+    assert alone["value"].isna()[("-", "alpha_1")]
     before = tables.all_tables([replace(moved, joint_fit=None, tracking=None)])["table_1"]
     assert list(before["source"]) == 2 * (4 * ["static"] + 2 * ["presliding"])
 
 
 def test_table_1_lists_nothing_twice(moved: Joint) -> None:
-    """What the moving runs know of both directions together replaces a stage's value of each, and of each one of both; else both stand."""
+    """What the moving runs know of both directions together replaces a stage's value of each, and of each that of both."""
     together = {
         ParameterName.parse(name): of(moved.joint_fit).parameters[ParameterName.parse(f"{name}+")]
         for name in TABLE_1["+"]._fields
@@ -178,7 +178,7 @@ def test_table_1_lists_nothing_twice(moved: Joint) -> None:
     assert set(tables.all_tables([static])["table_1"]["source"]) == {"joint"}
     half = replace(static, joint_fit=without(of(moved.joint_fit), "alpha_1-"), tracking=None)
     rows = tables.all_tables([half])["table_1"]
-    assert list(rows[rows["parameter"] == "alpha_1"]["direction"]) == ["+", "-", "both"]
+    assert list(rows[rows["parameter"] == "alpha_1"]["direction"]) == ["+", "-"]
 
 
 # text

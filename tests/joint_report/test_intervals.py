@@ -13,10 +13,10 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.findings import Finding
+from bristle.identification.curve import curve
 from bristle.identification.fits import RunScatter, StaticFit, Uncertainty
 from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
-from bristle.identification.static.curve import curve
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind as JointKind

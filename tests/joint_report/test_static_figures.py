@@ -7,9 +7,9 @@ import pytest
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
+from bristle.identification.curve import band
 from bristle.identification.fits import Stray
 from bristle.identification.results import Joint
-from bristle.identification.static.curve import band
 from bristle.model.functions import steady_jacobian_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import MOST_POINTS, decimal_log, new_figure, render_as, styled, thinned

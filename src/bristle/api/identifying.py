@@ -1,7 +1,9 @@
 """Experiment files in, results out."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from functools import partial
+from math import inf
 
 from bristle.api.joints import read_if_results
 from bristle.api.logs import JointLogs
@@ -9,11 +11,11 @@ from bristle.api.results import Results, choose
 from bristle.api.sources import Source, SourceText, names_of, open_all
 from bristle.data.experiment.load import Experiment
 from bristle.data.robot.robot_file import Robot
-from bristle.errors import InputError
+from bristle.errors import InputError, short
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured, measure
-from bristle.identification.results import Joint
+from bristle.identification.results import NEED, Joint
 from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
 from bristle.workers import Share, sharing
@@ -25,6 +27,7 @@ def identify(
     progress: Progress | None = None,
     crosscheck: bool = False,
     uncertainty: bool = False,
+    need: float = NEED,
     workers: int = 1,
 ) -> Results:
     """Identify the joints of one or more files, of a joint or a robot each; with none, the embedded Ed-Ro (simulated).
@@ -45,6 +48,7 @@ def identify(
         crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too; those of
             static and presliding fits always do.
+        need: percent of friction, to which it has to be known (95 %), for the values to be used.
         workers: processes among which the joints are shared out; in a script more than one need
             `if __name__ == "__main__":` around the call.
 
@@ -52,7 +56,7 @@ def identify(
     """
     files = open_all(experiments)
     with sharing(min(workers, len(_chosen(files, joint))), "bristle.identification.identify") as share:
-        return _identified(files, joint, share, progress, crosscheck=crosscheck, uncertainty=uncertainty)
+        return _identified(files, joint, share, progress, crosscheck=crosscheck, uncertainty=uncertainty, need=need)
 
 
 def identified(
@@ -60,6 +64,7 @@ def identified(
     joint: str | None = None,
     crosscheck: bool = False,
     uncertainty: bool = False,
+    need: float = NEED,
     share: Share = map,
     progress: Progress | None = None,
     each: Callable[[Joint], None] = lambda _: None,
@@ -74,7 +79,7 @@ def identified(
             return known
         experiments = (known,)
     files = open_all(experiments)
-    return _identified(files, joint, share, progress, each, crosscheck=crosscheck, uncertainty=uncertainty)
+    return _identified(files, joint, share, progress, each, crosscheck=crosscheck, uncertainty=uncertainty, need=need)
 
 
 _Files = Sequence[tuple[Experiment | Robot, SourceText | None]]
@@ -94,12 +99,13 @@ def _identified(
     *,
     crosscheck: bool,
     uncertainty: bool,
+    need: float,
 ) -> Results:
     chosen = _chosen(files, joint)
     every = [
         m for m in _measured([loaded for loaded, _ in files], progress, share) if m.experiment.joint.name in chosen
     ]
-    work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty)
+    work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty, need=checked_need(need))
     waiting = iter(share(partial(work, progress=progress) if share is map else work, every))
     found: list[tuple[Joint, dict[str, float]]] = []
     for done, measured in enumerate(every):
@@ -123,7 +129,7 @@ def _measured(files: Sequence[Experiment | Robot], progress: Progress | None, sh
 
 
 def _timed(
-    measured: Measured, crosscheck: bool, uncertainty: bool, progress: Progress | None = None
+    measured: Measured, crosscheck: bool, uncertainty: bool, need: float, progress: Progress | None = None
 ) -> tuple[Joint, dict[str, float]]:
     spent: dict[str, float] = {}
     try:
@@ -133,4 +139,13 @@ def _timed(
             raise
         cause = next((w for w in measured.findings if w.severity is Severity.CRITICAL), error)
         raise InputError(f"{measured.experiment.joint.name}: {cause}") from error
-    return joint, spent
+    return replace(joint, need=need), spent
+
+
+def checked_need(percent: float) -> float:
+    """The percentage. Raises InputError where it is none that is more than 0."""
+    if not 0 < percent < inf:
+        raise InputError(
+            f"need: got {short(percent)}; expected a percentage of friction that is more than 0, such as 10"
+        )
+    return float(percent)

@@ -13,6 +13,7 @@ from bristle.findings import Finding, Severity
 from bristle.identification.document import document_of, joints_of, reading
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
+from bristle.identification.verdict import Trust, verdict
 from bristle.progress import Progress
 from bristle.questions.compensation.study import Study
 from bristle.questions.session_comparison.results_file import session_of
@@ -50,6 +51,11 @@ class Results:
     def serious(self) -> tuple[Finding, ...]:
         """Those of `warnings` that are critical, or call for caution; notes are not."""
         return tuple(warning for warning in self.warnings if warning.severity is not Severity.NOTE)
+
+    @property
+    def not_to_be_used(self) -> tuple[str, ...]:
+        """Names of the joints whose values are not to be used."""
+        return tuple(joint.name for joint in self.joints if verdict(joint).trust is Trust.DO_NOT_USE)
 
     def joint(self, name: str | None = None) -> Joint:
         """The joint of a name; without one the only joint. Raises InputError where there are several, or none of that name."""

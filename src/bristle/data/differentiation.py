@@ -5,6 +5,7 @@ A zero-phase low pass, then the derivatives of a spline through it.
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -79,6 +80,10 @@ def usable(record: Record, cutoff: float) -> float:
     return cutoff if cutoff < nyquist else 0.8 * nyquist
 
 
+_SETTLES = 10.0
+"""Periods of its cut-off that a segment beside a rest has at least."""
+_REST = 3.0
+"""s: a joint whose position stays for so long rests; at a slow turn it does for less."""
 _STEP = 4.0
 """Standard deviations of the samples about it, by which the end of a noisy signal is off only after a step."""
 
@@ -145,6 +150,33 @@ def between_gaps(record: Record) -> list[slice]:
     return [slice(start, stop) for start, stop in zip(record.starts, stops, strict=True)]
 
 
+def without_rests(record: Record) -> Record:
+    """The record without the stretches in which its position stays for a second: what torque holds a joint at rest says nothing of friction.
+
+    Only where most of what remains is long enough for its filters; the stretches between are segments, as between gaps.
+    """
+    if record.position is None:
+        return record
+    stays = np.append(False, np.diff(record.position) == 0)
+    stays[list(record.starts)] = False
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], stays, [False]]).astype(int))).reshape(-1, 2)
+    rests = [(a - 1, b) for a, b in ends.tolist() if (b - a) * record.step >= _REST]
+    moves = np.ones(record.time.size, dtype=bool)
+    for start, stop in rests:
+        moves[start:stop] = False
+    first = {*record.starts, *(stop for _, stop in rests)}
+    cuts = sorted({*first, *(start for start, _ in rests), record.time.size})
+    shortest = max(SHORTEST, _SETTLES / (record.cutoff * record.step) if record.cutoff else 0.0)
+    long = [slice(a, b) for a, b in pairwise(cuts) if b - a >= shortest and moves[a]]
+    if not rests or 2 * sum(s.stop - s.start for s in long) < np.count_nonzero(moves):
+        return record
+    return _kept(
+        record,
+        long,
+        lambda n: Finding("rests-left-out", NOTE, f"{n} rows in which the joint rests are left out.", {"rows": n}),
+    )
+
+
 def _without_short_segments(record: Record) -> Record:
     segments = between_gaps(record)
     long = [s for s in segments if s.stop - s.start >= SHORTEST]
@@ -154,6 +186,20 @@ def _without_short_segments(record: Record) -> Record:
         )
     if len(long) == len(segments):
         return record
+
+    def said(lost: int) -> Finding:
+        """That rows are lost."""
+        message = (
+            f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {SHORTEST} samples, "
+            "which cannot be differentiated."
+        )
+        return Finding("rows-of-short-segments", CAUTION, message, {"rows": lost})
+
+    return _kept(record, long, said)
+
+
+def _kept(record: Record, long: list[slice], said: Callable[[int], Finding]) -> Record:
+    """Some segments of a record, and a note on the rows that are not in them."""
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     signals = {
         name: values[kept]
@@ -161,11 +207,6 @@ def _without_short_segments(record: Record) -> Record:
         if (values := getattr(record, name)) is not None
     }
     lost = record.time.size - kept.size
-    message = (
-        f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {SHORTEST} samples, "
-        "which cannot be differentiated."
-    )
-    note = Finding("rows-of-short-segments", CAUTION, message, {"rows": lost})
     lengths = [s.stop - s.start for s in long]
     starts = (0, *(int(k) for k in np.cumsum(lengths)[:-1]))
-    return replace(record, **signals, starts=starts, dropped=record.dropped + lost, notes=(*record.notes, note))
+    return replace(record, **signals, starts=starts, dropped=record.dropped + lost, notes=(*record.notes, said(lost)))

@@ -33,12 +33,8 @@ _AT_REST = 0.5
 """Of the time below the breakaway torque: a joint that is loaded slowly rests for so long, one that moves passes."""
 _SPRING = 0.3
 """Correlation of torque and position of a joint that rests on its bristles."""
-SPEEDS = 5
-"""In one direction: fewer are no Stribeck curve; ..."""
-_MOSTLY = 0.8
-"""... and a run that holds them for less than this of its motion then tells more as a tracking run."""
-_APART = 1.1
-"""Ratio of two speeds that are different."""
+_MOSTLY = 0.75
+"""Of its motion: a run that holds velocities for less tells more as a tracking run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,15 +103,15 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
 def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
     """The experiment of each file, by what most of them do whose names differ in numbers alone.
 
-    Constant velocities are ramps where they are at least `SPEEDS` in one direction, over all files, or there is hardly
-    anything else; else such a run is a tracking one, which uses what lies between them too.
+    Constant velocities are ramps where there is hardly anything else; else such a run is a tracking one, which uses what
+    lies between them too.
     """
     families = defaultdict[str, list[Stretches]](list)
     for file, does in found:
         families[_family(file)].append(does)
     kinds = {family: _most(runs) for family, runs in families.items()}
     ramps = [does for file, does in found if kinds[_family(file)] == does.kind == "ramp"]
-    if not all(does.steadily for does in ramps) and _distinct(ramps) < SPEEDS:
+    if not all(does.steadily for does in ramps):
         kinds = {family: "tracking" if kind == "ramp" else kind for family, kind in kinds.items()}
     return [kinds[_family(file)] for file, _ in found]
 
@@ -127,15 +123,6 @@ def _family(file: str) -> str:
 def _most(runs: Sequence[Stretches]) -> MovingKind:
     kinds = [does.kind for does in runs]
     return max(kinds, key=kinds.count)
-
-
-def _distinct(runs: Sequence[Stretches]) -> int:
-    """Speeds that differ, in the direction that has more of them."""
-    count = 0
-    for sign in (1, -1):
-        speeds = np.sort([sign * v for does in runs for v in does.speeds if sign * v > 0])
-        count = max(count, int(np.count_nonzero(speeds[1:] > _APART * speeds[:-1])) + min(speeds.size, 1))
-    return count
 
 
 def _union(spans: Sequence[tuple[int, int]], n: int) -> NDArray[np.bool_]:

@@ -9,7 +9,7 @@ from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import OTHER_FILES, Record
 from bristle.estimation.autocorrelation import inflation
-from bristle.findings import CAUTION, Finding
+from bristle.findings import CAUTION, CRITICAL, Finding
 
 _LEVELS = 20
 """A signal has more levels than this, or nothing can be said of how often it takes one."""
@@ -17,6 +17,8 @@ _POINTS_A_LEVEL = 4
 """... or, of few points, so many points to a level: most of them are then levels of their own."""
 _PILED, _NEXT = 4.0, 3
 """A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
+_BESIDE = 0.05
+"""Of the range of a torque: how far its next value is from a limit, at the most."""
 _CLIPPED = (0.005, 8)
 """... which is at least this share of its samples, and so many of them."""
 _SAME = 4
@@ -70,7 +72,9 @@ def _clipped(record: Record) -> Finding | None:
     least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
     piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
     alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
-    at = [k for k in (0, -1) if piled[k] or (alike and piled[-1 - k])]
+    gaps = {0: levels[1] - levels[0], -1: levels[-1] - levels[-2]}
+    near = {k for k, gap in gaps.items() if gap < _BESIDE * (levels[-1] - levels[0])}  # a step jumps to its level
+    at = [k for k in (0, -1) if k in near and (piled[k] or (alike and piled[-1 - k]))]
     if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
         return None
     share = sum(int(counts[k]) for k in at) / record.torque.size
@@ -94,7 +98,7 @@ def _at_limits(record: Record, share: float, limits: str) -> Finding:
         f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {limits}. The true torque there "
         "is unknown; move slower or more gently, or widen the range of the drive or the sensor."
     )
-    return Finding("clipped", CAUTION, message, {"files": (record.file,), "share": share, "limits": limits})
+    return Finding("clipped", CRITICAL, message, {"files": (record.file,), "share": share, "limits": limits})
 
 
 def _moves_at_limits(record: Record) -> bool:
@@ -151,7 +155,7 @@ def _dead_zone(record: Record) -> Finding | None:
         "sensor or drive has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; switch it off, or add it to the "
         "torque."
     )
-    return Finding("dead-zone", CAUTION, message, {"files": (record.file,), "share": share})
+    return Finding("dead-zone", CRITICAL, message, {"files": (record.file,), "share": share})
 
 
 def _coarse(record: Record) -> Finding | None:

@@ -102,10 +102,10 @@ def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
 def residual_warnings(residuals: Array, velocity: Array, time: Array, position: Array) -> tuple[Finding, ...]:
     """A diagnostic for what the residuals show beyond noise.
 
-    A trend over time or velocity, a ripple over position, a difference between directions. F tests against a constant,
-    of a parabola over time, velocity and position, and of each harmonic of the range of positions, all Bonferroni
-    corrected for their number; residuals that are correlated in the order given count for fewer. Significant is p <
-    0.01 after correction.
+    A trend over time or velocity, a ripple over position, a difference between directions, friction that changes over
+    time. F tests against a constant, of a parabola over time, velocity and position, and of each harmonic of the range of
+    positions, all Bonferroni corrected for their number; residuals that are correlated in the order given count for fewer.
+    Significant is p < 0.01 after correction.
 
     Args:
         residuals: N*m, shape (n,).
@@ -119,7 +119,8 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
     scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in known.items()}
     count = min(n // 4, _HARMONICS) if "position" in known else 0
     both = "velocity" in known and velocity.min() < 0 < velocity.max()
-    looks, warnings = len(known) + count + both, []
+    fades = both and "time" in known
+    looks, warnings = len(known) + count + both + fades, []
     if both:  # a symmetric curve that is not: what it leaves is even in velocity
         p, share = _f_test(residuals, np.stack([np.ones(n), np.abs(velocity)]), about_mean=False)
         if (p := p * looks) < _SIGNIFICANT:
@@ -131,6 +132,19 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
     patterns: list[tuple[str, dict[str, Any], Array]] = [
         (f"trend vs {over}", {"over": over}, np.stack([s, s * s])) for over, s in scaled.items()
     ]
+    if fades:  # friction opposes motion, so a change of it has another sign in each direction
+        s = scaled["time"] * np.sign(velocity)
+        p, share = _f_test(residuals, np.stack([s, scaled["time"] * s]))
+        if (p := p * looks) < _SIGNIFICANT:
+            change = 2 * float(s @ residuals) / float(s @ s)
+            way = "grows" if change > 0 else "falls"
+            message = (
+                f"Friction {way} by {abs(change):.2g}{unit_of('torque')} from the beginning to the end (p = {p:.1g}, corrected for {looks} "
+                f"tests), which explains {100 * share:.0f} % of the residuals' variance: it wears in or warms up. Repeat it on a joint "
+                "that has settled."
+            )
+            numbers = {"change": change, "p": p, "share": share}
+            warnings.append(Finding("friction-drifts", CAUTION, message, numbers, {"torque": abs(change)}))
     if count:
         period, basis = _strongest_harmonic(residuals, known["position"], count)
         patterns.append((f"ripple vs position of period {period:.3g}{unit_of('position')}", {"period": period}, basis))

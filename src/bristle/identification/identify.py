@@ -10,6 +10,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.constants import torque_scale
@@ -17,6 +18,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.findings import Finding
+from bristle.identification.accuracy import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.law_comparison import (
@@ -48,7 +50,12 @@ from bristle.identification.settings import settings_of
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
-from bristle.identification.static.set_up import better_for_motion, better_for_points, with_one_advice
+from bristle.identification.static.set_up import (
+    better_for_motion,
+    better_for_points,
+    directions_of_points,
+    with_one_advice,
+)
 from bristle.identification.static.stray_report import advised
 from bristle.model.laws.registry import AUTO, PAPER
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
@@ -56,6 +63,8 @@ from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
 """Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
+_CLEARLY = 10.0
+"""A difference in BIC that is very strong evidence (Kass and Raftery 1995)."""
 _CHOICES = 2
 """Of a law by moving runs: of the load, and of the peak and terms beside it."""
 _OF_THE_DATA = {
@@ -88,12 +97,20 @@ def identify_joint(
         _identified, timings=timings, asked_law=asked, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
     )
     auto = measured.experiment.fit.directions == "auto"
-    measured, laws = _with_law(with_periods(_with_directions(measured) if auto else measured))
+    bic: dict[str, float] = {}
+    if auto and (points := measured.points(hold_out=False)):
+        found = directions_of_points(measured.experiment, points)
+        bic = {APART: found["separate"], SYMMETRIC: found["symmetric"]} if found else {}
+        measured = _with_directions(measured, "symmetric" if bic and bic[SYMMETRIC] <= bic[APART] else "separate")
+    elif auto:
+        measured = _with_directions(measured)
+    measured, laws = _with_law(with_periods(measured))
     joint = identified(measured, laws)
-    bic = {row.directions: row.bic for data in joint.models for row in data.rows if row.model == LUGRE} if auto else {}
-    if bic.get(APART, np.inf) < bic.get(SYMMETRIC, -np.inf):
-        measured = _with_directions(measured, "separate")
-        joint = identified(measured, laws)
+    if auto and not bic:
+        bic = {row.directions: row.bic for data in joint.models for row in data.rows if row.model == LUGRE}
+        if bic.get(APART, np.inf) < bic.get(SYMMETRIC, -np.inf) - _CLEARLY:
+            measured = _with_directions(measured, "separate")
+            joint = identified(measured, laws)
     if wider := _wider(measured, joint.tracking):
         measured, joint = wider, identified(wider, laws)
     if laws is None and joint.tracking is not None:
@@ -107,23 +124,25 @@ def identify_joint(
             if measured.experiment.fit.load and joint.tracking is not None:  # which peak and terms beside the load
                 laws = laws_of_motion(measured, joint.tracking) or laws
         joint = replace(joint, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
+    other = 0.0
     if {APART, SYMMETRIC} <= bic.keys():
-        joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic)})
-    return joint.with_subjects()
+        apart = measured.experiment.fit.directions == "separate"
+        joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic, apart=apart)})
+        other = float(expit(-abs(bic[APART] - bic[SYMMETRIC]) / 2))
+    return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
 
 
 def _with_directions(measured: Measured, directions: str | None = None) -> Measured:
     """The same with directions, whose offset is a regressor where one set of friction serves both.
 
-    None: as a first choice one for both, of moving runs that go both ways; points show each by itself, and a simulated
-    position is fitted as ever.
+    None: as a first choice one for both, of moving runs that go both ways; a simulated position is fitted as ever.
     """
     fit, training = measured.experiment.fit, measured.moving(hold_out=False)
-    ways = len(moved_in(training)) if training and not measured.points(hold_out=False) else 0
+    ways = len(moved_in(training)) if training else 0
     chosen = directions or ("symmetric" if ways == len(DIRECTIONS) and fit.predict == "torque" else "separate")
-    asked = None if fit.regressors is None else [name for name in fit.regressors if name != "offset"]
+    asked = (("inertia",) if training else ()) if fit.regressors is None else fit.regressors
     about = ("offset",) if chosen == "symmetric" else ()
-    return with_options(measured, directions=chosen, regressors=None if asked is None else (*asked, *about))
+    return with_options(measured, directions=chosen, regressors=(*(x for x in asked if x != "offset"), *about))
 
 
 def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
@@ -146,11 +165,12 @@ def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
     return found
 
 
-def _chosen(bic: Mapping[str, float]) -> str:
+def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     """What was chosen, why, and what overrules it."""
     more = bic[APART] - bic[SYMMETRIC]
-    which = "one friction for both, two having" if more >= 0 else "each its own friction, one for both having"
-    return f"{which} a BIC {abs(more):.3g} higher (fit.directions overrules)"
+    which, higher = ("each its own friction, one for both", -more) if apart else ("one friction for both, two", more)
+    how = "higher" if higher >= 0 else f"lower, by less than {_CLEARLY:g}"
+    return f"{which} having a BIC {abs(higher):.3g} {how} (fit.directions overrules)"
 
 
 def _identified(

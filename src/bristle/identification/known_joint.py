@@ -4,7 +4,7 @@ The sets, the inertia, joints drawn. Everything that asks what a joint is - repo
 asks here. What the data do not show of the bristle is filled in, and is to be said where it is used.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from math import inf, isclose
@@ -110,7 +110,7 @@ def moving_estimates(joint: Joint, source: Source) -> Iterator[Known]:
 
 
 def chosen(joint: Joint) -> tuple[Known, ...]:
-    """The estimate to use of each parameter.
+    """The estimate to use of each parameter, of which those of one friction curve come from one fit.
 
     From the joint fit where that knows it, else the moving runs alone, else its own stage. Direction by direction, in
     the order of `Lugre`; what is shared comes last. One that has no value stands for itself only where no stage has
@@ -124,23 +124,26 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
         if before is None or (before.estimate.value is None and row.estimate.value is not None):
             best[row.parameter] = row
 
-    for source in reversed(moving_fits(joint)):
-        for row in moving_estimates(joint, source):
+    moving = [row for source in reversed(moving_fits(joint)) for row in moving_estimates(joint, source)]
+    shown = {(row.parameter.name, row.parameter.direction) for row in moving if row.estimate.value is not None}
+    curves = {d for name, d in shown if name == "alpha_0"}
+    staged = list(stage_estimates(joint))
+    static = {row.parameter.direction for row in staged if row.parameter.name == "alpha_0"}
+    for row in moving:
+        name, d = row.parameter
+        if not of_curve(name) or _within(d, curves) or not _within(d, static):
             keep(row)
-    moving = {name for name, row in best.items() if row.estimate.value is not None}
-    for row in stage_estimates(joint):
-        known = {d for name, d in moving if name == row.parameter.name}
-        if not (known & {row.parameter.direction, Direction.BOTH, Direction.SHARED} or known >= set(SIGNED)):
+    fitted = {row.parameter.name for row in moving}  # a shape that a motion does not show it took from a stage
+    for row in staged:
+        name, d = row.parameter
+        if not (_within(d, curves if name in fitted and of_curve(name) else {own for n, own in shown if n == name})):
             keep(row)
     return tuple(sorted(best.values(), key=_place))
 
 
-def mixed(joint: Joint) -> Iterator[Finding]:
-    """Where the friction curve of a direction would be put together of two fits."""
-    curve = [row for row in chosen(joint) if of_curve(row.parameter.name) and row.estimate.value is not None]
-    for d in Direction:
-        if len({row.source for row in curve if row.parameter.direction == d}) > 1 and joint.moving is not None:
-            yield Kind.CURVE_MIXED(direction=d)
+def _within(direction: Direction, known: Collection[Direction]) -> bool:
+    """Whether something is known in a direction: there, in both at once, or in each."""
+    return bool({direction, Direction.BOTH, Direction.SHARED} & {*known}) or {*known} >= set(SIGNED)
 
 
 def rises_of(joint: Joint) -> dict[str, float]:
@@ -295,16 +298,16 @@ def fault_of(name: ParameterName, value: float, si: str = "", interval: Interval
 
 def as_identified(joint: Joint) -> KnownJoint:
     """`known_joint`, whatever its numbers are: to show them."""
-    fit = joint.moving
+    rows, fit = chosen(joint), joint.moving
     shown = fit.parameters if fit is not None else {}
     fixed = fit.fixed if fit is not None else {}
-    law = {name: e for name, e in shown.items() if of_curve(name.name)}
+    static = {row.parameter for row in rows if row.source is Source.STATIC}
     return KnownJoint(
         name=joint.name,
         law=joint.law,
-        estimates={row.parameter: row.estimate for row in chosen(joint)} | law,
+        estimates={row.parameter: row.estimate for row in rows},
         given={name: x for name, x in fixed.items() if name not in shown},
-        held={name: x for name, x in fixed.items() if name in shown},
+        held={name: x for name, x in fixed.items() if name in shown and name not in static},
     )
 
 

@@ -253,12 +253,12 @@ class Kind(Enum):
             "look for what changed between the runs (temperature, load, wear)."
         ),
     )
-    RUNS_CLUSTERED = (
-        _NOTE,
+    RUNS_MOVE = (
+        _CAUTION,
         (
-            "Its error counts what each of {runs} runs leaves as one number, since a load is told by runs together: it is "
-            "{widened:.2g} times that of independent samples, and the interval has Student's t of {freedom} degree{freedom!e} of "
-            "freedom."
+            "The {runs} runs differ by more than chance (F test, 1 %), {farthest} most: without each in turn the "
+            "value moves {widened:.2g} times as much as its standard error says. That is multiplied by it, and the interval has "
+            "Student's t of {freedom} degree{freedom!e} of freedom; look for what changed (temperature, load, wear)."
         ),
     )
     POINTS_FOR_PARAMETERS = _NOTE, "{points} points for {parameters} parameters"
@@ -1050,10 +1050,6 @@ class Kind(Enum):
     EACH_LEFT_OUT = _NOTE, "Hold-out: each point predicted from all others."
 
     # compensation
-    CURVE_MIXED = (
-        _NOTE,
-        "The friction curve{direction!d} mixes two fits, which are not one law: for the curve take the values of one of them.",
-    )
 
     # compensation: whether adaptation helps on a measured run
 
@@ -1083,10 +1079,10 @@ _BY_WEIGHT = (
     "stick-slip holds-swing position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
     "nothing-without other-law lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed turns-late delay-or-presliding "
-    "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
+    "drift-of-rows drift-over-runs friction-drifts torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
     "position-held stamps-jitter sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
     "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
-    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter outlier "
+    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter runs-move outlier "
     "stages-differ stage-differs static-without-presliding distrust-moving distrust-stage inertia-doubted "
     "huber-differs responsible intervals-differ cost-stays-low profile-skewed few-to-resample uneven-residuals "
     "profile-lost over-laws at-bound intervals-at-bound no-bootstrap-at-bound profile-open static-at-bound bound "

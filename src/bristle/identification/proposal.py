@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from bristle.data.experiment.draft import Draft, DraftedRun, Told, draft_experiment
@@ -147,9 +148,9 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
         refuse_opposing_points(measured.experiment, points, ("offset",))
     if not known:
         return "", ""
-    sided = "separate" if any(x.set_up.directions != ("both",) for x in known) else "symmetric"
-    sided = "auto" if not points and len(moved_in(moving)) == len(DIRECTIONS) else sided
-    pays = {name for x in known for name in x.set_up.regressors} - ({"offset"} if sided != "symmetric" else set())
+    ways = {np.sign(s.velocity) for s in points} if points else moved_in(moving)
+    sided = "auto" if len(ways) == len(DIRECTIONS) else "separate"
+    pays = {name for x in known for name in x.set_up.regressors} - {"offset"}
     lines = f"directions: {sided}"
     lines += f", {regressor_line(pays)}" if pays or moving else ""
     why = f"relative error on parts held out in turn {', '.join(map(_errors, known))}"
@@ -159,9 +160,7 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
 def _errors(x: BetterSetUp) -> str:
     """The error of a set-up beside the plainest, where that tells anything."""
     error = (
-        f"{x.error:.2g} %"
-        if x.error < _NOTHING
-        else "above 100 %: too few points to tell, so what assumes least is taken"
+        f"{x.error:.2g} %" if x.error < _NOTHING else "above 100 %: too few points to tell, so the plainest is taken"
     )
     return f"{error} (the plainest set-up: {x.asked_error:.2g} %)"
 

@@ -35,6 +35,8 @@ from bristle.model.parameters import ParameterName, least_of
 Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
 SIGNIFICANT = 0.01
+_FEWEST = 3
+"""Runs: two tell too little of how runs scatter."""
 _ROUNDING = 1e-6
 """Relative differences below this are those of two computations."""
 
@@ -94,7 +96,7 @@ def clustered(
     freedom: float | Mapping[Any, float],
     logarithmic: Container[Key] = (),
 ) -> dict[Key, RunScatter]:
-    """Each parameter's scatter over runs that say too little alone to be fitted apart: what one leaves counts as one number.
+    """Each parameter's scatter over runs, of which what one leaves counts as one number.
 
     The covariance is that of the jackknife, (k - 1) / k times the sum of m_i m_i' over k runs, to first order: to leave run i
     out moves the estimate by m_i = H**-1 (I - H_i H**-1)**-1 J_i' r_i, H the sum of H_i = J_i' J_i (Bell and McCaffrey,
@@ -107,7 +109,7 @@ def clustered(
         freedom: degrees of freedom of their intervals; of each, by name.
         logarithmic: columns that are derivatives by a logarithm.
     """
-    if len(parts) < 2:
+    if len(parts) < _FEWEST:
         return {}
     J = np.concatenate([jacobian for jacobian, _ in parts.values()])
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
@@ -126,12 +128,14 @@ def clustered(
         error, move = float(errors[column[name]]), moves[:, column[name]]
         as_logarithm = name in logarithmic
         ratio = error / (e.standard_error / (e.value if as_logarithm else 1.0))
+        own = freedom[name] if isinstance(freedom, Mapping) else freedom
+        more = ratio > 1 and float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANT
         values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
             before=ratio,
-            after=min(ratio, 1.0),
-            widened=max(ratio, 1.0),
-            stretched=max(ratio * _fewer(count - 1, freedom, name), 1.0),
+            after=1.0 if more else ratio,
+            widened=ratio if more else 1.0,
+            stretched=max(ratio * _fewer(count - 1, freedom, name), 1.0) if more else 1.0,
             by_run=dict(zip(parts, values.tolist(), strict=True)),
             clustered=True,
         )
@@ -230,7 +234,7 @@ def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
     """The estimate with its error and interval as the runs scatter, and the caution."""
     runs = len(x.by_run)
     why = (
-        Kind.RUNS_CLUSTERED(runs=runs, widened=x.widened, freedom=runs - 1)
+        Kind.RUNS_MOVE(runs=runs, widened=x.widened, freedom=runs - 1, farthest=_farthest(x.by_run))
         if x.clustered
         else Kind.RUNS_SCATTER(
             runs=runs, scatter=x.before, widened=x.widened, freedom=runs - 1, farthest=_farthest(x.by_run)

@@ -157,6 +157,31 @@ class LawComparison:
         return replace(self, rows=tuple(replace(row, in_force=row.chosen) for row in self.rows))
 
 
+NEED = 10.0
+"""Percent of friction, to which it has to be known where nobody asks for more or less."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Accuracy:
+    """How well friction is known over the speeds that were measured: percent of friction, root mean square over these."""
+
+    slowest: Number
+    """rad/s, as the next."""
+    fastest: Number
+    band: Number
+    """Half of the 95 % band: what the errors tell and, in quadrature, where the second opinion differs."""
+    statistical: Number
+    """What the errors of the parameters, and of constants, tell of it; infinite where they tell nothing."""
+    apart: Number
+    """By which the second opinion differs, where that is more than both errors explain; 0 where it agrees, or there is none."""
+    misfit: Number
+    """What the fit leaves as a pattern, which noise is not."""
+    share: Number
+    """Of friction in the torque that was fitted, both as a root mean square."""
+    opinion: str | None = None
+    """The set-up that the second opinion took; None where there is none."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
     """One file that went in."""
@@ -184,6 +209,10 @@ class Joint:
     joint_fit: TrackingFit | None = None
     """The same with what the other stages say as priors."""
     consistency: tuple[Consistency, ...] = ()
+    accuracy: Accuracy | None = None
+    """None where no friction vs velocity is known, and of results that earlier versions wrote."""
+    need: float = NEED
+    """Percent of friction, to which it has to be known, for its values to be used."""
     models: tuple[ModelComparison, ...] = ()
     """Friction models side by side, on points and on moving runs, where there are any."""
     laws: LawComparison | None = None

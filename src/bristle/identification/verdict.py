@@ -4,17 +4,16 @@ from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from typing import NamedTuple
 
-from bristle.findings import Finding, Severity
+from bristle.findings import CRITICAL, Finding, Severity
 from bristle.identification.known_joint import Known, Source, chosen, moving_fits
 from bristle.identification.messages import NOT_IDENTIFIABLE, WEIGHTIEST_FIRST, Kind
-from bristle.identification.results import Joint
+from bristle.identification.results import Accuracy, Joint
 
 
 class Trust(StrEnum):
     """What to do with the values of a joint."""
 
     USE = "use"
-    CAUTION = "use with caution"
     DO_NOT_USE = "do not use"
 
 
@@ -35,21 +34,34 @@ _REPEATED = {
 
 
 def verdict(joint: Joint) -> Verdict:
-    """Whether to use the values that `chosen` names.
+    """Whether to use the values that `chosen` names: not where friction is known less well than is needed, or something critical is said.
 
-    Not where anything critical is said about them, or none has a value; with caution where a caution is about one of
-    them, such as one that is not identifiable, or about a fit that they come from; else they can be used. Notes do not
-    count, and neither do warnings about a fit that none of them comes from.
+    The reason is the weightiest finding about them. Where none has a value, of all that there is. Notes are no reason, and
+    neither are findings about a fit that no value comes from.
     """
     found = value_warnings(joint)
     if all(row.estimate.value is None for row in chosen(joint)):
         static, moving = (x.outcome for x in joint.static.values()), (x.outcome for x in moving_fits(joint).values())
         why = _serious((*found, *joint.all_warnings(), *static, *moving))
         return Verdict(Trust.DO_NOT_USE, why[0] if why else None)
-    if not found:
-        return Verdict(Trust.USE, None)
-    critical = found[0].severity is Severity.CRITICAL
-    return Verdict(Trust.DO_NOT_USE if critical else Trust.CAUTION, found[0])
+    known = joint.accuracy
+    if (found and found[0].severity is Severity.CRITICAL) or (known is not None and not known.band <= joint.need):
+        return Verdict(Trust.DO_NOT_USE, found[0] if found or known is None else _uncertain(known))
+    return Verdict(Trust.USE, None)
+
+
+def _uncertain(known: Accuracy) -> Finding:
+    """What makes the band wide, where nothing else is said."""
+    if known.apart > known.statistical:
+        message = (
+            f"A regression without a bristle on the same data ({known.opinion}) gives a friction that is {known.apart:.2g} % off "
+            "this one, and explains the torque as well: one of them is wrong. Move slower and faster, both ways, for longer."
+        )
+        return Finding("opinions-differ", CRITICAL, message, {"apart": known.apart})
+    message = (
+        "These data tell friction no better. Measure for longer, at more speeds, or with less noise in the torque."
+    )
+    return Finding("too-uncertain", CRITICAL, message, {"band": known.band})
 
 
 def value_warnings(joint: Joint) -> tuple[Finding, ...]:
@@ -76,7 +88,9 @@ def other_warnings(joint: Joint) -> tuple[Finding, ...]:
 
 def _serious(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
     distinct = dict.fromkeys(x for x in warnings if x.severity is not Severity.NOTE)
-    return tuple(sorted(distinct, key=lambda x: _WEIGHT.get(x.code, len(_WEIGHT))))
+    return tuple(
+        sorted(distinct, key=lambda x: (x.severity is not Severity.CRITICAL, _WEIGHT.get(x.code, len(_WEIGHT))))
+    )
 
 
 def _about_values(joint: Joint) -> Iterator[Finding]:

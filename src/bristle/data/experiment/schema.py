@@ -229,8 +229,8 @@ class FitOptions(StrictModel):
     """Of the friction: the paper's, the one that the data choose (`auto`), or one by its name, as `lorentzian+quadratic`."""
     loss: Literal["least-squares", "huber"] = "least-squares"
     """Of the static fit, and all that rests on it: Huber's counts what is far off less."""
-    stray: Literal["report", "drop"] = "report"
-    """Points that do not belong to the law of the others: name them, or leave them out as well."""
+    stray: Literal["drop", "report"] = "drop"
+    """Points that do not belong to the law of the others, where they move the curve: leave them out and name them, or name them alone."""
     exclude: Annotated[tuple[ExcludedRows, ...], Field(max_length=1000)] = ()
     """Points and segments that are left out."""
     regressors: tuple[Regressor, ...] | None = None
@@ -267,6 +267,11 @@ class FitOptions(StrictModel):
     """Length of the windows that are simulated, s."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] | None = None
     """One sample of how many of the slowest moving run makes an equation; None: as the runs' spectra need."""
+
+    @property
+    def drops_strays(self) -> bool:
+        """Whether strays are left out: Huber's loss, which counts them less, takes its place unless both are asked for."""
+        return self.stray == "drop" and (self.loss == "least-squares" or "stray" in self.model_fields_set)
 
     @property
     def every(self) -> int:

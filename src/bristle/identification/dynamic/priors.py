@@ -23,12 +23,12 @@ from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.systematic import shifts_of
-from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, run_fits, with_three_ways
+from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, with_three_ways
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import directions, inertia, regressors
-from bristle.identification.repeats import clustered, scatter_of, widened, with_priors_beside
+from bristle.identification.repeats import clustered, widened, with_priors_beside
 from bristle.identification.results import Consistency
 from bristle.identification.systematic import with_systematic
 from bristle.model import functions
@@ -132,10 +132,7 @@ def fit_with_priors(
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
     fit, freedom = solved.fit, dict(zip(solved.solution.names, solved.solution.freedoms.tolist(), strict=True))
-    if any(m.load for m in problem.motions):
-        scatter = clustered(*parts_of_runs(solved), fit.parameters, freedom, logarithms(fit.names))
-    else:
-        scatter = scatter_of(run_fits(solved, progress), fit.parameters, freedom, logarithms(fit.names))
+    scatter = clustered(*parts_of_runs(solved), fit.parameters, freedom, logarithms(fit.names))
     by_runs = finished(solved, profiles)
     alone = with_systematic(widened(by_runs, scatter, LOGARITHMIC), shifts_of(solved))
     if load and not static_is_apart:

@@ -8,28 +8,22 @@ in the same way; an end that is open stays so.
 """
 
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.errors import InputError
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
-from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.findings import Finding
-from bristle.identification.dynamic.claims import WIDE
 from bristle.identification.dynamic.fit import SEED, DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
-from bristle.identification.dynamic.starts import solve_dynamic
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, without_deflections
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
 from bristle.identification.messages import Kind
-from bristle.identification.repeats import RunFit
-from bristle.model.parameters import ParameterName, of_friction
-from bristle.progress import Progress, teller
+from bristle.model.parameters import ParameterName
+from bristle.progress import Progress
 
 _RESTARTS = 3
 
@@ -145,23 +139,6 @@ def _moved(solved: DynamicSolution, name: ParameterName, e: Estimate) -> Callabl
     return moved
 
 
-def run_fits(solved: DynamicSolution, progress: Progress | None = None) -> list[RunFit[ParameterName]]:
-    """Each run fitted apart, from where the fit of all of them ended, with what it shows of the parameters found there.
-
-    Empty where there is one run; a run that shows nothing is left out.
-    """
-    problem, found = solved.problem, list[RunFit[ParameterName]]()
-    files = list(dict.fromkeys(m.file for m in problem.motions))
-    tell = teller(progress, len(files))
-    for file in files if len(files) > 1 else ():
-        tell("fitting each run apart")
-        own = replace(problem, motions=tuple(m for m in problem.motions if m.file == file), priors=())
-        with suppress(InputError):
-            solution = solve_dynamic(own, without_deflections(solved.values), 1, SEED)
-            found.append(_run_fit(file, solution, solved.fit))
-    return [run for run in found if run.names]
-
-
 def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tuple[Array, Array]]]:
     """The unknowns that have an influence; of each run the derivative of what is modelled by these, (n, p), and what it leaves, (n,).
 
@@ -173,32 +150,16 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
     slope = np.where(unknowns.logarithmic, 1.0, unknowns.scale)[free]
     n, file = sum(m.size for m in solved.problem.motions), solved.problem.file
     J, left = -minimum.jacobian[:n, free] / slope, minimum.residuals[:n]
-    parts = {name: (J[file == name], left[file == name]) for name in dict.fromkeys(file.tolist())}
-    return [solved.solution.names[k] for k in free], parts
+    names = [solved.solution.names[k] for k in free]
+    shared = np.array([isinstance(name, ParameterName) for name in names])
 
+    def part(rows: NDArray[np.intp]) -> tuple[Array, Array]:
+        """Beside what the run alone tells: with which deflection it begins."""
+        own, other = J[rows][:, ~shared], J[rows][:, shared]
+        own = own[:, np.abs(own).max(axis=0, initial=0.0) > 0]
+        made = np.linalg.lstsq(own, np.column_stack([other, left[rows]]), rcond=None)[0]
+        beside = np.column_stack([other, left[rows]]) - own @ made
+        return beside[:, :-1], beside[:, -1]
 
-def _run_fit(file: str, solution: MultistartSolution[Unknown], of_all: TrackingFit) -> RunFit[ParameterName]:
-    """What a run shows: parameters with a value in the fit of all runs, within their bounds, and not too unsure."""
-    unknowns, x = solution.posed.unknowns, solution.minimum.x
-    inside = (unknowns.lower < x) & (x < unknowns.upper) & np.isfinite(solution.scaled_errors)
-    keep = [
-        k
-        for k, name in enumerate(solution.names)
-        if isinstance(name, ParameterName)
-        and inside[k]
-        and name in of_all.parameters
-        and of_all.parameters[name].value is not None
-        and (not of_friction(name.name) or _relative_error(solution, k, name) <= WIDE)
-    ]
-    return RunFit(
-        file=file,
-        names=tuple(name for k in keep if isinstance(name := solution.names[k], ParameterName)),
-        values=unknowns.natural(x)[keep],
-        covariance=solution.covariance[np.ix_(keep, keep)],
-        freedom=solution.freedom,
-    )
-
-
-def _relative_error(solution: MultistartSolution[Unknown], k: int, name: ParameterName) -> float:
-    error = float(solution.scaled_errors[k])
-    return error if name.name in LOGARITHMIC else error / abs(float(solution.minimum.x[k]))
+    parts = {name: part(np.flatnonzero(file == name)) for name in dict.fromkeys(file.tolist())}
+    return [name for name, each in zip(names, shared, strict=True) if each], parts

@@ -21,6 +21,8 @@ from bristle.identification.static.strays import LEVEL, all_but, find_strays, re
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 
+_MOST, _NEIGHBOURS, _MOVES = 0.1, 3, 0.01
+"""Of the points: more than this are no strays, nor are so many in a row; of the curve: what moves it by less is none of its business."""
 _VANISHING = 1 / 3
 """Of the slowest point that belongs to the law: a stray that is slower may be at rest."""
 
@@ -38,12 +40,21 @@ class PointSearch:
     """The strays among the points that slide, the one that lowers the cost most first."""
     resting: tuple[int, ...] = ()
     """Points slower than all others whose torque is below the law: below breakaway."""
+    matter: bool = False
+    """Whether the curve moves without them."""
+    apart: bool = True
+    """Whether they are few and far between: more, or neighbours, are a term that the law lacks."""
     misfit: bool = False
     """Whether more points would have to be left out than can be strays."""
     deviations: Array
     """Torque of each point less the law's of those that belong, in standard deviations of that difference, (n,)."""
     expected: Array
     """The law's torque, N*m, (n,)."""
+
+    @property
+    def left_out(self) -> tuple[int, ...]:
+        """The strays that are none of friction's."""
+        return self.strays if self.matter and self.apart and not self.misfit else ()
 
     @property
     def sliding(self) -> NDArray[np.bool_]:
@@ -65,7 +76,9 @@ def search_points(experiment: Experiment, points: Sequence[Segment], law: Law | 
     """The points of an experiment that do not belong to the law of the others, solve by solve; None: the experiment's law."""
     asked, law = point_regressors(experiment), law or experiment.fit.friction
     v_s_range = experiment.fit.v_s_range
-    return tuple(_search(sides, group, asked, v_s_range, law) for sides, group in groups(experiment, points))
+    found = tuple(_search(sides, group, asked, v_s_range, law) for sides, group in groups(experiment, points))
+    few = sum(len(x.strays) for x in found) <= max(_MOST * len(points), 1)
+    return tuple(replace(x, apart=few and x.apart) for x in found)
 
 
 def strays_under_all(
@@ -110,13 +123,26 @@ def _search(
         return replace(nothing, strays=())
     residuals, spread = _from_the_law(problem, rows, v_s_range)
     resting = _resting(problem.velocity, residuals, rows)
+    strays = tuple(k for k in rows if k not in resting)
+    expected = problem.torque - residuals
+    slides = all_but(n, resting)
+    with_all = refit(problem.rows(slides), v_s_range).theta
+    moved = (problem.torque - problem.residuals(with_all) - expected)[slides]
     return replace(
         nothing,
-        strays=tuple(k for k in rows if k not in resting),
+        strays=strays,
         resting=resting,
+        matter=bool((np.abs(moved) > _MOVES * np.abs(expected[slides])).any()),
+        apart=_are_apart(problem.velocity, strays),
         deviations=np.divide(residuals, spread, out=np.zeros(n), where=spread > 0),
-        expected=problem.torque - residuals,
+        expected=expected,
     )
+
+
+def _are_apart(velocity: Array, strays: Sequence[int]) -> bool:
+    """Whether no three of them are neighbours in the order of velocity, (n,), nor one at an end, where nothing holds the law against it."""
+    among = np.pad(np.isin(np.argsort(velocity), strays).astype(float), _NEIGHBOURS - 1, constant_values=1.0)
+    return bool(among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS)
 
 
 def _from_the_law(
@@ -149,14 +175,14 @@ def _resting(velocity: Array, residuals: Array, rows: Sequence[int]) -> tuple[in
 
 
 def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> Iterator[Segment]:
-    """The points that are left out, each with the reason: those below breakaway, and with `fit.stray: drop` all that do not belong."""
-    dropped = experiment.fit.stray == "drop"
+    """The points that are left out, each with the reason: those below breakaway, and unless `fit.stray: report` those that move the curve."""
+    dropped = experiment.fit.drops_strays
     for search in searches:
         for k in search.resting:
             s = search.points[k]
             reason = Kind.BELOW_BREAKAWAY(speed=abs(s.velocity), torque=s.torque, expected=search.expected[k])
             yield replace(s, accepted=False, reasons=(reason,))
-        for k in search.strays if dropped and not search.misfit else ():
+        for k in search.left_out if dropped else ():
             reason = Kind.STRAY_DROPPED(deviations=abs(search.deviations[k]))
             yield replace(search.points[k], accepted=False, reasons=(reason,))
 

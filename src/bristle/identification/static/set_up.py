@@ -6,7 +6,7 @@ small solve.
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from itertools import combinations
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -32,7 +32,7 @@ from bristle.identification.moving_runs import (
 )
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
-from bristle.model.parameters import of_curve
+from bristle.model.parameters import of_curve, slides
 
 _PARTS = 5
 """Held out in turn; ..."""
@@ -40,12 +40,10 @@ _BLOCKS = 25
 """... of moving runs each is every fifth of so many stretches, so that none is a motion that the others do not hold."""
 _BENT = (0.03, 0.1, 0.3)
 """Shares of the fastest speed: v_s of the columns that stand in for the Stribeck term."""
-_GAIN = 0.9
-"""Of the error before: one more term has to bring it below that, and be better in all parts but one."""
 _CLEARLY = 0.75
-"""The same of all terms together."""
-_EXPLAINS = 15.0
-"""Percent: a set-up that leaves more shows of the directions nothing."""
+"""Of the error of what was asked for: another set-up has to bring it below that, to be named."""
+_WORTH = 1.05
+"""Times the error of the best set-up: one more parameter is not worth less."""
 _SPARE = 2
 """Equations per column, at the least."""
 _RARE = 5e-4
@@ -144,13 +142,27 @@ def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> Bett
 def proposed_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
     """The set-up to begin with, where nobody has asked for one, beside the plainest one; None where nothing can be tried.
 
-    Separate directions, unless one friction for both, with an offset, fits and predicts the parts held out better, in
-    all of them but one; and what clearly pays beside. Raises InputError as the fit of moving runs does.
+    The simplest that predicts the parts held out as well as the best, within one standard error over them. Raises InputError
+    as the fit of moving runs does.
     """
     velocity = np.concatenate([np.zeros(1) if r.velocity is None else r.velocity for r in records])
     sides = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
     trial = _of_motion(experiment, records)
     return _proposed(sides, [name for name in trial.possible if name == "inertia"], trial)
+
+
+def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> dict[str, float]:
+    """BIC of points that go both ways, with one friction for both about an offset (`symmetric`), and with one for each (`separate`).
+
+    Empty where there are too few for either; infinite where a friction would drive.
+    """
+    sides = _sides(points)
+    asked = tuple(name for name in point_regressors(experiment) if name != "offset")
+    trial = _of_points(points, asked)
+    ways = {"symmetric": SetUp(("both",), (*asked, "offset")), "separate": SetUp(sides, asked)}
+    found = {way: _products(trial.pose(x.directions), trial.part).bic(x.regressors) for way, x in ways.items()}
+    known = {way: np.inf if _drives(ways[way], trial) else bic for way, bic in found.items() if bic is not None}
+    return known if len(sides) == len(DIRECTIONS) and len(known) == len(ways) else {}
 
 
 def proposed_for_points(points: Sequence[Segment]) -> BetterSetUp | None:
@@ -167,7 +179,8 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     possible = [
         name for name, terms in REGRESSORS.items() if set(terms.needs) <= has and (name != "inertia" or fixed is None)
     ] + _periodic(regressors(experiment))
-    if "gravity" in possible and not swings([np.asarray(r.position) for r in records]):
+    turns = not slides(experiment.joint.kind) and "position" in has
+    if "gravity" in possible and not (turns and swings([np.asarray(r.position) for r in records])):
         possible.remove("gravity")
     return _Trial(
         possible,
@@ -197,29 +210,9 @@ def _clear(better: BetterSetUp | None) -> BetterSetUp | None:
 
 
 def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial) -> BetterSetUp | None:
-    apart = _better(SetUp(sides, tuple(plain)), trial)
-    if len(sides) < len(DIRECTIONS):
-        return apart and (_clear(apart) or _as_asked(apart))
-    together = _better(SetUp(("both",), (*plain, "offset")), trial)
-    if apart is None or together is None:
-        return together or apart
-    apart, together = _clear(apart) or _as_asked(apart), _clear(together) or _as_asked(together)
-    errors, now = (_errors(x.set_up, trial) for x in (together, apart))
-    tried = errors is not None and now is not None and together.error < _EXPLAINS
-    shown = tried and (_drives(sides, apart.set_up, trial) or _pays(errors, now, 1.0))
-    alike = together.set_up.directions != sides and shown
-    return together if alike else replace(apart, asked_error=together.asked_error)
-
-
-def _drives(sides: tuple[str, ...], set_up: SetUp, trial: _Trial) -> bool:
-    """Whether what these directions would call friction drives the joint in one of them, with no gravity that may."""
-    problem = trial.pose(sides)
-    levels = problem.linear[:, [name.name == "alpha_0" for name in problem.linear_names]]
-    return "gravity" not in set_up.regressors and bool((problem.torque @ levels < 0).any())
-
-
-def _as_asked(better: BetterSetUp) -> BetterSetUp:
-    return replace(better, set_up=better.asked, error=better.asked_error)
+    """The simplest set-up of all, beside the plainest."""
+    ways = (("both",), sides) if len(sides) == len(DIRECTIONS) else (sides,)
+    return _simplest(SetUp(ways[0], tuple(plain)), ways, trial)
 
 
 def quadratic_left_out(problem: Regression, theta: Array) -> list[Finding]:
@@ -237,46 +230,55 @@ def quadratic_left_out(problem: Regression, theta: Array) -> list[Finding]:
     return [Kind.LACKS_A_TERM(advice=advice)]
 
 
-def _errors(set_up: SetUp, trial: _Trial) -> Array | None:
-    """Of each part, (k,)."""
-    return _products(trial.pose(set_up.directions), trial.part).errors(set_up.regressors)
-
-
-def _pays(errors: Array, now: Array, gain: float) -> bool:
-    """Whether the errors of all parts together are below a share of those now, and better in all parts but one."""
-    return bool(np.linalg.norm(errors) < gain * np.linalg.norm(now) and np.count_nonzero(errors < now) >= _PARTS - 1)
-
-
 def _better(asked: SetUp, trial: _Trial) -> BetterSetUp | None:
-    """Term by term, the one that brings most, while it brings enough; None where nothing can be tried."""
-    products = cache(lambda sides: _products(trial.pose(sides), trial.part))
+    """The simplest set-up that has all that was asked for, or more, or directions apart."""
+    ways = (("both",), tuple(DIRECTIONS)) if asked.directions == ("both",) else (asked.directions,)
+    return _simplest(asked, ways, trial)
 
-    def errors_of(set_up: SetUp) -> Array | None:
-        """Of each part, (k,)."""
-        return products(set_up.directions).errors(set_up.regressors)
 
-    first = now = errors_of(asked)
-    if now is None or first is None:
+def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> BetterSetUp | None:
+    """The set-up of fewest parameters that predicts parts held out as well as the best one, within one standard error over them.
+
+    None has friction that drives. None where nothing can be tried.
+    """
+    products = {sides: _products(trial.pose(sides), trial.part) for sides in ways}
+    tried: list[tuple[int, Array, SetUp]] = []
+    for set_up in _candidates(asked, ways, trial.possible):
+        found = products[set_up.directions].errors(set_up.regressors)
+        drives = _drives(set_up, trial) or products[set_up.directions].falls(set_up.regressors)
+        if found is not None and (set_up == asked or not drives):
+            tried.append((*found, set_up))
+    first = next((errors for _, errors, set_up in tried if set_up == asked), None)
+    if first is None:
         return None
-    best = asked
-    while True:
-        tried = [(errors, more) for more in _one_more(best, trial.possible) if (errors := errors_of(more)) is not None]
-        if not tried:
-            break
-        errors, more = min(tried, key=lambda x: float(np.linalg.norm(x[0])))
-        if not _pays(errors, now, _GAIN):
-            break
-        now, best = errors, more
-    return BetterSetUp(asked, best, float(np.linalg.norm(first)), float(np.linalg.norm(now)))
+    best = min((errors for _, errors, _ in tried), key=lambda x: float(x @ x))
+    as_good = [x for x in tried if _within_one_error(x[1], best)]
+    _, errors, chosen = min(as_good, key=lambda x: (x[0], float(x[1] @ x[1])))
+    return BetterSetUp(asked, chosen, float(np.linalg.norm(first)), float(np.linalg.norm(errors)))
 
 
-def _one_more(set_up: SetUp, possible: Sequence[str]) -> Iterator[SetUp]:
-    both = set_up.directions == ("both",)
-    for name in possible:
-        if name not in set_up.regressors and (name != "offset" or both):
-            yield SetUp(set_up.directions, (*set_up.regressors, name))
-    if both:
-        yield SetUp(tuple(DIRECTIONS), tuple(name for name in set_up.regressors if name != "offset"))
+def _candidates(asked: SetUp, ways: Sequence[tuple[str, ...]], possible: Sequence[str]) -> Iterator[SetUp]:
+    """All that was asked for with any of what is possible beside; an offset where one friction serves both directions."""
+    for sides in ways:
+        told = [name for name in asked.regressors if name != "offset" or sides == ("both",)]
+        more = [name for name in possible if name not in told and (name != "offset" or sides == ("both",))]
+        for count in range(len(more) + 1):
+            yield from (SetUp(sides, (*told, *some)) for some in combinations(more, count))
+
+
+def _within_one_error(errors: Array, best: Array) -> bool:
+    """Or hardly more than the best."""
+    more = errors**2 - best**2
+    return bool(more.mean() <= max(np.std(more, ddof=1) / np.sqrt(more.size), (_WORTH**2 - 1) * np.mean(best**2)))
+
+
+def _drives(set_up: SetUp, trial: _Trial) -> bool:
+    """Whether what these directions would call friction drives the joint in one of them, with no gravity that may."""
+    if len(set_up.directions) == 1 or "gravity" in set_up.regressors:
+        return False
+    problem = trial.pose(set_up.directions)
+    levels = problem.linear[:, [name.name == "alpha_0" for name in problem.linear_names]]
+    return bool((problem.torque @ levels < 0).any())
 
 
 class _Products(NamedTuple):
@@ -294,10 +296,33 @@ class _Products(NamedTuple):
     """Of the measured torque."""
     n: int
 
-    def errors(self, regressors: Sequence[str]) -> Array | None:
-        """Relative error of each part, percent of the whole torque, (k,); None where there are too few equations."""
+    def falls(self, regressors: Sequence[str]) -> bool:
+        """Whether a quadratic term would be no drag, but drive."""
+        if "quadratic" not in regressors:
+            return False
+        keep = self._columns(regressors)
+        theta = np.linalg.pinv(self.gram[:, keep][:, :, keep].sum(axis=0), rcond=_RANK, hermitian=True) @ self.moment[
+            :, keep
+        ].sum(axis=0)
+        return bool(theta[[self.names[k] for k in keep].index("quadratic")] < 0)
+
+    def bic(self, regressors: Sequence[str]) -> float | None:
+        """N log(squares left) + p log(n); None where there are too few equations."""
+        keep = self._columns(regressors)
+        if self.n < _SPARE * len(keep):
+            return None
+        G, b = self.gram[:, keep][:, :, keep].sum(axis=0), self.moment[:, keep].sum(axis=0)
+        left = float(self.power.sum() - b @ np.linalg.pinv(G, rcond=_RANK, hermitian=True) @ b)
+        return self.n * float(np.log(max(left, 1e-24 * self.norm**2))) + len(keep) * float(np.log(self.n))
+
+    def _columns(self, regressors: Sequence[str]) -> list[int]:
+        """Of friction, and of these."""
         wanted = {name for regressor in regressors for name in terms_of(regressor).names}
-        keep = [k for k, name in enumerate(self.names) if name in wanted or not name]
+        return [k for k, name in enumerate(self.names) if name in wanted or not name]
+
+    def errors(self, regressors: Sequence[str]) -> tuple[int, Array] | None:
+        """Parameters, and the relative error of each part, percent of the whole torque, (k,); None where there are too few equations."""
+        keep = self._columns(regressors)
         if self.n < _SPARE * len(keep) or not self.norm:
             return None
         G, b = self.gram[:, keep][:, :, keep], self.moment[:, keep]
@@ -305,7 +330,7 @@ class _Products(NamedTuple):
         theta = np.einsum("kpq,kq->kp", rest, b.sum(axis=0) - b)
         left = self.power - 2 * np.einsum("kp,kp->k", theta, b) + np.einsum("kp,kpq,kq->k", theta, G, theta)
         errors: Array = 100 * np.sqrt(np.maximum(left, 0.0)) / self.norm
-        return errors
+        return len(keep), errors
 
 
 def _products(problem: Regression, part: Callable[[int], NDArray[np.int_]]) -> _Products:

@@ -60,7 +60,7 @@ def report_strays(
         )
     if search.misfit or not named:
         return StrayReport(warnings=tuple(warnings))
-    dropped = options.stray == "drop"
+    dropped = options.drops_strays and bool(search.left_out)
     second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
     strays = tuple(_stray(search, k, options, kind) for k in search.strays)
     values = _values(core, second)
@@ -71,7 +71,7 @@ def report_strays(
         warning = Kind.STRAYS_LEFT_OUT(**said, other=Kind.WITH_STRAYS(**numbers))
     else:
         said |= {"other": Kind.WITHOUT_STRAYS(**numbers), "advice": Kind.TO_LEAVE_OUT()}
-        warning = Kind.STRAYS_MATTER(**said, moved=moved) if moved else Kind.STRAYS(**said)
+        warning = Kind.STRAYS_MATTER(**said, moved=moved) if moved and search.matter else Kind.STRAYS(**said)
     parts = search.problem.directions
     return StrayReport(strays=strays, other={d: _other_points(second, d) for d in parts}, warnings=(*warnings, warning))
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 
+from bristle.identification.curve import band, curve
 from bristle.identification.results import Joint
-from bristle.identification.static.curve import band, curve
 from bristle.model.functions import loading_displacement_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, inline, new_figure, render_as, styled, thinned

@@ -16,13 +16,13 @@ from bristle.data.experiment.load import Experiment, Run
 from bristle.errors import InputError, short
 from bristle.estimation.covariance import LEVEL, student
 from bristle.findings import Finding
+from bristle.identification.curve import curve
 from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_joint import inertia_of, known_joint, rises_of, whole
 from bristle.identification.measured import Measured, measured_of
 from bristle.identification.moving_runs import load_columns, regressors_of, terms_of
 from bristle.identification.results import Joint
-from bristle.identification.static.curve import curve
 from bristle.model.parameters import SIGNED, Direction, Kind, Lugre, Pair, ParameterName, fields_of, lugre_of
 from bristle.model.rollout import rollout
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from bristle.identification.fits import Estimate, StaticFit
-from bristle.identification.known_joint import Known, chosen, mixed, value_fits
+from bristle.identification.known_joint import Known, chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -14,11 +14,11 @@ from bristle.page.page import Drawn
 from bristle.page.plain import in_unit
 from bristle.page.wording import FITS, direction, in_symbols, measured, number, pretty, span, symbol
 from bristle.questions.joint_report.brief import law_in_force
+from bristle.questions.joint_report.sentences import known_to
 from bristle.questions.joint_report.text import total_error
 
 _WORDS = {
     Trust.USE: ("use", "use"),
-    Trust.CAUTION: ("use with caution", "caution"),
     Trust.DO_NOT_USE: ("do not use", "no"),
 }
 
@@ -55,7 +55,6 @@ def answer(
             "about": about.get(joint.name),
             "also": _also(known[joint.name]),
             "law": "".join(law_in_force(joint)).removeprefix("  law: "),
-            "mixed": list(mixed(joint)),
             "curve": curves.get(joint.name),
             **trusted(joint),
         }
@@ -78,7 +77,7 @@ def trusted(joint: Joint) -> dict[str, Any]:
     """Whether to trust a joint's values, in words and as a class of the style sheet, and the one reason why not."""
     found = verdict(joint)
     word, css = _WORDS[found.trust]
-    return {"trust": {"word": word, "css": css}, "reason": found.reason}
+    return {"trust": {"word": word, "css": css}, "reason": found.reason, "known": known_to(joint)}
 
 
 def _directions(

@@ -5,23 +5,22 @@ from math import isfinite
 from typing import NamedTuple
 
 from bristle.findings import Finding, Severity
-from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.known_joint import Known, Source, as_identified, chosen, mixed, value_fits
+from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.known_joint import Known, Source, as_identified, chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
-from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, effort, of_curve, of_friction, unit
-from bristle.page.plain import columns, in_unit, interval, pair, shortened_lines, wrapped
+from bristle.model.parameters import Direction, Lugre, ParameterName, of_curve, of_friction, unit
+from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.wording import FITS, counted, printable, shortened
+from bristle.questions.joint_report.sentences import known_to
 from bristle.questions.joint_report.text import total_error
 
-LINES = 40
-"""Of one joint with two directions at most."""
+LINES = 3
+"""Of findings that are not critical."""
 _SOURCES = {Source.STATIC: "static fit", Source.PRESLIDING: "presliding"}
 _HEAD = ("parameter", "value +/- standard error", "95 % interval", "from")
 _END = "What a code in brackets means: bristle explain CODE. Every fit: --full."
-_LONGEST = 6
-"""Lines of the reason."""
 
 
 def brief_report(joints: Sequence[Joint]) -> str:
@@ -34,11 +33,12 @@ def brief_report(joints: Sequence[Joint]) -> str:
 
 def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
     """Whether to use each joint's values, why not, and the largest hold-out error: a line each."""
-    rows = [("joint", "its values", "reason", "hold-out error")]
+    rows = [("joint", "its values", "friction to", "reason", "hold-out error")]
     for joint in joints:
         found, held = verdict(joint), [x.relative_error for fit in value_fits(joint) for x in fit.hold_out]
-        error = f"{max(held):.2g} %" if held else "-"
-        rows.append((shortened(joint.name, 32), str(found.trust), _code(found.reason), error))
+        error, known = f"{max(held):.2g} %" if held else "-", joint.accuracy
+        to = "-" if known is None or not isfinite(known.band) else f"+/- {known.band:.2g} %"
+        rows.append((shortened(joint.name, 32), str(found.trust), to, _code(found.reason), error))
     yield from columns(rows, indent=0)
 
 
@@ -48,13 +48,13 @@ def _code(reason: Finding | None) -> str:
 
 def _joint(joint: Joint) -> Iterator[str]:
     found, simulated = verdict(joint), ", SIMULATED data" if joint.simulated else ""
-    lines = list(wrapped([f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}"]))
+    lines = list(
+        wrapped([f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}. {known_to(joint, '+/-')}"])
+    )
     if found.reason is not None:
-        lines += shortened_lines(_sentence(joint, found.reason), _LONGEST)
+        lines += _sentence(joint, found.reason)
     lines += wrapped([*law_in_force(joint), *_chosen(joint)])
-    lines += [*shortened_lines(list(wrapped(_errors(joint))), _LONGEST), *_values(joint), *wrapped([_count(joint)])]
-    yield from lines
-    yield from _rest(joint, found.reason, LINES - len(lines) - 2)
+    yield from (*lines, *_values(joint), *_rest(joint, found.reason))
 
 
 def law_in_force(joint: Joint) -> Iterator[str]:
@@ -71,18 +71,6 @@ def _chosen(joint: Joint) -> Iterator[str]:
         yield from (
             f"  {name}: {printable(joint.settings[key])}" for name, key in told.items() if key in joint.settings
         )
-
-
-def _errors(joint: Joint) -> Iterator[str]:
-    """The hold-out error of each of these fits, and that on the data fitted, in percent of what it predicts."""
-    for fit in value_fits(joint):
-        what = "position" if isinstance(fit, TrackingFit) and fit.quantity == "position" else effort(joint.kind)
-        of = f" ({fit.direction})" if isinstance(fit, StaticFit) and fit.direction in SIGNED else ""
-        if fit.hold_out:
-            told = ", ".join(f"{x.relative_error:.2g} % of the {what} on {printable(x.file)}" for x in fit.hold_out)
-            yield f"  hold-out error{of}: {told}; {fit.relative_error:.2g} % in the fit"
-        elif fit.relative_error is not None:
-            yield f"  relative error{of}: {fit.relative_error:.2g} % of the {what}, in the fit; no run was held out"
 
 
 class _Given(NamedTuple):
@@ -111,7 +99,6 @@ def _values(joint: Joint) -> Iterator[str]:
     yield from columns(cells) if len(cells) > 1 else ()
     for by_reason in missing.values():
         yield from wrapped(f"  {', '.join(names)}: {why}" for why, names in by_reason.items())
-    yield from wrapped(f"  {sentence} See --full." for sentence in mixed(joint))
     if joint.torque_scale is not None:
         yield from wrapped([f"  {printable(_scale(joint, joint.torque_scale))}"])
 
@@ -162,16 +149,6 @@ def _cells(row: Known) -> tuple[str, ...]:
     return str(row.parameter), in_unit(pair(e.value, total_error(e)), e.unit), interval(e.interval), source
 
 
-def _count(joint: Joint) -> str:
-    """How many warnings are about the values, by severity, and how many about all else."""
-    found, others = value_warnings(joint), len(other_warnings(joint))
-    number = {severity: sum(warning.severity is severity for warning in found) for severity in Severity}
-    critical, cautions = number[Severity.CRITICAL], number[Severity.CAUTION]
-    told = [f"{critical} critical"] * bool(critical) + [counted(cautions, "caution")] * bool(cautions)
-    more = f"; {counted(others, 'warning')} about other fits and segments" if others else ""
-    return f"Warnings about these values: {', '.join(told) or 'none'}{more}"
-
-
 def _sentence(joint: Joint, warning: Finding) -> list[str]:
     """A warning with its code, and with what it is about, fit by fit."""
     about = dict.fromkeys(" ".join(x.subject) for x in joint.all_warnings() if x == warning and x.subject)
@@ -179,13 +156,19 @@ def _sentence(joint: Joint, warning: Finding) -> list[str]:
     return list(wrapped([f"  {warning.severity} {_code(warning)}{where}: {printable(str(warning))}"]))
 
 
-def _rest(joint: Joint, reason: Finding | None, room: int) -> Iterator[str]:
-    """All warnings but the reason, which stands above; in whole sentences where these fit, else their beginnings."""
-    rest = [warning for warning in value_warnings(joint) if warning != reason]
-    sentences = [_sentence(joint, warning) for warning in rest]
-    most = next((n for n in (9, 2) if sum(min(len(s), n) for s in sentences) <= room), 1)
-    listed = sentences if most > 1 or len(sentences) <= room else sentences[: max(room - 1, 0)]
-    for sentence in listed:
-        yield from shortened_lines(sentence, most)
-    if len(listed) < len(sentences):
-        yield f"  and {counted(len(sentences) - len(listed), 'more warning')}"
+def _rest(joint: Joint, reason: Finding | None) -> Iterator[str]:
+    """All that is critical but the reason, which stands above; then what else fits into a few lines, whole; the rest in number."""
+    rest, others = [x for x in value_warnings(joint) if x != reason], len(other_warnings(joint))
+    critical = [x for x in rest if x.severity is Severity.CRITICAL]
+    more, room = [x for x in rest if x not in critical], LINES
+    for finding in critical:
+        yield from _sentence(joint, finding)
+    while more and (lines := _sentence(joint, more[0])) and len(lines) <= room:
+        yield from lines
+        room -= len(lines)
+        del more[0]
+    if more or others:
+        codes = ", ".join(dict.fromkeys(x.code for x in more))
+        told = [f"{counted(len(more), 'more finding')} about these values ({codes})"] * bool(more)
+        told += [f"{counted(others, 'finding')} about other fits and segments"] * bool(others)
+        yield from wrapped([f"  {' and '.join(told)}: --full"])

@@ -3,44 +3,23 @@
 from collections.abc import Iterator, Sequence
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.findings import Finding, Severity
 from bristle.identification.fits import Crosscheck
-from bristle.identification.known_joint import moving_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint, LawRow
+from bristle.identification.verdict import verdict
 from bristle.model.parameters import unit
 from bristle.page.plain import columns, pair, wrapped
-from bristle.page.wording import FITS, counted, printable
+from bristle.page.wording import counted, printable
 from bristle.questions.joint_report.brief import verdicts
-from bristle.questions.joint_report.sentences import choice, cost_change, critical_titles, distinct
+from bristle.questions.joint_report.sentences import cost_change, known_to
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
-    """Whether to use each joint's values; then what is critical about it, how each fit ended, and how many warnings it has."""
+    """Whether to use each joint's values; then to what its friction is known, and why it is not to be used where it is not."""
     yield from verdicts(joints)
     for joint in joints:
-        yield from (f"{joint.name}, {title}: {warning.coded}" for warning, title in critical_titles(joint).items())
-        for direction, fit in joint.static.items():
-            yield _outcome(f"{joint.name} {direction}", str(fit.outcome), distinct(fit.all_warnings()))
-        if slow := joint.presliding:
-            for direction, fit_of_slow in slow.fits.items():
-                about = distinct(slow.warnings_of(direction))
-                yield _outcome(f"{joint.name}, presliding {direction}", str(choice(fit_of_slow)), about)
-        for kind, moving in moving_fits(joint).items():
-            held = "".join(f", {h.relative_error:.2g} % on the held-out {h.file}" for h in moving.hold_out)
-            ended = f"{moving.outcome} Relative error of the {moving.quantity} {moving.relative_error:.2g} %{held}."
-            yield _outcome(f"{joint.name}, {FITS[kind]}", ended, distinct(moving.all_warnings()))
-        if joint.torque_scale:
-            yield f"{joint.name}: {joint.torque_scale}"
-        whole = (*joint.warnings, *(joint.presliding.warnings if joint.presliding else ()))
-        if whole:
-            yield _outcome(joint.name, "As a whole:", whole)
-
-
-def _outcome(what: str, ended: str, warnings: Sequence[Finding]) -> str:
-    """One fit, and that what is critical about it stands above."""
-    above = "Critical, see above. " * any(warning.severity is Severity.CRITICAL for warning in warnings)
-    return f"{what}: {above}{ended} {counted(len(warnings), 'warning')}."
+        why = verdict(joint).reason
+        yield f"{joint.name}: {known_to(joint, '+/-')}{f' {why.flagged}' if why else ''}"
 
 
 def checks(joint: Joint) -> Iterator[str]:

@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 
 from bristle.findings import Finding, Severity
+from bristle.identification.curve import band, curve
 from bristle.identification.fits import Estimate
 from bristle.identification.results import Joint
-from bristle.identification.static.curve import band, curve
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import ParameterName, of_curve, unit
 from bristle.page.columns import Table, shown

@@ -5,12 +5,32 @@ from collections.abc import Iterable
 
 from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
+from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
-from bristle.model.parameters import Kind, ParameterName, unit
+from bristle.model.parameters import Kind, ParameterName, effort, unit
 from bristle.page.wording import METHODS, measured, number, span
 
 BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
+
+
+def known_to(joint: Joint, plus_minus: str = "±") -> str:
+    """To what friction is known, over which speeds, and what the fit leaves of the torque: the first line of an answer."""
+    fits, known = value_fits(joint), joint.accuracy
+    if known is None:
+        told = any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint))
+        return "How well its friction is known was not computed." if told else "No friction vs velocity is known."
+    need = f", where {plus_minus} {number(joint.need, 2)} % is needed" if not known.band <= joint.need else ""
+    to = f"to {plus_minus} {number(known.band, 2)} % (95 %)" if math.isfinite(known.band) else "to no stated error"
+    speeds = f"from {number(known.slowest, 2)} to {number(known.fastest, 2)} {unit('v_s', joint.kind)}"
+    held = [x.relative_error for fit in fits for x in fit.hold_out]
+    left = held or [fit.relative_error for fit in fits if fit.relative_error is not None]
+    what = (
+        "position" if any(isinstance(x, TrackingFit) and x.quantity == "position" for x in fits) else effort(joint.kind)
+    )
+    of_friction = f" ({number(max(left) / known.share, 2)} % of friction)" if left and known.share < 0.5 else ""
+    rest = f"; {'held-out' if held else 'fitted'} {what} within {number(max(left), 2)} %{of_friction}" if left else ""
+    return f"Friction known {to} {speeds}{need}{rest}."
 
 
 def pair(e: Estimate) -> str:

@@ -10,10 +10,10 @@ from matplotlib.patches import Patch
 
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
+from bristle.identification.curve import band, curve
 from bristle.identification.fits import Profile, StaticFit
 from bristle.identification.known_joint import as_identified
 from bristle.identification.results import Joint
-from bristle.identification.static.curve import band, curve
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Kind, Lugre, Stribeck, bends_down, static_of, unit
 from bristle.page.style import DIRECTION, LINES, Look, decimal_log, new_figure, styled, thinned, title

@@ -1,0 +1,122 @@
+"""How well the friction of a joint is known, as one number: the 95 % band of its curve over the speeds that were measured."""
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.errors import InputError
+from bristle.identification.curve import known_curve
+from bristle.identification.fits import TrackingFit
+from bristle.identification.known_joint import chosen, value_fits
+from bristle.identification.measured import Measured
+from bristle.identification.results import Accuracy, Joint
+from bristle.identification.second_opinion import SLOWEST, SecondOpinion, of_motion, of_points
+from bristle.identification.systematic import NORMAL
+from bristle.identification.verdict import value_warnings
+from bristle.model.parameters import SIGNED, ParameterName
+
+SPEEDS, LEAST = 60, 0.02
+"""Of a motion in each direction: at how many speeds the curve is looked at, the least as a share of the greatest."""
+APART = 5.0
+"""Percent of friction: a second opinion that differs by less differs by nothing."""
+WORSE = 2.0
+"""Times what the fit leaves of the torque: an opinion that leaves more is the one that is wrong."""
+
+
+def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accuracy | None:
+    """The band of the curve of an identified joint, beside a second opinion on the same records.
+
+    Where the two differ by more than both errors explain, and by more than 5 % of friction, the difference is part of the
+    band: one of them is wrong, and nothing says which, unless one leaves much more of the torque. So is what findings say
+    of friction that is not one. `other` is the probability that directions which were chosen one friction for are two, or the
+    other way round: between the two, friction differs by the offset. None where no friction vs velocity is known.
+    """
+    v = _speeds(joint)
+    if not v.size:
+        return None
+    try:
+        friction, half = known_curve(joint, v)
+    except InputError:  # a number that no joint has
+        return None
+    v, friction, half = (x[np.isfinite(friction)] for x in (v, friction, half))
+    size = _rms(friction)
+    if not size:
+        return None
+    fits = value_fits(joint)
+    statistical = 100 * _rms(np.where(np.isfinite(half), half, np.inf)) / size
+
+    # the second opinion, from what the values come from: points at constant velocity, else moving runs
+    opinion, apart = None, 0.0
+    if any(isinstance(fit, TrackingFit) for fit in fits) or not measured.points(hold_out=False):
+        opinion = of_motion(measured.moving(hold_out=False))
+    else:
+        points = measured.points(hold_out=False)
+        opinion = of_points(np.array([s.velocity for s in points]), np.array([s.torque for s in points]))
+    if opinion is not None:
+        differs, explained = _differs(joint, opinion, v)
+        worse = opinion.held_out > WORSE * max(fit.relative_error or 0.0 for fit in fits)
+        apart = differs if differs > max(explained, APART) and not worse else 0.0
+    effects = [100 * NORMAL * np.sqrt(other * (1 - other)) * _offset(joint) / size]
+    effects += [100 * x.effect["torque"] / size for x in value_warnings(joint) if "torque" in x.effect]
+    along = np.concatenate([fit.velocity for fit in fits])
+    torque = np.concatenate([fit.measured if isinstance(fit, TrackingFit) else fit.torque for fit in fits])
+    acting, _ = known_curve(joint, along)
+    share = _rms(acting[np.isfinite(acting)]) / (_rms(torque) or 1.0)
+    misfit = 100 * float(np.sqrt(max((_pattern(fit.residuals) for fit in fits), default=0.0))) / size
+    speeds = np.abs(v)
+    return Accuracy(
+        slowest=float(speeds.min()),
+        fastest=float(speeds.max()),
+        band=float(np.linalg.norm([statistical, apart, *effects])),
+        statistical=statistical,
+        apart=apart,
+        misfit=misfit,
+        share=share,
+        opinion=None if opinion is None else ", ".join(opinion.set_up) or "one friction for both directions",
+    )
+
+
+def _offset(joint: Joint) -> float:
+    """The torque, N*m, that is an offset where one friction is of both directions, or half of what their levels differ by."""
+    values = {row.parameter: row.estimate.value or 0.0 for row in chosen(joint)}
+    plus, minus = (values.get(ParameterName("alpha_0", d), 0.0) for d in SIGNED)
+    return abs(next((x for name, x in values.items() if name.name == "offset"), (plus - minus) / 2))
+
+
+def _differs(joint: Joint, opinion: SecondOpinion, v: Array) -> tuple[float, float]:
+    """By how much the two differ over some velocities, (n,), and what both errors explain of that, percent of friction.
+
+    Where the joint moves both ways, it is half of the difference between the directions: what is alike in both no data tell
+    from an offset, or from gravity.
+    """
+    v = v[(np.abs(v) > SLOWEST * opinion.top) & (np.abs(v) <= opinion.top)]
+    (f, half), (other, error) = known_curve(joint, v), opinion.friction(v)
+    if v.size and v.min() < 0 < v.max():
+        (f_back, half_back), (other_back, error_back) = known_curve(joint, -v), opinion.friction(-v)
+        f, other = (f - f_back) / 2, (other - other_back) / 2
+        half, error = np.hypot(half, half_back) / 2, np.hypot(error, error_back) / 2
+    known, size = np.isfinite(f), _rms(f[np.isfinite(f)]) or np.inf
+    return 100 * _rms((f - other)[known]) / size, 100 * _rms(np.hypot(half, NORMAL * error)[known]) / size
+
+
+def _speeds(joint: Joint) -> Array:
+    """Velocities that were measured, rad/s: of the points, or a grid over those of a motion in each direction."""
+    fits = value_fits(joint)
+    moving = next((fit for fit in fits if isinstance(fit, TrackingFit)), None)
+    velocity = moving.velocity if moving else np.concatenate([np.zeros(0), *(fit.velocity for fit in fits)])
+    from_points = not moving and any(fit.segments for fit in fits if not isinstance(fit, TrackingFit))
+    if from_points:
+        return np.unique(velocity[velocity != 0])
+    tops = (velocity.max(initial=0.0), velocity.min(initial=0.0))
+    return np.concatenate([np.zeros(0), *(np.linspace(LEAST, 1, SPEEDS) * top for top in tops if top)])
+
+
+def _pattern(residuals: Array) -> float:
+    """The variance of what residuals, (n,), share with their neighbours, and noise does not: the mean covariance over three lags."""
+    if residuals.size < 12:
+        return 0.0
+    left = residuals - residuals.mean()
+    return max(float(np.mean([np.mean(left[k:] * left[:-k]) for k in (1, 2, 3)])), 0.0)
+
+
+def _rms(x: Array) -> float:
+    return float(np.sqrt(np.mean(x**2))) if x.size else 0.0

@@ -1,0 +1,200 @@
+"""What an engineer's own script says of the same records: friction as a regression over a ladder of set-ups.
+
+It shares nothing with the fits but the records, so what it gets wrong it gets wrong in another way. A zero-phase low
+pass at a multiple of the motion's own bandwidth; friction without a bristle, away from rest; a robust regression on
+every set-up of the ladder (one friction or one per direction; an offset; gravity; a peak, or v abs(v)), of which none
+has a friction that drives; blocks of the time, or whole runs, held out in turn; the simplest set-up within one standard
+error of the best; errors from the scatter between blocks.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
+from scipy.signal import butter, sosfiltfilt
+
+from bristle.arrays import Array
+from bristle.data.record import Record
+
+BANDWIDTH, ABOVE = 0.999, 12.0
+"""Share of the position's power that lies below its bandwidth, and times that: the low pass."""
+SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000
+"""Of the greatest speed; blocks of the time where there are fewer than six runs; equations in all."""
+SHARES = (0.03, 0.06, 0.12, 0.25)
+"""Of the greatest speed: v_s of the peaks that are tried."""
+HUBER, PASSES = 1.5, 5
+ALIKE = 50.0
+"""A condition number beyond which the columns of a set-up are not told apart."""
+SHAPES = ("", "peak", "quadratic")
+
+
+class SecondOpinion(NamedTuple):
+    """A friction curve, and how it was found."""
+
+    set_up: tuple[str, ...]
+    values: dict[str, float]
+    without: Array
+    """The values without each of the blocks in turn, (k, p)."""
+    held_out: float
+    """Of the torque of blocks that were held out, percent."""
+    top: float
+    """The greatest speed, rad/s, up to which it is one."""
+    v_s: float
+
+    def friction(self, v: Array) -> tuple[Array, Array]:
+        """At some velocities, rad/s, with the standard error from the scatter between blocks (jackknife), each (n,)."""
+        columns = friction_columns(v, self.set_up, self.v_s)
+        used = [list(self.values).index(name) for name in columns]
+        X, k = np.stack(list(columns.values()), axis=1), len(self.without)
+        parts = X @ self.without[:, used].T
+        error = np.sqrt((k - 1) / k * np.sum((parts - parts.mean(axis=1, keepdims=True)) ** 2, axis=1))
+        return X @ np.array(list(self.values.values()))[used], error
+
+
+def friction_columns(v: Array, set_up: Sequence[str], v_s: float) -> dict[str, Array]:
+    """What multiplies each number of a friction, (n,)."""
+    sides = {"+": v > 0, "-": v < 0} if "separate" in set_up else {"": np.ones(v.size, dtype=bool)}
+    shapes = {"coulomb": np.sign(v), "viscous": v}
+    shapes |= {"peak": np.sign(v) * np.exp(-((v / v_s) ** 2))} if "peak" in set_up else {}
+    shapes |= {"quadratic": v * np.abs(v)} if "quadratic" in set_up else {}
+    return {f"{name}{side}": shape * inside for name, shape in shapes.items() for side, inside in sides.items()}
+
+
+class _Data(NamedTuple):
+    """Equations of all runs, (n,)."""
+
+    v: Array
+    a: Array | None
+    q: Array | None
+    torque: Array
+    block: NDArray[np.intp]
+
+
+def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
+    """The opinion on moving runs with position and torque; None where there is too little to form one."""
+    parts = [part for number, record in enumerate(records) for part in _equations(record, number)]
+    if not parts:
+        return None
+    v, a, q, torque, run = (np.concatenate(x) for x in zip(*parts, strict=True))
+    every = max(v.size // SAMPLES, 1)
+    v, a, q, torque, run = (x[::every] for x in (v, a, q, torque, run))
+    block = run if np.unique(run).size >= 6 else np.arange(v.size) * BLOCKS // max(v.size, 1)
+    keep = np.abs(v) > SLOWEST * np.abs(v).max(initial=0.0)
+    return _opinion(_Data(v[keep], a[keep], q[keep], torque[keep], block[keep]))
+
+
+def of_points(v: Array, torque: Array) -> SecondOpinion | None:
+    """The opinion on velocity-torque points, (n,): a block is every fifth in the order of speed."""
+    order = np.argsort(v)
+    return _opinion(_Data(v[order], None, None, torque[order], np.arange(v.size) % 5))
+
+
+def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
+    """Velocity, acceleration, position, torque and number of the run, of each stretch without a gap, through the low pass."""
+    found: list[tuple[Array, ...]] = []
+    step = record.step
+    if record.position is None or record.torque is None:
+        return found
+    for start, stop in pairwise([*record.starts, record.time.size]):
+        q, torque = record.position[start:stop], record.torque[start:stop]
+        if stop - start < 60:
+            continue
+        power = np.abs(np.fft.rfft((q - q.mean()) * np.hanning(q.size))) ** 2
+        reached = np.searchsorted(np.cumsum(power), BANDWIDTH * power.sum())
+        cutoff = min(ABOVE * max(float(reached), 1.0) / (q.size * step), 0.4 / step)
+        low = butter(4, cutoff, fs=1 / step, output="sos")
+        q, torque = (sosfiltfilt(low, x) for x in (q, torque))
+        v = np.gradient(q, step)
+        every, ends = max(int(0.4 / (cutoff * step)), 1), int(0.5 / (cutoff * step))
+        inside = slice(ends, max(q.size - ends, ends), every)
+        found.append(tuple(x[inside] for x in (v, np.gradient(v, step), q, torque, np.full(q.size, number))))
+    return found
+
+
+def _opinion(data: _Data) -> SecondOpinion | None:
+    blocks = np.unique(data.block)
+    if data.v.size < 8 or blocks.size < 3:
+        return None
+    top = float(np.abs(data.v).max())
+    both = data.v.min() < 0 < data.v.max()
+    ladder = [
+        tuple(x for x in choice if x)
+        for choice in product(("", "separate"), ("", "offset"), ("", "gravity"), SHAPES)
+        if not ("separate" in choice and "offset" in choice)
+        and (both or not {"separate", "offset"} & {*choice})
+        and (data.q is not None or "gravity" not in choice)
+    ]
+    best = min(SHARES, key=lambda share: _fit(data, ("separate", "peak") if both else ("peak",), share * top)[1])
+    tried = []
+    for set_up in ladder:
+        names, X = _columns(data, set_up, best * top)
+        if X.shape[1] * 2 > data.v.size or np.linalg.cond(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)) > ALIKE:
+            continue
+        left = []
+        for k in blocks:
+            out = data.block == k
+            theta = _solve(names, X[~out], data.torque[~out])
+            left.append(data.torque[out] - X[out] @ theta)
+        tried.append((set_up, np.array([float(np.mean(np.minimum(np.abs(x), _scale(left)) ** 2)) for x in left])))
+    if not tried:
+        return None
+    _, least = min(tried, key=lambda x: float(x[1].mean()))
+    # the simplest whose error is within one standard error, over blocks, of the best
+    within = [
+        (set_up, errors)
+        for set_up, errors in tried
+        if (errors - least).mean() <= np.std(errors - least, ddof=1) / np.sqrt(least.size)
+    ]
+    set_up, errors = min(within, key=lambda x: (len(_columns(data, x[0], 1.0)[0]), float(x[1].mean())))
+    names, X = _columns(data, set_up, best * top)
+    theta = _solve(names, X, data.torque)
+    without = np.array([_solve(names, X[data.block != k], data.torque[data.block != k]) for k in blocks])
+    size = float(np.mean(data.torque**2))
+    return SecondOpinion(
+        set_up=set_up,
+        values=dict(zip(names, theta.tolist(), strict=True)),
+        without=without,
+        held_out=100 * float(np.sqrt(errors.mean() / size)) if size else float("inf"),
+        top=top,
+        v_s=best * top,
+    )
+
+
+def _scale(left: Sequence[Array]) -> float:
+    """Beyond which a residual counts as a stray."""
+    return 5 * 1.4826 * float(np.median(np.abs(np.concatenate(left)))) or np.inf
+
+
+def _columns(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[list[str], Array]:
+    columns = friction_columns(data.v, set_up, v_s)
+    columns |= {} if data.a is None else {"inertia": data.a}
+    columns |= {"offset": np.ones(data.v.size)} if "offset" in set_up else {}
+    if data.q is not None and "gravity" in set_up:
+        columns |= {"gravity_sin": np.sin(data.q), "gravity_cos": np.cos(data.q)}
+    return list(columns), np.stack(list(columns.values()), axis=1)
+
+
+def _fit(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[Array, float]:
+    names, X = _columns(data, set_up, v_s)
+    theta = _solve(names, X, data.torque)
+    return theta, float(np.median(np.abs(data.torque - X @ theta)))
+
+
+def _solve(names: Sequence[str], X: Array, y: Array) -> Array:
+    """Robust least squares, in which no friction drives, (p,)."""
+    free = [name.startswith(("offset", "gravity", "quadratic")) for name in names]
+    size = np.maximum(np.linalg.norm(X, axis=0), 1e-300)
+    weight, theta = np.ones(y.size), np.zeros(len(names))
+    for _ in range(PASSES):
+        A, b = X / size * weight[:, None], y * weight
+        gram = A.T @ A + 1e-12 * np.eye(size.size)
+        root = np.linalg.cholesky(gram)
+        low = np.where(free, -np.inf, 0.0)
+        theta = lsq_linear(root.T, np.linalg.solve(root, A.T @ b), (low, np.inf), method="bvls").x
+        left = np.abs(y - X / size @ theta)
+        limit = HUBER * 1.4826 * float(np.median(left))
+        weight = np.sqrt(np.minimum(1.0, limit / np.maximum(left, 1e-300))) if limit else np.ones(y.size)
+    return np.asarray(theta / size)
