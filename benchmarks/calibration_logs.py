@@ -292,7 +292,7 @@ class Fault(NamedTuple):
 
 TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend", "unexplained")
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
-DRIFT = ("drift-in-order", "drift-over-runs", "torque-drifts-in-runs", "residual-trend")
+DRIFT = ("friction-drifts", "drift-in-order", "drift-over-runs", "torque-drifts-in-runs", "residual-trend")
 OPEN = ("open-cycles",)
 FAULTS: dict[str, Fault] = {
     "torque late": Fault("motion", _late, 0.005, 0.03, ("torque-delayed",)),

@@ -32,6 +32,7 @@ from bristle.identification.moving_runs import (
 )
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
+from bristle.identification.static.strays import refit
 from bristle.model.parameters import of_curve, slides
 
 _PARTS = 5
@@ -154,15 +155,21 @@ def proposed_for_motion(experiment: Experiment, records: Sequence[Record]) -> Be
 def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> dict[str, float]:
     """BIC of points that go both ways, with one friction for both about an offset (`symmetric`), and with one for each (`separate`).
 
-    Empty where there are too few for either; infinite where a friction would drive.
+    Infinite where there are too few, or a friction would drive; empty where both are, or they go one way.
     """
     sides = _sides(points)
     asked = tuple(name for name in point_regressors(experiment) if name != "offset")
-    trial = _of_points(points, asked)
-    ways = {"symmetric": SetUp(("both",), (*asked, "offset")), "separate": SetUp(sides, asked)}
-    found = {way: _products(trial.pose(x.directions), trial.part).bic(x.regressors) for way, x in ways.items()}
-    known = {way: np.inf if _drives(ways[way], trial) else bic for way, bic in found.items() if bic is not None}
-    return known if len(sides) == len(DIRECTIONS) and len(known) == len(ways) else {}
+    ways = {"symmetric": (("both",), (*asked, "offset")), "separate": (sides, asked)}
+    found = dict[str, float]()
+    for way, (ways_of, regressors_of) in ways.items() if len(sides) == len(DIRECTIONS) else ():
+        problem = points_problem(points, ways_of, regressors_of, experiment.fit.friction)
+        n, p = problem.torque.size, len(problem.names)
+        if n < _SPARE * p or _drives(SetUp(ways_of, regressors_of), _of_points(points, asked)):
+            found[way] = np.inf
+            continue
+        cost, least = refit(problem).cost, 1e-24 * float(problem.torque @ problem.torque)
+        found[way] = float(n * np.log(max(cost, least)) + p * np.log(n))
+    return found if np.isfinite(list(found.values())).any() else {}
 
 
 def proposed_for_points(points: Sequence[Segment]) -> BetterSetUp | None:
@@ -305,15 +312,6 @@ class _Products(NamedTuple):
             :, keep
         ].sum(axis=0)
         return bool(theta[[self.names[k] for k in keep].index("quadratic")] < 0)
-
-    def bic(self, regressors: Sequence[str]) -> float | None:
-        """N log(squares left) + p log(n); None where there are too few equations."""
-        keep = self._columns(regressors)
-        if self.n < _SPARE * len(keep):
-            return None
-        G, b = self.gram[:, keep][:, :, keep].sum(axis=0), self.moment[:, keep].sum(axis=0)
-        left = float(self.power.sum() - b @ np.linalg.pinv(G, rcond=_RANK, hermitian=True) @ b)
-        return self.n * float(np.log(max(left, 1e-24 * self.norm**2))) + len(keep) * float(np.log(self.n))
 
     def _columns(self, regressors: Sequence[str]) -> list[int]:
         """Of friction, and of these."""
