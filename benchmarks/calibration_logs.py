@@ -294,6 +294,7 @@ TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend", "unexplained")
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
 DRIFT = ("friction-drifts", "drift-in-order", "drift-over-runs", "torque-drifts-in-runs", "residual-trend")
 OPEN = ("open-cycles",)
+STRAYS = ("strays", "strays-matter", "strays-left-out", "huber-differs")
 FAULTS: dict[str, Fault] = {
     "torque late": Fault("motion", _late, 0.005, 0.03, ("torque-delayed",)),
     "torque through a slow filter": Fault("motion", _filtered, 3, 15, ("torque-delayed", "reversals-left")),
@@ -312,15 +313,15 @@ FAULTS: dict[str, Fault] = {
     "encoder slips": Fault("motion", _position(_slips), 0.005, 0.05, ("lost-samples", "position-jumps", "bursts")),
     "ramps: temperature drift": Fault("ramps", _drift, 0.1, 0.4, DRIFT),
     "ramps: offset": Fault("ramps", _torque(lambda x, s: x.torque + s), 0.1, 0.5, SIDES),
-    "ramps: strays": Fault("ramps", _strays, 0.2, 0.5, ("strays", "huber-differs")),
+    "ramps: strays": Fault("ramps", _strays, 0.2, 0.5, STRAYS),
     "ramps: torque clipped": Fault("ramps", _clipped, 0.6, 0.85, ("clipped",)),
     "ramps: drag": Fault("ramps", _drag, 0.2, 1, TERM),
     "ramps: gravity": Fault("ramps", _torque(lambda x, s: x.torque + s * np.sin(x.q)), 0.3, 2, (*TERM, "residual-ripple", "torques-doubted")),
-    "points: strays": Fault("points", _strays, 0.2, 0.5, ("strays", "huber-differs")),
+    "points: strays": Fault("points", _strays, 0.2, 0.5, STRAYS),
     "points: torque clipped": Fault("points", _clipped, 0.6, 0.85, ("clipped",)),
     "points: offset": Fault("points", _torque(lambda x, s: x.torque + s), 0.1, 0.5, SIDES),
     "points: drag": Fault("points", _drag, 0.2, 1, TERM),
-    "points: some that do not slide": Fault("points", _resting, 0.3, 0.7, ("strays", "huber-differs")),
+    "points: some that do not slide": Fault("points", _resting, 0.3, 0.7, STRAYS),
     "slow: load cell offset": Fault("slow", _torque(lambda x, s: x.torque + s), 0.05, 0.3, ("loaded-at-start", "open-cycles", "above-g0")),
     "slow: position drifts": Fault("slow", _position(lambda x, s, _: x.q + s * np.ptp(x.q) * x.t / x.t[-1]), 0.1, 0.5, OPEN),
     "slow: torque clipped": Fault("slow", _clipped, 0.5, 0.8, ("clipped",)),

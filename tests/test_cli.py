@@ -466,6 +466,23 @@ def test_strict_ends_with_3_where_a_joint_is_not_to_be_used(tmp_path: Path, monk
     assert (tmp_path / "reports" / "wrist" / "results.json").read_text(encoding="utf-8") == free
 
 
+def test_logs_need_no_experiment_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of logs alone, identified as drafted: what `new` and then `identify` say; --save keeps the file; what tells of logs is no word of a file."""
+    (tmp_path / "points.csv").write_text(table(FEW), encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    told = ("--unit", "velocity=rad/s", "--unit", "torque=N*m")
+    assert run("new", "points.csv", *told, "-o", "drafted.yaml").code == 0
+    by_file = run("identify", "drafted.yaml")
+    alone, saved = run("identify", "points.csv", *told), run("identify", "points.csv", *told, "--save", "saved.yaml")
+    assert alone.out == saved.out == by_file.out
+    assert alone.said == saved.said != []
+    assert "guessed: " in alone.said[0]
+    assert (tmp_path / "saved.yaml").read_bytes() == (tmp_path / "drafted.yaml").read_bytes()
+    assert run("identify", "points.csv", *told, "--save", "saved.yaml").code == 2
+    refused = run("identify", "drafted.yaml", *told)
+    assert (refused.code, len(refused.said)) == (2, 1)
+
+
 def test_identify_writes_the_schema_and_prints_the_fit(tmp_path: Path) -> None:
     """Where nothing is in warning --strict is 0; the JSON satisfies its schema, holds the truth within 5 standard errors, and is printed."""
     ran = run("identify", write(tmp_path, speeds()), "-o", tmp_path / "out.json", "--strict")

@@ -3,19 +3,25 @@
 from collections.abc import Iterable
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from bristle.errors import InputError, short_list
 from bristle.options import (
+    Column,
     ExperimentFile,
     FleetCatalog,
     FleetOutput,
     Need,
     OfRobot,
+    Rate,
+    Resistance,
+    Scale,
     Strict,
+    TorqueConstant,
     Uncertainty,
+    Unit,
     Workers,
     asked,
     check_output,
@@ -25,8 +31,8 @@ from bristle.options import (
     optional,
     output_folder,
     output_path,
-    per_signal,
     to,
+    told_of,
     write,
 )
 from bristle.progress import shown
@@ -111,9 +117,22 @@ def report(
 
 @app.command()
 def identify(
-    experiment: Annotated[Path | None, optional("the embedded Ed-Ro (simulated)")] = None,
+    sources: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="EXPERIMENT|LOG...",
+            help="The experiment file, or logs as `bristle new` takes them; none: the embedded Ed-Ro (simulated).",
+            show_default=False,
+        ),
+    ] = None,
     joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Write results.json here as well.")] = None,
+    save: Annotated[
+        Path | None,
+        typer.Option(
+            "--save", parser=output_path, metavar="FILE", help="Of logs: write the experiment file here, too."
+        ),
+    ] = None,
     full: Annotated[
         bool, typer.Option("--full", help="Print each fit: statistics, correlations, cross-checks, every warning.")
     ] = False,
@@ -122,21 +141,46 @@ def identify(
     workers: Workers = None,
     need: Need = 10.0,
     strict: Strict = False,
+    column: Column = None,
+    unit: Unit = None,
+    scale: Scale = None,
+    rate: Rate = None,
+    torque_constant: TorqueConstant = None,
+    resistance: Resistance = None,
 ) -> None:
-    """Print the values to use, and whether to trust them.
+    """Print to how many percent friction is known, and the values to use.
 
-    Of one joint, or those of a robot: each parameter with its standard error and 95 % interval, the hold-out error, and the warnings.
+    Of one joint, or those of a robot: each parameter with its standard error and 95 % interval, and what was found.
+    Logs are drafted first, as by `bristle new`, with its options.
 
     Example: bristle identify wrist.yaml -o results.json
+    Example: bristle identify log.csv --unit position=deg --save wrist.yaml
     """
     check_output_absent(output)
+    check_output_absent(save)
+    of_logs = {"column": column, "unit": unit, "scale": scale, "rate": rate}
+    of_logs |= {"torque-constant": torque_constant, "resistance": resistance, "save": save}
+    guessed: tuple[str, ...] = ()
     with shown() as progress:
         from bristle import identify as run
 
-        sources = [] if experiment is None else [experiment]
+        files: list[Any] = list(sources or [])
+        if files and files[0].suffix.lower() not in {".yaml", ".yml", ".json"}:
+            from bristle import draft
+            from bristle.api.sources import load_text
+
+            told = told_of(column, unit, scale, rate, torque_constant, resistance)
+            text, guessed = draft(*files, told=told, folder=save and save.parent, progress=progress)
+            if save is not None:
+                write(save, text)
+            files = [save or load_text(text, files[0].with_name(f"the draft for {files[0].name}"))]
+        elif names := [name for name, x in of_logs.items() if x is not None]:
+            raise InputError(f"--{names[0]}: tells of logs; write it into the experiment file, or give logs")
         results = run(
-            *sources, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
+            *files, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
         )
+    for sentence in guessed:
+        complain(f"guessed: {sentence}")
     _tell([results.text(full=full)])
     if uncertainty:
         from bristle.questions.joint_report.interval_tables import interval_lines
@@ -512,12 +556,12 @@ def new(
         ),
     ],
     output: Annotated[Path | None, to("FILE", "Write the draft here instead of printing it.")] = None,
-    column: Annotated[list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0")] = None,
-    unit: Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")] = None,
-    scale: Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")] = None,
-    rate: Annotated[str | None, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")] = None,
-    torque_constant: Annotated[str | None, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")] = None,
-    resistance: Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")] = None,
+    column: Column = None,
+    unit: Unit = None,
+    scale: Scale = None,
+    rate: Rate = None,
+    torque_constant: TorqueConstant = None,
+    resistance: Resistance = None,
 ) -> None:
     """Draft an experiment file from logs.
 
@@ -535,17 +579,9 @@ def new(
                 )
             text, sentences = _completed(halves[0], output)
         else:
-            from bristle import Told, draft
-            from bristle.data.experiment.draft import told_by
+            from bristle import draft
 
-            told = Told(
-                columns=told_by(column or (), "--column"),
-                units=told_by(unit or (), "--unit"),
-                scales=told_by(scale or (), "--scale"),
-                rate=rate,
-                torque_constant=torque_constant,
-                resistance=resistance,
-            )
+            told = told_of(column, unit, scale, rate, torque_constant, resistance)
             text, guessed = draft(*logs, told=told, folder=output and output.parent, progress=progress)
             sentences = [f"guessed: {sentence}" for sentence in guessed]
     if output is None:
