@@ -82,6 +82,18 @@ def test_a_planted_trend_or_ripple_is_told(axis: int, kind: str, over: str | Non
     assert told.numbers["p"] < 0.01
 
 
+def test_friction_that_falls_is_told_with_its_size() -> None:
+    """Friction that falls by 1 from the beginning to the end, in both directions, is no trend of the torque, and is told as what it is."""
+    rng, time = np.random.default_rng(4), np.linspace(0, 60, 200)
+    velocity = rng.permutation(np.linspace(-1, 1, 200))
+    (told,) = residual_warnings(
+        0.2 * rng.standard_normal(200) + np.sign(velocity) * (0.5 - time / 60), velocity, time, EMPTY
+    )
+    assert told.code == "friction-drifts"
+    assert told.numbers["change"] == pytest.approx(-1, abs=0.15)
+    assert told.effect == {"torque": -told.numbers["change"]}
+
+
 def test_a_difference_between_directions_is_told() -> None:
     """What a symmetric curve leaves of friction that is not - a constant, or a slope over speed - is told; what is odd in velocity is not."""
     rng = np.random.default_rng(6)

@@ -133,10 +133,11 @@ def residual_warnings(residuals: Array, velocity: Array, time: Array, position: 
         (f"trend vs {over}", {"over": over}, np.stack([s, s * s])) for over, s in scaled.items()
     ]
     if fades:  # friction opposes motion, so a change of it has another sign in each direction
-        s = scaled["time"] * np.sign(velocity)
-        p, share = _f_test(residuals, np.stack([s, scaled["time"] * s]))
+        powers = np.stack([scaled["time"], scaled["time"] ** 2])
+        basis = (powers - powers.mean(axis=1, keepdims=True)) * np.sign(velocity)
+        p, share = _f_test(residuals, basis)
         if (p := p * looks) < _SIGNIFICANT:
-            change = 2 * float(s @ residuals) / float(s @ s)
+            change = 2 * float(basis[0] @ residuals) / float(basis[0] @ basis[0])
             way = "grows" if change > 0 else "falls"
             message = (
                 f"Friction {way} by {abs(change):.2g}{unit_of('torque')} from the beginning to the end (p = {p:.1g}, corrected for {looks} "
