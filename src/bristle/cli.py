@@ -158,7 +158,7 @@ def identify(
     """
     check_output_absent(output)
     check_output_absent(save)
-    of_logs = {"column": column, "unit": unit, "scale": scale, "rate": rate}
+    of_logs: dict[str, object] = {"column": column, "unit": unit, "scale": scale, "rate": rate}
     of_logs |= {"torque-constant": torque_constant, "resistance": resistance, "save": save}
     guessed: tuple[str, ...] = ()
     with shown() as progress:
