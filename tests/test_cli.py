@@ -293,7 +293,7 @@ BAD = [
     *bad("output is a folder", [(*PLAN, "-o", "next.csv")], "next.csv: is a folder; name a file", {"next.csv": FOLDER}),
     *bad("output is the page", [(*PLAN, "-o", "next", "--page", "next")], "next: is in the way of the page in next"),
     *bad("output above the page", [(*PLAN, "-o", "next", "--page", "next/page")], "next: is in the way of the page"),
-    *bad("argument of many characters", [("fit" * 1000,), ("identify", "e" * 200 + ".yaml", "x" * 3000)], "..."),
+    *bad("argument of many characters", [("fit" * 1000,), ("inspect", "e" * 200 + ".yaml", "x" * 3000)], "..."),
     *bad("full disk", [REPORT], "out: No space left", patch=both(undrawn, full_disk(5))),
     *bad("full disk, second report", [REPORT], "out: No space left", MADE, patch=both(undrawn, full_disk(5))),
     *bad("full disk", [IDENTIFY], "out.json: No space left", patch=full_disk(0)),

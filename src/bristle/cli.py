@@ -32,7 +32,6 @@ from bristle.options import (
     output_folder,
     output_path,
     to,
-    told_of,
     write,
 )
 from bristle.progress import shown
@@ -41,6 +40,7 @@ from bristle.workers import REPORT, cores, prepared
 
 if TYPE_CHECKING:
     from bristle.api import Results
+    from bristle.data.experiment.draft import Told
 
 app = typer.Typer(
     name="bristle",
@@ -148,7 +148,7 @@ def identify(
     torque_constant: TorqueConstant = None,
     resistance: Resistance = None,
 ) -> None:
-    """Print to how many percent friction is known, and the values to use.
+    """Print how well friction is known, and the values to use.
 
     Of one joint, or those of a robot: each parameter with its standard error and 95 % interval, and what was found.
     Logs are drafted first, as by `bristle new`, with its options.
@@ -165,11 +165,11 @@ def identify(
         from bristle import identify as run
 
         files: list[Any] = list(sources or [])
-        if files and files[0].suffix.lower() not in {".yaml", ".yml", ".json"}:
+        if files and files[0].suffix.lower() not in {"", ".yaml", ".yml", ".json"}:
             from bristle import draft
             from bristle.api.sources import load_text
 
-            told = told_of(column, unit, scale, rate, torque_constant, resistance)
+            told = _told(column, unit, scale, rate, torque_constant, resistance)
             text, guessed = draft(*files, told=told, folder=save and save.parent, progress=progress)
             if save is not None:
                 write(save, text)
@@ -581,7 +581,7 @@ def new(
         else:
             from bristle import draft
 
-            told = told_of(column, unit, scale, rate, torque_constant, resistance)
+            told = _told(column, unit, scale, rate, torque_constant, resistance)
             text, guessed = draft(*logs, told=told, folder=output and output.parent, progress=progress)
             sentences = [f"guessed: {sentence}" for sentence in guessed]
     if output is None:
@@ -615,6 +615,20 @@ def _tell(texts: Iterable[str]) -> None:
     from bristle.page.plain import wrapped
 
     print_found(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
+
+
+def _told(
+    column: Column, unit: Unit, scale: Scale, rate: Rate, torque_constant: TorqueConstant, resistance: Resistance
+) -> "Told":
+    """What the options tell of logs. Raises InputError where one is no SIGNAL=VALUE of a signal."""
+    from bristle.data.experiment.draft import Told, told_by
+
+    columns, units, scales = (
+        told_by(x or (), f"--{name}") for name, x in (("column", column), ("unit", unit), ("scale", scale))
+    )
+    return Told(
+        columns=columns, units=units, scales=scales, rate=rate, torque_constant=torque_constant, resistance=resistance
+    )
 
 
 def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:

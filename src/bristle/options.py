@@ -1,12 +1,9 @@
 """What commands of the command line have in common: arguments, options, and where their outputs go."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
-
-if TYPE_CHECKING:
-    from bristle.data.experiment.draft import Told
 
 
 def optional(none: str, file: str = "The experiment file") -> Any:
@@ -97,20 +94,6 @@ Scale = Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied 
 Rate = Annotated[str | None, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")]
 TorqueConstant = Annotated[str | None, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")]
 Resistance = Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")]
-
-
-def told_of(
-    column: Column, unit: Unit, scale: Scale, rate: Rate, torque_constant: TorqueConstant, resistance: Resistance
-) -> "Told":
-    """What the options tell of logs. Raises InputError where one is no SIGNAL=VALUE of a signal."""
-    from bristle.data.experiment.draft import Told, told_by
-
-    columns, units, scales = (
-        told_by(x or (), f"--{name}") for name, x in (("column", column), ("unit", unit), ("scale", scale))
-    )
-    return Told(
-        columns=columns, units=units, scales=scales, rate=rate, torque_constant=torque_constant, resistance=resistance
-    )
 
 
 def write(path: Path, text: str) -> None:
