@@ -172,6 +172,7 @@ def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 @pytest.mark.usefixtures("few_motions")
+@pytest.mark.slow
 def test_what_is_identified_is_not_identified_again(
     clean: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

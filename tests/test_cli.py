@@ -583,6 +583,7 @@ def _raiser(error: BaseException) -> Callable[..., None]:
     return fail
 
 
+@pytest.mark.slow
 def test_the_same_experiment_gives_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two reports are the same in every byte but those of timings.json, wherever the experiment lies, however it is named, and wherever one is.
 

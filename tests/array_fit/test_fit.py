@@ -62,6 +62,7 @@ def test_every_way_to_hand_arrays_over_is_one() -> None:
         assert other.stderr == pytest.approx(one.stderr, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_and_one_another() -> None:
     """The 95 % intervals hold the truth in most of 20 fits, by each method; those of a lower level lie inside them."""
     held = dict.fromkeys(METHODS, 0)

@@ -278,6 +278,7 @@ def test_the_bias_of_counts_moves_all_three_alike(gripper: DynamicSolution) -> N
         assert three[name].draws.std() == pytest.approx(1.5 * plain[name].draws.std(), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_and_agree() -> None:
     """Twenty runs of the gripper with priors for three parameters: of 140 intervals each way, 89 to 100 % hold the truth."""
     held = {"covariance": 0, "profile": 0, "bootstrap": 0}

@@ -110,7 +110,8 @@ def geared(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> t
     return file, results.joint()
 
 
-@pytest.mark.parametrize("supply", [EXACT, pytest.param((0.02, -0.02, 0.015, -0.01), marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("supply", [EXACT, (0.02, -0.02, 0.015, -0.01)])
 def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None:
     """0.100 within 0.005, and within its interval, with a supply that errs by 2 % in each log too."""
     tracking = geared("paper+link-load", supply=supply)[1].tracking

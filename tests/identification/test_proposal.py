@@ -85,6 +85,7 @@ def test_directions_are_chosen_by_the_fit(tmp_path: Path, apart: float, which: s
     assert "chosen directions" not in overruled.settings
 
 
+@pytest.mark.slow
 def test_a_draft_of_a_gravity_joint_identifies(tmp_path: Path) -> None:
     """A draft made from a log and a torque constant alone is identified: gravity, inertia and friction come back within 10 %."""
     text, _ = api.draft(swung(tmp_path, gravity=3.0, apart=1.6), told=MOTOR, folder=tmp_path)
@@ -114,6 +115,7 @@ def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
     assert "experiment: points}" in api.draft(pairs, folder=tmp_path)[0]
 
 
+@pytest.mark.slow
 def test_tracking_runs_of_another_rate_are_drafted_together(tmp_path: Path) -> None:
     """Logs sampled at different rates are one experiment, which runs, and notes how much faster each was than the slowest.
 
