@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.page.plain import WIDTH, columns, interval, pair, shortened_lines, wrapped
+from bristle.page.plain import WIDTH, columns, interval, pair, wrapped
 
 values = st.floats(-1e7, 1e7, allow_nan=False)
 errors = st.floats(1e-9, 1e5)
@@ -68,16 +68,6 @@ def test_columns_stand_under_one_another() -> None:
 def test_a_number_has_two_digits_of_its_error(value: float | None, error: float | None, text: str) -> None:
     """Value and standard error end at the second digit of the error."""
     assert pair(value, error) == text
-
-
-def test_what_is_cut_says_so() -> None:
-    """Lines beyond the most end in dots, in a line that still fits."""
-    lines = [" ".join(["word"] * 16)] * 3
-    assert shortened_lines(lines, 3) == lines
-    cut = shortened_lines(lines, 2)
-    assert len(cut) == 2
-    assert cut[1].endswith(" ...")
-    assert len(cut[1]) <= WIDTH
 
 
 def test_a_long_word_stays_whole() -> None:

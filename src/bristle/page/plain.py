@@ -52,16 +52,6 @@ def wrapped(lines: Iterable[str], width: int = WIDTH) -> Iterator[str]:
         yield from (part.replace("\N{NO-BREAK SPACE}", " ") for part in parts)
 
 
-def shortened_lines(lines: Sequence[str], most: int) -> list[str]:
-    """At most so many lines, the last of which ends in dots where more followed; no word of it is cut."""
-    if len(lines) <= most:
-        return list(lines)
-    last = lines[most - 1]
-    while len(last) > WIDTH - 4:
-        last = last.rpartition(" ")[0]
-    return [*lines[: most - 1], f"{last} ..."]
-
-
 def columns(rows: Sequence[Sequence[str]], indent: int = 2, width: int = WIDTH) -> Iterator[str]:
     """Rows of cells under one another; cells that do not fit into the width stand on a line of their own, whole.
 

@@ -3,8 +3,8 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from bristle.identification.fits import Estimate, StaticFit
-from bristle.identification.known_joint import Known, chosen, value_fits
+from bristle.identification.fits import Estimate
+from bristle.identification.known_joint import Known, chosen
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -12,7 +12,7 @@ from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import SIGNED, Direction, ParameterName, fields_of, in_direction, of_friction
 from bristle.page.page import Drawn
 from bristle.page.plain import in_unit
-from bristle.page.wording import FITS, direction, in_symbols, measured, number, pretty, span, symbol
+from bristle.page.wording import FITS, direction, in_symbols, measured, pretty, span, symbol
 from bristle.questions.joint_report.brief import law_in_force
 from bristle.questions.joint_report.sentences import known_to
 from bristle.questions.joint_report.text import total_error
@@ -51,7 +51,6 @@ def answer(
             "slug": slug,
             "simulated": joint.simulated,
             "directions": _directions(known[joint.name], joint.law, names, shared),
-            "held_out": _held_out(joint),
             "about": about.get(joint.name),
             "also": _also(known[joint.name]),
             "law": "".join(law_in_force(joint)).removeprefix("  law: "),
@@ -114,17 +113,6 @@ def _cell(row: Known | None, shared: Mapping[str, str]) -> dict[str, str]:
 
 def _value(e: Estimate) -> str:
     return measured(e.value, total_error(e))
-
-
-def _held_out(joint: Joint) -> str:
-    """The relative error of what was held out, of the fits that the values come from: by direction where each has one."""
-    errors = {
-        fit.direction if isinstance(fit, StaticFit) else "": fit.hold_out[0].relative_error
-        for fit in value_fits(joint)
-        if fit.hold_out
-    }
-    errors.pop(Direction.SHARED, None)
-    return ", ".join(f"{number(x, 2)} % {direction(d) if len(errors) > 1 else ''}".strip() for d, x in errors.items())
 
 
 def _also(rows: Mapping[ParameterName, Known]) -> str:
