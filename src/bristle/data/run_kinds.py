@@ -33,7 +33,7 @@ _AT_REST = 0.5
 """Of the time below the breakaway torque: a joint that is loaded slowly rests for so long, one that moves passes."""
 _SPRING = 0.3
 """Correlation of torque and position of a joint that rests on its bristles."""
-_MOSTLY = 0.75
+_MOSTLY = 0.79
 """Of its motion: a run that holds velocities for less tells more as a tracking run."""
 
 
