@@ -98,6 +98,14 @@ def test_friction_has_to_be_known_as_well_as_it_is_needed(
     assert (verdict(replace(own, need=1000.0)).trust is Trust.USE) == (CRITICAL not in warnings and band < np.inf)
 
 
+def test_a_joint_without_a_curve_is_not_to_be_used() -> None:
+    """A Coulomb friction of zero, as of a set-up that takes all of it up, is no friction vs velocity."""
+    fit = whole(CAUTION)
+    zero = {n: replace(e, value=0.0) if n.name == "alpha_0" else e for n, e in fit.parameters.items()}
+    found = verdict(joint(replace(fit, parameters=zero)))
+    assert (found.trust, found.reason and found.reason.code) == (Trust.DO_NOT_USE, "no-curve")
+
+
 def test_a_joint_without_a_value_is_not_to_be_used() -> None:
     """With the weightiest reason that there is, how its fit ended too; nothing known at all has none."""
     nothing: dict[ParameterName, Estimate] = {n: replace(e, value=None) for n, e in whole().parameters.items()}

@@ -45,9 +45,20 @@ def verdict(joint: Joint) -> Verdict:
         why = _serious((*found, *joint.all_warnings(), *static, *moving))
         return Verdict(Trust.DO_NOT_USE, why[0] if why else None)
     known = joint.accuracy
+    if known is None and not any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint)):
+        critical = found[:1] if found and found[0].severity is Severity.CRITICAL else ()
+        return Verdict(Trust.DO_NOT_USE, next(iter(critical), _NO_CURVE))
     if (found and found[0].severity is Severity.CRITICAL) or (known is not None and not known.band <= joint.need):
         return Verdict(Trust.DO_NOT_USE, found[0] if found or known is None else _uncertain(known))
     return Verdict(Trust.USE, None)
+
+
+_NO_CURVE = Finding(
+    "no-curve",
+    CRITICAL,
+    "No friction vs velocity is known: either no run slides, and the stiffness alone may be used, or Coulomb friction comes out as "
+    "nothing beside the rest. Move at several speeds, both ways.",
+)
 
 
 def _uncertain(known: Accuracy) -> Finding:
