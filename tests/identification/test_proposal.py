@@ -115,7 +115,6 @@ def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
     assert "experiment: points}" in api.draft(pairs, folder=tmp_path)[0]
 
 
-@pytest.mark.slow
 def test_tracking_runs_of_another_rate_are_drafted_together(tmp_path: Path) -> None:
     """Logs sampled at different rates are one experiment, which runs, and notes how much faster each was than the slowest.
 

@@ -97,7 +97,6 @@ def test_the_sliding_parameters_are_of_one_law() -> None:
     assert alike("alpha_0", b, b)
 
 
-@pytest.mark.slow
 def test_results_files_and_the_page_say_it(tmp_path: Path) -> None:
     """Two results files of two laws give the same, and the page says that the laws differ."""
     paths = [write(tmp_path / stem, speeds(), stem=stem) for stem in ("first", "second")]
