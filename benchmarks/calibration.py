@@ -82,9 +82,7 @@ def tried(seed: int, k: int) -> Row:
     row["error"] = 100 * float(np.sqrt(np.mean((friction - true) ** 2) / np.mean(true**2)))
     row["band"] = np.nan if known is None else known.band
     row |= {} if known is None else {"statistical": known.statistical, "apart": known.apart, "opinion": known.opinion}
-    row |= (
-        {} if known is None else {"misfit": known.misfit, "cautions": " ".join(w.code for w in value_warnings(joint))}
-    )
+    row |= {} if known is None else {"cautions": " ".join(w.code for w in value_warnings(joint))}
     truths = {
         f"{name}{d}": getattr(p, name) for d, p in zip(SIGNED, log.joint.pair, strict=True) for name in PARAMETERS[:5]
     }

@@ -84,7 +84,7 @@ def report(
         bool, typer.Option("--zip", help="Write all of it as report.zip in the folder as well, to mail.")
     ] = False,
     workers: Workers = None,
-    need: Need = 10.0,
+    need: Need = None,
     strict: Strict = False,
 ) -> None:
     """Identify, and write the report: pages and data.
@@ -139,7 +139,7 @@ def identify(
     laws: Annotated[bool, typer.Option("--laws", help="Print the friction laws side by side.")] = False,
     uncertainty: Uncertainty = False,
     workers: Workers = None,
-    need: Need = 10.0,
+    need: Need = None,
     strict: Strict = False,
     column: Column = None,
     unit: Unit = None,
@@ -158,27 +158,32 @@ def identify(
     """
     check_output_absent(output)
     check_output_absent(save)
-    of_logs: dict[str, object] = {"column": column, "unit": unit, "scale": scale, "rate": rate}
-    of_logs |= {"torque-constant": torque_constant, "resistance": resistance, "save": save}
+    told = _told(column, unit, scale, rate, torque_constant, resistance)
     guessed: tuple[str, ...] = ()
     with shown() as progress:
+        from bristle import Told, draft
         from bristle import identify as run
+        from bristle.api.sources import load_text
 
         files: list[Any] = list(sources or [])
-        if files and files[0].suffix.lower() not in {"", ".yaml", ".yml", ".json"}:
-            from bristle import draft
-            from bristle.api.sources import load_text
-
-            told = _told(column, unit, scale, rate, torque_constant, resistance)
+        of_logs = bool(files) and files[0].suffix.lower() not in {"", ".yaml", ".yml", ".json"}
+        if not of_logs and (save is not None or told != Told()):
+            raise InputError(
+                "an experiment file, or none, was given with options of logs; write them into it, or give logs"
+            )
+        if of_logs:
             text, guessed = draft(*files, told=told, folder=save and save.parent, progress=progress)
+            files = [load_text(text, save or files[0].with_name(f"the draft for {files[0].name}"))]
+        if save is not None:
+            write(save, text)
+        try:
+            results = run(
+                *files, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
+            )
+        except InputError:
             if save is not None:
-                write(save, text)
-            files = [save or load_text(text, files[0].with_name(f"the draft for {files[0].name}"))]
-        elif names := [name for name, x in of_logs.items() if x is not None]:
-            raise InputError(f"--{names[0]}: tells of logs; write it into the experiment file, or give logs")
-        results = run(
-            *files, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
-        )
+                save.unlink()
+            raise
     for sentence in guessed:
         complain(f"guessed: {sentence}")
     _tell([results.text(full=full)])

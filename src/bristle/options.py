@@ -18,17 +18,6 @@ def output_path(text: str) -> Path:
     return Path(text)
 
 
-def percent(text: str | float) -> float:
-    """A percentage, with its sign or without."""
-    try:
-        value = float(str(text).strip().removesuffix("%"))
-    except ValueError:
-        value = 0.0
-    if not 0 < value < float("inf"):
-        raise typer.BadParameter(f"got {text!r}; expected a percentage of friction that is more than 0, such as 10%")
-    return value
-
-
 def to(metavar: str, meaning: str) -> Any:
     """The option -o that names what to write."""
     return typer.Option("-o", "--output", parser=output_path, metavar=metavar, help=meaning)
@@ -78,16 +67,13 @@ FleetOutput = Annotated[
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a joint is not to be used.")]
 Need = Annotated[
-    float,
+    str | None,
     typer.Option(
         "--need",
-        parser=percent,
         metavar="PERCENT",
-        help="To how much of friction it has to be known (95 %), to be used.",
+        help="To how much of friction it has to be known (95 %), to be used [default: 10%].",
     ),
 ]
-
-
 Column = Annotated[list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0")]
 Unit = Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")]
 Scale = Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")]

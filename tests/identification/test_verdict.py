@@ -89,9 +89,7 @@ def test_friction_has_to_be_known_as_well_as_it_is_needed(
     band: float, apart: float, warnings: tuple[Finding, ...], trust: Trust, code: str | None
 ) -> None:
     """The values are used where the band is at most what is asked for, and nothing critical is said; the weightiest finding is the reason."""
-    known = Accuracy(
-        slowest=0.1, fastest=1.0, band=band, statistical=5.0, apart=apart, misfit=0.0, share=1.0, opinion="peak"
-    )
+    known = Accuracy(slowest=0.1, fastest=1.0, band=band, statistical=5.0, apart=apart, share=1.0, opinion="peak")
     own = replace(joint(whole(*warnings)), accuracy=known)
     found = verdict(own)
     assert (found.trust, found.reason and found.reason.code) == (trust, code)

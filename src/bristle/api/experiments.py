@@ -10,7 +10,7 @@ from bristle.api.joints import Known, asked_joint, read_if_results
 from bristle.api.results import Results, write_results
 from bristle.api.sources import Source, path_of
 from bristle.errors import InputError
-from bristle.identification.results import NEED, Joint
+from bristle.identification.results import Joint
 from bristle.page.output_folder import check_folder
 from bristle.progress import Progress, step
 from bristle.questions.array_fit.fit import Fit
@@ -38,7 +38,7 @@ def report(
     *experiments: Source,
     folder: Path | str,
     uncertainty: bool = False,
-    need: float = NEED,
+    need: float | str | None = None,
     workers: int = 1,
     mailed: bool = False,
     found: Callable[[Results], object] | None = None,
@@ -56,7 +56,7 @@ def report(
             Ed-Ro (simulated), with its compensation (`adapt`) on the page too.
         folder: made where it does not exist; only what bristle made there before is replaced.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too.
-        need: as of `identify`.
+        need: as of `identify`; None: of a results file what it holds.
         workers: as of `identify`.
         mailed: whether the pages and what belongs to them are written as one reproducible file, report.zip, as well.
         found: called with the results before anything is written.

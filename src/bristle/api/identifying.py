@@ -27,7 +27,7 @@ def identify(
     progress: Progress | None = None,
     crosscheck: bool = False,
     uncertainty: bool = False,
-    need: float = NEED,
+    need: float | str | None = None,
     workers: int = 1,
 ) -> Results:
     """Identify the joints of one or more files, of a joint or a robot each; with none, the embedded Ed-Ro (simulated).
@@ -48,7 +48,7 @@ def identify(
         crosscheck: whether moving runs are fitted by CasADi and IPOPT as well, which takes long; the static fits always are.
         uncertainty: whether each parameter of moving runs gets its intervals by profile and bootstrap too; those of
             static and presliding fits always do.
-        need: percent of friction, to which it has to be known (95 %), for the values to be used.
+        need: percent of friction, to which it has to be known (95 %), for the values to be used, as 5 or "5%"; None: 10.
         workers: processes among which the joints are shared out; in a script more than one need
             `if __name__ == "__main__":` around the call.
 
@@ -64,19 +64,23 @@ def identified(
     joint: str | None = None,
     crosscheck: bool = False,
     uncertainty: bool = False,
-    need: float = NEED,
+    need: float | str | None = None,
     share: Share = map,
     progress: Progress | None = None,
     each: Callable[[Joint], None] = lambda _: None,
 ) -> Results:
     """`identify`, the joints shared out as told; of one results file what that holds, and nothing is identified.
 
-    `each` is called with each joint that is identified, while others are. Raises InputError as `identify` and `read_results` do.
+    `need` None leaves that of a results file. `each` is called with each joint that is identified, while others are.
+    Raises InputError as `identify` and `read_results` do.
     """
     if len(experiments) == 1:
         known = read_if_results(experiments[0])
         if isinstance(known, Results):
-            return known
+            if need is None:
+                return known
+            wanted = percent(need)
+            return replace(known, joints=tuple(replace(x, need=wanted) for x in known.joints))
         experiments = (known,)
     files = open_all(experiments)
     return _identified(files, joint, share, progress, each, crosscheck=crosscheck, uncertainty=uncertainty, need=need)
@@ -99,13 +103,13 @@ def _identified(
     *,
     crosscheck: bool,
     uncertainty: bool,
-    need: float,
+    need: float | str | None,
 ) -> Results:
     chosen = _chosen(files, joint)
     every = [
         m for m in _measured([loaded for loaded, _ in files], progress, share) if m.experiment.joint.name in chosen
     ]
-    work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty, need=checked_need(need))
+    work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty, need=NEED if need is None else percent(need))
     waiting = iter(share(partial(work, progress=progress) if share is map else work, every))
     found: list[tuple[Joint, dict[str, float]]] = []
     for done, measured in enumerate(every):
@@ -142,10 +146,12 @@ def _timed(
     return replace(joint, need=need), spent
 
 
-def checked_need(percent: float) -> float:
-    """The percentage. Raises InputError where it is none that is more than 0."""
-    if not 0 < percent < inf:
-        raise InputError(
-            f"need: got {short(percent)}; expected a percentage of friction that is more than 0, such as 10"
-        )
-    return float(percent)
+def percent(need: float | str) -> float:
+    """A percentage, with its sign or without. Raises InputError where it is none that is more than 0."""
+    try:
+        value = float(str(need).strip().removesuffix("%"))
+    except ValueError:
+        value = 0.0
+    if not 0 < value < inf:
+        raise InputError(f"need: got {short(need)}; expected a percentage of friction that is more than 0, such as 10%")
+    return value

@@ -151,7 +151,7 @@ def between_gaps(record: Record) -> list[slice]:
 
 
 def without_rests(record: Record) -> Record:
-    """The record without the stretches in which its position stays for a second: what torque holds a joint at rest says nothing of friction.
+    """The record without the stretches in which its position stays for three seconds: what torque holds a joint at rest says nothing of friction.
 
     Only where most of what remains is long enough for its filters; the stretches between are segments, as between gaps.
     """

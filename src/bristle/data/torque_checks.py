@@ -72,8 +72,8 @@ def _clipped(record: Record) -> Finding | None:
     least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
     piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
     alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
-    gaps = {0: levels[1] - levels[0], -1: levels[-1] - levels[-2]}
-    near = {k for k, gap in gaps.items() if gap < _BESIDE * (levels[-1] - levels[0])}  # a step jumps to its level
+    gaps = np.diff(levels)
+    near = {k for k in (0, -1) if not gaps.size or gaps[k] < _BESIDE * gaps.sum()}  # a step jumps to its level
     at = [k for k in (0, -1) if k in near and (piled[k] or (alike and piled[-1 - k]))]
     if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
         return None

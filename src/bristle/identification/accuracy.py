@@ -64,7 +64,6 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     torque = np.concatenate([fit.measured if isinstance(fit, TrackingFit) else fit.torque for fit in fits])
     acting, _ = known_curve(joint, along)
     share = _rms(acting[np.isfinite(acting)]) / (_rms(torque) or 1.0)
-    misfit = 100 * float(np.sqrt(max((_pattern(fit.residuals) for fit in fits), default=0.0))) / size
     speeds = np.abs(v)
     return Accuracy(
         slowest=float(speeds.min()),
@@ -72,7 +71,6 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         band=float(np.linalg.norm([statistical, apart, *effects])),
         statistical=statistical,
         apart=apart,
-        misfit=misfit,
         share=share,
         opinion=None if opinion is None else ", ".join(opinion.set_up) or "one friction for both directions",
     )
@@ -116,14 +114,6 @@ def _speeds(joint: Joint) -> Array:
         return np.unique(velocity[velocity != 0])
     tops = (velocity.max(initial=0.0), velocity.min(initial=0.0))
     return np.concatenate([np.zeros(0), *(np.linspace(LEAST, 1, SPEEDS) * top for top in tops if top)])
-
-
-def _pattern(residuals: Array) -> float:
-    """The variance of what residuals, (n,), share with their neighbours, and noise does not: the mean covariance over three lags."""
-    if residuals.size < 12:
-        return 0.0
-    left = residuals - residuals.mean()
-    return max(float(np.mean([np.mean(left[k:] * left[:-k]) for k in (1, 2, 3)])), 0.0)
 
 
 def _rms(x: Array) -> float:

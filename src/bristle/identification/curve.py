@@ -1,13 +1,11 @@
 """The fitted curve of friction vs velocity, and how far it is known."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.identification.fits import StaticFit, TrackingFit
-from bristle.identification.known_joint import Source, chosen, known_joint
+from bristle.identification.known_joint import KnownJoint, Source, chosen, known_joint
 from bristle.identification.results import Joint
 from bristle.identification.systematic import NORMAL
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
@@ -51,6 +49,16 @@ def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "") -> Array |
     return np.asarray(half)
 
 
+def friction_of(known: KnownJoint, v: Array) -> Array:
+    """Friction (9) of what is known of a joint at some velocities, N*m, of their shape: 0 at rest, nan in a direction of which no law is known."""
+    torque = np.where(v == 0, 0.0, np.nan)
+    for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
+        if known.has_law(d):
+            values = {"sigma_0": 0.0, "sigma_1": 0.0, **known.values(d)}
+            torque[side] = curve(v[side], lugre_of(known.law)(**values).stribeck)
+    return torque
+
+
 def known_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
     """Friction of an identified joint at some velocities, N*m, drag included, and half of its 95 % band, each (n,).
 
@@ -60,17 +68,9 @@ def known_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
     known, rows = known_joint(joint), chosen(joint)
     drag = sum(row.estimate.value or 0.0 for row in rows if row.parameter.name == _DRAG)
     moving = any(row.source is not Source.STATIC for row in rows if row.parameter.name == "alpha_0")
-    friction, half = np.full((2, v.size), np.nan)
-    for d, side in _sides(v):
-        if not known.has_law(d):
-            continue
-        values = {"sigma_0": 0.0, "sigma_1": 0.0, **known.values(d)}
-        friction[side] = curve(v[side], lugre_of(known.law)(**values).stribeck) + drag * v[side] * np.abs(v[side])
+    half = np.full(v.size, np.nan)
+    for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
         fit = joint.moving if moving else joint.static.get(d) or joint.static.get(Direction.BOTH)
-        wide = None if fit is None else band(v[side], fit, d)
+        wide = band(v[side], fit, d) if fit is not None and known.has_law(d) else None
         half[side] = np.nan if wide is None else wide
-    return friction, half
-
-
-def _sides(v: Array) -> Iterator[tuple[Direction, Array]]:
-    yield from zip(SIGNED, (v > 0, v < 0), strict=True)
+    return friction_of(known, v) + drag * v * np.abs(v), half

@@ -81,7 +81,7 @@ def scatter_of(
             mean_error = before * sum(1 / float(run.covariance[0, 0]) for run in own) ** -0.5
             own_error = e.standard_error / (e.value if name in logarithmic else 1.0)
             after, factor = 1.0, max(mean_error, errors.get(name, 0.0)) / own_error
-            stretched = factor * _fewer(len(own) - 1, freedom, name)
+            stretched = factor * _fewer(len(own) - 1, _of(freedom, name))
         values = {run.file: float(run.values[run.names.index(name)]) for run in runs if name in run.names}
         found[name] = RunScatter(
             before=before, after=after, widened=max(factor, 1.0), stretched=max(stretched, 1.0), by_run=values
@@ -128,23 +128,27 @@ def clustered(
         error, move = float(errors[column[name]]), moves[:, column[name]]
         as_logarithm = name in logarithmic
         ratio = error / (e.standard_error / (e.value if as_logarithm else 1.0))
-        own = freedom[name] if isinstance(freedom, Mapping) else freedom
+        own = _of(freedom, name)
         more = ratio > 1 and float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANT
         values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
             before=ratio,
             after=1.0 if more else ratio,
             widened=ratio if more else 1.0,
-            stretched=max(ratio * _fewer(count - 1, freedom, name), 1.0) if more else 1.0,
+            stretched=max(ratio * _fewer(count - 1, own), 1.0) if more else 1.0,
             by_run=dict(zip(parts, values.tolist(), strict=True)),
             clustered=True,
         )
     return found
 
 
-def _fewer(most: int, freedom: float | Mapping[Any, float], name: Hashable) -> float:
+def _of(freedom: float | Mapping[Any, float], name: Hashable) -> float:
+    """The degrees of freedom of one of several, or of all."""
+    return freedom[name] if isinstance(freedom, Mapping) else freedom
+
+
+def _fewer(most: int, own: float) -> float:
     """How much wider an interval is with no more than so many degrees of freedom."""
-    own = freedom[name] if isinstance(freedom, Mapping) else freedom
     return student(min(most, own)) / student(own)
 
 

@@ -174,8 +174,6 @@ class Accuracy:
     """What the errors of the parameters, and of constants, tell of it; infinite where they tell nothing."""
     apart: Number
     """By which the second opinion differs, where that is more than both errors explain; 0 where it agrees, or there is none."""
-    misfit: Number
-    """What the fit leaves as a pattern, which noise is not."""
     share: Number
     """Of friction in the torque that was fitted, both as a root mean square."""
     opinion: str | None = None

@@ -127,7 +127,7 @@ def _opinion(data: _Data) -> SecondOpinion | None:
         and (both or not {"separate", "offset"} & {*choice})
         and (data.q is not None or "gravity" not in choice)
     ]
-    best = min(SHARES, key=lambda share: _fit(data, ("separate", "peak") if both else ("peak",), share * top)[1])
+    best = min(SHARES, key=lambda share: _left(data, ("separate", "peak") if both else ("peak",), share * top))
     tried = []
     for set_up in ladder:
         names, X = _columns(data, set_up, best * top)
@@ -177,10 +177,10 @@ def _columns(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[list[str],
     return list(columns), np.stack(list(columns.values()), axis=1)
 
 
-def _fit(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[Array, float]:
+def _left(data: _Data, set_up: Sequence[str], v_s: float) -> float:
+    """What a set-up leaves of the torque, N*m, as a median."""
     names, X = _columns(data, set_up, v_s)
-    theta = _solve(names, X, data.torque)
-    return theta, float(np.median(np.abs(data.torque - X @ theta)))
+    return float(np.median(np.abs(data.torque - X @ _solve(names, X, data.torque))))
 
 
 def _solve(names: Sequence[str], X: Array, y: Array) -> Array:

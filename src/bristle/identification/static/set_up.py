@@ -164,7 +164,7 @@ def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> d
     for way, (ways_of, regressors_of) in ways.items() if len(sides) == len(DIRECTIONS) else ():
         problem = points_problem(points, ways_of, regressors_of, experiment.fit.friction)
         n, p = problem.torque.size, len(problem.names)
-        if n < _SPARE * p or _drives(SetUp(ways_of, regressors_of), _of_points(points, asked)):
+        if n < _SPARE * p or (_drives(problem) and "gravity" not in asked):
             found[way] = np.inf
             continue
         cost, least = refit(problem).cost, 1e-24 * float(problem.torque @ problem.torque)
@@ -248,11 +248,14 @@ def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> B
 
     None has friction that drives. None where nothing can be tried.
     """
-    products = {sides: _products(trial.pose(sides), trial.part) for sides in ways}
+    posed = {sides: trial.pose(sides) for sides in ways}
+    products = {sides: _products(problem, trial.part) for sides, problem in posed.items()}
+    driven = {sides for sides, problem in posed.items() if _drives(problem)}
     tried: list[tuple[int, Array, SetUp]] = []
     for set_up in _candidates(asked, ways, trial.possible):
         found = products[set_up.directions].errors(set_up.regressors)
-        drives = _drives(set_up, trial) or products[set_up.directions].falls(set_up.regressors)
+        drives = set_up.directions in driven and "gravity" not in set_up.regressors
+        drives = drives or products[set_up.directions].falls(set_up.regressors)
         if found is not None and (set_up == asked or not drives):
             tried.append((*found, set_up))
     first = next((errors for _, errors, set_up in tried if set_up == asked), None)
@@ -279,11 +282,10 @@ def _within_one_error(errors: Array, best: Array) -> bool:
     return bool(more.mean() <= max(np.std(more, ddof=1) / np.sqrt(more.size), (_WORTH**2 - 1) * np.mean(best**2)))
 
 
-def _drives(set_up: SetUp, trial: _Trial) -> bool:
-    """Whether what these directions would call friction drives the joint in one of them, with no gravity that may."""
-    if len(set_up.directions) == 1 or "gravity" in set_up.regressors:
+def _drives(problem: Regression) -> bool:
+    """Whether what would be called the friction of a direction drives the joint, as gravity may; not asked of both or of one alone."""
+    if len(problem.directions) == 1:
         return False
-    problem = trial.pose(set_up.directions)
     levels = problem.linear[:, [name.name == "alpha_0" for name in problem.linear_names]]
     return bool((problem.torque @ levels < 0).any())
 
@@ -308,9 +310,8 @@ class _Products(NamedTuple):
         if "quadratic" not in regressors:
             return False
         keep = self._columns(regressors)
-        theta = np.linalg.pinv(self.gram[:, keep][:, :, keep].sum(axis=0), rcond=_RANK, hermitian=True) @ self.moment[
-            :, keep
-        ].sum(axis=0)
+        G, b = self.gram[:, keep][:, :, keep].sum(axis=0), self.moment[:, keep].sum(axis=0)
+        theta = np.linalg.pinv(G, rcond=_RANK, hermitian=True) @ b
         return bool(theta[[self.names[k] for k in keep].index("quadratic")] < 0)
 
     def _columns(self, regressors: Sequence[str]) -> list[int]:

@@ -16,7 +16,7 @@ from bristle.data.experiment.load import Experiment, Run
 from bristle.errors import InputError, short
 from bristle.estimation.covariance import LEVEL, student
 from bristle.findings import Finding
-from bristle.identification.curve import curve
+from bristle.identification.curve import curve, friction_of
 from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_joint import inertia_of, known_joint, rises_of, whole
@@ -105,17 +105,10 @@ class Fit:
 
         Raises InputError where the fit knows nothing of friction vs velocity.
         """
-        v = as_floats(velocity)
-        torque, known = np.where(v == 0, 0.0, np.nan), known_joint(self.joint)
+        known = known_joint(self.joint)
         if not known.directions:
             raise InputError("friction: nothing is known of friction vs velocity; fit points or a motion")
-        for d, sign in zip(SIGNED, (1.0, -1.0), strict=True):
-            if known.has_law(d):
-                values = known.values(d)
-                torque[v * sign > 0] = curve(
-                    v[v * sign > 0], lugre_of(known.law)(**{"sigma_0": 0.0, "sigma_1": 0.0, **values}).stribeck
-                )
-        return torque
+        return friction_of(known, as_floats(velocity))
 
     def predict(self, velocity: ArrayLike, position: ArrayLike | None = None) -> Array:
         """The torque of steady motion at some velocities, N*m, in the shape of `velocity`, rad/s: friction, and what else was fitted.
