@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -40,10 +41,29 @@ SLOW = pytest.StashKey[tuple[int, int]]()
 """How many of the tests that were collected are slow, and how many there are."""
 
 
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """What `.ci/run` asks for once every extra is installed."""
+    parser.addoption(
+        "--after", metavar="XML", help="run the slow tests, then those that this junit report of a run skipped"
+    )
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Count them before any is left out."""
-    config.stash[SLOW] = sum(item.get_closest_marker("slow") is not None for item in items), len(items)
+    """Count them before any is left out; after another run, keep what that one left: the slow ones first, which no worker then waits for."""
+    slow = [item for item in items if item.get_closest_marker("slow") is not None]
+    config.stash[SLOW] = len(slow), len(items)
+    if before := config.getoption("--after"):
+        cases = ElementTree.parse(before).iter("testcase")  # noqa: S314  # ours
+        left = [(case.get("classname"), case.get("name", "")) for case in cases if case.find("skipped") is not None]
+        skipped = {(of, name.partition("[")[0]) if of else (name, "") for of, name in left}  # no class: a whole module
+
+        def is_left(item: pytest.Item) -> bool:
+            """Whether it skipped, alone or with its module."""
+            of = item.nodeid.partition("::")[0].removesuffix(".py").replace("/", ".")
+            return not skipped.isdisjoint({(of, ""), (of, item.name.partition("[")[0])})
+
+        items[:] = slow + [item for item in items if item not in slow and is_left(item)]
 
 
 class Ran(NamedTuple):
@@ -130,12 +150,11 @@ def few_motions() -> Iterator[None]:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def vector_alone(pytestconfig: pytest.Config) -> Iterator[None]:
-    """Where slow tests are left out, the figures of pages are drawn once, as SVG: a PNG takes as long, and few tests look at it."""
+def vector_alone() -> Iterator[None]:
+    """The figures of pages are drawn once, as SVG: a PNG takes as long, and the tests that look at it call `render` themselves."""
     with pytest.MonkeyPatch.context() as patch:
-        if pytestconfig.option.markexpr == "not slow":
-            blank = style.render_as(Figure(figsize=(0.1, 0.1)), "png")
-            patch.setattr(page, "render", lambda figure: (style.render_as(figure, "svg"), blank))
+        blank = style.render_as(Figure(figsize=(0.1, 0.1)), "png")
+        patch.setattr(page, "render", lambda figure: (style.render_as(figure, "svg"), blank))
         yield
 
 

@@ -6,6 +6,7 @@ import shutil
 import subprocess
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
 
 import casadi as ca
@@ -152,8 +153,7 @@ def test_no_flag_is_raised_within_the_ranges(handed: Handed, built: Build) -> No
     cases += [
         (of_law(joint, of), c, x)
         for of in OTHERS[-3:]
-        for c in (PLAIN[2], ADAPTING[0], FEEDBACK)
-        for x in (False, True)
+        for c, x in ((PLAIN[2], True), (ADAPTING[0], False), (FEEDBACK, True))
     ]
     cases += [(loaded, c, x) for c in SINGLE for x in (False, True)]
     found = [
@@ -180,8 +180,11 @@ def under(joint: ExportedJoint, rises: dict[str, float]) -> ExportedJoint:
 
 @pytest.mark.slow
 @needs_gcc
-@pytest.mark.parametrize("rises", RISES, ids="+".join)
-@pytest.mark.parametrize("compensator", [*PLAIN, ADAPTING[0], FEEDBACK], ids=called)
+@pytest.mark.parametrize(
+    ("compensator", "rises"),
+    [*zip([*PLAIN, ADAPTING[0], FEEDBACK], cycle(RISES), strict=False)],  # each compensator, and each load
+    ids=lambda x: called(x) if isinstance(x, Compensator) else "+".join(x),
+)
 def test_c_takes_the_load(compensator: Compensator, rises: dict[str, float], handed: Handed) -> None:
     """Told the torques of motor and links, the C gives what Python gives under that load; nothing says that it is without."""
     joint = under(handed("wrist pitch"), rises)

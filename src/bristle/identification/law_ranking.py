@@ -95,8 +95,8 @@ def ranked(
         data: what the equations are about.
         fitted: each law; None where there were too few equations.
         in_force: the name of the law of the fits.
-        sparing: whether errors at what is left out are worked out only for laws that BIC prefers, and those they are
-            compared with.
+        sparing: whether errors at what is left out are worked out only where BIC prefers a law to the paper's: for those laws,
+            and the ones that they are compared with.
     """
     found = [x for x in fitted if x is not None]
     paper = next((k for k, x in enumerate(found) if x.name == GAUSSIAN.name), None)
@@ -105,8 +105,9 @@ def ranked(
     marks = np.array([_scores(x) for x in found])
     bic = marks[:, 1] - marks[:, 1].min()
     weights = np.exp(-bic / 2) / np.exp(-bic / 2).sum()
+    better = bic[paper] - bic > GAIN
     wanted = [
-        not sparing or k == paper or x.name == in_force or bic[paper] - bic[k] > GAIN for k, x in enumerate(found)
+        not sparing or better[k] or (better.any() and (k == paper or x.name == in_force)) for k, x in enumerate(found)
     ]
     left_out = [x.left_out() if asked else (None, None) for x, asked in zip(found, wanted, strict=True)]
     chosen = _chosen(found, bic, left_out, paper)
@@ -129,7 +130,7 @@ def ranked(
         data=data,
         n=found[0].residuals.size,
         rows=rows,
-        sentence=_sentence(rows, chosen, paper),
+        sentence=_sentence(rows, chosen, paper, asked=any(wanted)),
         averaged=_averaged(found, weights) if float(weights.max()) < _SPREAD else {},
     )
 
@@ -154,14 +155,14 @@ def _chosen(fitted: Sequence[FittedLaw], bic: Array, left_out: Sequence[LeftOut]
     return min(better, key=lambda k: bic[k], default=paper)
 
 
-def _sentence(rows: Sequence[LawRow], chosen: int, paper: int) -> Finding:
-    """Which law the data want, and why."""
+def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -> Finding:
+    """Which law the data want, and why; `asked`: whether it was worked out what the laws predict of what is left out."""
     own, best = rows[paper], rows[chosen]
     if chosen != paper:
         return Kind.LAW_WANTED(law=best.law, gain=own.bic - best.bic, error=best.left_out, before=own.left_out)
     other = min((row for row in rows if row is not own), key=lambda row: row.bic)
     gain = own.bic - other.bic
-    if own.left_out is None:
+    if asked and own.left_out is None:
         return Kind.LAWS_TOO_FEW()
     if gain > GAIN:
         return Kind.LAW_NOT_PREDICTING(law=other.law, gain=gain)
