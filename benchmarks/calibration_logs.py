@@ -294,14 +294,14 @@ TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend", "unexplained")
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
 DRIFT = ("friction-drifts", "drift-in-order", "drift-over-runs", "torque-drifts-in-runs", "residual-trend")
 OPEN = ("open-cycles",)
-STRAYS = ("strays", "strays-matter", "strays-left-out", "huber-differs")
+STRAYS = ("strays", "strays-matter", "strays-left-out")
 FAULTS: dict[str, Fault] = {
     "torque late": Fault("motion", _late, 0.005, 0.03, ("torque-delayed",)),
     "torque through a slow filter": Fault("motion", _filtered, 3, 15, ("torque-delayed", "reversals-left")),
     "torque clipped": Fault("motion", _clipped, 0.5, 0.8, ("clipped",)),
     "torque of few bits": Fault("motion", _torque(lambda x, s: np.round(x.torque / s) * s), 0.1, 0.4, ("torque-coarse",)),
     "dead zone": Fault("motion", _torque(lambda x, s: np.sign(x.torque) * np.maximum(np.abs(x.torque) - s, 0)), 0.1, 0.4, ("dead-zone",)),
-    "spikes": Fault("motion", _spikes, 3, 20, ("huber-differs", "bursts")),
+    "spikes": Fault("motion", _spikes, 3, 20, ("bursts",)),
     "temperature drift": Fault("motion", _drift, 0.1, 0.4, DRIFT),
     "drag": Fault("motion", _drag, 0.2, 1, TERM),
     "gravity": Fault("motion", _torque(lambda x, s: x.torque + s * np.sin(x.q)), 0.3, 2, (*TERM, "residual-ripple")),

@@ -137,7 +137,7 @@ def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
 
     found = fit_tracking(pose([run], known), start, "revolute", starts=1)
     whole = dynamic_problem([run], ("+", "-"), ("inertia",), 1, None, known)
-    windows = simulation([run], whole, edro.motor("gripper rotation"), 0.5, edro.DECIMATION)
+    windows = simulation([run], whole, edro.motor("gripper rotation"), edro.DECIMATION, 0.5)
     return without_count_bias(found, [run], pose, quantum), fit_tracking(windows, start, "revolute", starts=1).fit
 
 

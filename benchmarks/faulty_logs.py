@@ -281,7 +281,7 @@ RIPPLE = ("residual-ripple", "lacks-a-term")
 SPEED = ("velocity-factor", "velocity-unrelated")
 COARSE = ("whole-positions", "count-bias")
 PEAK = ("no-stribeck", "few-below-v-s", "takes-up-peak", "one-sided-profile")
-STRAYS = ("strays", "huber-differs")
+STRAYS = ("strays",)
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
 LOADED = ("loaded-at-start", "open-cycles", "above-g0")
 STICKS = ("stick-slip", "stick-slip-points")
@@ -295,7 +295,7 @@ FAULTS: dict[str, Fault] = {
     "torque of few bits": Fault(motion, torque(lambda x, s: np.round(x.torque / s) * s), (0.1, 0.4), ("torque-coarse",)),
     "dead zone of the torque sensor": Fault(motion, torque(lambda x, s: dead(x.torque, s)), (0.05, 0.2), ("dead-zone",)),
     "torque offset": Fault(motion, torque(lambda x, s: x.torque + s), (0.05, 0.2), SIDES),
-    "spikes in the torque": Fault(motion, torque(lambda x, s: x.torque + s * (np.arange(x.t.size) % 997 == 5)), (2.0, 10.0), ("huber-differs",)),
+    "spikes in the torque": Fault(motion, torque(lambda x, s: x.torque + s * (np.arange(x.t.size) % 997 == 5)), (2.0, 10.0), ("bursts",)),
     "noise for torque": Fault(motion, torque(lambda x, s: s * np.random.default_rng(1).standard_normal(x.t.size)), (0.1, 1.0)),
     "hum of 50 Hz": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(2 * np.pi * 50 * x.t)), (0.1, 0.4)),
     "temperature drift": Fault(motion, torque(lambda x, s: x.torque * (1 + s * (0.5 - x.t / x.t[-1]))), (0.1, 0.4), WARMS),

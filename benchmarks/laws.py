@@ -53,7 +53,7 @@ def simulated(p: Stribeck[float], v: Array, noise: float, rng: np.random.Generat
 
 def coverage(law: Law, noise: float, speeds: Array) -> str:
     """How many intervals of a law's own fit hold the truth, percent, by parameter."""
-    rng, p, options = np.random.default_rng(0), of_law(law), FitOptions(law=law.name, model="stribeck")
+    rng, p, options = np.random.default_rng(0), of_law(law), FitOptions(law=law.name, set_up="as-written")
     inside, known = Counter[str](), Counter[str]()
     for _ in range(SETS):
         problem = from_points(speeds, simulated(p, speeds, noise, rng), ("both",), law=law)
@@ -72,7 +72,7 @@ def chosen(p: Stribeck[float], noise: float, rng: np.random.Generator) -> tuple[
         """One solve."""
         return [from_points(SPEEDS, torque, ("both",), law=law)]
 
-    found = compare_laws(pose, law_named("paper"), None)
+    found = compare_laws(pose, law_named("paper"))
     if found is None:
         raise SystemExit("22 points are enough to compare laws")
     law = law_named(found.chosen.law)

@@ -203,13 +203,11 @@ def test_what_is_no_joint_is_refused() -> None:
 
 
 def test_options_that_cannot_be_are_refused() -> None:
-    """A window as long as the run, a delay of a flag, counts that no machine holds: one sentence each."""
-    Path("horizon.yaml").write_text(f"{POSITION}fit: {{predict: position, horizon: 1e9 s}}\n", encoding="utf-8")
+    """A delay of a flag, counts that no machine holds: one sentence each."""
     enabled = POSITION.replace("runs:", "  enabled: {column: v, delay: 1 s}\nruns:")
     Path("enabled.yaml").write_text(enabled, encoding="utf-8")
     many = "9" * 20
     cases = (
-        (("identify", "horizon.yaml"), "fit.horizon: the moving runs make one window; expected at least 2"),
         (("identify", "enabled.yaml"), "signals.enabled: got a unit, a scale or a delay"),
         (("validate", "--repetitions", many, "-o", "out"), f"repetitions: got {many}; expected 20 to 100000"),
         (("validate", "--starts", many, "-o", "out"), f"starts: got {many}; expected 1 to 100000"),

@@ -231,7 +231,6 @@ BAD = [
     *bad("torque far too large", READ, "data.csv: torque reaches 1e+160 (SI)", {"data.csv": "v,tau\n0.1,1e160\n0.2,1\n"}),
     *bad("velocity far too small", READ, "data.csv: velocity reaches 2e-160 (SI)", {"data.csv": "v,tau\n1e-160,1\n2e-160,2\n"}),
     *bad("steps of no time", READ, "data.csv: time spans 0 s to 3e-19 s in steps of 1e-19 s", ramp([0, 1e-19, 2e-19, 3e-19], [1, 2, 3, 4])),
-    *bad("cut-off far too low", FIT, "data.csv: a cut-off of 1e-29 Hz is too low", option("presliding_cutoff: 1e-29 Hz", slow(LOADED / 100, LOADED))),
     *bad(
         "count far too small", FIT, "counts of encoder_resolution, more than any encoder has",
         {**slow(LOADED / 100, LOADED), "e.yaml": slow(LOADED / 100, LOADED)["e.yaml"] + "encoder_resolution: 1e-27 rad\n"},
@@ -381,7 +380,6 @@ def test_units_far_off_are_fitted_without_a_word(tmp_path: Path, column: int, fa
     [
         "fixed: {alpha_0: 1 N*m, alpha_1: 1 N*m, alpha_2: 1 N*m*s/rad, v_s: 1 rad/s, sigma_0: 1 N*m/rad, sigma_1: 1 N*m*s/rad, inertia: 1 kg*m**2}",
         "fixed: {alpha_0: 1e29 N*m}",
-        "v_s_range: [1e-29 rad/s, 1e29 rad/s]",
     ],
 )
 def test_options_far_off_are_taken_without_a_warning(tmp_path: Path, options: str) -> None:

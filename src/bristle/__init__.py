@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     )
     from bristle.data.experiment.draft import Told
     from bristle.errors import InputError
+    from bristle.identification.joint_model import JointModel
     from bristle.model.laws.parts import OwnParameter, Peak, ViscousTerm
     from bristle.model.laws.registry import register_law
     from bristle.model.parameters import Lugre, Pair
@@ -50,6 +51,7 @@ __all__ = [
     "Fit",
     "Fleet",
     "InputError",
+    "JointModel",
     "Lugre",
     "OwnParameter",
     "Pair",

@@ -45,7 +45,7 @@ def test_everything_in_si(tmp_path: Path) -> None:
         inertia="0.0089 ± 0.0004 kg*m^2",
         encoder_resolution="4096 counts/rev",
         segments={"minimum_duration": "500 ms", "minimum_velocity": "1 deg/s"},
-        fit={"v_s_range": ["1 deg/s", "1 rad/s"], "position_cutoff": "0.05 kHz"},
+        fit={"position_cutoff": "0.05 kHz"},
         truth={"+": {"alpha_0": "0.4 N*m", "alpha_1": "100 mNm", "alpha_2": "0.7 N*m*s/rad", "v_s": "0.1 rad/s"}},
         simulated=True,
         assumptions=["k_t is assumed"],
@@ -58,8 +58,7 @@ def test_everything_in_si(tmp_path: Path) -> None:
     assert isinstance(e.segments, Thresholds)
     assert (e.segments.minimum_duration, e.segments.torque_limit) == (0.5, None)
     assert e.segments.minimum_velocity == pytest.approx(np.pi / 180)
-    assert e.fit.v_s_range == pytest.approx((np.pi / 180, 1.0))
-    assert (e.fit.position_cutoff, e.fit.velocity_cutoff, e.fit.grid, e.fit.regressors) == (50.0, None, 32, None)
+    assert (e.fit.position_cutoff, e.fit.decimation, e.fit.set_up, e.fit.regressors) == (50.0, None, "auto", None)
     assert e.truth["+"][:4] == pytest.approx((0.4, 0.1, 0.7, 0.1))
     assert math.isnan(e.truth["+"].sigma_0)
     assert e.path == tmp_path / "experiment.yaml"
@@ -67,7 +66,7 @@ def test_everything_in_si(tmp_path: Path) -> None:
 
 def test_options_in_python_are_si_numbers() -> None:
     """Outside a file, where no unit can be written wrongly, numbers stand for SI values."""
-    assert FitOptions(position_cutoff=40.0, v_s_range=(0.01, 1.0)).position_cutoff == 40.0
+    assert FitOptions(position_cutoff=40.0).position_cutoff == 40.0
 
 
 _BAD: dict[str, tuple[dict[str, Any], str]] = {
@@ -130,12 +129,11 @@ _BAD: dict[str, tuple[dict[str, Any], str]] = {
         r"runs\.0\.experiment: got 'rampe'; expected 'ramp'.*'tracking'$",
     ),
     "collinear": ({"fit": {"regressors": ["offset"]}}, "fit.*offset cannot be told .* directions: symmetric"),
-    "range": ({"fit": {"v_s_range": ["2 rad/s", "1 rad/s"]}}, "fit.*the smaller value first"),
     "truth": ({"truth": {"both": {}, "+": {}}}, r"truth"),
     "not finite": ({"fit": {"position_cutoff": "1e999 Hz"}}, r"fit\.position_cutoff: .*finite"),
     "infinite inertia": ({"inertia": "1e400 kg*m^2"}, "inertia: got '1e400 .*expected a finite size"),
     "infinite error": ({"inertia": "0.05 +/- 1e400 kg*m^2"}, "inertia: got .*expected a finite size"),
-    "vast": ({"fit": {"v_s_range": ["1e-300 rad/s", "1e300 rad/s"]}}, r"fit\.v_s_range\.0: .*expected a finite size"),
+    "vast": ({"fit": {"position_cutoff": "1e300 Hz"}}, r"fit\.position_cutoff: .*expected a finite size"),
     "error as large as the constant": (
         {"motor": {"torque_constant": "0.35 +/- 0.4 N*m/A"}},
         r"motor\.torque_constant: got '0\.35 \+/- 0\.4 N\*m/A'; expected an error that is smaller than the constant",
@@ -171,10 +169,6 @@ _BAD: dict[str, tuple[dict[str, Any], str]] = {
     "fixed of two signs": (
         {"fit": {"fixed": {"alpha_0+-": "1 N*m"}}},
         r"fit\.fixed: got 'alpha_0\+-'; expected one of",
-    ),
-    "shared and fixed in one": (
-        {"fit": {"shared": ["sigma_0"], "fixed": {"sigma_0+": "1 N*m/rad"}}},
-        r"fit\.fixed: sigma_0\+ fixes one direction of what both share",
     ),
     "control character": ({"joint": {"name": "a\u009b"}}, r"joint\.name: the text 'a\\x9b' holds U\+009B"),
     "control character in a label": (

@@ -212,7 +212,7 @@ def test_a_clipped_torque_of_a_moving_run(share: float, levels: int | None) -> N
         torque = np.round(record.torque / step) * step if levels else record.torque
         limit = np.sort(np.abs(torque))[int((1 - share) * torque.size)]
         (found,) = checked(replace(record, torque=np.clip(torque, -limit, limit)))
-        assert found.code == "clipped"
+        assert found.code == "clipped-left-out"
         assert found.numbers["share"] == pytest.approx(share, abs=0.03)
         assert checked(replace(record, torque=torque)) == ()
 

@@ -84,7 +84,10 @@ def test_few_points_that_are_clipped(limit: float) -> None:
     """Of a table most of whose points are at the limit, the few others are levels enough to say so."""
     for seed in range(20):
         record = table(seed, 30)
-        assert kinds(replace(record, torque=np.clip(torque_of(record), -limit, limit)), "points") == ["clipped"]
+        assert kinds(replace(record, torque=np.clip(torque_of(record), -limit, limit)), "points") in (
+            ["clipped"],
+            ["clipped-left-out"],
+        )
 
 
 @pytest.mark.parametrize("limit", [0.3, 0.5])

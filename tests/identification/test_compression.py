@@ -9,7 +9,6 @@ from scipy import sparse
 from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.identification.static.grid import default_range, solve
-from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
 from bristle.identification.static.profiles import reduced
 from bristle.model.parameters import Direction
@@ -18,8 +17,8 @@ from ..names import parse
 from .conftest import GRIPPER, curve
 
 
-def moving(directions: tuple[str, ...], *, decimation: int = 10, robust: bool = False) -> Regression:
-    """Six seconds at 1 kHz through standstill, filtered, with inertia; a prior on alpha_0, or the torques of Huber's loss."""
+def moving(directions: tuple[str, ...], *, decimation: int = 10) -> Regression:
+    """Six seconds at 1 kHz through standstill, filtered, with inertia; a prior on alpha_0."""
     rng, time = np.random.default_rng(3), np.arange(6000) / 1000
     velocity = 0.5 * np.sin(5 * time) + 0.2 * np.sin(13 * time) + 1e-4 * rng.standard_normal(time.size)
     acceleration = np.gradient(velocity, time)
@@ -28,16 +27,13 @@ def moving(directions: tuple[str, ...], *, decimation: int = 10, robust: bool = 
         file="motion.csv", time=time, velocity=velocity, acceleration=acceleration, torque=torque, starts=(0, 3500)
     )
     problem, _, _ = from_records([record], directions, ("inertia", "offset"), decimation)
-    if robust:
-        problem = huber(problem, default_range(problem.velocity), 32).problem
     name = "alpha_0" if len(directions) == 1 else "alpha_0-"
-    return problem if robust else with_prior(problem, parse(name), 0.02, 1e-3, 5e-4)
+    return with_prior(problem, parse(name), 0.02, 1e-3, 5e-4)
 
 
 CASES = {
     "one direction": moving(("both",)),
     "two directions": moving(("+", "-")),
-    "robust": moving(("both",), robust=True),
     "not filtered": moving(("+", "-"), decimation=1),
 }
 SMALL = {name: reduced(problem, default_range(problem.velocity)) for name, problem in CASES.items()}

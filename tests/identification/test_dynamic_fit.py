@@ -568,24 +568,6 @@ def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
     assert max(map(abs, check.difference_in_se.values())) < 0.1
 
 
-def test_what_both_directions_share_is_one_parameter() -> None:
-    """A pair that shares sigma_0 and sigma_1, posed so, has ten friction parameters, an exact Jacobian, and comes back from noise-free data."""
-    pair = Pair(GRIPPER, OTHER._replace(sigma_0=GRIPPER.sigma_0, sigma_1=GRIPPER.sigma_1))
-    problem = dynamic_problem([record(pair)], ("+", "-"), ("inertia",), 1, None, shared=("sigma_0", "sigma_1"))
-    sigma_0, sigma_1 = parse("sigma_0"), parse("sigma_1")
-    assert [n for n in problem.names if n.name.startswith("sigma")] == [sigma_0, sigma_1]
-    assert len(problem.friction_names) == 10
-    truth = {name: value for name, value in values_of(pair).items() if not name.name.startswith("sigma")}
-    truth |= {sigma_0: GRIPPER.sigma_0, sigma_1: GRIPPER.sigma_1}
-    at = truth | {Z0: 0.0}
-    h = 1e-5 * GRIPPER.sigma_0
-    up, down = (residuals(problem, {**at, sigma_0: GRIPPER.sigma_0 + s * h})[0] for s in (1, -1))
-    column = residuals(problem, at)[1][:, problem.names.index(sigma_0)]
-    np.testing.assert_allclose((up - down) / (2 * h), column, atol=2e-4 * np.abs(column).max())
-    values, _ = fit(problem, shifted(truth, 1.1) | {Z0: 0.0})
-    assert values[sigma_0] == pytest.approx(GRIPPER.sigma_0, rel=1e-4)
-
-
 def test_what_is_fixed_stays() -> None:
     """A fixed parameter is no unknown, keeps its value, and makes the others surer."""
     run, truth = record(GRIPPER, 3e-4), values_of(GRIPPER)

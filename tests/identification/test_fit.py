@@ -6,10 +6,8 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.identification.fits import StaticFit
-from bristle.identification.messages import Kind
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
-from bristle.identification.static.solution import solve_static
 from bristle.model.parameters import Lugre
 
 from .conftest import GRIPPER, curve
@@ -80,16 +78,6 @@ def test_a_drop_that_viscous_friction_hides_is_found(gripper: Lugre[float], spee
     assert fit.parameters["v_s"].value == pytest.approx(p.v_s, rel=0.1)
 
 
-def test_an_outlier_is_named(gripper: Lugre[float], speeds: Array) -> None:
-    """One bad point moves least squares and not Huber; the warning names it."""
-    torque = curve(speeds, gripper) + 2e-5 * np.random.default_rng(5).standard_normal(speeds.size)
-    torque[15] += 2e-3
-    fit = points(speeds, torque)
-    named = [str(warning) for warning in fit.warnings if warning.code == "huber-differs"]
-    assert "run_15.csv rows 1-100" in named[0]
-    assert abs(fit.huber["alpha_0"] - gripper.alpha_0) < abs((fit.parameters["alpha_0"].value or 0.0) - gripper.alpha_0)
-
-
 def test_stick_slip_points_are_fitted_without_as_well(gripper: Lugre[float], speeds: Array) -> None:
     """With flagged points the fit without them stands beside, from the other points alone."""
     flags = speeds < 0.02
@@ -128,60 +116,6 @@ def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> 
         assert fit.outcome.code == "static-no-stribeck"
     else:
         assert any(warning.code == "few-below-v-s" for warning in fit.warnings)
-
-
-def test_huber_loss_is_the_huber_refit(gripper: Lugre[float], speeds: Array) -> None:
-    """`loss: huber` makes the robust refit the fit itself."""
-    torque = curve(speeds, gripper) + 5e-5 * np.random.default_rng(9).standard_normal(speeds.size)
-    torque[3] += 1e-3
-    beside = points(speeds, torque).huber
-    problem = from_points(speeds, torque, ("+",))
-    itself = estimate_static(problem, FitOptions(loss="huber"), "revolute")
-    assert itself["alpha_0"].value == pytest.approx(beside["alpha_0"], rel=1e-4)
-
-
-def test_hubers_fit_satisfies_his_equations(gripper: Lugre[float], speeds: Array) -> None:
-    """J'psi = 0 at the fit, psi the measured residuals clipped at 1.345 scales from their median; its covariance is Huber's (1981, 7.6)."""
-    torque = curve(speeds, gripper) + 1e-4 * np.random.default_rng(9).standard_normal(speeds.size)
-    torque[[3, 9]] += np.array([2e-3, 1e-3])
-    core = solve_static(from_points(speeds, torque, ("+",)), FitOptions(loss="huber"), "revolute")
-    J, r = core.solution.jacobian, core.measured.residuals(core.solution.theta)
-    n, p = J.shape
-    limit = 1.345 * 1.4826 * np.median(np.abs(r)) / np.sqrt((n - p) / n)
-    psi = np.clip(r, -limit, limit)
-    assert np.abs(J.T @ psi).max() < 1e-5 * (np.abs(J).T @ np.abs(psi)).min()
-    inside = np.mean(np.abs(r) <= limit)
-    stretch = 1 + p / n * (1 - inside) / inside
-    variance = stretch**2 * (psi @ psi) / (n - p) / inside**2
-    assert core.covariance == pytest.approx(variance * np.linalg.inv(J.T @ J), rel=1e-3)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("strays", [0, 2])
-def test_intervals_cover_under_hubers_loss(strays: int) -> None:
-    """With no stray, and with two of ten standard deviations among 22 points, 95 % intervals cover the truth in 91 to 98 %."""
-    v, hits = np.geomspace(0.005, 1.0, 22), list[bool]()
-    for seed in range(100):
-        rng = np.random.default_rng([seed, strays])
-        torque = curve(v, GRIPPER) + 0.01 * GRIPPER.alpha_0 * rng.standard_normal(22)
-        torque[rng.permutation(22)[:strays]] += 0.1 * GRIPPER.alpha_0 * rng.choice([-1, 1], strays)
-        found = estimate_static(from_points(v, torque, ("+",)), FitOptions(loss="huber"), "revolute")
-        hits += [e.interval[0] <= getattr(GRIPPER, name) <= e.interval[1] for name, e in found.items() if e.interval]
-    assert len(hits) == 400
-    assert 0.91 <= np.mean(hits) <= 0.98
-
-
-def test_two_strays_are_no_stribeck_effect_under_hubers_loss() -> None:
-    """Coulomb and viscous friction with two slow points off upward: Huber's fit follows both, but claims no term that two strays explain as well."""
-    v = np.geomspace(0.005, 1.0, 22)
-    for seed in range(3):
-        torque = 0.0194 + 0.0394 * v + 1.94e-4 * np.random.default_rng(seed).standard_normal(22)
-        torque[[1, 2]] += 1.94e-3
-        core = solve_static(from_points(v, torque, ("+",)), FitOptions(loss="huber"), "revolute")
-        (refused,) = core.dropped.values()
-        assert refused.numbers["why"] == Kind.STRAYS_AS_WELL(count=2)
-    torque = curve(v, GRIPPER) + 1.94e-4 * np.random.default_rng(0).standard_normal(22)
-    assert not solve_static(from_points(v, torque, ("+",)), FitOptions(loss="huber"), "revolute").dropped
 
 
 def test_prismatic_joints_have_their_units(speeds: Array) -> None:
@@ -228,23 +162,12 @@ def test_the_cross_check_is_of_the_fit_that_is_reported(speeds: Array) -> None:
     assert set(map(str, checks["+"].parameters)) == {"alpha_0+", "alpha_2+"}
 
 
-def test_a_range_of_v_s_that_was_given_is_named(gripper: Lugre[float], speeds: Array) -> None:
-    """Where the term is dropped within a range that the user set, the warning says that only this range was searched."""
-    torque = curve(speeds, gripper) + 1e-4 * np.random.default_rng(3).standard_normal(speeds.size)
-    fits, _ = fit_static(
-        from_points(speeds, torque, ("+",)), FitOptions(v_s_range=(20.0, 40.0)), "revolute", PointInfo()
-    )
-    assert fits["+"].outcome.code == "static-no-stribeck"
-    (refused,) = (warning for warning in fits["+"].warnings if warning.code == "no-stribeck")
-    assert refused.numbers["asked"] == Kind.RANGE_ASKED(low=20.0, high=40.0)
-
-
 def test_a_peak_that_is_left_out_by_hand_is_said(gripper: Lugre[float], speeds: Array) -> None:
     """Coulomb and viscous friction asked for: the outcome says so; where the data show a peak, alpha_0 and alpha_2 are cautioned, else not."""
     noise = 1e-4 * np.random.default_rng(4).standard_normal(speeds.size)
     for p, shown in ((gripper, True), (gripper._replace(alpha_1=0.0), False)):
         problem = from_points(speeds, curve(speeds, p) + noise, ("+",))
-        fit = fit_static(problem, FitOptions(model="coulomb-viscous"), "revolute", PointInfo())[0]["+"]
+        fit = fit_static(problem, FitOptions(law="coulomb-viscous"), "revolute", PointInfo())[0]["+"]
         assert fit.outcome.code == "static-as-asked"
         assert fit.parameters["alpha_1"].value is None
         assert ("peak-left-out" in {w.code for w in fit.warnings}) == shown

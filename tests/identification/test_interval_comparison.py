@@ -95,7 +95,7 @@ def fitted(
     truth: Lugre[float] = GRIPPER,
     *,
     two: bool = False,
-    model: Literal["auto", "stribeck"] = "auto",
+    set_up: Literal["auto", "as-written"] = "auto",
 ) -> tuple[StaticSolution, dict[ParameterName, Uncertainty]]:
     """A fit of simulated points with its three intervals."""
     if two:
@@ -103,7 +103,7 @@ def fitted(
     torque = curve(velocity, truth) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
     v_s_range = default_range(velocity)
     problem = from_points(velocity, torque, ("+", "-") if two else ("both",))
-    found = solve_static(problem, FitOptions(model=model), "revolute", v_s_range)
+    found = solve_static(problem, FitOptions(set_up=set_up), "revolute", v_s_range)
     return found, three_ways(found, v_s_range)
 
 
@@ -154,7 +154,7 @@ def test_with_few_speeds_below_v_s_a_skewed_or_open_profile_is_said() -> None:
     """Speeds from v_s up: where a Stribeck term is asked for, v_s or alpha_1 says that the profile is skewed or open, and curves stay finite."""
     said, kept, open_ = 0, 0, 0
     for seed in range(12):
-        found, three = fitted(np.geomspace(GRIPPER.v_s, 0.8, 16), 4e-4, seed, model="stribeck")
+        found, three = fitted(np.geomspace(GRIPPER.v_s, 0.8, 16), 4e-4, seed, set_up="as-written")
         assert_sound(found, three)
         if found.problem.peaks:
             kept += 1

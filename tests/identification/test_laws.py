@@ -54,7 +54,7 @@ def chosen(p: Stribeck[float], noise: float, seed: int) -> LawComparison:
         """One solve."""
         return [from_points(SPEEDS, T, ("both",), law=law)]
 
-    found = compare_laws(pose, GAUSSIAN, None)
+    found = compare_laws(pose, GAUSSIAN)
     assert found is not None
     return found
 
@@ -65,7 +65,7 @@ def test_without_noise_the_truth_is_found(name: str) -> None:
     law = law_named(name)
     p = truth_of(law, v_end=float(WIDE.max()))
     problem = from_points(WIDE, torques(p, WIDE, 1e-9, 0), ("both",), law=law)
-    found = estimate_static(problem, FitOptions(law=name, model="stribeck"), "revolute")
+    found = estimate_static(problem, FitOptions(law=name, set_up="as-written"), "revolute")
     assert set(found) == set(static_fields_of(law))
     for parameter, e in found.items():
         assert e.value == pytest.approx(getattr(p, parameter), rel=1e-4), parameter
@@ -78,7 +78,7 @@ def test_intervals_hold_the_truth(name: str) -> None:
     p, inside = truth_of(law, v_end=float(WIDE.max())), dict[str, list[bool]]()
     for _ in range(40):
         problem = from_points(WIDE, torques(p, WIDE, 0.005, rng), ("both",), law=law)
-        for parameter, e in estimate_static(problem, FitOptions(law=name, model="stribeck"), "revolute").items():
+        for parameter, e in estimate_static(problem, FitOptions(law=name, set_up="as-written"), "revolute").items():
             if e.interval is not None:
                 inside.setdefault(parameter, []).append(e.interval[0] <= getattr(p, parameter) <= e.interval[1])
     assert set(inside) == set(static_fields_of(law)) - {FASTEST}
@@ -246,12 +246,10 @@ def test_paper_is_another_name_of_the_gaussian_peak() -> None:
 @pytest.mark.parametrize(
     ("fit", "said"),
     [
-        ("{law: gauss}", "got 'gauss'; expected paper, auto, or one of gaussian | exponential"),
+        ("{law: gauss}", "got 'gauss'; expected paper, auto, coulomb-viscous, or one of gaussian | exponential"),
         ("{law: gaussian+gaussian}", "each perhaps with +quadratic"),
         ("{law: 3}", "law"),
         ("{law: lorentzian+quadratic, regressors: [quadratic]}", "the same term"),
-        ("{law: auto, model: coulomb-viscous}", "chooses the peak, and fit.model: coulomb-viscous has none"),
-        ("{law: lorentzian, model: coulomb-viscous}", "has a peak of its own, and fit.model: coulomb-viscous has none"),
     ],
 )
 def test_what_is_no_law_is_refused(tmp_path: Path, fit: str, said: str) -> None:

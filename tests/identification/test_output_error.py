@@ -84,7 +84,7 @@ def posed(
         torque=V if torque else motor.drive_torque(V, v, MOTOR), voltage=None if torque else V,
     )  # fmt: skip  # a list of values
     whole = dynamic_problem([run], ("+", "-"), ("inertia", "offset", "gravity"), 1, None)
-    return simulation([run], whole, None if torque else MOTOR, horizon, decimation)
+    return simulation([run], whole, None if torque else MOTOR, decimation, horizon)
 
 
 @pytest.mark.parametrize("torque", [False, True])
@@ -248,7 +248,7 @@ def test_without_an_inertia_nothing_can_be_simulated() -> None:
     )
     whole = dynamic_problem([run], ("both",), (), 1, None)
     with pytest.raises(ValueError, match=r"fit\.predict: position simulates the motor, which needs an inertia"):
-        simulation([run], whole, None, 0.5, 1)
+        simulation([run], whole, None, 1, 0.5)
     blind = replace(run, position=None)
     with pytest.raises(ValueError, match=r"run\.csv: fit\.predict: position needs the position"):
-        simulation([blind], dynamic_problem([blind], ("both",), ("inertia",), 1, None), None, 0.5, 1)
+        simulation([blind], dynamic_problem([blind], ("both",), ("inertia",), 1, None), None, 1, 0.5)

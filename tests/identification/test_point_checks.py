@@ -321,16 +321,6 @@ def test_the_warnings_reach_the_joint(tmp_path: Path) -> None:
     assert "`unit: deg/s` under signals.velocity" in str(first)
 
 
-def test_hubers_loss_is_said_to_be_the_static_fits(tmp_path: Path) -> None:
-    """Where moving runs are fitted too, a note says that all their parameters are by least squares; by default there is none."""
-    path = logged(tmp_path, 1.0)
-    for loss in ("least-squares", "huber"):
-        text = path.read_text().replace("{directions: symmetric}", f"{{directions: symmetric, loss: {loss}}}")
-        (tmp_path / "loss.yaml").write_text(text)
-        (joint,) = bristle.identify(tmp_path / "loss.yaml").joints
-        assert ("loss-of-static-fit" in {w.code for w in joint.warnings}) == (loss == "huber")
-
-
 @pytest.mark.parametrize("factor", [-1.0, -60.0])
 def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: Path, factor: float) -> None:
     """Where the torque goes with the position and the velocity against it, the sign of the velocity is what is asked for."""

@@ -74,7 +74,6 @@ def fitted(direction: str, seed: int = 0) -> StaticFit:
             threshold=cost * (1 + 4.96 / dof),
         ),
         plain_grid=values,
-        huber=values,
         velocity=v,
         torque=torque,
         residuals=residuals(found.x),

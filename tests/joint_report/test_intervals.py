@@ -63,7 +63,7 @@ def good() -> Joint:
 @pytest.fixture(scope="module")
 def open_() -> Joint:
     """Speeds from v_s up, and the term asked for by hand: v_s has no lower end, alpha_1 no upper one."""
-    joint = built(fits(np.geomspace(0.075, 0.8, 16), 4e-4, seed=5, options=FitOptions(model="stribeck")))
+    joint = built(fits(np.geomspace(0.075, 0.8, 16), 4e-4, seed=5, options=FitOptions(set_up="as-written")))
     assert (joint.static["+"].uncertainty["v_s"].profile or (1,))[0] == 0
     return joint
 

@@ -55,7 +55,7 @@ def joints(measured_data: Path) -> Mapping[str, Measured]:
 def test_friction_beside_the_links_holds_on_another_motion(joints: Mapping[str, Measured], name: str) -> None:
     """The static law with the links' torque, fitted on 12 harmonics, predicts the motion of 8 harmonics within the error that is asked for."""
     measured = joints[name]
-    fits, _, _ = fit_moving(measured.experiment, measured.moving(hold_out=False), measured.moving(hold_out=True), None)
+    fits, _ = fit_moving(measured.experiment, measured.moving(hold_out=False), measured.moving(hold_out=True), None)
     (error,) = {h.relative_error for fit in fits.values() for h in fit.hold_out}
     assert error <= MOST[name]
 

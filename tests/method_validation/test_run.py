@@ -434,9 +434,7 @@ def test_points_without_one_to_spare_are_skipped_and_said(tmp_path: Path) -> Non
     joint = identify(write(tmp_path, speeds())).joints[0]
     fit = joint.static["+"]
     for n in (3, 4, 5):
-        few = replace(
-            fit, velocity=fit.velocity[:n], torque=fit.torque[:n], residuals=fit.residuals[:n], pulled=fit.pulled[:n]
-        )
+        few = replace(fit, velocity=fit.velocity[:n], torque=fit.torque[:n], residuals=fit.residuals[:n])
         case_set = joint_cases(replace(joint, static=dict(joint.static) | {"+": few}))
         assert [reason.code for reason in case_set.skipped.values()] == ["too-few-to-validate"] * (n <= 4)
 

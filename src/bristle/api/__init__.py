@@ -18,6 +18,7 @@ from bristle.api.reports import report_of
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
+from bristle.identification.joint_model import JointModel
 from bristle.model.laws.parts import OwnParameter, Peak, ViscousTerm
 from bristle.model.laws.registry import register_law
 from bristle.model.parameters import Lugre, Pair
@@ -29,6 +30,7 @@ __all__ = [
     "Fit",
     "Fleet",
     "InputError",
+    "JointModel",
     "Lugre",
     "OwnParameter",
     "Pair",

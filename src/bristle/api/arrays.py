@@ -52,7 +52,7 @@ def fit(
         position: rad (m), (n,), where gravity is among the regressors.
         units: of `velocity`, `torque` or `position` where they are not in SI, such as `{"velocity": "deg/s"}`.
         kind: of the joint, `revolute` or `prismatic`.
-        options: as under `fit` in an experiment file: `directions`, `law`, `regressors`, `loss`, `stray`, `model`, `v_s_range`.
+        options: as under `fit` in an experiment file: `directions`, `law`, `regressors`, `set_up`.
 
     Raises InputError in one sentence where an array is no n finite numbers (missing values are named by row), an option is
     unknown, or the points cannot be fitted.
@@ -130,7 +130,7 @@ def fit_presliding(
             these data, where they slide, or a lower bound.
         units: of what is not in SI, by `time`, `position`, `torque`.
         kind: of the joint, `revolute` or `prismatic`.
-        options: as under `fit` in an experiment file: `presliding_cutoff`, `breakaway_displacement`.
+        options: as under `fit` in an experiment file: `breakaway_displacement`.
 
     Raises InputError in one sentence where an array is no n finite numbers, or the torque never grows slowly from zero.
     """

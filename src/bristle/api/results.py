@@ -11,6 +11,7 @@ from bristle.api.sources import path_of, source_text
 from bristle.errors import InputError, short, short_list
 from bristle.findings import Finding, Severity
 from bristle.identification.document import document_of, joints_of, reading
+from bristle.identification.joint_model import JointModel
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
@@ -61,6 +62,20 @@ class Results:
         """The joint of a name; without one the only joint. Raises InputError where there are several, or none of that name."""
         names = [joint.name for joint in self.joints]
         return self.joints[names.index(choose(names, name))]
+
+    def model(self, name: str | None = None) -> JointModel:
+        """The joint of a name as one model: friction, CasADi functions, a compensator. Raises InputError as `joint` does.
+
+        >>> import bristle
+        >>> wrist = bristle.identify("wrist.yaml").model()
+        >>> wrist.friction([-0.5, 0.0, 0.5]).round(3).tolist()
+        [-0.04, 0.0, 0.04]
+        >>> wrist.to_frame().loc["alpha_0", "unit"]
+        'N*m'
+        """
+        joint = self.joint(name)
+        measured = self.logs.read.get(joint.name)
+        return JointModel(joint, None if measured is None else measured.experiment)
 
     def whole_joint(self, name: str | None = None) -> Joint:
         """`joint`, with what has an entry per sample. Raises InputError as that does, and where that is not known."""

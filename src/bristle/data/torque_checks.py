@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.encoder import smallest_step
@@ -21,6 +22,8 @@ _BESIDE = 0.05
 """Of the range of a torque: how far its next value is from a limit, at the most."""
 _CLIPPED = (0.005, 8)
 """... which is at least this share of its samples, and so many of them."""
+_LEFT = 0.5
+"""Of the samples: where more are clipped, too little is left to fit."""
 _SAME = 4
 """Points of one direction, more than half of them, that do not have the very same torque by chance."""
 _DEAD = (5e-4, 4)
@@ -46,25 +49,31 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
 
     Args:
         record: as it is fitted.
-        kind: holds at constant velocity are judged one by one, as segments.
+        kind: of holds at constant velocity all but the steps of the torque is judged one by one, as segments.
     """
     if record.torque is None or kind == "ramp":
+        yield from filter(None, [_coarse(record, kind)])
         return
-    checks = [_clipped(record) if kind != "presliding" or _moves_at_limits(record) else None]
+    checks = [_clipped(record, kind) if kind != "presliding" or _moves_at_limits(record) else None]
     checks += [_constant(record)] if kind == "points" and not any(checks) else []
     checks += [_loaded_at_start(record)] if kind == "presliding" else []
     checks += [_dead_zone(record)] if kind == "tracking" else []
-    checks += [_coarse(record)] if kind != "points" else []
+    checks += [_coarse(record, kind)] if kind != "points" else []
     yield from filter(None, checks)
 
 
-def _clipped(record: Record) -> Finding | None:
-    """A torque that stays exactly at its largest or smallest value; one from a voltage never does."""
+def at_limits(record: Record) -> NDArray[np.bool_]:
+    """Which samples of a run are clipped: the true torque there is unknown, (n,)."""
+    return np.isin(record.torque, _limits(record)) if record.torque is not None else np.zeros(record.time.size, bool)
+
+
+def _limits(record: Record) -> list[float]:
+    """The largest and smallest torque, N*m, where it stays exactly there; none of a torque from a voltage, which never does."""
     if record.torque is None or record.voltage is not None:
-        return None
+        return []
     levels, counts = np.unique(record.torque, return_counts=True)
     if levels.size <= min(_LEVELS, record.torque.size // _POINTS_A_LEVEL):
-        return None
+        return []
     padded = np.pad(counts, _NEXT)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
     windows[:, _NEXT] = 0
@@ -75,10 +84,19 @@ def _clipped(record: Record) -> Finding | None:
     gaps = np.diff(levels)
     near = {k for k in (0, -1) if not gaps.size or gaps[k] < _BESIDE * gaps.sum()}  # a step jumps to its level
     at = [k for k in (0, -1) if k in near and (piled[k] or (alike and piled[-1 - k]))]
-    if not at or (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
+    if (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
+        return []
+    return [float(levels[k]) for k in at]
+
+
+def _clipped(record: Record, kind: RunKind) -> Finding | None:
+    """That samples are clipped, which are left out of points and moving runs; critical where hardly any others are left."""
+    limits, share = _limits(record), float(at_limits(record).mean())
+    if not limits:
         return None
-    share = sum(int(counts[k]) for k in at) / record.torque.size
-    return _at_limits(record, share, " and ".join(f"{levels[k]:.4g}" for k in at))
+    return _at_limits(
+        record, share, " and ".join(f"{x:.4g}" for x in limits), left_out=kind != "presliding" and share < _LEFT
+    )
 
 
 def _constant(record: Record) -> Finding | None:
@@ -89,16 +107,21 @@ def _constant(record: Record) -> Finding | None:
         torque = sign * record.torque[record.velocity * sign > 0]
         at = int(np.count_nonzero(torque == torque.max(initial=-np.inf)))
         if at >= _SAME and 2 * at > torque.size:
-            return _at_limits(record, at / record.torque.size, f"{sign * torque.max():.4g}")
+            return _at_limits(record, at / record.torque.size, f"{sign * torque.max():.4g}", left_out=False)
     return None
 
 
-def _at_limits(record: Record, share: float, limits: str) -> Finding:
+def _at_limits(record: Record, share: float, limits: str, *, left_out: bool) -> Finding:
     message = (
         f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {limits}. The true torque there "
-        "is unknown; move slower or more gently, or widen the range of the drive or the sensor."
+        f"is unknown{'; they are left out' if left_out else ''}; move slower or more gently, or widen the range of the drive or the sensor."
     )
-    return Finding("clipped", CRITICAL, message, {"files": (record.file,), "share": share, "limits": limits})
+    numbers = {"files": (record.file,), "share": share, "limits": limits}
+    return (
+        Finding("clipped-left-out", CAUTION, message, numbers)
+        if left_out
+        else Finding("clipped", CRITICAL, message, numbers)
+    )
 
 
 def _moves_at_limits(record: Record) -> bool:
@@ -158,8 +181,11 @@ def _dead_zone(record: Record) -> Finding | None:
     return Finding("dead-zone", CRITICAL, message, {"files": (record.file,), "share": share})
 
 
-def _coarse(record: Record) -> Finding | None:
-    """A torque in so few steps that rounding does not average out: its noise is less than a step."""
+def _coarse(record: Record, kind: RunKind) -> Finding | None:
+    """A torque in so few steps that rounding does not average out: its noise is less than a step.
+
+    A hold whose torque stays at one of them is off by up to half a step, and so is the curve through holds.
+    """
     torque = record.torque
     if torque is None or record.voltage is not None or torque.size < _PARTS:
         return None
@@ -172,7 +198,8 @@ def _coarse(record: Record) -> Finding | None:
         f"The torque of {record.file}{OTHER_FILES} comes in {levels} steps of {step:.2g} (SI): what it rounds off is no noise and does not "
         "average out. Numbers may be off by half a step, those of reversals by more; log it with more digits, or from a finer sensor."
     )
-    return Finding("torque-coarse", CAUTION, message, {"files": (record.file,), "step": step, "levels": levels})
+    effect = {"torque": step / 2} if kind == "ramp" else {}
+    return Finding("torque-coarse", CAUTION, message, {"files": (record.file,), "step": step, "levels": levels}, effect)
 
 
 def _most_often(values: Array) -> int:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from math import hypot
 from typing import Annotated, Literal
 
 import numpy as np
@@ -52,6 +53,12 @@ class Estimate:
     shifts: Shifts = field(default_factory=dict)
     """Change of the value per standard error of each such constant: those of one constant go together."""
     warnings: tuple[Finding, ...] = ()
+
+    @property
+    def total_error(self) -> float | None:
+        """Standard error of both kinds, in `unit`; None where the data give none."""
+        parts = [x for x in (self.standard_error, self.systematic) if x is not None]
+        return hypot(*parts) if parts else None
 
 
 def _and_of(warnings: tuple[Finding, ...], estimates: Iterable[Estimate]) -> Iterator[Finding]:
@@ -198,8 +205,6 @@ class StaticFit:
     """Each parameter's interval three ways."""
     plain_grid: Mapping[str, Number] = field(default_factory=dict)
     """The parameters at the best value of the paper's plain grid."""
-    huber: Mapping[str, Number] = field(default_factory=dict)
-    """The parameters of the Huber refit."""
     without_stick_slip: Mapping[str, Estimate] = field(default_factory=dict)
     """The parameters fitted without the segments that stick and slip; empty where there are none."""
     strays: tuple[Stray, ...] = ()
@@ -214,8 +219,6 @@ class StaticFit:
     """Measured torque, N*m, shape (n,)."""
     residuals: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
     """Measured minus fitted torque, N*m, shape (n,)."""
-    pulled: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
-    """What Huber's loss took off each torque, N*m, shape (n,); zero under least squares."""
     segments: tuple[Segment, ...] = field(default=(), metadata=unwritten("n?"))
     """Where each point comes from, (n,); empty for moving data."""
     time: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n?"))
@@ -226,11 +229,6 @@ class StaticFit:
     def all_warnings(self) -> Iterator[Finding]:
         """Those about the fit, then those about one parameter."""
         return _and_of(self.warnings, self.parameters.values())
-
-    @property
-    def noise(self) -> Array:
-        """The residuals of the torques as the fit's loss takes them, N*m, (n,)."""
-        return self.residuals - self.pulled if self.pulled.size else self.residuals
 
     def values(self) -> Stribeck[float] | None:
         """The fitted law, or None where nothing was fitted; a law without a peak is as in `without_peak`."""

@@ -15,9 +15,10 @@ from scipy.special import expit
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.constants import torque_scale
 from bristle.data.experiment.load import Experiment
+from bristle.data.experiment.schema import AS_WRITTEN, GONE
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.accuracy import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -47,9 +48,9 @@ from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
 from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.settings import settings_of
-from bristle.identification.static.points import points_problem
+from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.runs import fit_moving, fit_points, pulled_points
+from bristle.identification.static.runs import fit_moving, fit_points
 from bristle.identification.static.set_up import (
     better_for_motion,
     better_for_points,
@@ -57,6 +58,7 @@ from bristle.identification.static.set_up import (
     with_one_advice,
 )
 from bristle.identification.static.stray_report import advised
+from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
@@ -67,6 +69,7 @@ _CLEARLY = 10.0
 """A difference in BIC that is very strong evidence (Kass and Raftery 1995)."""
 _CHOICES = 2
 """Of a law by moving runs: of the load, and of the peak and terms beside it."""
+_DRAG = ParameterName("quadratic", Direction.SHARED)
 _OF_THE_DATA = {
     "lacks-a-term", "offset-or-friction", "directions-differ", "torque-drifts-in-runs", "friction-by-load",
     "torque-delayed",
@@ -96,6 +99,7 @@ def identify_joint(
     identified = partial(
         _identified, timings=timings, asked_law=asked, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
     )
+    measured, told = _with_regressors(measured)
     auto = measured.experiment.fit.directions == "auto"
     bic: dict[str, float] = {}
     if auto and (points := measured.points(hold_out=False)):
@@ -124,12 +128,50 @@ def identify_joint(
             if measured.experiment.fit.load and joint.tracking is not None:  # which peak and terms beside the load
                 laws = laws_of_motion(measured, joint.tracking) or laws
         joint = replace(joint, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
-    other = 0.0
+    joint, other = replace(joint, settings={**joint.settings, **told}), 0.0
     if {APART, SYMMETRIC} <= bic.keys():
         apart = measured.experiment.fit.directions == "separate"
         joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic, apart=apart)})
         other = float(expit(-abs(bic[APART] - bic[SYMMETRIC]) / 2))
     return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
+
+
+def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
+    """The same with the regressors that predict parts held out clearly better, and what is said of them.
+
+    Where the file says nothing of regressors, and leaves the set-up to the data.
+    """
+    experiment, moving, points = measured.experiment, measured.moving(hold_out=False), measured.points(hold_out=False)
+    fit, better = experiment.fit, None
+    if fit.set_up == AS_WRITTEN or fit.regressors is not None or fit.predict != "torque":
+        return measured, {}
+    if points:
+        better = better_for_points(experiment, points)
+    elif moving:
+        better = better_for_motion(experiment, moving)
+    if better is None or better.set_up.directions != better.asked.directions:
+        return _with_drag(measured)
+    error = f"error of parts held out {better.asked_error:.2g} -> {better.error:.2g} %"
+    told = f"{', '.join(better.set_up.regressors)}; {error} (fit.regressors overrules)"
+    also = ("inertia",) if points and moving else ()
+    return with_options(measured, regressors=(*also, *better.set_up.regressors)), {"chosen regressors": told}
+
+
+def _with_drag(measured: Measured) -> tuple[Measured, dict[str, str]]:
+    """The same with v abs(v) beside points of which too many, or neighbours, are off the law, and none is with it: the law lacked a term."""
+    asked = point_regressors(measured.experiment)
+    lacking = [x for x in measured.searches if x.misfit or set(x.strays) > set(x.left_out)]
+    if not lacking or "quadratic" in (*asked, *measured.experiment.fit.law.split("+")):
+        return measured, {}
+    also = ("inertia",) if measured.moving(hold_out=False) else ()
+    found = with_options(measured, regressors=(*also, *asked, "quadratic"))
+    drives = any(x.problem.named(refit(x.problem).theta)[_DRAG] < 0 for x in found.searches)
+    if drives or any(x.misfit or x.strays for x in found.searches):
+        return measured, {}
+    off = sum(len(x.strays) for x in lacking)
+    return found, {
+        "chosen regressors": f"quadratic; without it {off} points would be off the law (fit.regressors overrules)"
+    }
 
 
 def _with_directions(measured: Measured, directions: str | None = None) -> Measured:
@@ -187,8 +229,7 @@ def _identified(
     experiment, training = measured.experiment, _training(measured)
     points = measured.points(hold_out=False)
     step(progress, "fitting friction vs velocity")
-    static, checks, left_out = _static(measured, points, timings)
-    points = pulled_points(points, static)
+    static, checks = _static(measured, points, timings)
     stages = DynamicStages()
     if training:
         step(progress, "fitting the moving runs")
@@ -224,7 +265,7 @@ def _identified(
         consistency=stages.consistency,
         models=_models(measured, points, static, stages.alone, timings),
         laws=laws,
-        warnings=(*law_warnings(laws), *_joint_warnings(measured, points, static, stages.alone), *left_out),
+        warnings=(*law_warnings(laws), *_joint_warnings(measured, points, static)),
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         torque_constant=measured.torque_constant,
@@ -332,24 +373,21 @@ def _moving(
 
 def _static(
     measured: Measured, points: Sequence[Segment], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Finding, ...]]:
-    """Static fits and their cross-checks from the points, or else from the moving runs.
-
-    Then come warnings about what was left out.
-    """
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
+    """Static fits and their cross-checks from the points, or else from the moving runs."""
     training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
     if points:
         fits, checks = fit_points(measured, points, timings)
-        better = better_for_points(measured.experiment, pulled_points(points, fits))
+        better = better_for_points(measured.experiment, points)
         fits = {d: advised(better.warned(fit) if better else fit) for d, fit in fits.items()}
-        return with_one_advice(fits), checks, ()
+        return with_one_advice(fits), checks
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
         held = measured.moving(hold_out=True)
-        return fit_moving(measured.experiment, training, held, timings) if by_velocity else ({}, {}, ())
+        return fit_moving(measured.experiment, training, held, timings) if by_velocity else ({}, {})
     if not measured.slow or kinds & {"ramp", "points"}:
         raise InputError(nothing_to_fit(measured))
-    return {}, {}, ()
+    return {}, {}
 
 
 def _models(
@@ -432,10 +470,11 @@ def _input(record: Record) -> Input:
     )
 
 
-def _joint_warnings(
-    measured: Measured, points: Sequence[Segment], static: dict[str, StaticFit], alone: TrackingFit | None
-) -> tuple[Finding, ...]:
+def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[str, StaticFit]) -> tuple[Finding, ...]:
     experiment, warnings = measured.experiment, list(measured.warnings)
+    for key in experiment.fit.gone:
+        message = f"fit.{key} is a key of earlier versions, and is not read as it was: {GONE[key]}."
+        warnings.append(Finding("key-gone", CAUTION, message, {"key": key}))
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
@@ -449,8 +488,6 @@ def _joint_warnings(
         warnings.append(Kind.TRUTH_UNDECLARED())
     warnings += point_warnings(measured, points, static)
     warnings += offset_left_out(experiment, static, warnings)
-    if experiment.fit.loss == "huber" and alone is not None:
-        warnings.append(Kind.LOSS_OF_STATIC_FIT())
     return tuple(warnings)
 
 

@@ -67,7 +67,7 @@ def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
         """The points of each solve."""
         return [points_problem(group, sides, asked, law) for sides, group in chosen]
 
-    return compare_laws(pose, in_force, measured.experiment.fit.v_s_range)
+    return compare_laws(pose, in_force)
 
 
 def laws_of_motion(measured: Measured, alone: TrackingFit) -> LawComparison | None:
@@ -175,39 +175,36 @@ def _beyond(over: tuple[float, float], own: tuple[float, float]) -> bool:
     return over[0] < own[0] - room or over[1] > own[1] + room
 
 
-def compare_laws(
-    pose: Callable[[Law], Sequence[Regression]], in_force: Law, v_s_range: tuple[float, float] | None
-) -> LawComparison | None:
+def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> LawComparison | None:
     """The laws that compete, and the one in force, on the same points; None where there are too few for any other than the paper's.
 
     Args:
         pose: the solves of a law.
         in_force: the law of the fits.
-        v_s_range: where v_s is searched, rad/s; None: from the speeds.
     """
-    return ranked("points", [_fitted(law, pose(law), v_s_range) for law in laws_beside(in_force)], in_force.name)
+    return ranked("points", [_fitted(law, pose(law)) for law in laws_beside(in_force)], in_force.name)
 
 
-def _fitted(law: Law, problems: Sequence[Regression], v_s_range: tuple[float, float] | None) -> FittedLaw | None:
+def _fitted(law: Law, problems: Sequence[Regression]) -> FittedLaw | None:
     """A law fitted to points; None where there are too few."""
     if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
         return None
-    shaped = [with_best_shape(p, v_s_range or default_range(p.velocity)) for p in problems]
-    solutions = [solve(p, v_s_range or default_range(p.velocity)) for p in shaped]
+    shaped = [with_best_shape(p, default_range(p.velocity)) for p in problems]
+    solutions = [solve(p, default_range(p.velocity)) for p in shaped]
     return FittedLaw(
         law=law,
         solves=tuple(
             Solve(s.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured))
             for p, s in zip(shaped, solutions, strict=True)
         ),
-        left_out=partial(_left_out, shaped, v_s_range),
+        left_out=partial(_left_out, shaped),
         known=partial(_known, shaped, solutions),
     )
 
 
-def _left_out(problems: Sequence[Regression], v_s_range: tuple[float, float] | None) -> LeftOut:
+def _left_out(problems: Sequence[Regression]) -> LeftOut:
     """Over blocks of speed."""
-    costs = [_predicted(p, v_s_range) for p in problems]
+    costs = [_predicted(p) for p in problems]
     return percent_of(costs, sum(power_of(p.measured) for p in problems)), None
 
 
@@ -224,14 +221,14 @@ def parts_by_speed(velocity: Array) -> NDArray[np.int_]:
     return part
 
 
-def _predicted(problem: Regression, v_s_range: tuple[float, float] | None) -> float | None:
+def _predicted(problem: Regression) -> float | None:
     """The squared error of every block of speed, predicted from the others; None where these are too few."""
     part, cost = parts_by_speed(problem.equation_velocity), 0.0
     for k in range(BLOCKS):
         rest = problem.rows(part != k)
         if rest.torque.size <= len(rest.names) or np.linalg.matrix_rank(rest.linear) < rest.linear.shape[1]:
             return None
-        low, high = v_s_range or default_range(rest.velocity)
+        low, high = default_range(rest.velocity)
         slowest = float(np.abs(rest.velocity[rest.velocity != 0]).min())
         if slowest < high:  # as the fit has it: without a speed below v_s a peak is invented
             low = max(low, slowest)

@@ -15,8 +15,9 @@ from bristle.data.differentiation import estimate_motion, usable
 from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
+from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError, short, short_list
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import ONE_RATE, load_columns, longest_decimation, needed, terms_of
@@ -290,6 +291,17 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
         raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
     moving = np.abs(velocity) > _STILL * np.abs(velocity).max(initial=0.0)
     fast = np.abs(velocity) >= (slowest or 0.0)
+    clipped = at_limits(record)
+
+    def against(k: int) -> tuple[Finding, ...]:
+        """Why a point is rejected."""
+        if not moving[k]:
+            return (Kind.POINT_AT_REST(),)
+        if not fast[k]:
+            return (Kind.POINT_TOO_SLOW(speed=abs(float(velocity[k])), least=slowest),)
+        return (Finding("saturated", NOTE, "Its torque is at the largest of the file: clipped."),) if clipped[k] else ()
+
+    reasons = [against(k) for k in range(velocity.size)]
     return tuple(
         Segment(
             file=record.file,
@@ -299,13 +311,11 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
             velocity=float(v),
             torque=float(t),
             standard_error=None,
-            accepted=bool(moves and fast[k]),
-            reasons=()
-            if moves and fast[k]
-            else (Kind.POINT_TOO_SLOW(speed=abs(v), least=slowest) if moves else Kind.POINT_AT_REST(),),
+            accepted=not reasons[k],
+            reasons=reasons[k],
             labels=record.labels,
             position=None if record.position is None else float(record.position[k]),
             torque_shifts={name: float(shift[k]) for name, shift in record.torque_shifts.items()},
         )
-        for k, (v, t, moves) in enumerate(zip(velocity, torque, moving, strict=True))
+        for k, (v, t) in enumerate(zip(velocity, torque, strict=True))
     )

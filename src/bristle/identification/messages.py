@@ -79,7 +79,7 @@ class Kind(Enum):
     )
     STRAY_DROPPED = (
         _NOTE,
-        "Off the law of the others by {deviations:.0f} standard deviations; fit.stray: report would make it pass.",
+        "Off the law of the others by {deviations:.0f} standard deviations; fit.set_up: as-written would make it pass.",
     )
     EXCLUDED = _NOTE, "Excluded: fit.exclude names it."
 
@@ -302,10 +302,10 @@ class Kind(Enum):
     STRAYS_LEFT_OUT = (
         _CAUTION,
         (
-            "{count} point{count!e} off the law of the others, left out: {points!m}. {other} To keep, write `stray: report` under fit."
+            "{count} point{count!e} off the law of the others, left out: {points!m}. {other} To keep, write `set_up: as-written` under fit."
         ),
     )
-    TO_LEAVE_OUT = _NOTE, "To leave out, write `stray: drop` under fit."
+    TO_LEAVE_OUT = _NOTE, "To leave out, leave `set_up: as-written` out."
     TERM_FIRST = (
         _NOTE,
         "But a term that the fit lacks explains more than that: add it first (see below); then look which points are still off.",
@@ -340,7 +340,7 @@ class Kind(Enum):
         _CAUTION,
         "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted.",
     )
-    STATIC_AS_ASKED = _NOTE, "Coulomb and viscous friction alone are fitted, as fit.model asks."
+    STATIC_AS_ASKED = _NOTE, "Coulomb and viscous friction alone are fitted, as fit.law asks."
     STATIC_STICK_SLIP = (
         _CAUTION,
         "The Stribeck term depends on points that stick and slip; without them it is not identifiable.",
@@ -374,19 +374,13 @@ class Kind(Enum):
         _CAUTION,
         "The cost has a second minimum{direction!d} at v_s = {v_s:.3g}, below the 95 % threshold.",
     )
-    HUBER_DIFFERS = (
-        _CAUTION,
-        "Least squares and the Huber refit differ by more than two combined standard errors in {moved!p}.{points}",
-    )
-    RESPONSIBLE = _CAUTION, " Points responsible: {points!m}."
     TOO_FEW_FOR_PEAK = _CAUTION, "{points} points are too few for a Stribeck term; at least {least} are needed."
     NO_STRIBECK = (
         _CAUTION,
-        ("Stribeck term not identifiable{direction!d}: {why}; Coulomb and viscous friction alone are fitted.{asked}"),
+        ("Stribeck term not identifiable{direction!d}: {why}; Coulomb and viscous friction alone are fitted."),
     )
     NO_PEAK = _CAUTION, "no sign of a Stribeck peak"
     LIKE_NOISE = _CAUTION, "noise alone would look as much like a Stribeck peak in {percent:.0f} % of cases"
-    STRAYS_AS_WELL = _CAUTION, "{count} stray{count!e} from Coulomb and viscous friction would explain it as well"
     BEND = (
         _CAUTION,
         (
@@ -420,9 +414,8 @@ class Kind(Enum):
         _CAUTION,
         "no speed lies below its v_s of {v_s:.3g velocity} (the slowest is {slowest:.3g velocity}; slower ones would decide)",
     )
-    NO_STRIBECK_ASKED = _NOTE, "Not fitted: fit.model is coulomb-viscous."
-    PEAK_LEFT_OUT = _CAUTION, "Not fitted, for fit.model is coulomb-viscous, although these data show a Stribeck term."
-    RANGE_ASKED = _NOTE, " fit.v_s_range limits v_s to {low:.3g velocity} to {high:.3g velocity}."
+    NO_STRIBECK_ASKED = _NOTE, "Not fitted: fit.law is coulomb-viscous."
+    PEAK_LEFT_OUT = _CAUTION, "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
     ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 grows with v_s."
     V_S_OPEN_BELOW = _CAUTION, "No finite interval: the data allow v_s down to zero."
     SHAPE_OPEN = _CAUTION, "No finite interval: the data allow it to the end of what is searched."
@@ -445,14 +438,6 @@ class Kind(Enum):
     )
     NOTHING_WITHOUT = _CAUTION, "Without the points that stick and slip no fit is possible. {inner}"
     WITHOUT_STICK_SLIP = _NOTE, "Without the points that stick and slip: {inner}"
-    SLOW_LEFT_OUT = (
-        _NOTE,
-        (
-            "{slow} of {equations} samples are slower than fit.moving_above, {above:.3g velocity}, and were left out of "
-            "the static fit; there its relative error is {error:.0f} %. At low speed and through reversals the "
-            "torque depends on the bristles' history, which (9) does not describe."
-        ),
-    )
 
     # two routes to one fit
     FULL_FIT_LOWER = (
@@ -870,10 +855,6 @@ class Kind(Enum):
             "directions, the offset would be {offset:.3g} {unit}: see whether the torque is zero where nothing loads the joint."
         ),
     )
-    LOSS_OF_STATIC_FIT = (
-        _NOTE,
-        "`loss: huber` is the static fit's; all parameters of the moving runs, and their models, are fitted by least squares.",
-    )
     HELD_OUT_UNUSED = _NOTE, "Held-out presliding runs are not used: {files!l}."
     TRUTH_UNDECLARED = _CAUTION, "True parameters are given (truth), but the data are not declared simulated."
 
@@ -1084,13 +1065,13 @@ _BY_WEIGHT = (
     "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
     "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter runs-move outlier "
     "stages-differ stage-differs static-without-presliding distrust-moving distrust-stage inertia-doubted "
-    "huber-differs responsible intervals-differ cost-stays-low profile-skewed few-to-resample uneven-residuals "
+    "intervals-differ cost-stays-low profile-skewed few-to-resample uneven-residuals "
     "profile-lost over-laws at-bound intervals-at-bound no-bootstrap-at-bound profile-open static-at-bound bound "
     "one-sided-profile alpha-1-open v-s-open-below v-s-open-above shape-open converged-at-bound g0-at-least strays "
     "strays-left-out constant-unseen static-no-stribeck no-stribeck like-noise no-peak bend one-speed "
     "v-s-down-to-zero v-s-up-to-any none-below-v-s too-few-for-peak peak-left-out profile-unseen unseen unseen-wide "
     "unseen-far unseen-companion unseen-peak unseen-no-peak unseen-unconverged unseen-too-few unseen-below-count "
-    "unseen-in-counts unseen-biased strays-as-well unseen-no-reversal unseen-fast interval-with-zero-impossible "
+    "unseen-in-counts unseen-biased unseen-no-reversal unseen-fast interval-with-zero-impossible "
     "unseen-halves unseen-bend nothing-seen direction-unknown none-kept not-measured sigma-0-unknown no-model "
     "nothing-seen-of nothing-compared not-told still-unseen static-stick-slip peak-of-stick-slip few-below-v-s "
     "single-run of-one-breakaway few-starts did-not-move few-velocities slowest-too-fast load-collinear "

@@ -146,7 +146,7 @@ def _static_candidates(
                 few.append(f"{model}, {called}")
                 continue
             tests = [_reduced(test, model) for test in held]
-            candidates.append(_solved(experiment, problem, tests, model, called, press=press))
+            candidates.append(_solved(problem, tests, model, called, press=press))
     return candidates, (Kind.TOO_FEW_FOR_MODELS(models=tuple(few)),) if few else ()
 
 
@@ -160,10 +160,10 @@ def _reduced(problem: Regression, model: str) -> Regression:
 
 
 def _solved(
-    experiment: Experiment, problem: Regression, tests: Sequence[Regression], model: str, called: str, *, press: bool
+    problem: Regression, tests: Sequence[Regression], model: str, called: str, *, press: bool
 ) -> ModelCandidate:
-    v_s_range = experiment.fit.v_s_range or default_range(problem.velocity)
-    solution = solve(problem, v_s_range, experiment.fit.grid)
+    v_s_range = default_range(problem.velocity)
+    solution = solve(problem, v_s_range)
     errors = [test.relative_error(solution.theta) for test in tests]
     if press and not tests:
         errors = [_left_out_error(problem, solution.residuals, solution.jacobian)]
@@ -210,7 +210,7 @@ def _lugre(
         )
     }
     for called, directions in variants.items():
-        if called != done and not experiment.fit.shared:
+        if called != done:
             with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
                 candidates[called] = refitted(experiment, records, held, alone, called, directions)
     return [candidates[called] for called in variants if called in candidates]

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import signal, sparse
 from scipy.special import fdtrc
 
@@ -75,6 +76,8 @@ _PER_METRE = "/m"
 _ENDS = 5
 """Times the transients of a decimation, which a run has at the least."""
 _KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8
+_PART = 0.02
+"""Of the weights of an equation: samples that have less do not have part in it."""
 """Where the smoothing kernel is cut, relative to its peak, and where it has died out: ends of a segment within are dropped."""
 
 
@@ -334,15 +337,18 @@ def _inertial(record: Record, inertia: float) -> Array:
     return torque
 
 
-def decimator(segments: Sequence[Array], decimation: int, file: str) -> tuple[sparse.csr_array, int]:
+def decimator(
+    segments: Sequence[Array], decimation: int, file: str, unknown: NDArray[np.bool_] | None = None
+) -> tuple[sparse.csr_array, int]:
     """The filter as a matrix (equations, samples), for segments between gaps of given lengths.
 
-    And how many samples its transients cost. Raises InputError where no segment is longer than the transients.
+    Without equations in which a sample has part whose torque is `unknown`, (samples,), unless these are all. And how many
+    samples its transients cost. Raises InputError where no segment is longer than the transients.
     """
     lengths = np.concatenate(segments).astype(int)
     samples = int(lengths.sum())
     if decimation == 1:
-        return sparse.eye_array(samples, format="csr"), 0
+        return _without(sparse.csr_array(sparse.eye_array(samples, format="csr")), unknown), 0
     kernel, half = _kernel(decimation, _KERNEL_TAIL), _kernel(decimation).size // 2
     ends = np.cumsum(lengths)
     pairs = zip(ends - lengths, ends, strict=True)
@@ -355,7 +361,13 @@ def decimator(segments: Sequence[Array], decimation: int, file: str) -> tuple[sp
     columns = (centres[:, None] + np.arange(kernel.size) - kernel.size // 2).ravel()
     pointers = np.arange(0, columns.size + 1, kernel.size)
     smooth = sparse.csr_array((np.tile(kernel, centres.size), columns, pointers), shape=(centres.size, samples))
-    return smooth, int(np.minimum(lengths, 2 * half).sum())
+    return _without(smooth, unknown), int(np.minimum(lengths, 2 * half).sum())
+
+
+def _without(smooth: sparse.csr_array, unknown: NDArray[np.bool_] | None) -> sparse.csr_array:
+    """The equations, (m, n), in which no sample of some, (n,), has part; all where there are no others."""
+    known = np.zeros(0, bool) if unknown is None else abs(smooth) @ unknown.astype(float) < _PART
+    return sparse.csr_array(smooth[known]) if known.any() and not known.all() else smooth
 
 
 def longest_decimation(usual: int, samples: int) -> int:

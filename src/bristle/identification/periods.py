@@ -132,7 +132,7 @@ def _of_points(measured: Measured, asked: Sequence[str]) -> _Left:
     (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
     law = experiment.fit.friction
     problem = points_problem(points, sides, point_regressors(experiment), law)
-    theta = solve(problem, experiment.fit.v_s_range or default_range(problem.velocity)).theta
+    theta = solve(problem, default_range(problem.velocity)).theta
     tried = _tried(experiment, np.array([s.position for s in points], dtype=float), len(points) // 2)
     names = {k: with_orders(asked, (k,), experiment.joint.kind) for k in tried}
     every = [name for of in names.values() for name in of]

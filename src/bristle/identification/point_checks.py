@@ -140,7 +140,7 @@ def _drift_by_row(measured: Measured, points: Sequence[Segment]) -> Iterator[Fin
         column = sign * (rows - rows[0])[:, None] / np.ptp(rows)
         names = (*law.linear_names, ParameterName("drift", Direction.SHARED))
         drifting = replace(law, linear=np.hstack([law.linear, column]), linear_names=names)
-        plain, free = refit(law, measured.experiment.fit.v_s_range), refit(drifting, measured.experiment.fit.v_s_range)
+        plain, free = refit(law), refit(drifting)
         rounding, freedom = 1e-20 * float(law.torque @ law.torque), len(own) - len(names) - 2
         if _p(plain.cost - free.cost, 1, free.cost + rounding, freedom) > _RARE / 2:
             continue
@@ -233,7 +233,7 @@ def _offset(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding]:
     def solved(chosen: Sequence[Segment], directions: tuple[str, ...], asked: tuple[str, ...] = ()) -> _Solved:
         """Cost (rounding added) and parameters of the law of some points."""
         problem = points_problem(chosen, directions, asked)
-        law = refit(problem, experiment.fit.v_s_range)
+        law = refit(problem)
         values = {name.name: float(x) for name, x in zip(problem.names, law.theta, strict=True)}
         return _Solved(law.cost + 1e-20 * float(problem.torque @ problem.torque), values)
 

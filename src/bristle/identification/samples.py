@@ -22,6 +22,10 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 
+_GONE = "/pulled"
+"""A field that earlier versions wrote."""
+
+
 def samples_of(joint: Joint) -> dict[str, Any]:
     """Every unwritten value of a joint that is not its default, as JSON has it, by the way to it."""
     writer = _Writer()
@@ -35,7 +39,7 @@ def with_samples(joint: Joint, samples: Mapping[str, Any]) -> Joint:
     Raises InputError, or pydantic's ValidationError, where a value is not of its field, an array has another shape than
     those beside it, or a way leads nowhere.
     """
-    reader = _Reader(samples)
+    reader = _Reader({way: x for way, x in samples.items() if not way.endswith(_GONE)})
     found: Joint = reader.walk(joint, "")
     if reader.samples:
         raise InputError(f"samples: {short(next(iter(reader.samples)))} is no field of the joint")

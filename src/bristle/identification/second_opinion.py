@@ -109,7 +109,9 @@ def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
         q, torque = (sosfiltfilt(low, x) for x in (q, torque))
         v = np.gradient(q, step)
         every, ends = max(int(0.4 / (cutoff * step)), 1), int(0.5 / (cutoff * step))
-        inside = slice(ends, max(q.size - ends, ends), every)
+        inside = np.zeros(q.size, bool)
+        inside[ends : max(q.size - ends, ends) : every] = True
+        inside &= ~np.isin(record.torque[start:stop], (record.torque.min(), record.torque.max()))  # perhaps clipped
         found.append(tuple(x[inside] for x in (v, np.gradient(v, step), q, torque, np.full(q.size, number))))
     return found
 

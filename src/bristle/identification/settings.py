@@ -4,9 +4,17 @@ from collections.abc import Sequence
 
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.identification.dynamic.output_error import HORIZON
 from bristle.identification.moving_runs import regressors as asked_regressors
 from bristle.identification.moving_runs import turn_of
+from bristle.identification.static.grid import GRID, PLAIN_GRID
 from bristle.model.laws.registry import AUTO
+
+_PEAK = {
+    "auto": "a Stribeck peak where the data support it",
+    "coulomb-viscous": "no Stribeck peak",
+    "stribeck": "a Stribeck peak however unsure",
+}
 
 
 def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Record]) -> dict[str, str]:
@@ -17,13 +25,10 @@ def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Recor
     settings = {
         "law": f"{'+'.join((law.name, *loads))}{', which the data chose' if asked_law == AUTO else ''}: {law.title}{rising}",
         "directions": fit.directions,
-        "model": fit.model,
-        "loss": fit.loss,
-        "grid": f"{fit.grid} values of v_s, even in log(v_s), refined to the continuous minimum",
-        "plain grid": f"{fit.plain_grid} evenly spaced values of v_s",
-        "v_s range": "a third of the slowest speed to the fastest"
-        if fit.v_s_range is None
-        else f"{fit.v_s_range[0]:g} to {fit.v_s_range[1]:g}",
+        "set-up": f"{fit.set_up}, {_PEAK[fit.model]}",
+        "grid": f"{GRID} values of v_s, even in log(v_s), refined to the continuous minimum",
+        "plain grid": f"{PLAIN_GRID} evenly spaced values of v_s",
+        "v_s range": "a third of the slowest speed to the fastest",
     }
     if isinstance(fit.orders, tuple):
         _, turn = turn_of(experiment.joint.kind)
@@ -43,7 +48,7 @@ def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Recor
             settings["filters"] = f"low pass of {low_pass}, one sample in {fit.every} ({by})"
         if fit.predict == "position":
             settings |= {
-                "moving runs": f"the motor simulated in windows of {fit.horizon:g} s, and its position averaged over {fit.every} samples; "
+                "moving runs": f"the motor simulated in windows of {HORIZON:g} s, and its position averaged over {fit.every} samples; "
                 "position filter and decimation serve the start alone"
             }
         if experiment.inertia is not None:

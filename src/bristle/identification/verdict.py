@@ -100,7 +100,14 @@ def other_warnings(joint: Joint) -> tuple[Finding, ...]:
 def _serious(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
     distinct = dict.fromkeys(x for x in warnings if x.severity is not Severity.NOTE)
     return tuple(
-        sorted(distinct, key=lambda x: (x.severity is not Severity.CRITICAL, _WEIGHT.get(x.code, len(_WEIGHT))))
+        sorted(
+            distinct,
+            key=lambda x: (
+                x.severity is not Severity.CRITICAL,
+                -x.effect.get("torque", 0.0),
+                _WEIGHT.get(x.code, len(_WEIGHT)),
+            ),
+        )
     )
 
 

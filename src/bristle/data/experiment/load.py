@@ -353,7 +353,7 @@ def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str 
     if kind == "tracking":
         record = without_rests(estimate_motion(record, fit.position_cutoff or of_motion))
     elif record.velocity is None:
-        record = estimate_motion(record, fit.velocity_cutoff or of_held_speeds)
+        record = estimate_motion(record, of_held_speeds)
     if drive == "current" and motor is not None and record.torque is not None:
         note = from_current(motor.k_t, si("k_t", experiment.context))
         record = replace(record, torque=motor.k_t * record.torque, notes=(*record.notes, note))
@@ -364,7 +364,7 @@ def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str 
         torque = drive_torque(record.voltage, record.velocity, motor)
         record = replace(record, torque=torque, notes=(*record.notes, note))
     if kind == "presliding" and record.torque is not None:
-        cutoff, why = low_pass(record, fit.presliding_cutoff or of_slow_loading)
+        cutoff, why = low_pass(record, of_slow_loading)
         message = f"Torque of slow loading: low pass of {cutoff:.3g} Hz{why.message}."
         note = Finding("torque-smoothed", NOTE, message, {"cutoff": cutoff})
         record = replace(record, cutoff=cutoff, notes=(*record.notes, note))

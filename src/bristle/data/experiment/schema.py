@@ -4,7 +4,16 @@ from dataclasses import dataclass
 from math import inf
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, StrictStr, ValidationInfo, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    ModelWrapValidatorHandler,
+    PrivateAttr,
+    StrictStr,
+    ValidationInfo,
+    model_validator,
+)
 
 from bristle.data import units
 from bristle.data.experiment.gear import Gear, refuse_efficiency
@@ -12,7 +21,6 @@ from bristle.data.experiment.orders import check_orders, read_orders
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
-from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import AUTO, LOADS, PAPER, apart, law_named, own_parameter
 from bristle.model.parameters import Kind, Lugre, is_positive, is_possible, of_friction
@@ -208,70 +216,100 @@ def read_law(name: str) -> str:
     """The name of a law, or `auto`; raises InputError where there is none of that name."""
     law, load = apart(name)
     try:
-        law_named(law)
+        law_named(law.replace(WITHOUT_PEAK, PAPER))
     except KeyError as error:
         raise InputError(
-            f"got {short(name)}; expected {PAPER}, {AUTO}, or one of {error.args[0]}; a load last, +{' or +'.join(LOADS)}"
+            f"got {short(name)}; expected {PAPER}, {AUTO}, {WITHOUT_PEAK}, or one of {error.args[0]}; a load last, +{' or +'.join(LOADS)}"
         ) from None
     if load and law == AUTO:
         raise InputError(f"got {short(name)}; expected {AUTO} alone, which tries the loads as well, or a law by name")
     return name
 
 
-class FitOptions(StrictModel):
-    """How the static parameters are fitted."""
+WITHOUT_PEAK = "coulomb-viscous"
+"""What `fit.law` takes in a peak's place: Coulomb and viscous friction alone."""
+AS_WRITTEN = "as-written"
+GONE = {
+    "loss": "points that do not belong to the law of the others are found, left out and named",
+    "stray": f"points off the law of the others are left out and named, unless fit.set_up: {AS_WRITTEN}",
+    "model": f"the peak is fitted where the data show one, always by fit.set_up: {AS_WRITTEN}, never by fit.law: {WITHOUT_PEAK}",
+    "v_s_range": "v_s is searched from a third of the slowest speed to the fastest",
+    "grid": "v_s has a grid of 32 values, and is refined from there",
+    "plain_grid": "the paper's grid has 500 values of v_s",
+    "velocity_cutoff": "the spectra choose the low pass of held speeds",
+    "presliding_cutoff": "the spectra choose the low pass of slow loading",
+    "moving_above": "the fit of all parameters describes slow motion as well",
+    "shared": "fit.directions: symmetric has both directions share all of friction",
+    "horizon": "the windows that are simulated are 0.5 s long, shorter in short runs",
+}
+"""Keys that `fit` had, and what holds in their place: files that have them are read, and told so."""
 
+
+class FitOptions(StrictModel):
+    """What is pinned of the fit: all else the data settle."""
+
+    set_up: Literal["auto", "as-written"] = "auto"
+    """Whether the data decide what is not written, which points belong to the law, and whether there is a peak; or what is written is
+    fitted, and no more."""
     directions: Literal["auto", "separate", "symmetric"] = "separate"
-    """Of the friction: `auto` has moving runs choose between one set for both, about an offset, and one for each."""
-    model: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
-    """Whether the Stribeck term is fitted: where the data support it, never, or always."""
+    """Of the friction: `auto` has the data choose between one set for both, about an offset, and one for each."""
     law: Annotated[StrictStr, AfterValidator(read_law)] = PAPER
-    """Of the friction: the paper's, the one that the data choose (`auto`), or one by its name, as `lorentzian+quadratic`."""
-    loss: Literal["least-squares", "huber"] = "least-squares"
-    """Of the static fit, and all that rests on it: Huber's counts what is far off less."""
-    stray: Literal["drop", "report"] = "drop"
-    """Points that do not belong to the law of the others, where they move the curve: leave them out and name them, or name them alone."""
+    """Of the friction: the paper's, the one that the data choose (`auto`), one by its name, as `lorentzian+quadratic`, or
+    `coulomb-viscous`."""
     exclude: Annotated[tuple[ExcludedRows, ...], Field(max_length=1000)] = ()
     """Points and segments that are left out."""
     regressors: tuple[Regressor, ...] | None = None
-    """None: none for ramp and points, inertia (and offset, if symmetric) for tracking."""
+    """None: those that the data ask for; as written, none for ramp and points, inertia (and offset, if symmetric) for tracking."""
     orders: Annotated[tuple[int, ...] | Literal["auto"] | None, BeforeValidator(read_orders)] = None
     """Of cogging and ripple, periods per turn of the joint, or per metre; None, as `auto`: those that the data show."""
-    v_s_range: tuple[Speed, Speed] | None = None
-    """Stribeck velocities that are searched, rad/s; None: from the data."""
-    grid: Annotated[int, Field(ge=8, le=2_000)] = 32
-    plain_grid: Annotated[int, Field(ge=8, le=100_000)] = 500
-    position_cutoff: Hertz | None = None
-    """Low pass of position before it is differentiated, tracking runs, Hz; None: by each run's own spectra."""
-    velocity_cutoff: Hertz | None = None
-    """The same, ramp and presliding runs without logged velocity, Hz."""
-    presliding_cutoff: Hertz | None = None
-    """Low pass of the torque of presliding runs, Hz."""
-    breakaway_displacement: Annotated[float, quantity("position"), Field(gt=0)] | None = None
-    """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of
-    loading."""
-    moving_above: Annotated[float, quantity("velocity"), Field(gt=0)] | None = None
-    """Equations of moving runs slower than this are left out of the static fit, and of its errors, rad/s; None: none
-    are."""
     fixed: Annotated[dict[str, float], BeforeValidator(read_fixed), AfterValidator(_physical)] = Field(
         default_factory=dict
     )
     """LuGre parameters, inertia and so on that the fit of all parameters takes as given, by name, a bare one for both
     directions; SI."""
-    shared: tuple[Literal["alpha_0", "alpha_1", "alpha_2", "v_s", "sigma_0", "sigma_1"], ...] = ()
-    """LuGre parameters that both directions have in common in the fit of all parameters."""
     predict: Literal["torque", "position"] = "torque"
     """What the model of moving runs predicts: the torque of the measured velocity, or, the motor simulated, the
     position."""
-    horizon: Seconds = 0.5
-    """Length of the windows that are simulated, s."""
+    breakaway_displacement: Annotated[float, quantity("position"), Field(gt=0)] | None = None
+    """Displacement from rest that counts as breakaway, rad; None: where the speed leaves the noise floor and that of
+    loading."""
+    position_cutoff: Hertz | None = None
+    """Low pass of position before it is differentiated, tracking runs, Hz; None: by each run's own spectra."""
     decimation: Annotated[int, Field(ge=1, le=10_000)] | None = None
     """One sample of how many of the slowest moving run makes an equation; None: as the runs' spectra need."""
+    _gone: tuple[str, ...] = PrivateAttr(default=())
+
+    @model_validator(mode="wrap")
+    @classmethod
+    def _without_gone(cls, value: Any, handler: ModelWrapValidatorHandler["FitOptions"]) -> "FitOptions":
+        """Read a file that has keys of earlier versions: what they asked for, where something still does that."""
+        if not isinstance(value, dict) or not GONE.keys() & value.keys():
+            return handler(value)
+        kept = {key: x for key, x in value.items() if key not in GONE}
+        if value.get("model") == WITHOUT_PEAK:
+            kept.setdefault("law", WITHOUT_PEAK)
+        if value.get("stray") == "report" or value.get("model") == "stribeck":
+            kept.setdefault("set_up", AS_WRITTEN)
+        found = handler(kept)
+        found._gone = tuple(key for key in value if key in GONE)
+        return found
+
+    @property
+    def gone(self) -> tuple[str, ...]:
+        """Keys of earlier versions that the file has, of `GONE`."""
+        return self._gone
+
+    @property
+    def model(self) -> Literal["auto", "coulomb-viscous", "stribeck"]:
+        """Whether there is a peak: never, always, or where the data show it."""
+        if self.law.split("+")[0] == WITHOUT_PEAK:
+            return "coulomb-viscous"
+        return "stribeck" if self.set_up == AS_WRITTEN else "auto"
 
     @property
     def drops_strays(self) -> bool:
-        """Whether strays are left out: Huber's loss, which counts them less, takes its place unless both are asked for."""
-        return self.stray == "drop" and (self.loss == "least-squares" or "stray" in self.model_fields_set)
+        """Whether points off the law of the others are left out where they move the curve."""
+        return self.set_up != AS_WRITTEN
 
     @property
     def every(self) -> int:
@@ -281,7 +319,7 @@ class FitOptions(StrictModel):
     @property
     def friction(self) -> Law:
         """The law of the friction, the paper's before the data chose, without its load."""
-        return law_named(apart(self.law)[0])
+        return law_named(apart(self.law)[0].replace(WITHOUT_PEAK, PAPER))
 
     @property
     def load(self) -> tuple[str, ...]:
@@ -300,21 +338,7 @@ class FitOptions(StrictModel):
             raise InputError(
                 f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
             )
-        if self.model == "coulomb-viscous" and (self.law == AUTO or self.friction.peak != GAUSSIAN.peak):
-            what = "chooses the peak" if self.law == AUTO else "has a peak of its own"
-            raise InputError(
-                f"fit.law: {self.law} {what}, and fit.model: coulomb-viscous has none; leave one of the two out"
-            )
         check_orders(self.regressors or (), self.orders, self.predict)
-        if self.v_s_range is not None and not self.v_s_range[0] < self.v_s_range[1]:
-            raise InputError(
-                f"fit.v_s_range: got {self.v_s_range[0]:g} to {self.v_s_range[1]:g}; expected the smaller value first"
-            )
-        split = [name for name in self.fixed if _bare(name) != name and _bare(name) in self.shared]
-        if split:
-            raise InputError(
-                f"fit.fixed: {split[0]} fixes one direction of what both share; fix {_bare(split[0])}, or take it out of fit.shared"
-            )
         return self
 
 

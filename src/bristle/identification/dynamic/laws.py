@@ -81,7 +81,7 @@ def fitted_to_motion(
     sides, (fixed, _) = directions(experiment, records), inertia(experiment)
     asked = (*(name for name in regressors(experiment) if name not in LEVELS), *load)
     options = experiment.fit
-    whole = dynamic_problem(records, sides, asked, options.every, fixed, shared=options.shared, law=law)
+    whole = dynamic_problem(records, sides, asked, options.every, fixed, law=law)
     held = {
         name: x
         for name, x in alone.fixed.items()

@@ -33,6 +33,8 @@ from bristle.workers import threads
 
 _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = tuple(ParameterName(name, Direction.SHARED) for name in LOADS)
+HORIZON = 0.5
+"""Length of the windows that are simulated, s; half of a segment where that is less."""
 _EQUATIONS = 4
 """In a window, at the least: its position, velocity and deflection at the start are unknown."""
 _SHORTEST = 16
@@ -100,7 +102,11 @@ class Simulated:
 
 
 def simulation(
-    records: Sequence[Record], posed: DynamicProblem, constants: Motor[float] | None, horizon: float, decimation: int
+    records: Sequence[Record],
+    posed: DynamicProblem,
+    constants: Motor[float] | None,
+    decimation: int,
+    horizon: float | None = None,
 ) -> DynamicProblem:
     """The problem that moving records pose to the simulated motor.
 
@@ -108,7 +114,7 @@ def simulation(
         records: with position, and voltage or torque.
         posed: the same records as `tracking` poses them, not decimated, the inertia among the regressors.
         constants: of the motor; needed where the records have a voltage.
-        horizon: length of a window, s.
+        horizon: length of a window, s; None: `HORIZON`, or half of a segment where that is less.
         decimation: samples of a window over which measured and simulated position are averaged to one equation.
 
     Raises InputError where a record has no position, or nothing tells the inertia.
@@ -146,17 +152,18 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
 
 
 def _windows(
-    record: Record, part: slice, whole: Motion, horizon: float, decimation: int, *, by_voltage: bool
+    record: Record, part: slice, whole: Motion, horizon: float | None, decimation: int, *, by_voltage: bool
 ) -> list[Window]:
     """The windows of a segment between gaps: each of the same length, the last of what is left."""
     drive = record.voltage if by_voltage else record.torque
     if record.position is None or drive is None:
         raise InputError(f"{record.file}: fit.predict: position needs the position; name it under signals")
-    size = max(round(horizon / record.step), _SHORTEST)
+    usual = min(round(HORIZON / record.step), whole.time.size // 2)
+    size = max(usual if horizon is None else round(horizon / record.step), _SHORTEST)
     if size < _EQUATIONS * decimation:
         raise InputError(
-            f"{record.file}: fit.horizon: a window of {size} samples holds {size // decimation} equations of {decimation} samples; expected at least "
-            f"{_EQUATIONS}, more than it has unknowns at its start: raise fit.horizon, or lower fit.decimation"
+            f"{record.file}: fit.predict: a window of {size} samples holds {size // decimation} equations of {decimation} samples; expected at least "
+            f"{_EQUATIONS}, more than it has unknowns at its start: lower fit.decimation, or measure longer"
         )
     bounds = [k for k in range(0, whole.time.size, size) if whole.time.size - k >= _SHORTEST]
     windows = []

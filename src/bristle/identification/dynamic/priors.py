@@ -195,9 +195,9 @@ def _output_error_problem(
     options, asked = experiment.fit, regressors(experiment)
     if known is not None:
         asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
-    posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.shared, options.friction)
+    posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.friction)
     posed = replace(posed, count=_count(experiment, records), stribeck=options.model)
-    return simulation(records, posed, experiment.motor, options.horizon, options.every)
+    return simulation(records, posed, experiment.motor, options.every)
 
 
 def _equation_error_problem(
@@ -213,7 +213,6 @@ def _equation_error_problem(
         options.every,
         known,
         fixed,
-        options.shared,
         options.friction,
     )
     count = _count(experiment, records)

@@ -17,6 +17,7 @@ from scipy import sparse
 from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
+from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError
 from bristle.estimation.nonlinear import Block
 from bristle.identification.load_levels import Load, levels_of, load_of
@@ -119,8 +120,6 @@ class DynamicProblem:
     extra_names: tuple[ParameterName, ...]
     fixed: Mapping[ParameterName, float]
     """Parameters that are not estimated."""
-    shared: tuple[str, ...] = ()
-    """LuGre parameters that both directions have in common."""
     law: Law = GAUSSIAN
     priors: tuple[Prior, ...] = ()
     sigma: float = 1.0
@@ -140,13 +139,13 @@ class DynamicProblem:
 
     @property
     def friction_names(self) -> tuple[ParameterName, ...]:
-        """The LuGre parameters, direction by direction; those that both share stand once."""
+        """The LuGre parameters, direction by direction."""
         every = [self.key(name, d) for d in self.directions for name in fields_of(self.law)]
         return tuple(dict.fromkeys(every))
 
     def key(self, name: str, direction: Direction) -> ParameterName:
-        """Which LuGre parameter acts in a direction: its own, or the one that both directions share."""
-        return ParameterName(name, Direction.BOTH if name in self.shared else direction)
+        """The LuGre parameter that acts in a direction."""
+        return ParameterName(name, direction)
 
     @property
     def names(self) -> tuple[Unknown, ...]:
@@ -232,12 +231,11 @@ def dynamic_problem(
     decimation: int,
     inertia: float | None,
     fixed: Mapping[ParameterName, float] | None = None,
-    shared: tuple[str, ...] = (),
     law: Law = GAUSSIAN,
 ) -> DynamicProblem:
     """The problem that moving records pose.
 
-    Arguments as in `regression.from_records`, and what is fixed or shared as in `DynamicProblem`. Raises InputError
+    Arguments as in `regression.from_records`, and what is fixed as in `DynamicProblem`. Raises InputError
     where a record lacks what a regressor needs, is at rest, or has a segment too short for the filter.
     """
     motions: list[Motion] = []
@@ -256,9 +254,9 @@ def dynamic_problem(
             raise InputError(
                 f"{record.file}: at rest throughout; a tracking run needs motion in both directions, slow and fast"
             )
-        known = known_torque(record, inertia, regressors)
+        known, clipped = known_torque(record, inertia, regressors), at_limits(record)
         for part in between_gaps(record):
-            smooth, _ = decimator([np.array([part.stop - part.start])], every, record.file)
+            smooth, _ = decimator([np.array([part.stop - part.start])], every, record.file, clipped[part])
             motions.append(
                 Motion(
                     file=record.file,
@@ -266,7 +264,7 @@ def dynamic_problem(
                     velocity=record.velocity[part],
                     torque=(record.torque if known is None else record.torque - known)[part],
                     extra=columns[part],
-                    smooth=None if every == 1 else smooth,
+                    smooth=None if smooth.shape == (part.stop - part.start,) * 2 else smooth,
                     measured=record.torque[part],
                     position=np.zeros(0) if record.position is None else record.position[part],
                     shifts={name: shift[part] for name, shift in record.torque_shifts.items()},
@@ -278,7 +276,6 @@ def dynamic_problem(
         directions=tuple(map(Direction, directions)),
         extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names),
         fixed={**_fastest(motions, directions, law), **(fixed or {})},
-        shared=shared,
         law=law,
     )
 

@@ -42,8 +42,8 @@ def solve_dynamic(
     """
     if problem.quantity == "position" and len(problem.motions) < _WINDOWS:
         raise InputError(
-            f"{problem.motions[0].file}: fit.horizon: the moving runs make one window; expected at least {_WINDOWS}, which "
-            "tell the errors by how they differ: set fit.horizon to at most half of a run, or measure longer"
+            f"{problem.motions[0].file}: fit.predict: the moving runs make one window; expected at least {_WINDOWS}, which "
+            "tell the errors by how they differ: measure longer"
         )
     first, random = with_deflections(problem, start), list[Values]()
     if starts > 1 and len(problem.directions) == len(SIGNED) and problem.quantity == "torque":

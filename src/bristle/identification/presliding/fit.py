@@ -77,8 +77,7 @@ def identify_presliding(
 
     Raises InputError where a run holds no loading from zero torque, or slides from its start.
     """
-    chosen = options.presliding_cutoff or of_slow_loading
-    records = [r if r.cutoff else replace(r, cutoff=low_pass(r, chosen)[0]) for r in records]
+    records = [r if r.cutoff else replace(r, cutoff=low_pass(r, of_slow_loading)[0]) for r in records]
     found = find_all_loadings(records, resolution, options.breakaway_displacement)
     for record, of_record in zip(records, found, strict=True):
         if not of_record:

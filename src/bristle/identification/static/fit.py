@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
-from bristle.estimation import covariance
 from bristle.estimation.autocorrelation import residual_warnings, unexplained
 from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, RunScatter, StaticFit, Uncertainty
@@ -19,7 +18,6 @@ from bristle.identification.moving_runs import with_orders_advised
 from bristle.identification.repeats import clustered, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.grid import default_range, plain_grid, solve
-from bristle.identification.static.huber import huber
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.set_up import quadratic_left_out
@@ -85,7 +83,7 @@ def fit_static(
         Fits and cross-checks, keyed by direction; a problem of two directions that share regressors also has the fit
         `shared`.
     """
-    v_s_range = options.v_s_range or default_range(problem.velocity)
+    v_s_range = default_range(problem.velocity)
     too_few = _too_few(problem)
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
@@ -101,14 +99,11 @@ def fit_static(
     checked = crosscheck(core.problem, core.solution.theta, core.solution.cost, errors_of_grid, v_s_range)
     if timings is not None:
         checked_at = perf_counter()
-        solve(core.problem, v_s_range, options.grid)  # once more, for its time alone
+        solve(core.problem, v_s_range)  # once more, for its time alone
         timings |= {f"grid {label}": perf_counter() - checked_at, f"full fit {label}": checked_at - started}
     if not checked.agrees:
         comparisons = replace(comparisons, warnings=(*comparisons.warnings, checked.verdict))
     fits = {d: _static_fit(core, kind, d, where, comparisons, errors) for d in _parts(problem)}
-    if options.loss == "huber":
-        peaks = core.problem.peaks
-        runs = [(file, huber(replace(one, peaks=peaks), v_s_range, options.grid).problem) for file, one in runs]
     if any(of_load(name.name) for name in problem.names):
         scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom)
     else:
@@ -129,12 +124,14 @@ def _finished(
     return finished
 
 
-def estimate_static(problem: Regression, options: FitOptions, kind: JointKind) -> Mapping[str, Estimate]:
+def estimate_static(
+    problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float] | None = None
+) -> Mapping[str, Estimate]:
     """The parameters of one direction alone, with their intervals, and nothing that stands beside them.
 
     What a study of many data sets repeats.
     """
-    core = solve_static(problem, options, kind)
+    core = solve_static(problem, options, kind, v_s_range)
     return {name.name: e for name, e in core.estimates.items()}
 
 
@@ -171,37 +168,11 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointI
     )
 
 
-def _huber_warnings(
-    core: StaticSolution,
-    robust: Mapping[ParameterName, float],
-    errors: Mapping[ParameterName, float],
-    pulled: Array,
-    where: PointInfo,
-) -> list[Finding]:
-    """Where least squares and Huber (with its standard errors) differ by over two combined ones, and the points responsible.
-
-    `pulled` is how far each point's torque is pulled in, (n,); of those within the limit nothing.
-    """
-    moved = []
-    for name, estimate in core.parameters.items():
-        if estimate.standard_error and estimate.value is not None:
-            distance = abs(robust[name] - estimate.value) / np.hypot(estimate.standard_error, errors[name])
-            if distance > 2:
-                moved.append((core.problem.text(name), float(distance)))
-    if not moved:
-        return []
-    points = where.segments
-    responsible = [str(points[k]) for k in np.argsort(-pulled)[:5] if pulled[k]] if points else []
-    by = Kind.RESPONSIBLE(points=tuple(responsible)) if responsible else ""
-    return [Kind.HUBER_DIFFERS(moved=tuple(moved), points=by)]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Comparisons:
     """The same parameters by other ways, which a fit is shown with."""
 
     plain: Mapping[ParameterName, float]
-    robust: Mapping[ParameterName, float]
     without: Mapping[ParameterName, Estimate]
     three: Mapping[ParameterName, Uncertainty]
     strays: StrayReport
@@ -218,16 +189,9 @@ def _comparisons(
 ) -> _Comparisons:
     plain: dict[ParameterName, float] = {}
     if len(core.problem.peaks) == 1 and problem.smooth is None:
-        plain = dict(
-            zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range, options.plain_grid)[2]), strict=True)
-        )
-    pulled, refit, far = huber(core.measured, v_s_range, options.grid)
-    distance = np.where(far, np.abs(pulled.torque - problem.torque), 0.0)
-    robust = dict(zip(core.problem.names, map(float, refit.theta), strict=True))
-    spread = np.sqrt(np.diag(covariance.covariance(refit.jacobian, refit.cost)[0]))
-    errors = dict(zip(core.problem.names, map(float, spread), strict=True))
+        plain = dict(zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range)[2]), strict=True))
     strays = report_strays(core, where.search, options, kind)
-    warnings = [*strays.warnings, *_huber_warnings(core, robust, errors, distance, where), *core.warnings]
+    warnings = [*strays.warnings, *core.warnings]
     without: Mapping[ParameterName, Estimate] = {}
     if (sticks := where.stick_slip).any():
         rest = problem.rows(np.logical_not(sticks))
@@ -239,17 +203,14 @@ def _comparisons(
             without = alone.estimates
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
-    velocity = problem.equation_velocity[measured]
-    patterns = residual_warnings(core.solution.residuals[measured], velocity, where.time, where.position)
+    velocity, residuals = problem.equation_velocity[measured], core.solution.residuals[measured]
+    patterns = residual_warnings(residuals, velocity, where.time, where.position)
     warnings += with_orders_advised(patterns, [name.name for name in problem.names], kind)
-    residuals = core.measured.residuals(core.solution.theta)[measured]
     warnings += quadratic_left_out(core.problem, core.solution.theta)
     in_order = residuals[np.argsort(velocity)] if where.segments else residuals
     warnings = [*unexplained(in_order, float(np.linalg.norm(problem.measured[measured]))), *warnings]
     three = three_ways(core, v_s_range)
-    return _Comparisons(
-        plain=plain, robust=robust, without=without, three=three, strays=strays, warnings=tuple(warnings)
-    )
+    return _Comparisons(plain=plain, without=without, three=three, strays=strays, warnings=tuple(warnings))
 
 
 def _static_fit(
@@ -261,7 +222,7 @@ def _static_fit(
     errors: tuple[HoldOut, ...],
 ) -> StaticFit:
     """The part of a fit that belongs to one direction, to both, or to what two directions share."""
-    problem, theta = core.measured, core.solution.theta
+    problem, theta = core.problem, core.solution.theta
     two = len(problem.directions) == 2
     velocity = problem.equation_velocity
     residuals = problem.residuals(theta)
@@ -298,14 +259,12 @@ def _static_fit(
         profile=core.profiles.get(part),
         uncertainty={name.name: comparisons.three[name] for name in names},
         plain_grid={name.name: x for name, x in comparisons.plain.items() if name in names},
-        huber={name.name: x for name, x in comparisons.robust.items() if name in names},
         without_stick_slip={n.name: e for n, e in comparisons.without.items() if not two or n.direction is part},
         strays=comparisons.strays.of(part),
         other_points=comparisons.strays.other.get(part),
         velocity=velocity[rows],
         torque=torque[rows],
         residuals=residuals[rows],
-        pulled=(problem.torque - core.problem.torque)[rows],
         segments=tuple(s for s, row in zip(where.segments, rows.tolist(), strict=False) if row),
         time=where.time[rows[: where.time.size]],
         position=where.position[rows[: where.position.size]],

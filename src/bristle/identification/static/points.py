@@ -20,11 +20,12 @@ from bristle.identification.static.shape_search import with_best_shape
 from bristle.identification.static.strays import LEVEL, all_but, find_strays, refit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
+from bristle.model.parameters import Direction, ParameterName
 
 _MOST, _NEIGHBOURS, _MOVES = 0.1, 3, 0.01
 """Of the points: more than this are no strays, nor are so many in a row; of the curve: what moves it by less is none of its business."""
-_VANISHING = 1 / 3
-"""Of the slowest point that belongs to the law: a stray that is slower may be at rest."""
+_ASLEEP, _SURE = 0.85, 4.0
+"""Of alpha_0 of faster points, and standard deviations below it: what is slow and has less does not slide."""
 
 
 @result
@@ -75,8 +76,7 @@ def sliding_points(searches: Sequence[PointSearch]) -> list[Segment]:
 def search_points(experiment: Experiment, points: Sequence[Segment], law: Law | None = None) -> tuple[PointSearch, ...]:
     """The points of an experiment that do not belong to the law of the others, solve by solve; None: the experiment's law."""
     asked, law = point_regressors(experiment), law or experiment.fit.friction
-    v_s_range = experiment.fit.v_s_range
-    found = tuple(_search(sides, group, asked, v_s_range, law) for sides, group in groups(experiment, points))
+    found = tuple(_search(sides, group, asked, law) for sides, group in groups(experiment, points))
     few = sum(len(x.strays) for x in found) <= max(_MOST * len(points), 1)
     return tuple(replace(x, apart=few and x.apart) for x in found)
 
@@ -105,34 +105,31 @@ def _search(
     sides: tuple[str, ...],
     points: tuple[Segment, ...],
     asked: Sequence[str],
-    v_s_range: tuple[float, float] | None,
     law: Law,
 ) -> PointSearch:
     problem = points_problem(points, sides, asked, law)
-    problem = with_best_shape(problem, v_s_range or default_range(problem.velocity))
-    search, n = find_strays(problem, v_s_range), len(points)
-    nothing = PointSearch(
-        sides=sides, points=points, problem=problem, strays=search.rows, misfit=search.misfit,
+    problem = with_best_shape(problem, default_range(problem.velocity))
+    n = len(points)
+    resting = _resting(problem)
+    sliding = np.flatnonzero(all_but(n, resting))
+    search = find_strays(problem.rows(all_but(n, resting)))
+    strays = tuple(sliding[list(search.rows)].tolist())
+    if not search.misfit and strays:
+        residuals, _ = _from_the_law(problem, (*strays, *resting))
+        strays = tuple(k for k in strays if not _explained(points[k], residuals[k], n))
+    found = PointSearch(
+        sides=sides, points=points, problem=problem, strays=strays, resting=resting, misfit=search.misfit,
         deviations=np.zeros(n), expected=problem.torque,
     )  # fmt: skip  # a list of values
-    if search.misfit or not search.rows:
-        return nothing
-    residuals, _ = _from_the_law(problem, search.rows, v_s_range)
-    rows = tuple(k for k in search.rows if not _explained(points[k], residuals[k], n))
-    if not rows:
-        return replace(nothing, strays=())
-    residuals, spread = _from_the_law(problem, rows, v_s_range)
-    resting = _resting(problem.velocity, residuals, rows)
-    strays = tuple(k for k in rows if k not in resting)
+    if not resting and (search.misfit or not strays):
+        return found
+    residuals, spread = _from_the_law(problem, (*resting, *(() if search.misfit else strays)))
     expected = problem.torque - residuals
-    slides = all_but(n, resting)
-    with_all = refit(problem.rows(slides), v_s_range).theta
-    moved = (problem.torque - problem.residuals(with_all) - expected)[slides]
+    with_all = refit(problem.rows(found.sliding)).theta
+    moved = (problem.torque - problem.residuals(with_all) - expected)[found.sliding]
     return replace(
-        nothing,
-        strays=strays,
-        resting=resting,
-        matter=bool((np.abs(moved) > _MOVES * np.abs(expected[slides])).any()),
+        found,
+        matter=bool((np.abs(moved) > _MOVES * np.abs(expected[found.sliding])).any()),
         apart=_are_apart(problem.velocity, strays),
         deviations=np.divide(residuals, spread, out=np.zeros(n), where=spread > 0),
         expected=expected,
@@ -145,18 +142,16 @@ def _are_apart(velocity: Array, strays: Sequence[int]) -> bool:
     return bool(among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS)
 
 
-def _from_the_law(
-    problem: Regression, rows: Sequence[int], v_s_range: tuple[float, float] | None
-) -> tuple[Array, Array]:
+def _from_the_law(problem: Regression, rows: Sequence[int]) -> tuple[Array, Array]:
     """Torque of each point less that of the law of all but some, N*m, and the standard deviation of that, (n,)."""
     belongs = problem.rows(all_but(problem.torque.size, rows))
-    law = refit(belongs, v_s_range)
+    law = refit(belongs)
     free = np.linalg.norm(law.jacobian, axis=0) > 0
     size = np.linalg.norm(law.jacobian[:, free], axis=0)
     J = problem.jacobian(law.theta)[:, free] / size
     variance = law.cost / max(belongs.torque.size - law.theta.size, 1)
     leverage = np.einsum("np,pq,nq->n", J, inverse_gram(law.jacobian[:, free] / size), J)
-    return problem.residuals(law.theta), np.sqrt(variance * (1 + leverage))
+    return problem.residuals(law.theta), np.sqrt(variance * (1 + np.maximum(leverage, 0.0)))
 
 
 def _explained(point: Segment, residual: float, n: int) -> bool:
@@ -165,17 +160,31 @@ def _explained(point: Segment, residual: float, n: int) -> bool:
     return bool(abs(residual) <= ndtri(1 - LEVEL / (2 * n)) * error)
 
 
-def _resting(velocity: Array, residuals: Array, rows: Sequence[int]) -> tuple[int, ...]:
-    """Which of some points hardly move beside the others of their direction, with a torque that is smaller than friction there."""
-    kept = velocity[all_but(velocity.size, rows)]
-    slowest = {sign: np.abs(kept[kept * sign > 0]).min(initial=np.inf) for sign in (-1.0, 1.0)}
-    signs = {k: float(np.sign(velocity[k])) for k in rows}
-    slow = [k for k in rows if abs(velocity[k]) < _VANISHING * slowest[signs[k]] < np.inf]
-    return tuple(k for k in slow if residuals[k] * signs[k] < 0)
+def _resting(problem: Regression) -> tuple[int, ...]:
+    """The slowest points of a direction that do not slide: their friction is far below alpha_0 of the faster ones, less than which no law has.
+
+    Of a direction they are a third at most.
+    """
+    v, found = problem.velocity, list[int]()
+    ordered = {d: np.flatnonzero(v * sign > 0) for d, sign in DIRECTIONS.items()}
+    slow = {d: k[np.argsort(np.abs(v[k]))][: k.size // 3].tolist() for d, k in ordered.items()}
+    rows = [k for of_direction in slow.values() for k in of_direction]
+    if not rows or v.size - len(rows) <= len(problem.names):
+        return ()
+    law = refit(problem.rows(all_but(v.size, rows)))
+    _, spread = _from_the_law(problem, rows)
+    values, friction = problem.named(law.theta), problem.friction(law.theta)
+    for d, sign in DIRECTIONS.items():
+        name = ParameterName("alpha_0", Direction(d) if Direction(d) in problem.directions else Direction.BOTH)
+        for k in slow[d] if name in values else ():
+            if not sign * friction[k] < min(_ASLEEP * values[name], values[name] - _SURE * spread[k]):
+                break
+            found.append(k)
+    return tuple(found)
 
 
 def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> Iterator[Segment]:
-    """The points that are left out, each with the reason: those below breakaway, and unless `fit.stray: report` those that move the curve."""
+    """The points that are left out, each with the reason: those below breakaway, and unless `fit.set_up: as-written` those that move the curve."""
     dropped = experiment.fit.drops_strays
     for search in searches:
         for k in search.resting:

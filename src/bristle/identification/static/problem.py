@@ -21,6 +21,7 @@ from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.data.record import Record
+from bristle.data.torque_checks import at_limits
 from bristle.estimation.linear import bounded_least_squares
 from bristle.estimation.nonlinear import LeastSquares, Unknowns
 from bristle.identification.load_levels import level_columns, levels_of, settled_weights
@@ -263,7 +264,9 @@ def from_records(
     Raises:
         InputError: where a segment is too short for the filter, with the length it needs.
     """
-    filters = [decimator([np.diff([*r.starts, r.time.size])], r.decimation(decimation), r.file) for r in records]
+    filters = [
+        decimator([np.diff([*r.starts, r.time.size])], r.decimation(decimation), r.file, at_limits(r)) for r in records
+    ]
     smooth = sparse.csr_array(sparse.block_diag([matrix for matrix, _ in filters], format="csr"))
     dropped = sum(lost for _, lost in filters)
     velocity = np.concatenate([needed(r, "velocity") for r in records])

@@ -18,7 +18,7 @@ from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
 from bristle.identification.fits import Profile
-from bristle.identification.static.grid import GRID, Projected, Solution, subsets
+from bristle.identification.static.grid import GRID, PLAIN_GRID, Projected, Solution, subsets
 from bristle.identification.static.problem import Regression, log_grid
 from bristle.model.parameters import Direction, ParameterName
 
@@ -119,16 +119,16 @@ def profiled(
 
 
 def drawn_profiles(
-    problem: Regression, solution: Solution, plain_grid: int, v_s_range: tuple[float, float], threshold: float
+    problem: Regression, solution: Solution, v_s_range: tuple[float, float], threshold: float
 ) -> dict[Direction, Profile]:
-    """The profile over v_s of each peak, as it is drawn, with `plain_grid` values of the paper's grid."""
+    """The profile over v_s of each peak, as it is drawn, with as many values as the paper's grid has."""
     profiles = {}
     projected = Projected(problem)
     for k, direction in enumerate(problem.peaks):
         best = float(solution.theta[k - len(problem.peaks)])
         costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
         plain_v_s = (
-            np.linspace(*v_s_range, plain_grid) if len(problem.peaks) == 1 and problem.smooth is None else solution.grid
+            np.linspace(*v_s_range, PLAIN_GRID) if len(problem.peaks) == 1 and problem.smooth is None else solution.grid
         )
         around = _around(solution.grid, solution.profiles[k], best, solution.cost, threshold)
         profiles[direction] = Profile(

@@ -5,28 +5,24 @@ From points at constant velocity, direction by direction or of both, or from mov
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, StaticFit
 from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.measured import Measured
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, refuse_opposing, regressors
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records, with_prior
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import INERTIA, ParameterName, of_curve
+from bristle.model.parameters import INERTIA, ParameterName
 
 
 def refuse_opposing_points(experiment: Experiment, points: Sequence[Segment], asked: Sequence[str]) -> None:
@@ -87,12 +83,6 @@ def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
     return found
 
 
-def pulled_points(points: Sequence[Segment], fits: Mapping[str, StaticFit]) -> tuple[Segment, ...]:
-    """The points with the torques that Huber's loss gave them in their fits; as they are under least squares."""
-    pulled = {s.place: x for f in fits.values() for s, x in zip(f.segments, f.pulled.tolist(), strict=False)}
-    return tuple(replace(s, torque=s.torque - x) if (x := pulled.get(s.place)) else s for s in points)
-
-
 def _whole_curves(
     points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str], law: Law
 ) -> list[tuple[str, Regression]]:
@@ -117,10 +107,10 @@ def _point_info(points: Sequence[Segment], search: PointSearch | None) -> PointI
 
 def fit_moving(
     experiment: Experiment, records: Sequence[Record], held: Sequence[Record], timings: dict[str, float] | None
-) -> tuple[dict[str, StaticFit], dict[str, Crosscheck], tuple[Finding, ...]]:
+) -> tuple[dict[str, StaticFit], dict[str, Crosscheck]]:
     """Static parameters and the declared regressors from moving runs, by linear least squares with the grid.
 
-    Fits, cross-checks, warnings. Raises InputError where a run lacks a signal, is too short, or its torque opposes its
+    Fits and cross-checks. Raises InputError where a run lacks a signal, is too short, or its torque opposes its
     velocity.
     """
     fixed, prior = inertia(experiment)
@@ -132,66 +122,25 @@ def fit_moving(
         """The regression of some records, time and position of each equation, samples dropped at ends."""
         return from_records(chosen, moving, asked, experiment.fit.every, fixed, experiment.fit.friction, weights)
 
-    weights = _weights(experiment, lambda at: problem(records, at)[0]) if levels_of(asked) else {}
-    every, (time, position), _ = problem(records, weights)
-    training, fast = _above(every, experiment.fit.moving_above)
-    where = PointInfo(time=time[fast], position=position[fast[: position.size]])
+    weights = _weights(lambda at: problem(records, at)[0]) if levels_of(asked) else {}
+    training, (time, position), _ = problem(records, weights)
+    where = PointInfo(time=time, position=position)
     if prior is not None and "inertia" in asked:
         free = training.linear @ np.linalg.lstsq(training.linear, training.torque, rcond=None)[0]
         sigma = float(np.std(training.torque - free))
         training = with_prior(training, INERTIA, prior.value, float(prior.standard_error or 0.0), sigma)
-    tests = [(r.file, _above(problem([r], weights)[0], experiment.fit.moving_above)[0]) for r in held]
-    apart = [
-        (r.file, _faster(problem([r], weights)[0], experiment.fit.moving_above)) for r in records if len(records) > 1
-    ]
+    tests = [(r.file, problem([r], weights)[0]) for r in held]
+    apart = [(r.file, problem([r], weights)[0]) for r in records if len(records) > 1]
     runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
-    fits, checks = fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
-    return fits, checks, _left_out(experiment, every, fast, fits)
+    return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
 
 
-def _weights(experiment: Experiment, pose: Callable[[Mapping[str, float] | None], Regression]) -> dict[str, float]:
+def _weights(pose: Callable[[Mapping[str, float] | None], Regression]) -> dict[str, float]:
     """What gravity and links are where the level rises with their load, as the fit itself has them."""
 
     def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
         """By the grid."""
-        one = _above(pose(weights), experiment.fit.moving_above)[0]
-        return one.named(solve(one, experiment.fit.v_s_range or default_range(one.velocity)).theta)
+        one = pose(weights)
+        return one.named(solve(one, default_range(one.velocity)).theta)
 
     return settled_weights(fitted, pose(None).weights)
-
-
-def _faster(problem: Regression, speed: float | None) -> Regression:
-    """The equations faster than a speed, however few."""
-    return problem if speed is None else problem.rows(np.abs(problem.equation_velocity) > speed)
-
-
-def _above(problem: Regression, speed: float | None) -> tuple[Regression, NDArray[np.bool_]]:
-    """The equations faster than a speed, and which those are, (n,)."""
-    if speed is None:
-        return problem, np.ones(problem.torque.size, dtype=bool)
-    fast = np.abs(problem.equation_velocity) > speed
-    if fast.sum() <= problem.linear.shape[1]:
-        raise InputError(
-            f"fit.moving_above: {int(fast.sum())} of {fast.size} equations are faster than {speed:.3g}, too few for a fit; lower it"
-        )
-    return problem.rows(fast), fast
-
-
-def _left_out(
-    experiment: Experiment, every: Regression, fast: NDArray[np.bool_], fits: Mapping[str, StaticFit]
-) -> tuple[Finding, ...]:
-    """How the fit does on the slow equations that were left out of it."""
-    if fast.all():
-        return ()
-    slow = every.rows(~fast)
-    values = {(name, d): e.value or 0.0 for d, fit in fits.items() for name, e in fit.parameters.items()}
-    extra = {name: value for (name, d), value in values.items() if not of_curve(name)}
-    theta = np.array([values.get(n, extra.get(n.name, 0.0)) or (1.0 if n.name == "v_s" else 0.0) for n in every.names])
-    return (
-        Kind.SLOW_LEFT_OUT(
-            slow=int((~fast).sum()),
-            equations=fast.size,
-            above=experiment.fit.moving_above,
-            error=slow.relative_error(theta),
-        ),
-    )

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import brentq, minimize_scalar
 
 from bristle.arrays import Array
-from bristle.identification.static.grid import GRID, Solution, solve
+from bristle.identification.static.grid import Solution, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, profiled
 from bristle.model.parameters import ParameterName
@@ -25,20 +25,19 @@ _WITHIN = 5
 """Values between the ends of its interval at which the intervals of the others are worked out."""
 
 
-def with_best_shape(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID) -> Regression:
+def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
     """The problem with the shape at which its cost is least; itself where its peak has nothing beside v_s.
 
     Args:
         problem: n equations, as in `solve`.
         v_s_range: as in `solve`, rad/s.
-        grid: as in `solve`.
     """
     if not problem.law.peak.own or not problem.peaks:
         return problem
 
     def cost(shape: tuple[float, ...]) -> float:
         """The least there is with this shape."""
-        return solve(problem.with_shape(shape), v_s_range, grid).cost
+        return solve(problem.with_shape(shape), v_s_range).cost
 
     best, _ = _searched(cost, tuple(own.searched for own in problem.law.peak.own))
     return problem.with_shape(best)
@@ -84,14 +83,14 @@ def own_columns(problem: Regression, solution: Solution) -> Array:
 
 
 def over_shapes(
-    problem: Regression, likelihood: StaticProfiles, v_s_range: tuple[float, float], grid: int
+    problem: Regression, likelihood: StaticProfiles, v_s_range: tuple[float, float]
 ) -> tuple[Mapping[ParameterName, tuple[float, float]], Mapping[str, tuple[float, float]]]:
     """The intervals of the problem's parameters, over every shape of the peak that the data allow; and those of the shape's."""
     if not problem.shape or not problem.peaks:
         return likelihood.intervals, {}
-    of_shape = _shape_intervals(problem, v_s_range, grid, likelihood.threshold)
+    of_shape = _shape_intervals(problem, v_s_range, likelihood.threshold)
     posed = [problem.with_shape(shape) for shape in _shapes_within(problem, of_shape)]
-    solved = [(one, solve(one, v_s_range, grid)) for one in posed]
+    solved = [(one, solve(one, v_s_range)) for one in posed]
     others = [
         profiled(one, solution, threshold=likelihood.threshold).intervals
         for one, solution in solved
@@ -101,7 +100,7 @@ def over_shapes(
 
 
 def _shape_intervals(
-    problem: Regression, v_s_range: tuple[float, float], grid: int, threshold: float
+    problem: Regression, v_s_range: tuple[float, float], threshold: float
 ) -> Mapping[str, tuple[float, float]]:
     """The 95 % interval of each of the shape's parameters, by name: where the cost stays below the threshold.
 
@@ -114,9 +113,7 @@ def _shape_intervals(
 
         def above(u: float, k: int = k) -> float:
             """By how much the cost passes the threshold at a logarithm, the other parameters at their best."""
-            return (
-                solve(problem.with_shape(_with(problem.shape, k, float(np.exp(u)))), v_s_range, grid).cost - threshold
-            )
+            return solve(problem.with_shape(_with(problem.shape, k, float(np.exp(u)))), v_s_range).cost - threshold
 
         ends = []
         for end, beyond in ((low, 0.0), (high, np.inf)):

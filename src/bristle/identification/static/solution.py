@@ -19,11 +19,9 @@ from bristle.identification.fits import Estimate, Profile
 from bristle.identification.messages import Kind
 from bristle.identification.static.fit_warnings import fit_warnings, is_closed, speeds_of
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
-from bristle.identification.static.huber import huber
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, drawn_profiles, profiled
 from bristle.identification.static.shape_search import over_shapes, own_columns, with_best_shape
-from bristle.identification.static.strays import all_but, find_strays
 from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, ParameterName, unit
@@ -35,7 +33,6 @@ UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
 is invented."""
 _THERE = {
-    "strays-as-well",
     "peak-left-out",
     "bend",
     "one-speed",
@@ -51,9 +48,6 @@ class StaticSolution:
     """A solved and judged problem."""
 
     problem: Regression
-    """As it is fitted: under Huber's loss with torques that are pulled in."""
-    measured: Regression
-    """The same with the torques that were measured."""
     solution: Solution
     parameters: Mapping[ParameterName, Estimate]
     """With the statistical error alone."""
@@ -84,17 +78,16 @@ def solve_static(
 ) -> StaticSolution:
     """Solve, drop the Stribeck terms that the data do not support, and put an interval on each parameter.
 
-    With each interval go its warnings. `v_s_range`, rad/s, is as asked for, or from the problem's speeds, if not given.
+    With each interval go its warnings. `v_s_range`, rad/s, is from the problem's speeds, if not given.
     """
-    v_s_range = v_s_range or options.v_s_range or default_range(problem.velocity)
-    problem = with_best_shape(problem, v_s_range, options.grid)
+    v_s_range = v_s_range or default_range(problem.velocity)
+    problem = with_best_shape(problem, v_s_range)
     dropped, solution = _without_peak(problem, options, v_s_range)
-    measured = problem
     problem, solution, likelihood, again = _settled(problem, solution, dropped, options, v_s_range)
     variance_inflation = _inflation(problem, solution)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
-    intervals, of_shape = over_shapes(problem, likelihood, v_s_range, options.grid)
+    intervals, of_shape = over_shapes(problem, likelihood, v_s_range)
     more = own_columns(problem, solution)
     with_more, freedom = uncertainty.covariance(
         np.concatenate([jacobian[:, free], more], axis=1), solution.cost, variance_inflation
@@ -102,7 +95,7 @@ def solve_static(
     alone = free.sum() + more.shape[1] * (len(problem.directions) == 1)  # of two directions the shape is of neither
     covariance = with_more[:alone, :alone]
     full, _ = uncertainty.covariance(np.concatenate([jacobian, more], axis=1), solution.cost, variance_inflation)
-    profiles = drawn_profiles(problem, solution, options.plain_grid, v_s_range, likelihood.threshold)
+    profiles = drawn_profiles(problem, solution, v_s_range, likelihood.threshold)
     beside = _beside(problem, of_shape, np.sqrt(np.diag(with_more)[free.sum() :]), solution, kind)
     parameters = _estimates(problem, solution, covariance[: free.sum(), : free.sum()], free, intervals, kind)
     parameters |= _as_far_as_measured(parameters, dropped)
@@ -111,7 +104,6 @@ def solve_static(
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return StaticSolution(
         problem=problem,
-        measured=replace(measured, peaks=problem.peaks),
         solution=solution,
         parameters=parameters,
         shifts=_shifts(problem, jacobian, free),
@@ -163,15 +155,13 @@ def _settled(
     while True:
         kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
         again = tuple[Finding, ...]()
-        if options.loss == "huber":
-            kept, solution, _ = huber(kept, v_s_range, options.grid)
-        elif solution is None or dropped:
-            solution = solve(kept, v_s_range, options.grid)
+        if solution is None or dropped:
+            solution = solve(kept, v_s_range)
         likelihood = profiled(kept, solution, _inflation(kept, solution))
         if likelihood.better is not None:
             solution = descended(kept, solution, likelihood.better.tolist(), v_s_range)
             likelihood, again = profiled(kept, solution, _inflation(kept, solution)), (Kind.REFITTED_FROM_GRID(),)
-        unbounded = {} if options.model == "stribeck" else _unbounded(kept, solution, likelihood, options, v_s_range)
+        unbounded = {} if options.model == "stribeck" else _unbounded(kept, solution, likelihood)
         if not unbounded:
             return kept, solution, likelihood, again
         dropped |= unbounded
@@ -198,39 +188,17 @@ def _without_peak(
     if problem.torque.size <= len(problem.names):
         reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
         return dict.fromkeys(problem.peaks, reason), None
-    if options.loss == "huber":
-        robust, measured = huber(problem, v_s_range, options.grid), problem
-        problem, solution, spent = robust.problem, robust.solution, robust.spent
-    else:
-        measured, solution, spent = problem, solve(problem, v_s_range, options.grid), 1.0
-    none = _unsupported(problem, solution, options, v_s_range, spent)
+    solution = solve(problem, v_s_range)
+    none = _unsupported(problem, solution)
     if asked:
         return {d: (Kind.NO_STRIBECK_ASKED if d in none else Kind.PEAK_LEFT_OUT)() for d in problem.peaks}, None
-    if options.model == "auto" and options.loss == "huber":
-        none = _of_strays(measured, options, v_s_range) | none
     return {} if options.model == "stribeck" else none, solution
-
-
-def _of_strays(measured: Regression, options: FitOptions, v_s_range: tuple[float, float]) -> dict[Direction, Finding]:
-    """Directions whose Stribeck term may as well be a few strays from the law without it, which Huber's loss does not tell."""
-    few = dict[Direction, Finding]()
-    for direction in measured.peaks if measured.smooth is None else ():
-        search = find_strays(replace(measured, peaks=tuple(d for d in measured.peaks if d != direction)), v_s_range)
-        rest = measured.rows(all_but(measured.torque.size, search.rows))
-        if search.rows and not search.misfit and rest.torque.size > len(rest.names):
-            robust = huber(rest, v_s_range, options.grid)
-            if direction in _unsupported(robust.problem, robust.solution, options, v_s_range, robust.spent):
-                why = Kind.STRAYS_AS_WELL(count=len(search.rows))
-                few[direction] = _refused(direction, why, options, v_s_range)
-    return few
 
 
 def _unbounded(
     problem: Regression,
     solution: Solution,
     likelihood: StaticProfiles,
-    options: FitOptions,
-    v_s_range: tuple[float, float],
 ) -> dict[Direction, Finding]:
     """Directions whose v_s has an end outside the range searched, or no speed below it, each with the reason."""
     unbounded = {}
@@ -246,23 +214,13 @@ def _unbounded(
         elif speeds.min() >= v_s:
             why = Kind.NONE_BELOW_V_S(slowest=speeds.min(), v_s=v_s)
         if why is not None:
-            unbounded[direction] = _refused(direction, why, options, v_s_range)
+            unbounded[direction] = Kind.NO_STRIBECK(direction=direction, why=why)
     return unbounded
 
 
-def _refused(direction: Direction, why: Finding, options: FitOptions, v_s_range: tuple[float, float]) -> Finding:
-    asked = "" if options.v_s_range is None else Kind.RANGE_ASKED(low=v_s_range[0], high=v_s_range[1])
-    return Kind.NO_STRIBECK(direction=direction, why=why, asked=asked)
-
-
-def _unsupported(
-    problem: Regression, solution: Solution, options: FitOptions, v_s_range: tuple[float, float], spent: float
-) -> dict[Direction, Finding]:
-    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason.
-
-    `spent` is as in `HuberFit`, 1 under least squares.
-    """
-    variance_inflation = _inflation(problem, solution) * spent
+def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Finding]:
+    """Directions whose Stribeck term is noise, or a bend over all speeds instead of a peak, each with the reason."""
+    variance_inflation = _inflation(problem, solution)
     projected = Projected(problem)
     noise = 1e-20 * float(problem.torque @ problem.torque)
     _, v_s = problem.split(solution.theta)
@@ -282,7 +240,7 @@ def _unsupported(
         elif v_s[k] < UNTOUCHED * slowest:
             why = Kind.ONE_SPEED(v_s=v_s[k], slowest=slowest)
         if why is not None:
-            dropped[direction] = _refused(direction, why, options, v_s_range)
+            dropped[direction] = Kind.NO_STRIBECK(direction=direction, why=why)
     return dropped
 
 

@@ -131,7 +131,7 @@ def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) ->
 
 
 def _relative_error(solved: StaticSolution) -> float:
-    return solved.measured.relative_error(solved.solution.theta)
+    return solved.problem.relative_error(solved.solution.theta)
 
 
 def _values(core: StaticSolution, second: StaticSolution) -> tuple[Finding, ...]:
@@ -159,7 +159,7 @@ def _differ(one: Estimate | None, other: Estimate | None) -> bool:
 
 def _other_points(solved: StaticSolution, part: Direction) -> OtherPoints:
     """The second fit's part of one direction."""
-    problem, theta = solved.measured, solved.solution.theta
+    problem, theta = solved.problem, solved.solution.theta
     one = len(problem.directions) == 1
     rows = np.ones(problem.torque.size, bool) if one else problem.velocity * DIRECTIONS[part] > 0
     residuals = problem.residuals(theta)[rows]

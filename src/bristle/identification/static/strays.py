@@ -55,17 +55,16 @@ class StraySearch(NamedTuple):
     """Whether one more would be significant than can be strays."""
 
 
-def find_strays(problem: Regression, v_s_range: tuple[float, float] | None = None) -> StraySearch:
+def find_strays(problem: Regression) -> StraySearch:
     """The points of a problem that do not belong to its law; none where there are too few to tell.
 
     Args:
         problem: n points, not moving data.
-        v_s_range: where v_s is searched, rad/s; None: from the speeds of the points that are left.
     """
     n, most, out = problem.torque.size, most_strays(problem), list[int]()
     while True:
         kept = np.delete(np.arange(n), out)
-        more = _significant(problem.rows(all_but(n, out)), v_s_range)
+        more = _significant(problem.rows(all_but(n, out)))
         if not more:
             return StraySearch(tuple(out), False)
         out += kept[more].tolist()
@@ -79,21 +78,21 @@ def most_strays(problem: Regression) -> int:
     return max(n // SHARE, 2 if n >= 2 * len(problem.names) + 2 else 0)
 
 
-def _significant(problem: Regression, v_s_range: tuple[float, float] | None) -> list[int]:
+def _significant(problem: Regression) -> list[int]:
     """The point, or else the two or three, without which the refitted cost is lower by more than chance; none otherwise."""
     n, parameters = problem.torque.size, len(problem.names)
     if n < parameters + 2:
         return []
-    solution = refit(problem, v_s_range)
+    solution = refit(problem)
     base, v_s = solution.cost, problem.split(solution.theta)[1][:, None]
     if n <= SINGLY and problem.peaks:
-        v_s = np.tile(log_grid(v_s_range or default_range(problem.velocity), _GRIDS[v_s.size]), (v_s.size, 1))
+        v_s = np.tile(log_grid(default_range(problem.velocity), _GRIDS[v_s.size]), (v_s.size, 1))
     noise = 1e-20 * float(problem.torque @ problem.torque) or 1e-300
     for sets, falls in _candidates(problem, v_s):
         size, chosen, exact = sets.shape[1], sets[0].tolist(), float(falls[0])
         if n <= SINGLY:
             few = sets[:_REFITTED].tolist()
-            costs = [refit(problem.rows(all_but(n, rows)), v_s_range).cost for rows in few]
+            costs = [refit(problem.rows(all_but(n, rows))).cost for rows in few]
             chosen, exact = few[int(np.argmin(costs))], base - min(costs)
         together = n > SINGLY and size == 1
         fall = np.append(exact, falls[falls > _ALIKE * falls[0]] if together else [])
@@ -104,9 +103,9 @@ def _significant(problem: Regression, v_s_range: tuple[float, float] | None) -> 
     return []
 
 
-def refit(problem: Regression, v_s_range: tuple[float, float] | None = None) -> Solution:
-    """The problem's own solution, over the range of v_s that its speeds give if no other is asked for."""
-    return solve(problem, v_s_range or default_range(problem.velocity))
+def refit(problem: Regression) -> Solution:
+    """The problem's own solution, over the range of v_s that its speeds give."""
+    return solve(problem, default_range(problem.velocity))
 
 
 def all_but(n: int, rows: Sequence[int]) -> NDArray[np.bool_]:

@@ -8,18 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from bristle.arrays import Array, as_floats
-from bristle.control.adaptation import Adaptation, Law
-from bristle.control.compensator import Compensator, Name
+from bristle.control.adaptation import Law
+from bristle.control.compensator import Name
 from bristle.control.running import RunningCompensator
 from bristle.data.experiment.arrays import run_of_arrays, together
 from bristle.data.experiment.load import Experiment, Run
 from bristle.errors import InputError, short
 from bristle.estimation.covariance import LEVEL, student
 from bristle.findings import Finding
-from bristle.identification.curve import curve, friction_of
+from bristle.identification.curve import curve
 from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.identify import identify_joint
-from bristle.identification.known_joint import inertia_of, known_joint, rises_of, whole
+from bristle.identification.joint_model import JointModel
+from bristle.identification.known_joint import known_joint
 from bristle.identification.measured import Measured, measured_of
 from bristle.identification.moving_runs import load_columns, regressors_of, terms_of
 from bristle.identification.results import Joint
@@ -64,9 +65,14 @@ class Fit:
         return {row.name: np.nan if row.estimate.value is None else row.estimate.value for row in self._rows()}
 
     @property
+    def model(self) -> JointModel:
+        """The joint as one model: friction, CasADi functions, a compensator."""
+        return JointModel(self.joint, self.measured.experiment)
+
+    @property
     def stderr(self) -> dict[str, float]:
         """The standard error of each, in SI; nan where there is none."""
-        return {row.name: _error(row.estimate) for row in self._rows()}
+        return {row.name: np.nan if (error := row.estimate.total_error) is None else error for row in self._rows()}
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
@@ -105,10 +111,7 @@ class Fit:
 
         Raises InputError where the fit knows nothing of friction vs velocity.
         """
-        known = known_joint(self.joint)
-        if not known.directions:
-            raise InputError("friction: nothing is known of friction vs velocity; fit points or a motion")
-        return friction_of(known, as_floats(velocity))
+        return self.model.friction(velocity)
 
     def predict(self, velocity: ArrayLike, position: ArrayLike | None = None) -> Array:
         """The torque of steady motion at some velocities, N*m, in the shape of `velocity`, rad/s: friction, and what else was fitted.
@@ -146,19 +149,7 @@ class Fit:
         known in both directions, nothing is known of the bristle or of the inertia that its damping rests on, or a setting
         cannot be.
         """
-        rates = gamma if isinstance(gamma, tuple) else (gamma, gamma)
-        adaptation = None if law is None else Adaptation(law=law, gamma=rates)
-        known, experiment = whole(self.joint), self.measured.experiment
-        J, travel = inertia_of(experiment, self.joint), self.joint.travel
-        missing = {name for d in SIGNED for name in known.missing(d)}
-        if ("sigma_1" in missing and J is None) or ("sigma_0" in missing and not travel):
-            raise InputError(
-                "compensator: the damping of the bristle is not known; fit a motion that shows it, or the inertia"
-            )
-        pair = known.pair(travel or 1.0, J or 1.0)
-        return RunningCompensator(
-            Compensator(name=name, adaptation=adaptation, **settings), pair, rises=rises_of(self.joint)
-        )
+        return self.model.compensator(law, gamma, name=name, **settings)
 
     def to_frame(self) -> "pd.DataFrame":
         """One row for each parameter: value, standard error, ends of the 95 % interval, unit and warnings."""
@@ -218,11 +209,6 @@ def _named(name: str, direction: str) -> str:
     return str(ParameterName(name, Direction(direction)))
 
 
-def _error(e: Estimate) -> float:
-    """Statistical and systematic, together."""
-    return np.nan if e.standard_error is None else float(np.hypot(e.standard_error, e.systematic or 0.0))
-
-
 def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, float]:
     """Of one parameter; nan where there is none."""
     e, ways = row.estimate, row.ways
@@ -233,7 +219,7 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
     if method == "covariance" and ways is not None and ways.covariance is not None and level == LEVEL:
         return ways.covariance
     if method in (None, "covariance"):
-        reach = student(row.freedom, level) * _error(e)
+        reach = student(row.freedom, level) * (e.total_error or np.nan)
         return e.value - reach, e.value + reach
     if ways is None:
         return np.nan, np.nan

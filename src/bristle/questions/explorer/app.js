@@ -70,7 +70,7 @@ const explorer = (() => {
 
   function refit() {
     const fits = fitsOf(state.direction);
-    const all = (name) => array(fits.flatMap((fit) => (name === "T" ? fit.target || fit.torque : fit[name])));
+    const all = (name) => array(fits.flatMap((fit) => fit[name === "T" ? "torque" : name]));
     const p = state.values[state.direction];
     const { law } = joint(), { COEFFICIENTS } = bristle.laws[law];
     if (!fits.length || all("velocity").length < COEFFICIENTS.length) return say("No points of constant velocity to refit to.");

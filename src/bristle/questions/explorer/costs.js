@@ -9,7 +9,7 @@ const costs = (() => {
 
   // Pair -> the cost of fits of constant velocities: each fit's own, of its own weighted residuals.
   function ofPoints(fits) {
-    const own = fits.map((fit) => [array(fit.velocity), array(fit.target || fit.torque), array(fit.weight)]);
+    const own = fits.map((fit) => [array(fit.velocity), array(fit.torque), array(fit.weight)]);
     return (p) => own.reduce((sum, [v, T, weight]) => sum + bristle.cost(v, T, weight, p), 0);
   }
 

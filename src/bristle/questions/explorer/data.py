@@ -233,7 +233,7 @@ def _slowest(joint: Joint, fastest: float) -> float:
 def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
     """One fit of constant velocities: its points, weights and cost, as the page computes them anew.
 
-    `torque` is friction's: what other regressors take is off it. `target` is what the cost is taken to, the same but under Huber's loss. `norm` is
+    `torque` is friction's: what other regressors take is off it. `norm` is
     what the relative error is relative to. A cost that two directions share is taken for this direction alone, the other as it was fitted.
     """
     p, v = fit.values(), fit.velocity
@@ -243,14 +243,13 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
     off = bool(extra.size) and float(np.abs(extra).max()) > 1e-9 * float(np.abs(fit.torque).max())
     torque = fit.torque - extra if off else fit.torque
     errors = [s.standard_error for s in fit.segments]
-    cost, left = float(fit.noise @ fit.noise), float(np.linalg.norm(fit.residuals))
+    cost, left = float(fit.residuals @ fit.residuals), float(np.linalg.norm(fit.residuals))
     profile = fit.profile
     other = 0.0 if profile is None or abs(profile.best_cost - cost) <= 1e-6 * cost else profile.best_cost - cost
     return {
         "direction": direction,
         "velocity": v.tolist(),
         "torque": torque.tolist(),
-        "target": (torque - fit.pulled).tolist() if fit.pulled.size and fit.pulled.any() else None,
         "weight": np.ones(v.size).tolist(),
         "standard_error": errors if len(errors) == v.size else None,
         "stick_slip": [bool(s.stick_slip) for s in fit.segments],

@@ -15,7 +15,6 @@ from bristle.page.plain import in_unit
 from bristle.page.wording import FITS, direction, in_symbols, measured, pretty, span, symbol
 from bristle.questions.joint_report.brief import law_in_force
 from bristle.questions.joint_report.sentences import known_to
-from bristle.questions.joint_report.text import total_error
 
 _WORDS = {
     Trust.USE: ("use", "use"),
@@ -112,7 +111,7 @@ def _cell(row: Known | None, shared: Mapping[str, str]) -> dict[str, str]:
 
 
 def _value(e: Estimate) -> str:
-    return measured(e.value, total_error(e))
+    return measured(e.value, e.total_error)
 
 
 def _also(rows: Mapping[ParameterName, Known]) -> str:

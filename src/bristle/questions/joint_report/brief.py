@@ -14,7 +14,6 @@ from bristle.model.parameters import Direction, Lugre, ParameterName, of_curve, 
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.wording import FITS, counted, printable, shortened
 from bristle.questions.joint_report.sentences import known_to
-from bristle.questions.joint_report.text import total_error
 
 LINES = 3
 """Of findings that are not critical."""
@@ -65,12 +64,11 @@ def law_in_force(joint: Joint) -> Iterator[str]:
 
 
 def _chosen(joint: Joint) -> Iterator[str]:
-    """Directions, low pass and decimation of moving runs whose values these are, where the data chose them."""
+    """Regressors, directions, and low pass and decimation of moving runs whose values these are, where the data chose them."""
+    told = {"regressors": "chosen regressors"}
     if any(isinstance(fit, TrackingFit) for fit in value_fits(joint)):
-        told = {"directions": "chosen directions", "filters": "filters"}
-        yield from (
-            f"  {name}: {printable(joint.settings[key])}" for name, key in told.items() if key in joint.settings
-        )
+        told |= {"directions": "chosen directions", "filters": "filters"}
+    yield from (f"  {name}: {printable(joint.settings[key])}" for name, key in told.items() if key in joint.settings)
 
 
 class _Given(NamedTuple):
@@ -146,7 +144,7 @@ def _cells(row: Known) -> tuple[str, ...]:
     e, source = row.estimate, _SOURCES.get(row.source) or FITS[row.source]
     if e.value is None:
         return str(row.parameter), "not identifiable", in_unit(interval(e.interval), e.unit), source
-    return str(row.parameter), in_unit(pair(e.value, total_error(e)), e.unit), interval(e.interval), source
+    return str(row.parameter), in_unit(pair(e.value, e.total_error), e.unit), interval(e.interval), source
 
 
 def _sentence(joint: Joint, warning: Finding) -> list[str]:

@@ -60,17 +60,17 @@ def _labels(labels: Any) -> str:
 
 
 def comparison(joints: Sequence[Joint]) -> pd.DataFrame:
-    """The paper's plain grid, the refined minimum, the Huber refit and the fit without stick-slip points, side by side."""
+    """The paper's plain grid, the refined minimum and the fit without stick-slip points, side by side."""
     rows = [
         (
-            joint.name, d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error, fit.huber.get(name),
+            joint.name, d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error,
             *_without(fit, name),
         )
         for joint in joints
         for d, fit in joint.static.items()
         for name, e in fit.parameters.items()
     ]  # fmt: skip  # as in `segments`
-    numbers = ["plain_grid", "refined", "standard_error", "huber", "without_stick_slip", "without_standard_error"]
+    numbers = ["plain_grid", "refined", "standard_error", "without_stick_slip", "without_standard_error"]
     frame = pd.DataFrame(rows, columns=["joint", "direction", "parameter", "unit", *numbers])
     return frame.astype(dict.fromkeys(numbers, float))
 

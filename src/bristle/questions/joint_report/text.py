@@ -51,12 +51,6 @@ def fit_report(joints: Sequence[Joint]) -> str:
     return "\n".join(wrapped(lines)) + "\n"
 
 
-def total_error(e: Estimate) -> float | None:
-    """Standard error of both kinds, statistical and systematic; None where there is none."""
-    parts = [x for x in (e.standard_error, e.systematic) if x is not None]
-    return math.hypot(*parts) if parts else None
-
-
 def _joint(joint: Joint) -> Iterator[str]:
     yield f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' if joint.simulated else ''}"
     said: set[str] = set()

@@ -141,7 +141,7 @@ def _points(fit: StaticFit) -> tuple[Array, float]:
     Equations of moving data are thinned, their noise widened for its correlation.
     """
     v = fit.velocity
-    level = float(np.sqrt(np.sum(fit.noise**2) / (v.size - len(case_names(fit.law)))))
+    level = float(np.sqrt(np.sum(fit.residuals**2) / (v.size - len(case_names(fit.law)))))
     if v.size <= MOST_POINTS:
         return v, level
     evenly = np.sort(v)[np.linspace(0, v.size - 1, MOST_POINTS).astype(np.intp)]

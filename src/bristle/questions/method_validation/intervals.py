@@ -60,6 +60,6 @@ def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: boo
 
 def declined_share(case: ValidationCase, torques: Array) -> float:
     """Share of data sets of which bristle says that v_s is not identifiable, or has no finite interval."""
-    options = FitOptions(v_s_range=case.v_s_range)
-    v_s = [estimate_static(case.problem(t), options, "revolute").get("v_s") for t in torques.T]
+    options = FitOptions()
+    v_s = [estimate_static(case.problem(t), options, "revolute", case.v_s_range).get("v_s") for t in torques.T]
     return float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in v_s]))

@@ -271,7 +271,9 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
     held: list[ParameterName] = []
     for k, (d, p) in enumerate(sets.items()):
         fit, block = fits[d], slice(len(static) * k, len(static) * (k + 1))
-        scatter = float(np.sqrt(fit.noise @ fit.noise / max(fit.degrees_of_freedom or fit.n - len(fit.names), 1)))
+        scatter = float(
+            np.sqrt(fit.residuals @ fit.residuals / max(fit.degrees_of_freedom or fit.n - len(fit.names), 1))
+        )
         matrix[block, block] = static_information(fit.velocity, p, scatter)
         estimates = dict(zip(names[block], map(fit.parameters.get, static), strict=True))
         errors |= {name: e.standard_error for name, e in estimates.items() if e is not None and e.standard_error}

@@ -1,0 +1,68 @@
+"""A joint as one public object: its numbers, its CasADi functions and its compensator are one and the same law."""
+
+import math
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import bristle
+from bristle.model.parameters import SIGNED
+
+from ..conftest import speeds, write
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def results() -> bristle.Results:
+    """The wrist of the embedded data."""
+    return bristle.identify(ROOT / "datasets" / "edro" / "wrist.yaml")
+
+
+def test_every_way_to_its_friction_agrees(results: bristle.Results) -> None:
+    """`friction`, CasADi's steady torque, LuGre at the deflection where dz/dt = 0, and the table, at speeds of both signs."""
+    joint = results.model()
+    v = np.array([-1.0, -0.02, 0.01, 0.6])
+    steady, torque = joint.casadi().steady, joint.casadi().torque
+    np.testing.assert_allclose(joint.friction(v), steady(v.reshape(1, -1)).full().ravel(), rtol=1e-12)
+    for speed in v.tolist():
+        p = joint.parameters[0 if speed > 0 else 1]
+        z = math.copysign(p.alpha_0 + p.alpha_1 * math.exp(-((speed / p.v_s) ** 2)), speed) / p.sigma_0
+        T, dz = torque(z, speed)
+        assert float(dz) == pytest.approx(0.0, abs=1e-12)
+        assert float(T) == pytest.approx(float(joint.friction(speed)), rel=1e-12)
+    rows = joint.to_frame().to_dict("index")
+    for d, p in zip(SIGNED, joint.parameters, strict=True):
+        row = rows[f"alpha_0{d}"]
+        assert row["lower"] < row["value"] < row["upper"]
+        assert row["value"] == p.alpha_0
+
+
+def test_casadi_differentiates_it(results: bristle.Results) -> None:
+    """The derivative by the velocity is the difference quotient's."""
+    steady, v = results.model().casadi().steady, ca.SX.sym("v")
+    slope = ca.Function("slope", [v], [ca.jacobian(steady(v), v)])
+    h = 1e-6
+    for speed in (-0.3, 0.02, 0.5):
+        assert float(slope(speed)) == pytest.approx(float(steady(speed + h) - steady(speed - h)) / (2 * h), rel=1e-5)
+
+
+def test_its_compensator_slides_to_its_friction(results: bristle.Results) -> None:
+    """Without adaptation, and driven at one velocity for long, the compensator adds the friction of steady sliding."""
+    joint = results.model()
+    running = joint.compensator(law=None)
+    torque = 0.0
+    for k in range(4000):
+        torque = running.step(1e-3, (0.3e-3 * k, 0.3), 0.3e-3 * k)
+    assert torque == pytest.approx(float(joint.friction(0.3)), rel=1e-6)
+
+
+def test_what_is_not_known_is_said(tmp_path: Path) -> None:
+    """Points in one direction give no friction in the other, and no compensator, in one sentence."""
+    joint = bristle.identify(write(tmp_path, speeds(both=False))).model()
+    assert np.isnan(joint.friction(-0.1))
+    assert joint.friction(0.1) > 0
+    with pytest.raises(bristle.InputError, match="a compensator needs"):
+        joint.casadi()
