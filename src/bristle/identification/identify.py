@@ -99,7 +99,6 @@ def identify_joint(
     identified = partial(
         _identified, timings=timings, asked_law=asked, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
     )
-    measured, told = _with_regressors(measured)
     auto = measured.experiment.fit.directions == "auto"
     bic: dict[str, float] = {}
     if auto and (points := measured.points(hold_out=False)):
@@ -108,6 +107,7 @@ def identify_joint(
         measured = _with_directions(measured, "symmetric" if bic and bic[SYMMETRIC] <= bic[APART] else "separate")
     elif auto:
         measured = _with_directions(measured)
+    measured, told = _with_regressors(measured)
     measured, laws = _with_law(with_periods(measured))
     joint = identified(measured, laws)
     if auto and not bic:
@@ -137,19 +137,20 @@ def identify_joint(
 
 
 def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
-    """The same with the regressors that predict parts held out clearly better, and what is said of them.
+    """The same with the regressors that explain most of what is left of parts held out, and what is said of them.
 
     Where the file says nothing of regressors, and leaves the set-up to the data.
     """
     experiment, moving, points = measured.experiment, measured.moving(hold_out=False), measured.points(hold_out=False)
     fit, better = experiment.fit, None
-    if fit.set_up == AS_WRITTEN or fit.regressors is not None or fit.predict != "torque":
+    if fit.set_up == AS_WRITTEN or "regressors" in fit.model_fields_set or fit.predict != "torque":
         return measured, {}
     if points:
         better = better_for_points(experiment, points)
     elif moving:
         better = better_for_motion(experiment, moving)
-    if better is None or better.set_up.directions != better.asked.directions:
+    most = better is not None and better.error**2 < better.asked_error**2 / 2
+    if better is None or not most or better.set_up.directions != better.asked.directions:
         return _with_drag(measured)
     error = f"error of parts held out {better.asked_error:.2g} -> {better.error:.2g} %"
     told = f"{', '.join(better.set_up.regressors)}; {error} (fit.regressors overrules)"
