@@ -115,7 +115,7 @@ def test_a_header_names_the_law_and_its_parameters(of: Law, handed: Handed) -> N
 
 
 @needs_gcc
-@each_law
+@pytest.mark.parametrize("of", [OTHERS[0], OTHERS[-1]], ids=lambda of: of.name)
 def test_the_fmu_is_the_joint(of: Law, handed: Handed) -> None:
     """Its variables are the parameters of the law; `--check` finds it valid, as Python steps it, and close to the continuous equations."""
     pytest.importorskip("fmpy", reason="needs fmpy: pip install fmpy")

@@ -3,7 +3,7 @@
 Static, presliding and moving fits, models.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from time import perf_counter
@@ -23,13 +23,15 @@ from bristle.identification.accuracy import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.law_comparison import (
+    WITH_DRAG,
+    drag_pays,
     law_warnings,
     laws_of_motion,
     laws_of_points,
     with_averages,
     with_averages_of_motion,
 )
-from bristle.identification.measured import Measured, nothing_to_fit, through_wider, with_law, with_options
+from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_law, with_options
 from bristle.identification.messages import Kind
 from bristle.identification.model_criteria import APART, LUGRE, SYMMETRIC
 from bristle.identification.model_selection import compare_on_motion, compare_on_points, refitted
@@ -48,7 +50,7 @@ from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
 from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.settings import settings_of
-from bristle.identification.static.points import point_regressors, points_problem
+from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points
 from bristle.identification.static.set_up import (
@@ -58,7 +60,6 @@ from bristle.identification.static.set_up import (
     with_one_advice,
 )
 from bristle.identification.static.stray_report import advised
-from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
@@ -67,9 +68,10 @@ _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
 """Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
 _CLEARLY = 10.0
 """A difference in BIC that is very strong evidence (Kass and Raftery 1995)."""
+_SHIFTS = 3
+"""Times that a delay of the torque is looked for: each is told to first order."""
 _CHOICES = 2
 """Of a law by moving runs: of the load, and of the peak and terms beside it."""
-_DRAG = ParameterName("quadratic", Direction.SHARED)
 _OF_THE_DATA = {
     "lacks-a-term", "offset-or-friction", "directions-differ", "torque-drifts-in-runs", "friction-by-load",
     "torque-delayed",
@@ -110,6 +112,8 @@ def identify_joint(
     measured, told = _with_regressors(measured)
     measured, laws = _with_law(with_periods(measured))
     joint = identified(measured, laws)
+    measured, joint, delay = _on_time(measured, joint, partial(identified, laws=laws))
+    told |= delay
     if auto and not bic:
         bic = {row.directions: row.bic for data in joint.models for row in data.rows if row.model == LUGRE}
         if bic.get(APART, np.inf) < bic.get(SYMMETRIC, -np.inf) - _CLEARLY:
@@ -120,10 +124,13 @@ def identify_joint(
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
         laws = laws_of_motion(measured, joint.tracking)
+        if laws is not None and drag_pays(measured.experiment.fit, laws):
+            measured, laws = with_law(measured, WITH_DRAG), laws.under(WITH_DRAG)
+            joint = identified(measured, laws)
         for _ in range(_CHOICES if asked == AUTO else 0):
             if laws is None or laws.chosen.in_force or joint.tracking is None:
                 break
-            measured, laws = with_law(measured, laws.chosen.law), laws.under_the_chosen()
+            measured, laws = with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
             joint = identified(measured, laws)
             if measured.experiment.fit.load and joint.tracking is not None:  # which peak and terms beside the load
                 laws = laws_of_motion(measured, joint.tracking) or laws
@@ -134,6 +141,34 @@ def identify_joint(
         joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic, apart=apart)})
         other = float(expit(-abs(bic[APART] - bic[SYMMETRIC]) / 2))
     return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
+
+
+def _on_time(
+    measured: Measured, joint: Joint, identified: Callable[[Measured], Joint]
+) -> tuple[Measured, Joint, dict[str, str]]:
+    """Moving runs whose torque was logged late or early, without that, identified anew, and what is said of it; else as they were.
+
+    A delay is told to first order, and taken where the fit then leaves a tenth less.
+    """
+    late = 0.0
+    for _ in range(_SHIFTS):
+        more = _delay(measured, joint)
+        shifted = in_time(measured, more) if more else measured
+        again = identified(shifted) if more else joint
+        if not more or again.moving is None or joint.moving is None or again.moving.rms > _LESS * joint.moving.rms:
+            break
+        measured, joint, late = shifted, again, late + more
+    when = "late" if late > 0 else "early"
+    told = f"logged {abs(late):.3g} s {when}, which is taken off (signals.torque.delay overrules)"
+    return measured, joint, {"chosen delay": told} if late else {}
+
+
+def _delay(measured: Measured, joint: Joint) -> float:
+    """By how much the torque of moving runs was logged late, s, where their fit is sure of it and the file does not say; else 0."""
+    drive = getattr(measured.experiment.signals, "torque", None)
+    declared = measured.experiment.fit.set_up == AS_WRITTEN or (drive is not None and "delay" in drive.model_fields_set)
+    found = () if joint.moving is None or declared else joint.moving.warnings
+    return next((float(w.numbers["delay"]) for w in found if w.code == "torque-delayed"), 0.0)
 
 
 def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
@@ -151,28 +186,11 @@ def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:
         better = better_for_motion(experiment, moving)
     most = better is not None and better.error**2 < better.asked_error**2 / 2
     if better is None or not most or better.set_up.directions != better.asked.directions:
-        return _with_drag(measured)
+        return measured, {}
     error = f"error of parts held out {better.asked_error:.2g} -> {better.error:.2g} %"
     told = f"{', '.join(better.set_up.regressors)}; {error} (fit.regressors overrules)"
     also = ("inertia",) if points and moving else ()
     return with_options(measured, regressors=(*also, *better.set_up.regressors)), {"chosen regressors": told}
-
-
-def _with_drag(measured: Measured) -> tuple[Measured, dict[str, str]]:
-    """The same with v abs(v) beside points of which too many, or neighbours, are off the law, and none is with it: the law lacked a term."""
-    asked = point_regressors(measured.experiment)
-    lacking = [x for x in measured.searches if x.misfit or set(x.strays) > set(x.left_out)]
-    if not lacking or "quadratic" in (*asked, *measured.experiment.fit.law.split("+")):
-        return measured, {}
-    also = ("inertia",) if measured.moving(hold_out=False) else ()
-    found = with_options(measured, regressors=(*also, *asked, "quadratic"))
-    drives = any(x.problem.named(refit(x.problem).theta)[_DRAG] < 0 for x in found.searches)
-    if drives or any(x.misfit or x.strays for x in found.searches):
-        return measured, {}
-    off = sum(len(x.strays) for x in lacking)
-    return found, {
-        "chosen regressors": f"quadratic; without it {off} points would be off the law (fit.regressors overrules)"
-    }
 
 
 def _with_directions(measured: Measured, directions: str | None = None) -> Measured:
@@ -285,11 +303,13 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
     """
     asked = measured.experiment.fit.law
     laws = laws_of_points(measured, measured.experiment.fit.friction) if measured.points(hold_out=False) else None
+    if laws is not None and drag_pays(measured.experiment.fit, laws):
+        return with_law(measured, WITH_DRAG), laws.under(WITH_DRAG)
     if asked != AUTO:
         return measured, laws
     if laws is None:
         return with_law(measured, PAPER), None
-    return with_law(measured, laws.chosen.law), laws.under_the_chosen()
+    return with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
 
 
 def _with_set_up(

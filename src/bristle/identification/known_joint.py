@@ -133,7 +133,10 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
         name, d = row.parameter
         if not of_curve(name) or _within(d, curves) or not _within(d, static):
             keep(row)
-    fitted = {row.parameter.name for row in moving}  # a shape that a motion does not show it took from a stage
+    fitted = {
+        FASTEST,
+        *(row.parameter.name for row in moving),
+    }  # a shape that a motion does not show it took from a stage
     for row in staged:
         name, d = row.parameter
         if not (_within(d, curves if name in fitted and of_curve(name) else {own for n, own in shown if n == name})):

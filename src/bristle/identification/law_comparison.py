@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.data.experiment.schema import AS_WRITTEN, FitOptions
 from bristle.estimation.covariance import covariance, seen
 from bristle.findings import Finding
 from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
@@ -44,6 +45,10 @@ Name = TypeVar("Name")
 
 BLOCKS = 5
 """Of speed, each left out in turn."""
+WITH_DRAG = "gaussian+quadratic"
+"""The paper's law with v abs(v)."""
+_WORTH = 1.05
+"""Times the error at speeds that were left out, which a term has to lower the error by, to be taken unasked."""
 _STICKS_OUT = 0.1
 """Of an interval's width."""
 
@@ -131,6 +136,17 @@ def law_warnings(laws: LawComparison | None) -> tuple[Finding, ...]:
     return (
         Kind.OTHER_LAW(law=best.law, own=own.law, gain=own.bic - best.bic, error=best.left_out, before=own.left_out),
     )
+
+
+def drag_pays(fit: FitOptions, laws: LawComparison) -> bool:
+    """Whether v abs(v) is taken beside the paper's peak: the file names no law, and speeds that were left out are predicted better with it."""
+    if fit.set_up == AS_WRITTEN or "law" in fit.model_fields_set or "quadratic" in (fit.regressors or ()):
+        return False
+    paper, drag = laws.row(GAUSSIAN.name), laws.row(WITH_DRAG)
+    errors = (drag.left_out, paper.left_out) if drag is not None and paper is not None else (None, None)
+    if drag is None or paper is None or errors[0] is None or errors[1] is None:
+        return False
+    return paper.bic - drag.bic > GAIN and _WORTH * errors[0] < errors[1]
 
 
 def with_averages(fits: Mapping[str, StaticFit], laws: LawComparison | None) -> dict[str, StaticFit]:

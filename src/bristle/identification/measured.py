@@ -157,6 +157,24 @@ def through_wider(measured: Measured, factor: float) -> Measured:
     return replace(measured, runs=runs)
 
 
+def in_time(measured: Measured, late: float) -> Measured:
+    """The same with the torque of every moving run as it was logged so much later, s."""
+
+    def earlier(record: Record) -> Record:
+        """Of one run; beyond its end the last value stays."""
+
+        def moved(x: Array) -> Array:
+            """A signal, (n,)."""
+            return np.interp(record.time + late, record.time, x)
+
+        torque, voltage = (None if x is None else moved(x) for x in (record.torque, record.voltage))
+        shifts = {name: moved(x) for name, x in record.torque_shifts.items()}
+        return replace(record, torque=torque, voltage=voltage, torque_shifts=shifts)
+
+    runs = (replace(run, record=earlier(run.record)) if run.kind == "tracking" else run for run in measured.runs)
+    return replace(measured, runs=tuple(runs))
+
+
 def _beside_the_slowest(runs: tuple[Run, ...]) -> tuple[Run, ...]:
     """With how much faster than the slowest each moving run was sampled, which its notes then say."""
     moving = [run.record for run in runs if run.kind == "tracking" and run.record.time.size > 1]

@@ -152,9 +152,13 @@ class LawComparison:
         """The law that `fit.law: auto` takes."""
         return next(row for row in self.rows if row.chosen)
 
-    def under_the_chosen(self) -> "LawComparison":
-        """The same where the fits have the law that it chose."""
-        return replace(self, rows=tuple(replace(row, in_force=row.chosen) for row in self.rows))
+    def under(self, law: str) -> "LawComparison":
+        """The same where the fits have a law."""
+        return replace(self, rows=tuple(replace(row, in_force=row.law == law) for row in self.rows))
+
+    def row(self, law: str) -> LawRow | None:
+        """That of a law; None where it was not compared."""
+        return next((row for row in self.rows if row.law == law), None)
 
 
 NEED = 10.0

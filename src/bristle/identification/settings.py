@@ -23,7 +23,7 @@ def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Recor
     law, loads = fit.friction, fit.load
     rising = "".join(f", rising with the {name.replace('-', ' ')}" for name in loads)
     settings = {
-        "law": f"{'+'.join((law.name, *loads))}{', which the data chose' if asked_law == AUTO else ''}: {law.title}{rising}",
+        "law": f"{'+'.join((law.name, *loads))}{', which the data chose' if asked_law == AUTO or asked_law != fit.law else ''}: {law.title}{rising}",
         "directions": fit.directions,
         "set-up": f"{fit.set_up}, {_PEAK[fit.model]}",
         "grid": f"{GRID} values of v_s, even in log(v_s), refined to the continuous minimum",

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bristle.arrays import Array
 from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
 from bristle.data.experiment.bag_draft import bag_guesses
@@ -38,6 +39,8 @@ _LINEAR = {"position": "m", "velocity": "m/s", "torque": "N"}
 """Units of a joint that slides."""
 _POINTS = 1000
 """Rows: where time is not logged, more than so many are a log, and no velocity-torque pairs."""
+_STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
+"""Units of time, and the sampling intervals from which on a time without a unit is in them: below, it is in s."""
 _WRAPPED = 0.1
 """Of a full turn: a jump of the position that is as close to one is a wrap."""
 
@@ -100,7 +103,7 @@ class Draft:
         for file, run in zip(self.files, runs, strict=True):
             entry = f"- {{files: {quoted(file)}, experiment: {run.kind}}}{f'   # {run.why}' if run.why else ''}"
             lines.append(f"  {entry}")
-        return "\n".join([*lines, "", fit or "# fit: {directions: separate, loss: least-squares}   # all optional", ""])
+        return "\n".join([*lines, "", fit or "# fit: {directions: separate}   # all optional", ""])
 
 
 def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Path | None = None) -> Draft:
@@ -121,6 +124,8 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         guesses["time"] = ColumnGuess("0", None)
     if "time" in guesses and "time" not in told.units and _is_dated(first, guesses["time"]):
         guesses["time"] = guesses["time"]._replace(unit=ISO)
+    elif "time" in guesses and "time" not in told.units and not guesses["time"].unit:
+        guesses["time"] = guesses["time"]._replace(unit=_by_step(_values(first, guesses["time"])))
     drive = _drive(first, guesses, told, described)
     of_points = _of_points(first, guesses, told, described)
     kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
@@ -271,6 +276,12 @@ def _of_points(path: Path, guesses: Mapping[str, ColumnGuess], told: Told, descr
     )
 
 
+def _by_step(time: Array) -> str | None:
+    """The unit of a time that no name tells: a log has more than three samples a second, and its step in ms is less than one in us."""
+    step = float(np.median(np.abs(np.diff(time)))) if time.size > 1 else 0.0
+    return next((unit for unit, least in reversed(_STEPS.items()) if step >= least), None)
+
+
 def _is_linear(guesses: Mapping[str, ColumnGuess], told: Told) -> bool:
     slides = any(_is_unit(told.units.get(name) or guesses[name].unit, name) for name in _LINEAR if name in guesses)
     return slides or ("torque" in guesses and "force" in guesses["torque"].column.lower())
@@ -317,6 +328,8 @@ def _signal(
         guessed.append(f"unit of time: iso, for column {shown} holds dates or times of day")
     elif guess.unit in stated and guess.unit and name not in told.units:
         guessed.append(f"unit of {name}: {guess.unit}, as the file's header states")
+    elif name == "time" and guess.unit in _STEPS:
+        guessed.append(f"unit of time (column {shown}): {guess.unit}, for a log has many samples a second")
     if not (name in told.units or guess.unit):
         guessed.append(f"unit of {name} (column {shown}): assumed {unit}")
     scale = f", scale: {quoted(told.scales[name])}" if name in told.scales else ""

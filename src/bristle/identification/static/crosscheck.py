@@ -97,7 +97,8 @@ def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[flo
     extra = ca.vertcat(*(value[few.linear_names[k]] for k in others))
     residual = ca.DM(few.torque) - ca.mtimes(ca.DM(few.linear[:, others]), extra)
     one, shape = static_of(few.law), dict(zip(few.law.shape_parameters[1:], few.shape, strict=True))
-    given = {**without_peak(few.law), **shape, FASTEST: float(np.abs(few.velocity).max())}
+    nothing = without_peak(few.law) | {"alpha_2": 0.0}  # of one speed alone
+    given = {**nothing, **shape, FASTEST: float(np.abs(few.velocity).max())}
     for direction in few.directions:
         fitted = {name: value[key] for name in one._fields if (key := ParameterName(name, direction)) in value}
         p = one(**{name: {**given, **fitted}[name] for name in one._fields})

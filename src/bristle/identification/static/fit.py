@@ -11,12 +11,13 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.autocorrelation import residual_warnings, unexplained
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, RunScatter, StaticFit, Uncertainty
 from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import with_orders_advised
 from bristle.identification.repeats import clustered, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck
+from bristle.identification.static.fit_warnings import speeds_of
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
@@ -36,6 +37,8 @@ from bristle.model.parameters import (
 )
 from bristle.model.parameters import Kind as JointKind
 
+_ONE_SPEED = 1.25
+"""Times the slowest speed: where the fastest is less, they are one."""
 _LOGARITHMIC = ("v_s",)
 """What is compared, and widened, as its logarithm."""
 
@@ -84,6 +87,7 @@ def fit_static(
         `shared`.
     """
     v_s_range = default_range(problem.velocity)
+    problem, held, runs = _of_one_speed(problem, held, runs)
     too_few = _too_few(problem)
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
@@ -133,6 +137,44 @@ def estimate_static(
     """
     core = solve_static(problem, options, kind, v_s_range)
     return {name.name: e for name, e in core.estimates.items()}
+
+
+def _of_one_speed(
+    problem: Regression, held: Sequence[tuple[str, Regression]], runs: Sequence[tuple[str, Regression]]
+) -> tuple[Regression, Sequence[tuple[str, Regression]], Sequence[tuple[str, Regression]]]:
+    """The problems without the viscous friction of directions that were measured at one speed alone: it is told from Coulomb's by others."""
+    alike = set[Direction]()
+    for d in problem.directions if problem.smooth is None else ():
+        speeds = speeds_of(problem, d)
+        if speeds.size and speeds.max() < _ONE_SPEED * speeds.min():
+            alike.add(d)
+    lost = {ParameterName("alpha_2", d) for d in alike}
+
+    def without(one: Regression) -> Regression:
+        """Those columns."""
+        keep = [k for k, name in enumerate(one.linear_names) if name not in lost]
+        return replace(one, linear=one.linear[:, keep], linear_names=tuple(one.linear_names[k] for k in keep))
+
+    if not lost:
+        return problem, held, runs
+    return without(problem), [(file, without(x)) for file, x in held], [(file, without(x)) for file, x in runs]
+
+
+def _split_unknown(
+    problem: Regression, parameters: dict[str, Estimate], part: Direction, kind: JointKind
+) -> Finding | None:
+    """Of one speed alone: alpha_0 stands for all friction there, alpha_2 for none; both have what is possible as their intervals."""
+    whole = parameters.get("alpha_0")
+    if "alpha_2" in parameters or whole is None or whole.value is None or whole.interval is None:
+        return None
+    speed, high = float(np.mean(speeds_of(problem, part))), whole.interval[1]
+    parameters["alpha_0"] = replace(whole, interval=(0.0, high))
+    parameters["alpha_2"] = Estimate(value=0.0, unit=unit("alpha_2", kind), interval=(0.0, high / speed))
+    message = (
+        f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
+        f"{whole.standard_error or 0.0:.2g}{unit_of('torque')}. How it splits is not known, and alpha_2 is taken as 0; measure at other speeds."
+    )
+    return Finding("one-speed-only", CAUTION, message, {"speed": speed, "friction": whole.value})
 
 
 def _parts(problem: Regression) -> tuple[Direction, ...]:
@@ -239,6 +281,7 @@ def _static_fit(
         names_lost = peak_parameters(problem.law)
         parameters |= {n: Estimate(value=None, unit=unit(n, kind), warnings=lost) for n in names_lost}
     parameters |= {name.name: e for name, e in core.beside.items() if name.direction is part}
+    split = _split_unknown(problem, parameters, part, kind) if part != "shared" else None
     order = sorted(parameters, key=lambda name: (*static_fields_of(problem.law), name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
     torque = problem.friction(theta) if part != "shared" else problem.torque
@@ -251,7 +294,7 @@ def _static_fit(
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
         n=int(rows.sum()),
         outcome=_outcome(core, part, comparisons),
-        warnings=comparisons.warnings,
+        warnings=(*([split] if split else []), *comparisons.warnings),
         hold_out=errors,
         names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)],

@@ -10,6 +10,7 @@ from bristle.identification.known_joint import Known, Source, as_identified, cho
 from bristle.identification.results import Joint
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Lugre, ParameterName, of_curve, of_friction, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.wording import FITS, counted, printable, shortened
@@ -67,7 +68,7 @@ def _chosen(joint: Joint) -> Iterator[str]:
     """Regressors, directions, and low pass and decimation of moving runs whose values these are, where the data chose them."""
     told = {"regressors": "chosen regressors"}
     if any(isinstance(fit, TrackingFit) for fit in value_fits(joint)):
-        told |= {"directions": "chosen directions", "filters": "filters"}
+        told |= {"torque": "chosen delay", "directions": "chosen directions", "filters": "filters"}
     yield from (f"  {name}: {printable(joint.settings[key])}" for name, key in told.items() if key in joint.settings)
 
 
@@ -81,7 +82,9 @@ class _Given(NamedTuple):
 def _values(joint: Joint) -> Iterator[str]:
     """The table, direction by direction, what is shared last; parameters without a value in one line a direction."""
     rows, known = {row.parameter: row for row in chosen(joint)}, as_identified(joint)
-    fixed = {name: _Given(name, value) for name, value in known.given.items() if name not in rows}
+    fixed = {
+        name: _Given(name, value) for name, value in known.given.items() if name not in rows and name.name != FASTEST
+    }
     cells: list[tuple[str, ...]] = [_HEAD]
     missing: dict[Direction, dict[str, list[str]]] = {}
     for name in sorted({*rows, *fixed, *_unmeasured(rows, fixed)}, key=_place):

@@ -22,7 +22,8 @@ def known_to(joint: Joint, plus_minus: str = "±") -> str:
         return "How well its friction is known was not computed." if told else "No friction vs velocity is known."
     need = f", where {plus_minus} {number(joint.need, 2)} % is needed" if not known.band <= joint.need else ""
     to = f"to {plus_minus} {number(known.band, 2)} % (95 %)" if math.isfinite(known.band) else "to no stated error"
-    speeds = f"from {number(known.slowest, 2)} to {number(known.fastest, 2)} {unit('v_s', joint.kind)}"
+    ends = dict.fromkeys(number(x, 2) for x in (known.slowest, known.fastest))
+    speeds = f"{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)} {unit('v_s', joint.kind)}"
     held = [x.relative_error for fit in fits for x in fit.hold_out]
     left = held or [fit.relative_error for fit in fits if fit.relative_error is not None]
     what = (

@@ -1,0 +1,134 @@
+"""What the data settle, bristle settles, says in one line, and a line overrules: drag, a delay, clipped samples, points at rest, one speed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import bristle
+from bristle.arrays import Array
+from bristle.identification.results import Joint
+from bristle.model.parameters import Lugre, ParameterName
+
+TRUTH = Lugre(0.8, 0.3, 0.5, 0.06, 2000.0, 5.0)
+INERTIA, RATE = 0.05, 500.0
+
+
+def motion(seconds: float = 15.0) -> tuple[Array, Array, Array, Array]:
+    """Time, position, velocity and acceleration of four sines, in SI, (n,)."""
+    t = np.arange(int(seconds * RATE)) / RATE
+    sines = [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0), (0.05, 1.3, 0.4)]
+    w = [(a, 2 * np.pi * f, phase) for a, f, phase in sines]
+    q = sum((a * np.sin(k * t + p) for a, k, p in w), np.zeros(t.size))
+    v = sum((a * k * np.cos(k * t + p) for a, k, p in w), np.zeros(t.size))
+    return t, q, v, sum((-a * k**2 * np.sin(k * t + p) for a, k, p in w), np.zeros(t.size))
+
+
+def log(folder: Path, torque: Array, fit: str = "", limit: float = np.inf) -> Path:
+    """An experiment of one moving run with this torque, (n,), and white noise of 10 mN m, cut off at a limit."""
+    t, q, _, _ = motion()
+    noisy = np.clip(torque + 0.01 * np.random.default_rng(0).standard_normal(t.size), -limit, limit)
+    np.savetxt(
+        folder / "log.csv", np.column_stack([t, q, noisy]), delimiter=",", header="t,q,tau", comments="", fmt="%.9g"
+    )
+    text = (
+        "joint: {name: wrist}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        f"  torque: {{column: tau, unit: N*m}}\nruns:\n  - {{files: log.csv, experiment: tracking}}\nfit: {{directions: symmetric{fit}}}\n"
+    )
+    (folder / "log.yaml").write_text(text, encoding="utf-8")
+    return folder / "log.yaml"
+
+
+def clean() -> Array:
+    """The torque of the joint, N*m."""
+    _, _, v, a = motion()
+    return bristle.simulate(v, 1 / RATE, TRUTH) + INERTIA * a
+
+
+def near(joint: Joint, errors: float = 4.0, **truth: float) -> None:
+    """Each of some parameters of the moving runs is within so many of its errors, or a hundredth."""
+    assert joint.tracking is not None
+    for name, value in truth.items():
+        e = next(x for key, x in joint.tracking.parameters.items() if key.name == name)
+        assert e.value == pytest.approx(value, abs=max(errors * (e.standard_error or 0.0), 0.01 * value)), name
+
+
+@pytest.mark.parametrize("late", [0.02, -0.012])
+def test_a_delay_is_taken_off(tmp_path: Path, late: float) -> None:
+    """A torque that was logged 20 ms late, or 12 ms early: the delay is found to 2 ms and said, and the numbers are the joint's."""
+    t, _, _, _ = motion()
+    joint = bristle.identify(log(tmp_path, np.interp(t - late, t, clean()))).joint()
+    told = joint.settings["chosen delay"]
+    assert float(told.split()[1]) == pytest.approx(abs(late), abs=2e-3)
+    assert ("late" if late > 0 else "early") in told
+    near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+    assert "which is taken off" in " ".join(bristle.Results(joints=(joint,)).text().split())
+
+
+def test_a_delay_is_left_as_written(tmp_path: Path) -> None:
+    """What is written is fitted, and no more: the delay is a finding."""
+    t, _, _, _ = motion()
+    joint = bristle.identify(log(tmp_path, np.interp(t - 0.02, t, clean()), ", set_up: as-written")).joint()
+    assert "chosen delay" not in joint.settings
+    assert joint.tracking is not None
+    assert "torque-delayed" in {w.code for w in joint.tracking.warnings}
+
+
+def test_drag_is_taken(tmp_path: Path) -> None:
+    """Drag is in the law where the torque has it, its coefficient comes back, and the line says so; a clean joint keeps the paper's law."""
+    _, _, v, _ = motion()
+    dragged = bristle.identify(log(tmp_path, clean() + 0.4 * v * np.abs(v))).joint()
+    near(dragged, alpha_0=0.8, alpha_2=0.5, alpha_3=0.4, inertia=INERTIA)
+    assert "gaussian+quadratic, which the data chose" in " ".join(bristle.Results(joints=(dragged,)).text().split())
+    plain = bristle.identify(log(tmp_path, clean())).joint()
+    assert plain.law_name == "gaussian"
+    near(plain, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+
+
+def test_clipped_samples_of_a_motion_are_left_out(tmp_path: Path) -> None:
+    """A torque cut off at seven tenths of its largest: the samples there are named and left out, and the joint comes back."""
+    torque = clean()
+    joint = bristle.identify(log(tmp_path, torque, limit=0.7 * float(np.abs(torque).max()))).joint()
+    assert "clipped-left-out" in {w.code for w in joint.warnings}
+    near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+
+
+def test_points_at_rest_and_points_that_are_clipped_are_left_out() -> None:
+    """Of forty points the two slowest of each direction do not slide, and the fastest are at a limit: the law of the others comes back."""
+    v = np.concatenate([x * np.geomspace(0.005, 1.0, 40) for x in (1, -1)])
+    T = bristle.friction(v, TRUTH) + 2e-3 * np.random.default_rng(1).standard_normal(v.size)
+    T = np.clip(np.where(np.abs(v) < 0.006, 0.5 * T, T), -1.1, 1.1)
+    fit = bristle.fit(v, T, directions="symmetric", regressors=())
+    reasons = [reason.code for s in fit.joint.segments for reason in s.reasons]
+    assert reasons.count("below-breakaway") == int(np.sum(np.abs(v) < 0.006))
+    assert reasons.count("saturated") == int(np.sum(np.abs(T) == 1.1))
+    for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
+        low, high = fit.joint.static["both"].parameters[name].interval or (0.0, 0.0)
+        assert low < getattr(TRUTH, name) < high
+
+
+def test_of_one_speed_the_sum_is_known() -> None:
+    """Points at one speed both ways about an offset: friction there is known, its split is not, and alpha_2 is at most all of it."""
+    v = np.repeat([0.4, -0.4], 20) * (1 + 0.01 * np.random.default_rng(2).standard_normal(40))
+    T = bristle.friction(v, TRUTH) + 0.3 + 1e-3 * np.random.default_rng(3).standard_normal(40)
+    fit = bristle.fit(v, T, directions="symmetric", regressors=("offset",))
+    found, whole = fit.joint.static["both"].parameters, 0.8 + 0.5 * 0.4
+    assert found["offset"].value == pytest.approx(0.3, abs=2e-3)
+    assert fit.friction(0.4) == pytest.approx(whole, abs=3e-3)
+    assert found["alpha_0"].interval == pytest.approx((0.0, whole), abs=3e-3)
+    assert found["alpha_2"].interval == pytest.approx((0.0, whole / 0.4), abs=0.02)
+    assert "one-speed-only" in {w.code for w in fit.warnings}
+    assert ParameterName.parse("alpha_2") not in fit.joint.crosscheck["both"].parameters
+    assert fit.joint.accuracy is not None
+    assert fit.joint.accuracy.band < 1
+
+
+@pytest.mark.parametrize(("unit", "step"), [("ms", 2.0), ("us", 2000.0), ("ns", 2e6)])
+def test_a_time_without_a_unit_has_many_samples_a_second(tmp_path: Path, unit: str, step: float) -> None:
+    """Stamps in ms, us or ns that no name tells of are taken for that, and it is said."""
+    t, q, _, _ = motion(8.0)
+    columns = np.column_stack([1e9 + np.arange(t.size) * step, q, clean()[: t.size]])
+    np.savetxt(tmp_path / "log.csv", columns, delimiter=",", header="stamp,q,tau", comments="", fmt="%.17g")
+    text, said = bristle.draft(tmp_path / "log.csv", folder=tmp_path, told=bristle.Told(columns={"time": "stamp"}))
+    assert f'unit: "{unit}"' in text
+    assert any(f"{unit}, for a log has many samples a second" in x for x in said)
