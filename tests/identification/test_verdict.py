@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bristle.findings import Finding
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.messages import Kind
 from bristle.identification.results import Accuracy, Joint
@@ -60,6 +60,16 @@ def test_the_weightiest_warning_about_the_values_decides(own: Joint, trust: Trus
     assert verdict(own) == (trust, reason)
     counted = (*value_warnings(own), *other_warnings(own))
     assert len(counted) == len(set(counted))
+
+
+def test_a_cause_goes_before_the_size_of_what_is_left() -> None:
+    """Of a fit that leaves a pattern, critical, and of what makes it, a caution, the cause is the reason; both stand among the findings."""
+    size = Finding("unexplained", Severity.CRITICAL, "The relative error is 40 %.")
+    cause = Finding("reversals-left", Severity.CAUTION, "About reversals the fit leaves more.")
+    own = joint(tracking=whole(size, CAUTION, cause))
+    assert verdict(own) == (Trust.DO_NOT_USE, cause)
+    assert {size, cause} <= set(value_warnings(own))
+    assert verdict(joint(tracking=whole(size, CAUTION))).reason == size
 
 
 def test_values_that_are_not_identifiable_are_named_once() -> None:

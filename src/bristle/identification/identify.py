@@ -496,6 +496,10 @@ def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[
     for key in experiment.fit.gone:
         message = f"fit.{key} is a key of earlier versions, and is not read as it was: {GONE[key]}."
         warnings.append(Finding("key-gone", CAUTION, message, {"key": key}))
+    told = {w.code for w in warnings}
+    if in_current(experiment.joint.kind) and "constant-unseen" not in told and measured.link_inertia is None:
+        message = "No torque constant is given, so friction is in A: write `motor: {torque_constant: 0.35 N*m/A}`, as seen at the joint."
+        warnings.append(Finding("in-amperes", CAUTION, message))
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)

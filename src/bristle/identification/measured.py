@@ -12,7 +12,7 @@ from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
 from bristle.data.differentiation import estimate_motion, usable
-from bristle.data.experiment.load import Experiment, Run, load_experiment, read_runs
+from bristle.data.experiment.load import Experiment, Run, in_amperes, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
 from bristle.data.torque_checks import at_limits
@@ -109,7 +109,8 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
     refuse_repeated(experiment, runs)
-    return measured_of(experiment, runs)
+    of_current = experiment.motor_constants is None and experiment.signals_of(experiment.runs[0]).drive() == "current"
+    return measured_of(in_amperes(experiment, experiment.fit.regressors) if of_current else experiment, runs)
 
 
 def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:

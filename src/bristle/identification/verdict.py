@@ -49,10 +49,17 @@ def verdict(joint: Joint) -> Verdict:
         critical = found[:1] if found and found[0].severity is Severity.CRITICAL else ()
         return Verdict(Trust.DO_NOT_USE, next(iter(critical), _NO_CURVE))
     if (found and found[0].severity is Severity.CRITICAL) or (known is not None and not known.band <= joint.need):
-        return Verdict(Trust.DO_NOT_USE, found[0] if found or known is None else _uncertain(known))
+        cause = (
+            next((x for x in found if x.code in _CAUSES), None) if found and found[0].code == "unexplained" else None
+        )
+        return Verdict(Trust.DO_NOT_USE, cause or (found[0] if found or known is None else _uncertain(known)))
     return Verdict(Trust.USE, None)
 
 
+_CAUSES = {
+    "friction-drifts", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left", "position-jumps", "lost-samples",
+}  # fmt: skip  # a list of values
+"""Codes that say why a fit leaves a pattern, which `unexplained` says the size of."""
 _NO_CURVE = Finding(
     "no-curve",
     CRITICAL,

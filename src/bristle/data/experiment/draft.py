@@ -131,6 +131,10 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
     wanted = ("velocity", drive) if of_points else ("time", "position", "velocity", drive)
     lines, guessed = [], [f"joint.kind: {kind}, by the units"]
+    if drive == "current" and not told.torque_constant:
+        guessed.append(
+            "torque: as a current, in A, for no torque constant was told (--torque-constant '0.35 N*m/A' gives N*m)"
+        )
     if told.rate is not None:
         lines.append(f"time: {{rate: {quoted(told.rate)}}}")
     for name in wanted:
@@ -247,7 +251,7 @@ def _drive(path: Path, guesses: Mapping[str, ColumnGuess], told: Told, described
             f"(there are: {short(described)})"
         )
     if not _computable(drive, told):
-        options = "--torque-constant '0.35 N*m/A'" + (" --resistance '2.1 ohm'" if drive == "voltage" else "")
+        options = "--torque-constant '0.35 N*m/A' --resistance '2.1 ohm'"
         raise InputError(
             f"{path}: column {short(guesses[drive].column)} is a {drive}, and the torque from it needs the motor's constants; give them as seen "
             f"at the joint, gear included, as in {options}"
@@ -256,7 +260,7 @@ def _drive(path: Path, guesses: Mapping[str, ColumnGuess], told: Told, described
 
 
 def _computable(drive: str, told: Told) -> bool:
-    return drive == "torque" or bool(told.torque_constant and (drive == "current" or told.resistance))
+    return drive != "voltage" or bool(told.torque_constant and told.resistance)
 
 
 def _of_points(path: Path, guesses: Mapping[str, ColumnGuess], told: Told, described: str) -> bool:

@@ -172,7 +172,8 @@ def _check_run(experiment: Experiment, run: RunFiles, where: str) -> None:
         raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
     constants = experiment.motor_constants
     k_t = constants and constants.torque_constant
-    if drive != "torque" and (
+    alone = constants is None and all(experiment.signals_of(r).drive() == "current" for r in experiment.runs)
+    if (drive != "torque" and not alone) and (
         constants is None or k_t is None or (drive == "voltage" and constants.resistance is None)
     ):
         wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
@@ -211,6 +212,33 @@ def experiment_from(data: dict[str, Any], path: Path, where: str) -> Experiment:
         raise InputError(f"{where}: unknown key 'path'; data files are named under runs, as files")
     data = {key: value for key, value in data.items() if value is not None}  # a heading with nothing under it
     return validate(Experiment, {**data, "path": path}, where, _context(data))
+
+
+def in_amperes(experiment: Experiment, asked: tuple[str, ...] | None) -> Experiment:
+    """The joint whose torque is a current, A, all that follows with it, as an inertia that was given, and these regressors."""
+
+    def renamed(signals: Signals) -> Signals:
+        """The current as the torque."""
+        current = signals.current
+        own = None if current is None else Signal(**{**dict(current), "unit": "A"})
+        return signals.model_copy(update={"current": None, "torque": own})
+
+    runs = tuple(
+        run if run.signals is None else run.model_copy(update={"signals": renamed(run.signals)})
+        for run in experiment.runs
+    )
+    kind: JointKind = "prismatic in A" if experiment.joint.kind == "prismatic" else "revolute in A"
+    return experiment.model_copy(
+        update={
+            "joint": experiment.joint.model_copy(update={"kind": kind}),
+            "motor_constants": None,
+            "inertia": None,
+            "signals": renamed(experiment.signals),
+            "runs": runs,
+            "fit": experiment.fit.model_copy(update={"regressors": asked}),
+            "plan": experiment.plan.model_copy(update={"torque": None}),
+        }
+    )
 
 
 def _context(data: dict[str, Any]) -> Context:

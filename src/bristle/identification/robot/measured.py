@@ -7,9 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.data.bandwidth import decimation
-from bristle.data.experiment.load import Experiment, Run, from_current
+from bristle.data.experiment.load import Experiment, Run, from_current, in_amperes
 from bristle.data.experiment.schema import PlusMinus
-from bristle.data.experiment.signals import Signal, Signals
 from bristle.data.record import Record
 from bristle.data.robot.motion import LinkTorques, RobotMotion, read_motions, reader_of, runs_of, without_links
 from bristle.data.robot.rigid_body import RigidBody, rigid_body
@@ -170,7 +169,7 @@ def _measured(part: _Part) -> Measured:
 
 def _refined(part: _Part, found: LinkScale) -> LinkScale:
     asked = tuple(dict.fromkeys((*regressors(part.joint.experiment), "links")))
-    return scale_beside_bristles(_in_amperes(part.joint.experiment, asked), _training(part.runs), found)
+    return scale_beside_bristles(in_amperes(part.joint.experiment, asked), _training(part.runs), found)
 
 
 def _training(runs: Sequence[Run]) -> tuple[Record, ...]:
@@ -188,7 +187,7 @@ def _with_constant(
         by = experiment.motor.k_t if experiment.motor else 1.0  # 1 N*m/A, but for a gear
         links = {} if clear else {"link_torque": None}
         bare = tuple(_with(run, torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)
-        return _in_amperes(experiment, asked), bare
+        return in_amperes(experiment, asked), bare
     constants = experiment.motor_constants
     known = PlusMinus(value=K, standard_error=error)
     own = experiment.model_copy(
@@ -209,33 +208,6 @@ def _with_constant(
 
 def _with(run: Run, **changed: object) -> Run:
     return replace(run, record=replace(run.record, **changed))  # type: ignore[arg-type]  # fields by name
-
-
-def _in_amperes(experiment: Experiment, asked: tuple[str, ...] | None) -> Experiment:
-    """The joint whose torque is a current, A, all that follows with it."""
-
-    def renamed(signals: Signals) -> Signals:
-        """The current as the torque."""
-        current = signals.current
-        own = None if current is None else Signal(**{**dict(current), "unit": "A"})
-        return signals.model_copy(update={"current": None, "torque": own})
-
-    runs = tuple(
-        run if run.signals is None else run.model_copy(update={"signals": renamed(run.signals)})
-        for run in experiment.runs
-    )
-    kind = "prismatic in A" if experiment.joint.kind == "prismatic" else "revolute in A"
-    return experiment.model_copy(
-        update={
-            "joint": experiment.joint.model_copy(update={"kind": kind}),
-            "motor_constants": None,
-            "inertia": None,
-            "signals": renamed(experiment.signals),
-            "runs": runs,
-            "fit": experiment.fit.model_copy(update={"regressors": asked}),
-            "plan": experiment.plan.model_copy(update={"torque": None}),
-        }
-    )
 
 
 def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bool) -> list[Finding]:
