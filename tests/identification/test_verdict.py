@@ -66,10 +66,10 @@ def test_a_cause_goes_before_the_size_of_what_is_left() -> None:
     """Of a fit that leaves a pattern, critical, and of what makes it, a caution, the cause is the reason; both stand among the findings."""
     size = Finding("unexplained", Severity.CRITICAL, "The relative error is 40 %.")
     cause = Finding("reversals-left", Severity.CAUTION, "About reversals the fit leaves more.")
-    own = joint(tracking=whole(size, CAUTION, cause))
+    own = joint(whole(size, CAUTION, cause))
     assert verdict(own) == (Trust.DO_NOT_USE, cause)
     assert {size, cause} <= set(value_warnings(own))
-    assert verdict(joint(tracking=whole(size, CAUTION))).reason == size
+    assert verdict(joint(whole(size, CAUTION))).reason == size
 
 
 def test_values_that_are_not_identifiable_are_named_once() -> None:
