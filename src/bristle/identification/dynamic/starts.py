@@ -83,7 +83,7 @@ def _of_both(problem: DynamicProblem) -> DynamicProblem:
 
 
 def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
-    """Values of one problem by the names of another: one set for both directions, or the geometric mean of two; 0 for what is not known.
+    """Values of one problem by the names of another: one set for both directions, or the mean of two, geometric where they are positive; 0 for what is not known.
 
     An offset and half the difference of the two Coulomb terms are the same thing, and become one another.
     """
@@ -92,7 +92,9 @@ def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> di
         """Its own, or of both directions, or between those of each."""
         own = in_direction(known, name, direction)
         each = [x for d in SIGNED if (x := known.get(ParameterName(name, d))) is not None]
-        return own if own is not None else (float(np.prod(each)) ** (1 / len(each)) if each else 0.0)
+        if own is not None or not each:
+            return own or 0.0
+        return float(np.prod(each)) ** (1 / len(each)) if min(each) > 0 else float(np.mean(each))
 
     out = {name: value(*name) for name in (*problem.friction_names, *problem.extra_names)}
     Coulomb = [ParameterName("alpha_0", d) for d in SIGNED]

@@ -276,7 +276,7 @@ def _estimates(
             value=float(value),
             unit=unit(plain_name, kind),
             standard_error=standard_error,
-            interval=(float(low), float(high)),
+            interval=(float(min(low, value)), float(max(high, value))),  # of an exact fit rounding makes the profile
             warnings=warnings,
         )
     return out
