@@ -104,7 +104,6 @@ def test_v_is_a_velocity_beside_a_torque() -> None:
     [
         ("t,q,x1", {}, r"no column is named as a torque.* --column torque=NAME"),
         ("t,q,v_in", {}, r"is a voltage, .* --torque-constant .* --resistance"),
-        ("t,q,i_A", {}, r"is a current, .* --torque-constant '0.35 N\*m/A'$"),
         ("t,x1,tau", {}, r"no column is named as a position or a velocity.* --column position=NAME"),
         ("x1,q,tau", {}, r"no column is named as the time.* --rate"),
         ("t,q,x1", {"columns": {"torque": "tau"}}, r"no column named 'tau'; there are: t, q, x1"),

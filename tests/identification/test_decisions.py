@@ -137,7 +137,9 @@ def test_a_time_without_a_unit_has_many_samples_a_second(tmp_path: Path, unit: s
 def test_a_current_without_a_constant_is_friction_in_amperes(tmp_path: Path) -> None:
     """A current that nothing tells the torque of: friction is in A, as much as the torque has over the constant, and it is said how to get N m."""
     path = log(tmp_path, clean())
-    path.write_text(path.read_text().replace("torque: {column: tau, unit: N*m}", "current: {column: tau, unit: mA, scale: 4000}"))
+    path.write_text(
+        path.read_text().replace("torque: {column: tau, unit: N*m}", "current: {column: tau, unit: mA, scale: 4000}")
+    )
     joint = bristle.identify(path).joint()
     assert (joint.kind, "in-amperes" in {w.code for w in joint.warnings}) == ("revolute in A", True)
     near(joint, alpha_0=4 * 0.8, alpha_2=4 * 0.5, inertia=4 * INERTIA)

@@ -60,6 +60,7 @@ from bristle.identification.static.set_up import (
     with_one_advice,
 )
 from bristle.identification.static.stray_report import advised
+from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
@@ -70,6 +71,8 @@ _CLEARLY = 10.0
 """A difference in BIC that is very strong evidence (Kass and Raftery 1995)."""
 _SHIFTS = 3
 """Times that a delay of the torque is looked for: each is told to first order."""
+_NOTHING = 1e-3
+"""Of the torque: a Coulomb friction that is less is none."""
 _CHOICES = 2
 """Of a law by moving runs: of the load, and of the peak and terms beside it."""
 _OF_THE_DATA = {
@@ -117,16 +120,19 @@ def identify_joint(
     if auto and not bic:
         bic = {row.directions: row.bic for data in joint.models for row in data.rows if row.model == LUGRE}
         if bic.get(APART, np.inf) < bic.get(SYMMETRIC, -np.inf) - _CLEARLY:
-            measured = _with_directions(measured, "separate")
-            joint = identified(measured, laws)
+            sided = _with_directions(measured, "separate")
+            each = identified(sided, laws)
+            bic, measured, joint = (bic, sided, each) if _slides(each) else ({**bic, APART: np.inf}, measured, joint)
     if wider := _wider(measured, joint.tracking):
         measured, joint = wider, identified(wider, laws)
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
         laws = laws_of_motion(measured, joint.tracking)
         if laws is not None and drag_pays(measured.experiment.fit, laws):
-            measured, laws = with_law(measured, WITH_DRAG), laws.under(WITH_DRAG)
-            joint = identified(measured, laws)
+            dragged, under = with_law(measured, WITH_DRAG), laws.under(WITH_DRAG)
+            again = identified(dragged, under)
+            brakes = again.tracking is not None and _brakes(again.tracking.known)
+            measured, joint, laws = (dragged, again, under) if brakes else (measured, joint, laws)
         for _ in range(_CHOICES if asked == AUTO else 0):
             if laws is None or laws.chosen.in_force or joint.tracking is None:
                 break
@@ -229,6 +235,10 @@ def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
 def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     """What was chosen, why, and what overrules it."""
     more = bic[APART] - bic[SYMMETRIC]
+    if not np.isfinite(more):
+        of_each, of_both = "each its own friction", "one friction for both"
+        took, left = (of_each, of_both) if apart else (of_both, of_each)
+        return f"{took}, for {left} would have a friction that drives, or none (fit.directions overrules)"
     which, higher = ("each its own friction, one for both", -more) if apart else ("one friction for both, two", more)
     how = "higher" if higher >= 0 else f"lower, by less than {_CLEARLY:g}"
     return f"{which} having a BIC {abs(higher):.3g} {how} (fit.directions overrules)"
@@ -304,12 +314,27 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
     asked = measured.experiment.fit.law
     laws = laws_of_points(measured, measured.experiment.fit.friction) if measured.points(hold_out=False) else None
     if laws is not None and drag_pays(measured.experiment.fit, laws):
-        return with_law(measured, WITH_DRAG), laws.under(WITH_DRAG)
+        dragged = with_law(measured, WITH_DRAG)
+        if all(_brakes(x.problem.named(refit(x.problem.rows(x.kept)).theta)) for x in dragged.searches):
+            return dragged, laws.under(WITH_DRAG)
     if asked != AUTO:
         return measured, laws
     if laws is None:
         return with_law(measured, PAPER), None
     return with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
+
+
+def _slides(joint: Joint) -> bool:
+    """Whether the moving runs show Coulomb friction in every direction: without it, what would be friction is an offset's."""
+    fit = joint.moving
+    least = 0.0 if fit is None else _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
+    levels = [] if fit is None else [e.value for name, e in fit.parameters.items() if name.name == "alpha_0"]
+    return all(x is not None and x > least for x in levels)
+
+
+def _brakes(values: Mapping[ParameterName, float]) -> bool:
+    """Whether v abs(v) is drag, in every direction: one that pushes is none."""
+    return all(x > 0 for name, x in values.items() if name.name == "alpha_3")
 
 
 def _with_set_up(

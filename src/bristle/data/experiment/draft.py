@@ -124,13 +124,17 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         guesses["time"] = ColumnGuess("0", None)
     if "time" in guesses and "time" not in told.units and _is_dated(first, guesses["time"]):
         guesses["time"] = guesses["time"]._replace(unit=ISO)
-    elif "time" in guesses and "time" not in told.units and not guesses["time"].unit:
-        guesses["time"] = guesses["time"]._replace(unit=_by_step(_values(first, guesses["time"])))
+    by_step = None
+    if "time" in guesses and "time" not in told.units and not guesses["time"].unit:
+        by_step = _by_step(_values(first, guesses["time"]))
+        guesses["time"] = guesses["time"]._replace(unit=by_step)
     drive = _drive(first, guesses, told, described)
     of_points = _of_points(first, guesses, told, described)
     kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
     wanted = ("velocity", drive) if of_points else ("time", "position", "velocity", drive)
     lines, guessed = [], [f"joint.kind: {kind}, by the units"]
+    if by_step:
+        guessed.append(f"unit of time: {by_step}, for a log has many samples a second")
     if drive == "current" and not told.torque_constant:
         guessed.append(
             "torque: as a current, in A, for no torque constant was told (--torque-constant '0.35 N*m/A' gives N*m)"
@@ -332,8 +336,6 @@ def _signal(
         guessed.append(f"unit of time: iso, for column {shown} holds dates or times of day")
     elif guess.unit in stated and guess.unit and name not in told.units:
         guessed.append(f"unit of {name}: {guess.unit}, as the file's header states")
-    elif name == "time" and guess.unit in _STEPS:
-        guessed.append(f"unit of time (column {shown}): {guess.unit}, for a log has many samples a second")
     if not (name in told.units or guess.unit):
         guessed.append(f"unit of {name} (column {shown}): assumed {unit}")
     scale = f", scale: {quoted(told.scales[name])}" if name in told.scales else ""

@@ -83,8 +83,9 @@ def _of_both(problem: DynamicProblem) -> DynamicProblem:
 
 
 def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
-    """Values of one problem by the names of another: one set for both directions, or the mean of two, geometric where they are positive; 0 for what is not known.
+    """Values of one problem by the names of another: one set for both directions, or the mean of two; 0 for what is not known.
 
+    The mean is geometric where both are positive.
     An offset and half the difference of the two Coulomb terms are the same thing, and become one another.
     """
 
