@@ -69,6 +69,8 @@ _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
 """Times the low pass that the spectra choose, and what a fit leaves through the first of these where it took motion."""
 _CLEARLY = 10.0
 """A difference in BIC that is very strong evidence (Kass and Raftery 1995)."""
+_LATEST = 0.05
+"""s: no log is later, and what asks for more is another term, as friction that rises with load."""
 _SHIFTS = 3
 """Times that a delay of the torque is looked for: each is told to first order."""
 _NOTHING = 1e-3
@@ -154,11 +156,12 @@ def _on_time(
 ) -> tuple[Measured, Joint, dict[str, str]]:
     """Moving runs whose torque was logged late or early, without that, identified anew, and what is said of it; else as they were.
 
-    A delay is told to first order, and taken where the fit then leaves a tenth less.
+    A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less.
     """
     late = 0.0
     for _ in range(_SHIFTS):
         more = _delay(measured, joint)
+        more = more if abs(late + more) < _LATEST else 0.0
         shifted = in_time(measured, more) if more else measured
         again = identified(shifted) if more else joint
         if not more or again.moving is None or joint.moving is None or again.moving.rms > _LESS * joint.moving.rms:
