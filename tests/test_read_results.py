@@ -173,6 +173,7 @@ def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path
         bristle.plan(read)
 
 
+@pytest.mark.slow
 def test_the_command_line_takes_a_results_file(read: Results, folder: Path, tmp_path: Path) -> None:
     """`bristle sensitivity results.json` is answered; `identify` of it is refused; a report is written anew."""
     assert read.whole

@@ -16,6 +16,7 @@ CALLS = {
 }  # fmt: skip  # a list of words
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_motions")
 def test_the_script_makes_every_call_and_runs() -> None:
     """Every call that `bristle` offers stands in it, and it ends well; its types are checked where mypy runs."""

@@ -58,6 +58,7 @@ def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool,
     assert kind == "revolute" or "rad" not in " ".join(found)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("raster")
 def test_the_embedded_page_begins_each_caption_with_a_number(gripper: Plan, tmp_path: Path) -> None:
     """Each of the eight figures says a number with a unit at once; each table has a name and the file it is in."""

@@ -383,6 +383,7 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     assert (tmp_path / "page" / "tables" / "intervals.csv").is_file()
 
 
+@pytest.mark.slow
 def test_a_plan_carries_itself(gripper: Plan, tmp_path: Path) -> None:
     """Its frame is the table of intervals; written to a path or a text, its page is the same."""
     pd.testing.assert_frame_equal(gripper.to_frame(), intervals(gripper))

@@ -265,6 +265,7 @@ def test_a_loop_of_another_law_is_on_the_page(tmp_path: Path, chromium: Any) -> 
     tab.context.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 390])
 def test_a_page_of_several_laws_in_a_browser(width: int, several: Explorer, chromium: Any, tmp_path: Path) -> None:
     """Each joint has the sliders of its law, a refit restores its cost, the curve that bends down is dashed where it is held, which is said.

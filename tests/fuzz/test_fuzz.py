@@ -9,7 +9,7 @@ from .fuzzing import fuzz
 from .inputs import good_results
 from .runner import server
 
-BUDGET = 10.0
+BUDGET = 20.0
 """Seconds that the suite spends here."""
 
 

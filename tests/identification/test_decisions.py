@@ -53,6 +53,7 @@ def near(joint: Joint, errors: float = 4.0, **truth: float) -> None:
         assert e.value == pytest.approx(value, abs=max(errors * (e.standard_error or 0.0), 0.01 * value)), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("late", [0.02, -0.012])
 def test_a_delay_is_taken_off(tmp_path: Path, late: float) -> None:
     """A torque that was logged 20 ms late, or 12 ms early: the delay is found to 2 ms and said, and the numbers are the joint's."""
@@ -65,6 +66,7 @@ def test_a_delay_is_taken_off(tmp_path: Path, late: float) -> None:
     assert "which is taken off" in " ".join(bristle.Results(joints=(joint,)).text().split())
 
 
+@pytest.mark.slow
 def test_a_delay_is_left_as_written(tmp_path: Path) -> None:
     """What is written is fitted, and no more: the delay is a finding."""
     t, _, _, _ = motion()

@@ -215,6 +215,7 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Joint]:
     return found
 
 
+@pytest.mark.slow
 def test_behind_a_coarse_encoder_the_simulated_motor_sees_more(coarse: dict[str, Joint]) -> None:
     """At 12 bits the estimated velocity loses a tenth of the inertia, which is found; the simulated motor keeps it within 2 %, and intervals hold."""
     truth, J = edro.TABLE_1["gripper rotation"], edro.inertia(edro.TABLE_1["gripper rotation"])

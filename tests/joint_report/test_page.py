@@ -152,6 +152,7 @@ def crowded(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Elements]:
     return text, found
 
 
+@pytest.mark.slow
 def test_no_name_makes_an_element_or_an_attribute(crowded: tuple[str, Elements]) -> None:
     """Elements and attributes of the page are those of plain names; what names a figure for the blind is each joint's name as it is."""
     text, page_elements = crowded
