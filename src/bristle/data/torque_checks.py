@@ -71,14 +71,17 @@ def _limits(record: Record) -> list[float]:
     """The largest and smallest torque, N*m, where it stays exactly there; none of a torque from a voltage, which never does."""
     if record.torque is None or record.voltage is not None:
         return []
+    part, few = _CLIPPED
+    least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
+    ends = (record.torque.min(), record.torque.max())
+    if max(np.count_nonzero(record.torque == end) for end in ends) < least:  # told before all levels are counted
+        return []
     levels, counts = np.unique(record.torque, return_counts=True)
     if levels.size <= min(_LEVELS, record.torque.size // _POINTS_A_LEVEL):
         return []
     padded = np.pad(counts, _NEXT)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
     windows[:, _NEXT] = 0
-    part, few = _CLIPPED
-    least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
     piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
     alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
     gaps = np.diff(levels)
@@ -91,9 +94,10 @@ def _limits(record: Record) -> list[float]:
 
 def _clipped(record: Record, kind: RunKind) -> Finding | None:
     """That samples are clipped, which are left out of points and moving runs; critical where hardly any others are left."""
-    limits, share = _limits(record), float(at_limits(record).mean())
-    if not limits:
+    limits = _limits(record)
+    if not limits or record.torque is None:
         return None
+    share = float(np.isin(record.torque, limits).mean())
     return _at_limits(
         record, share, " and ".join(f"{x:.4g}" for x in limits), left_out=kind != "presliding" and share < _LEFT
     )

@@ -61,7 +61,7 @@ from bristle.identification.static.set_up import (
 )
 from bristle.identification.static.stray_report import advised
 from bristle.identification.static.strays import refit
-from bristle.model.laws.registry import AUTO, PAPER
+from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
 from bristle.progress import Progress, step
 
@@ -337,7 +337,7 @@ def _slides(joint: Joint) -> bool:
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:
     """Whether v abs(v) is drag, in every direction: one that pushes is none."""
-    return all(x > 0 for name, x in values.items() if name.name == "alpha_3")
+    return all(x > 0 for name, x in values.items() if name.name in law_named(WITH_DRAG).coefficients)
 
 
 def _with_set_up(

@@ -154,9 +154,8 @@ def _reduced(problem: Regression, model: str) -> Regression:
     """The problem without what a model does not have."""
     if model == STRIBECK:
         return problem
-    keep = [k for k, name in enumerate(problem.linear_names) if model == VISCOUS or name.name != "alpha_2"]
-    names = tuple(problem.linear_names[k] for k in keep)
-    return replace(problem, peaks=(), linear=problem.linear[:, keep], linear_names=names)
+    lost = {name for name in problem.linear_names if model != VISCOUS and name.name == "alpha_2"}
+    return replace(problem.without(lost), peaks=())
 
 
 def _solved(

@@ -76,9 +76,9 @@ _PER_METRE = "/m"
 _ENDS = 5
 """Times the transients of a decimation, which a run has at the least."""
 _KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8
+"""Where the smoothing kernel is cut, relative to its peak, and where it has died out: ends of a segment within are dropped."""
 _PART = 0.02
 """Of the weights of an equation: samples that have less do not have part in it."""
-"""Where the smoothing kernel is cut, relative to its peak, and where it has died out: ends of a segment within are dropped."""
 
 
 def terms_of(regressor: str) -> Regressor:

@@ -63,7 +63,7 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
     order = {name: k for k, name in enumerate(solution.names)}
     doubts: dict[ParameterName, Finding] = {}
     for direction in problem.directions:
-        alpha_1, v_s = problem.key("alpha_1", direction), problem.key("v_s", direction)
+        alpha_1, v_s = ParameterName("alpha_1", direction), ParameterName("v_s", direction)
         if alpha_1 not in order or v_s not in order or alpha_1 in problem.with_prior:
             continue
         a, b = order[alpha_1], order[v_s]
@@ -87,7 +87,7 @@ def bristle_doubts(
     differ = _halves_differ(problem, solution)
     doubts: dict[ParameterName, Finding] = {}
     for direction in problem.directions:
-        names = [problem.key(name, direction) for name in _BRISTLE]
+        names = [ParameterName(name, direction) for name in _BRISTLE]
         reason = _unresolved(problem, solution, direction, estimates)
         for name in names:
             why = reason or differ.get(name)
@@ -103,7 +103,7 @@ def _unresolved(
     estimates: Mapping[ParameterName, Estimate],
 ) -> Finding | None:
     known: Values = {**problem.fixed, **solution.values}
-    alpha_0, alpha_1, sigma_0 = (problem.key(name, direction) for name in ("alpha_0", "alpha_1", "sigma_0"))
+    alpha_0, alpha_1, sigma_0 = (ParameterName(name, direction) for name in ("alpha_0", "alpha_1", "sigma_0"))
     peak = estimates.get(alpha_1)
     g0 = known[alpha_0] + (0.0 if peak is not None and _is_weak(peak) else known[alpha_1])
     bristle = estimates.get(sigma_0)

@@ -17,7 +17,7 @@ from bristle.identification.dynamic.problem import DynamicProblem, InitialState,
 from bristle.identification.fits import Crosscheck
 from bristle.identification.messages import Kind
 from bristle.model import law
-from bristle.model.parameters import Lugre, fields_of, lugre_of, pair_of
+from bristle.model.parameters import Lugre, ParameterName, fields_of, lugre_of, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 
 STARTS = 1
@@ -65,7 +65,7 @@ def _cost(solved: DynamicSolution, x: ca.MX) -> ca.MX:
     """The sum of squared residuals, priors included, as an expression of the scaled unknowns."""
     problem, unknowns = solved.problem, solved.solution.posed.unknowns
     known: dict[Any, Any] = {**problem.fixed, **dict(zip(unknowns.names, natural(unknowns, x), strict=True))}
-    p = ca.vertcat(*(known[problem.key(name, d)] for d in problem.directions for name in fields_of(problem.law)))
+    p = ca.vertcat(*(known[ParameterName(name, d)] for d in problem.directions for name in fields_of(problem.law)))
     numbers: Values = {**problem.fixed, **solved.values}
     slowest = min(v for n, v in numbers.items() if n.name == "v_s")
     extra = ca.vertcat(*(known[name] for name in problem.extra_names)) if problem.extra_names else ca.MX(0, 1)

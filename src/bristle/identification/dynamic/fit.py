@@ -271,7 +271,7 @@ def _not_shown(
     doubts = peak_doubts(problem, solution)
     bends, wide, none = (dict[ParameterName, tuple[float, Finding]]() for _ in range(3))
     for direction in problem.directions:
-        alpha_0, alpha_1, v_s = (problem.key(name, direction) for name in ("alpha_0", "alpha_1", "v_s"))
+        alpha_0, alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_0", "alpha_1", "v_s"))
         values = solution.values
         if not {alpha_1, v_s} <= values.keys() or problem.with_prior & {v_s, alpha_1}:
             continue
@@ -298,7 +298,7 @@ def _below_zero(inertia: Estimate | None) -> list[Finding]:
 def _shape_held(problem: DynamicProblem) -> Iterator[Finding]:
     """What the peak has beside v_s, where nothing but the range that is searched tells it."""
     for own in problem.law.peak.own:
-        held = {d: problem.key(own.name, d) for d in problem.directions}
+        held = {d: ParameterName(own.name, d) for d in problem.directions}
         names = tuple(dict.fromkeys(str(n) for n in held.values() if problem.fixed.get(n) == own.middle))
         if names:
             yield Kind.SHAPE_HELD(names=names, value=own.middle)
@@ -450,12 +450,12 @@ def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterNa
     sets = dict(zip(problem.directions, [p] if isinstance(p, Lugre) else p, strict=True))
     J = values.get(INERTIA, problem.fixed.get(INERTIA))
     for d, lugre in sets.items():
-        if not is_passive(lugre) and not {problem.key(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
+        if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             least = lugre.sigma_1 * lugre.alpha_1 / lugre.alpha_0
             warnings.append(Kind.NOT_PASSIVE(direction=d, alpha_2=lugre.alpha_2, least=least))
         if bends_down(lugre):
             warnings.append(Kind.CURVE_HELD(fastest=getattr(lugre, FASTEST)))
-        if J and J > 0 and not {problem.key(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
+        if J and J > 0 and not {ParameterName(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
             ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
             if not 0.02 < ratio < 5:
                 warnings.append(Kind.ODD_DAMPING(direction=d, ratio=ratio))

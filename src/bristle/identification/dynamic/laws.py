@@ -87,7 +87,7 @@ def fitted_to_motion(
         for name, x in alone.fixed.items()
         if name.name in _BRISTLE or not {name.name, str(name)}.isdisjoint(options.fixed)
     }
-    middle = {whole.key(own.name, d): own.middle for d, own in product(whole.directions, law.peak.own)}
+    middle = {ParameterName(own.name, d): own.middle for d, own in product(whole.directions, law.peak.own)}
     known = {**whole.fixed, **middle, **{name: x for name, x in held.items() if name in whole.friction_names}}
     motions = tuple(replace(m, coarsening=_ROUGH) for m in whole.motions)
     problem = replace(whole, fixed=known, motions=motions)

@@ -37,10 +37,10 @@ def takes_up_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]
     errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
     names = list[ParameterName]()
     for direction in problem.directions:
-        without = problem.fixed.get(problem.key("alpha_1", direction)) == 0
+        without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
         asked = asked_peak(problem, solution, direction) if without else None
         moved = {} if asked is None else asked.moved
-        mine = (problem.key(name, direction) for name in ("alpha_0", "alpha_2"))
+        mine = (ParameterName(name, direction) for name in ("alpha_0", "alpha_2"))
         names += [name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)]
     return names
 
@@ -55,7 +55,7 @@ def asked_peak(
     """
     if problem.quantity != "torque":
         return None
-    own = {problem.key(name, direction) for name in ("alpha_1", "v_s")}
+    own = {ParameterName(name, direction) for name in ("alpha_1", "v_s")}
     seen = [k for k, n in enumerate(solution.names) if solution.scaled_errors[k] < np.inf and n not in own]
     known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
     speeds, columns = _peaks(problem, solution, direction)
@@ -73,7 +73,7 @@ def asked_peak(
 
 def _peaks(problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction) -> tuple[Array, Array]:
     """Values of v_s, (k,), and the derivative of the residuals by an alpha_1 of a direction at zero, for each, (n, k)."""
-    alpha_1, v_s = (problem.key(name, direction) for name in ("alpha_1", "v_s"))
+    alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
     fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
     fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
     values = {name: value for name, value in solution.values.items() if name != v_s}

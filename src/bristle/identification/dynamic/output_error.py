@@ -97,7 +97,7 @@ class Simulated:
     def _parameters(self, problem: DynamicProblem, known: Values) -> list[float]:
         """What `_step` takes: a pair of sets, the loads, k_t and R."""
         directions = problem.directions if len(problem.directions) == 2 else problem.directions * 2
-        friction = [known[problem.key(name, d)] for d in directions for name in fields_of(self.law)]
+        friction = [known[ParameterName(name, d)] for d in directions for name in fields_of(self.law)]
         return [*friction, *(known.get(name, 0.0) for name in _LOADS), self.motor.k_t, self.motor.R]
 
 

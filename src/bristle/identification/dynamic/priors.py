@@ -175,8 +175,8 @@ def posed_and_start(
     smooth = [between_counts(r, count) for r in records] if count else records
     near = replace(_equation_error_problem(experiment, moving, smooth, fixed), fixed=fixed)
     found = without_deflections(solve_dynamic(near, start, _SURE, SEED).values)
-    none = [d for d in whole.directions if found.get(whole.key("alpha_1", d)) == 0]
-    peak = {whole.key(name, d) for d in none for name in peak_parameters(whole.law)} & found.keys()
+    none = [d for d in whole.directions if found.get(ParameterName("alpha_1", d)) == 0]
+    peak = {ParameterName(name, d) for d in none for name in peak_parameters(whole.law)} & found.keys()
     return _output_error_problem(experiment, moving, records, fixed), found | {name: start[name] for name in peak}
 
 
@@ -254,7 +254,7 @@ def _start(
             "sigma_1": float(sigma_1),
         }
         for name, value in first.items():  # what both directions share starts at their mean
-            key = problem.key(name, d)
+            key = ParameterName(name, d)
             out[key] = (out[key] + value) / 2 if key in out else value
     if extra.get(INERTIA, 1.0) <= 0:  # a linear fit that knows no presliding may well find a negative one
         extra[INERTIA] = 1e-3 * torque / speed
@@ -292,7 +292,7 @@ def _shape(problem: DynamicProblem, static: Mapping[str, StaticFit]) -> dict[Par
     for d, own in product(problem.directions, problem.law.peak.own):
         fit = _static_of(static, d)
         known = fit.parameters.get(own.name) if fit is not None else None
-        shape[problem.key(own.name, d)] = _value(known, own.middle)
+        shape[ParameterName(own.name, d)] = _value(known, own.middle)
     return shape
 
 
@@ -328,11 +328,11 @@ def _priors(
                 root = np.linalg.inv(np.linalg.cholesky(covariance))
                 estimates = [fit.parameters[fit.names[k]] for k in rows]
                 shifts = {c: np.array([e.shifts.get(c, 0.0) for e in estimates]) for c in estimates[0].shifts}
-                priors.append(Prior("static", tuple(problem.key(fit.names[k], d) for k in rows), value, root, shifts))
+                priors.append(Prior("static", tuple(ParameterName(fit.names[k], d) for k in rows), value, root, shifts))
         bristle = _stiffness(slow, d)
         if bristle is not None:
             sigma_0 = _single(
-                "presliding", problem.key("sigma_0", d), bristle.value or 0.0, bristle.standard_error or 1.0
+                "presliding", ParameterName("sigma_0", d), bristle.value or 0.0, bristle.standard_error or 1.0
             )
             priors.append(replace(sigma_0, shifts={c: np.array([by]) for c, by in bristle.shifts.items()}))
     _, known = inertia(experiment)

@@ -140,12 +140,7 @@ class DynamicProblem:
     @property
     def friction_names(self) -> tuple[ParameterName, ...]:
         """The LuGre parameters, direction by direction."""
-        every = [self.key(name, d) for d in self.directions for name in fields_of(self.law)]
-        return tuple(dict.fromkeys(every))
-
-    def key(self, name: str, direction: Direction) -> ParameterName:
-        """The LuGre parameter that acts in a direction."""
-        return ParameterName(name, direction)
+        return tuple(ParameterName(name, d) for d in self.directions for name in fields_of(self.law))
 
     @property
     def names(self) -> tuple[Unknown, ...]:
@@ -292,7 +287,7 @@ def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[f
     """The LuGre set, or pair of sets, among some values by name."""
     known: Values = {**problem.fixed, **values}
     one = lugre_of(problem.law)
-    sets = [one(*(known[problem.key(name, d)] for name in one._fields)) for d in problem.directions]
+    sets = [one(*(known[ParameterName(name, d)] for name in one._fields)) for d in problem.directions]
     return sets[0] if len(sets) == 1 else Pair(*sets)
 
 
@@ -330,7 +325,7 @@ def equation_error(
 ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
     """Of each motion measured less modelled torque, N*m, (N,), and the derivative of the latter by each unknown."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
-    keys = [problem.key(name, d) for d, name in product(problem.directions, fields_of(problem.law))]
+    keys = [ParameterName(name, d) for d, name in product(problem.directions, fields_of(problem.law))]
     for k, m in enumerate(problem.motions):
         z0 = InitialState("z0", k)
         every: tuple[Unknown, ...] = (*keys, z0)
@@ -365,7 +360,7 @@ def by_name(problem: DynamicProblem, rows: Iterable[Array]) -> dict[Unknown, Arr
     """The derivatives by each LuGre parameter, (N,) each, by name; those of a shared one are added up."""
     slope_of: dict[Unknown, Array] = {}
     for (d, name), row in zip(product(problem.directions, fields_of(problem.law)), rows, strict=True):
-        key = problem.key(name, d)
+        key = ParameterName(name, d)
         slope_of[key] = slope_of[key] + row if key in slope_of else row
     return slope_of
 

@@ -113,7 +113,7 @@ def _peaked(problem: DynamicProblem, best: MultistartSolution[Unknown]) -> list[
     added = dict[ParameterName, float]()
     errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
     for direction in problem.directions:
-        alpha_1, v_s = (problem.key(name, direction) for name in ("alpha_1", "v_s"))
+        alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
         none = {alpha_1, v_s} <= best.values.keys() and best.values[alpha_1] <= errors[alpha_1]
         if none and (asked := asked_peak(problem, best, direction, _WORTH)):
             added |= {alpha_1: asked.alpha_1, v_s: asked.v_s}

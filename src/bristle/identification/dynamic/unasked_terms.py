@@ -12,7 +12,7 @@ from bristle.findings import Finding
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown
 from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, swings
-from bristle.model.parameters import SIGNED, unit
+from bristle.model.parameters import SIGNED, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
 
 _RARE = 5e-4
@@ -67,7 +67,7 @@ def offset_or_friction(
     Wald tests: the directions agree on alpha_1 and alpha_2, and with these made equal they differ in alpha_0.
     """
     order = {name: k for k, name in enumerate(solution.names)}
-    pairs = [[problem.key(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2")]
+    pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2")]
     free = [pair for pair in pairs if all(name in order for name in pair)]
     if set(SIGNED) - set(problem.directions) or problem.quantity != "torque" or pairs[0] not in free:
         return []

@@ -150,31 +150,32 @@ def _of_one_speed(
             alike.add(d)
     lost = {ParameterName("alpha_2", d) for d in alike}
 
-    def without(one: Regression) -> Regression:
-        """Those columns."""
-        keep = [k for k, name in enumerate(one.linear_names) if name not in lost]
-        return replace(one, linear=one.linear[:, keep], linear_names=tuple(one.linear_names[k] for k in keep))
-
     if not lost:
         return problem, held, runs
-    return without(problem), [(file, without(x)) for file, x in held], [(file, without(x)) for file, x in runs]
+    held, runs = ([(file, x.without(lost)) for file, x in each] for each in (held, runs))
+    return problem.without(lost), held, runs
 
 
 def _split_unknown(
-    problem: Regression, parameters: dict[str, Estimate], part: Direction, kind: JointKind
-) -> Finding | None:
-    """Of one speed alone: alpha_0 stands for all friction there, alpha_2 for none; both have what is possible as their intervals."""
+    problem: Regression, parameters: Mapping[str, Estimate], part: Direction, kind: JointKind
+) -> tuple[dict[str, Estimate], tuple[Finding, ...]]:
+    """Of one speed alone: alpha_0 stands for all friction there, alpha_2 for none; both have what is possible as their intervals.
+
+    What changes of the parameters, and what is said of it; nothing of several speeds.
+    """
     whole = parameters.get("alpha_0")
     if "alpha_2" in parameters or whole is None or whole.value is None or whole.interval is None:
-        return None
+        return {}, ()
     speed, high = float(np.mean(speeds_of(problem, part))), whole.interval[1]
-    parameters["alpha_0"] = replace(whole, interval=(0.0, high))
-    parameters["alpha_2"] = Estimate(value=0.0, unit=unit("alpha_2", kind), interval=(0.0, high / speed))
+    split = {
+        "alpha_0": replace(whole, interval=(0.0, high)),
+        "alpha_2": Estimate(value=0.0, unit=unit("alpha_2", kind), interval=(0.0, high / speed)),
+    }
     message = (
         f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
         f"{whole.standard_error or 0.0:.2g}{unit_of('torque')}. How it splits is not known, and alpha_2 is taken as 0; measure at other speeds."
     )
-    return Finding("one-speed-only", CAUTION, message, {"speed": speed, "friction": whole.value})
+    return split, (Finding("one-speed-only", CAUTION, message, {"speed": speed, "friction": whole.value}),)
 
 
 def _parts(problem: Regression) -> tuple[Direction, ...]:
@@ -281,7 +282,8 @@ def _static_fit(
         names_lost = peak_parameters(problem.law)
         parameters |= {n: Estimate(value=None, unit=unit(n, kind), warnings=lost) for n in names_lost}
     parameters |= {name.name: e for name, e in core.beside.items() if name.direction is part}
-    split = _split_unknown(problem, parameters, part, kind) if part != "shared" else None
+    split, said = _split_unknown(problem, parameters, part, kind)  # of what is shared there is no alpha_0
+    parameters |= split
     order = sorted(parameters, key=lambda name: (*static_fields_of(problem.law), name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
     torque = problem.friction(theta) if part != "shared" else problem.torque
@@ -294,7 +296,7 @@ def _static_fit(
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
         n=int(rows.sum()),
         outcome=_outcome(core, part, comparisons),
-        warnings=(*([split] if split else []), *comparisons.warnings),
+        warnings=(*said, *comparisons.warnings),
         hold_out=errors,
         names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)],

@@ -10,7 +10,7 @@ through the same linear smoothing; points at constant velocity pass as they are.
 (`nonlinear_problem`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from math import ceil
 
@@ -75,6 +75,11 @@ class Regression:
     def names(self) -> tuple[ParameterName, ...]:
         """Which parameters theta's elements are."""
         return (*self.linear_names, *(ParameterName(name, d) for name in ("alpha_1", "v_s") for d in self.peaks))
+
+    def without(self, names: Collection[ParameterName]) -> "Regression":
+        """The problem without some of its linear columns."""
+        keep = [k for k, name in enumerate(self.linear_names) if name not in names]
+        return replace(self, linear=self.linear[:, keep], linear_names=tuple(self.linear_names[k] for k in keep))
 
     def named(self, theta: Array) -> dict[ParameterName, float]:
         """Values by name: of theta, or of its linear elements."""

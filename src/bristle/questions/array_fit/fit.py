@@ -137,13 +137,7 @@ class Fit:
         name: Name = "lugre",
         **settings: Any,
     ) -> RunningCompensator:
-        """A compensator of this joint for a loop in real time: `step` gives the torque to add, (16)-(20).
-
-        Args:
-            law: by which alpha_0 and alpha_2 adapt; None: they do not.
-            gamma: learning rates, one for both or one each.
-            name: of the compensator, as in `bristle.control.compensator`.
-            settings: others of `Compensator`, such as `share` or `inertia`.
+        """A compensator of this joint for a loop in real time: arguments and errors as of `JointModel.compensator`.
 
         What was not identified of the bristle is filled in as for `bristle adapt`. Raises InputError where the friction is not
         known in both directions, nothing is known of the bristle or of the inertia that its damping rests on, or a setting
