@@ -6,15 +6,9 @@
 import sys
 from typing import Any, NoReturn
 
-import typer
-
-from bristle.cli import app
 from bristle.errors import InputError, one_line
 from bristle.terminal import complain, discard, open_streams, print_lines
-from bristle.workers import pin
-
-_WRONG_USE: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
-"""What click raises at a wrong option or argument; typer brings a click of its own, which has no name outside it."""
+from bristle.workers import interruptible, pin
 
 _LONGEST = 500
 """Characters of an error's sentence: one of ours is shorter, the system's or click's may not be."""
@@ -22,11 +16,30 @@ _LONGEST = 500
 
 def main() -> NoReturn:
     """Run the command line and end the process with its exit code."""
+    try:
+        code = _run()  # which imports, and an interrupt meanwhile is one as well
+    except KeyboardInterrupt:
+        code = 130
+    if code == 130:  # by an exception or, in newer versions of typer, as an exit code
+        complain("interrupted")
+    sys.exit(code)
+
+
+def _run() -> int:
+    """Run the command line; its exit code."""
+    import typer
+
+    from bristle.cli import app
+
+    # What click raises at a wrong option or argument; typer brings a click of its own, which has no name outside it.
+    wrong_use: Any = next(c for c in typer.BadParameter.__mro__ if c.__name__ == "ClickException")
     open_streams()
     pin()
+    code = 2
     try:
-        code = app(standalone_mode=False) or 0  # the code of a typer.Exit is handed back, not raised
-        print_lines([])
+        with interruptible():
+            code = app(standalone_mode=False) or 0  # the code of a typer.Exit is handed back, not raised
+            print_lines([])
     except (KeyboardInterrupt, typer.Abort):
         code = 130
     except (BrokenPipeError, SystemExit) as end:  # who read the help has seen enough; click makes an exit of it
@@ -35,15 +48,11 @@ def main() -> NoReturn:
         discard("stdout")
         code = 0
     except (InputError, OSError) as bad:
-        code = 2
         complain(f"bristle: {_sentence(bad)}")
-    except _WRONG_USE as wrong:
-        code = 2
+    except wrong_use as wrong:
         complain(f"bristle: {one_line(wrong.format_message(), _LONGEST)}")
-    if code == 130:  # by an exception or, in newer versions of typer, as an exit code
-        complain("interrupted")
     print_lines([], done=True)
-    sys.exit(code)
+    return code
 
 
 def _sentence(bad: Exception) -> str:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from threading import Thread, current_thread, main_thread
 from typing import Any
 
 Share = Callable[..., Iterable[Any]]
@@ -19,6 +20,8 @@ REPORT = (
 )
 """Modules that make a report."""
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+
+_interrupts = list[int]()
 
 
 def cores() -> int:
@@ -78,14 +81,45 @@ def prepared(*modules: str) -> Any:
 
     Whoever calls this before it loads them itself gets processes the sooner.
     """
-    from multiprocessing import forkserver, get_context
+    from multiprocessing import forkserver, get_context, resource_tracker
 
     if sys.platform != "linux":
         return get_context("spawn")
     context = get_context("forkserver")
     context.set_forkserver_preload(list(modules))
-    forkserver.ensure_running()
+    resource_tracker.ensure_running()  # which lets interrupts through once it runs
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:  # it and its children inherit that, and leave an interrupt to this process from the beginning
+        forkserver.ensure_running()
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
     return context
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Ctrl-C raises KeyboardInterrupt meanwhile, and once more at the next `heed` where somebody caught that, as a bare `except` does."""
+
+    def raise_it(*_: object) -> None:
+        """And remember it."""
+        _interrupts.append(signal.SIGINT)
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or current_thread() is not main_thread():
+        yield  # somebody else's
+        return
+    signal.signal(signal.SIGINT, raise_it)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        _interrupts.clear()
+
+
+def heed() -> None:
+    """Raise KeyboardInterrupt where there was one and the work went on all the same: asked before anything is written."""
+    if _interrupts:
+        raise KeyboardInterrupt
 
 
 @contextmanager
@@ -106,7 +140,6 @@ def pinned() -> Iterator[None]:
 def _begin() -> None:
     """A worker leaves an interrupt to its parent, and ends with it."""
     import gc
-    from threading import Thread
 
     gc.freeze()  # what is loaded stays
     signal.signal(signal.SIGINT, signal.SIG_IGN)

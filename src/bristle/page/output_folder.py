@@ -11,6 +11,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from bristle.errors import InputError, check_regular
+from bristle.workers import heed
 
 MARKER = ".bristle-manifest"
 """Marks a folder as bristle's and lists what bristle made in it, a relative path a line: only that is ever replaced or removed."""
@@ -218,6 +219,7 @@ def _is_there(path: Path, instead: str) -> bool:
 
 
 def _write(path: Path, data: bytes) -> None:
+    heed()
     path.write_bytes(data)
 
 
