@@ -1,6 +1,7 @@
 """Fleets on processes: the same bytes whatever their number, and nothing lost where a worker is killed, the scheduler lost or the run interrupted."""
 
 import logging
+import operator
 import os
 import re
 import signal
@@ -97,6 +98,24 @@ def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, tmp_
     (failure,) = ended.table.to_pandas()["failure"].dropna()
     assert failure == "its worker died 2 times, perhaps for want of memory; give each worker more with --memory"
     assert (ended.identified, ended.failed, again.identified, again.failed) == (3, 1, 1, 0)
+
+
+def test_a_call_that_no_worker_holds_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the scheduler waits for a worker that does not come, as for one that died with what it held, the others end and so does that call."""
+    monkeypatch.setattr(cluster, "_WAIT", 1.0)
+    with local_client(1) as client:
+        submit, asked = client.submit, list[str]()
+
+        def astray(*arguments: Any, key: str, **options: Any) -> Any:
+            """The first call goes to a worker that is not there."""
+            asked.append(key)
+            where = {"workers": ["tcp://127.0.0.1:1"]} if len(asked) == 1 else {}
+            return submit(*arguments, key=key, **options, **where)
+
+        monkeypatch.setattr(client, "submit", astray)
+        calls = [cluster.Call(f"negative-{k}", operator.neg, (k,)) for k in range(4)]
+        assert sorted(x for _, x in cluster.spread(client, calls, 3)) == [-3, -2, -1, 0]
+    assert [key.rpartition("-")[0] for key in asked].count("negative-0") == 2
 
 
 def test_memory_and_certificates_are_checked() -> None:

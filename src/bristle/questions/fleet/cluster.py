@@ -6,8 +6,9 @@ import secrets
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
-from itertools import islice
+from itertools import count, islice
 from multiprocessing import current_process
+from time import monotonic, sleep
 from typing import Any, NamedTuple
 
 from bristle.errors import InputError, one_line, short
@@ -20,15 +21,19 @@ Client = Any
 _LOOPBACK = "127.0.0.1"
 _DASHBOARD = 8787
 _WAIT = 60.0
-"""Seconds that a scheduler or its first worker is waited for."""
+"""Seconds that a scheduler or its first worker is waited for, and that nothing may end until workers are asked."""
+_POLL = 0.02
+"""Seconds between two looks at what has ended."""
 _UNINTERRUPTED = "import signal\nsignal.signal(signal.SIGINT, signal.SIG_IGN)\n"
 """What a worker of our own does first: it leaves an interrupt to the client, which ends it."""
 _LEAN = {
     "distributed.worker.profile.enabled": False,
+    "distributed.deploy.lost-worker-timeout": "1h",
     "distributed.nanny.pre-spawn-environ.MALLOC_TRIM_THRESHOLD_": 2**28,
     "distributed.nanny.pre-spawn-environ.MALLOC_MMAP_THRESHOLD_": 2**28,
 }
-"""Workers that keep the memory of freed arrays, and watch themselves less: each task is a tenth faster."""
+"""Workers that keep the memory of freed arrays, and watch themselves less: each task is a tenth faster; and whose process may take long to begin
+anew: of one that has not begun after Dask's 15 s no other ever would."""
 _LOGGERS = ("distributed", "tornado", "bokeh")
 _UNGUARDED = 'in a script, put the call of bristle.fleet below if __name__ == "__main__":, for the worker processes read the script as well'
 
@@ -120,12 +125,11 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
         current_process(), "_inheriting", False
     ):  # a worker that begins, and runs the user's script to get there
         raise SystemExit(_UNGUARDED)
-    count = workers or cores()
-    limit = _bytes_of(memory)
+    processes, limit = workers or cores(), _bytes_of(memory)
     with quiet(), pinned(), dask.config.set(_LEAN):
         try:
             cluster = LocalCluster(
-                n_workers=count, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
+                n_workers=processes, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
                 dashboard_address=f"{_LOOPBACK}:{_free_port()}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
             )  # fmt: skip  # a list of values
         except RuntimeError as error:
@@ -235,8 +239,8 @@ def threads_of(client: Client) -> int:
     return int(max(1, sum(client.nthreads().values())))
 
 
-def check_workers(client: Client) -> None:
-    """Raise InputError where there is no worker, or one has another version of what results depend on, or no bristle."""
+def wait_for_worker(client: Client) -> None:
+    """Raise InputError where there is no worker for a minute."""
     from distributed import TimeoutError as DaskTimeoutError
 
     try:
@@ -245,6 +249,11 @@ def check_workers(client: Client) -> None:
         raise InputError(
             f"the scheduler has no worker after {_WAIT:.0f} s; start one with dask worker ADDRESS"
         ) from error
+
+
+def check_workers(client: Client) -> None:
+    """Raise InputError where there is no worker, or one has another version of what results depend on, or no bristle."""
+    wait_for_worker(client)
     here = versions()
     for worker, found in client.get_versions(check=False)["workers"].items():
         python = str(found["packages"].get("python", "")) if "packages" in found else str(dict(found["host"])["python"])
@@ -300,33 +309,65 @@ def _digests(names: list[str]) -> list[str] | None:
 def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple[Call, Any]]:
     """Call functions on workers, at most `window` of them under way, and give each with its result or exception as it ends.
 
-    Raises SchedulerLostError where the scheduler cannot be reached any more.
+    What was lost with a worker, and what no worker holds although it has not ended, is called again. Where workers died of a call,
+    it ends last and alone: others may have died with it.
+
+    Raises SchedulerLostError where the scheduler cannot be reached any more, and InputError where no worker is left.
     """
-    from distributed import as_completed
+    from distributed import KilledWorker, as_completed
 
-    todo, ended = iter(calls), as_completed(loop=client.loop, with_results=True, raise_errors=False)
+    todo, attempts, ended = iter(calls), count(), as_completed(loop=client.loop, with_results=True, raise_errors=False)
     waiting: dict[Any, tuple[Call, Any]] = {}
+    deadly = list[Call]()
 
-    def begin() -> None:
-        """Fill the window."""
-        for call in islice(todo, window - len(waiting)):
-            future = client.submit(call.function, *call.arguments, key=call.key, pure=False)
-            waiting[call.key] = call, future
-            ended.add(future)
+    def begin(call: Call) -> None:
+        """Under a name of its own, by which nobody knows an earlier attempt."""
+        future = client.submit(call.function, *call.arguments, key=f"{call.key}-{next(attempts)}", pure=False)
+        waiting[future.key] = call, future
+        ended.add(future)
 
+    def again() -> None:
+        """Call anew what no worker holds: dying workers may take it along without a word to the client."""
+        wait_for_worker(client)
+        held = {str(key) for keys in client.processing().values() for key in keys}
+        for key in [] if held else list(waiting):
+            call, future = waiting.pop(key)
+            client.cancel([future], force=True)
+            begin(call)
+
+    looked = monotonic()
     try:
-        begin()
+        for call in islice(todo, window):
+            begin(call)
         while waiting:
-            for future, result in ended.next_batch():
-                call, _ = waiting.pop(future.key)
+            if not ended.has_ready():
+                sleep(_POLL)
+                if client.status != "running":
+                    raise SchedulerLostError(client)
+                if monotonic() - looked > _WAIT:
+                    looked = monotonic()
+                    again()
+                continue
+            looked = monotonic()
+            for future, result in ended.next_batch(block=False):
+                call, _ = waiting.pop(future.key, (None, None))
+                if call is None:  # called again meanwhile
+                    continue
                 if future.status == "finished":
                     yield call, result
+                elif future.status == "error" and window > 1 and isinstance(future.exception(), KilledWorker):
+                    deadly.append(call)
                 elif future.status == "error":
                     yield call, future.exception()
+                elif future.status == "lost":
+                    begin(call)
                 else:
                     raise SchedulerLostError(client)
                 future.release()
-            begin()
+            for call in islice(todo, window - len(waiting)):
+                begin(call)
     finally:
         with suppress(Exception):  # a scheduler that is gone has nothing to cancel
             client.cancel([future for _, future in waiting.values()])
+    if deadly:
+        yield from spread(client, deadly, 1)
