@@ -119,12 +119,12 @@ def test_the_bytes_do_not_depend_on_workers(tmp_path: Path) -> None:
 
 
 @LINUX
-@pytest.mark.parametrize(
-    "how", [signal.SIGINT, *(pytest.param(how, marks=pytest.mark.slow) for how in (signal.SIGTERM, signal.SIGKILL))]
-)
+@pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)])
 def test_nothing_is_left_of_what_is_stopped(tmp_path: Path, how: signal.Signals) -> None:
     """Ctrl-C ends the workers too, with one word and nothing written; so does a signal that leaves no time to say it."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # what runs in the background ignores it, and so its children
+    before = signal.signal(
+        signal.SIGINT, signal.default_int_handler
+    )  # what runs in the background ignores it, and so its children
     process = subprocess.Popen(  # noqa: S603  # our own command
         [sys.executable, *REPORT, "-o", "out", "--workers", "2"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,

@@ -171,6 +171,7 @@ def test_a_load_needs_a_motion() -> None:
         FitOptions(law="paper+gear-load", predict="position")
 
 
+@pytest.mark.slow
 def test_a_load_that_nothing_tells_is_refused() -> None:
     """Without gravity among the regressors nobody knows what the links bring: one sentence."""
     whole, _ = geared("paper")
@@ -213,6 +214,7 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
     assert told.numbers["rows"] == off
 
 
+@pytest.mark.slow
 def test_compensation_sees_the_load() -> None:
     """Along a reference the level is what gravity there raises it by, in model and plant; a replay with it leaves the noise alone.
 

@@ -235,6 +235,7 @@ def test_behind_a_coarse_encoder_the_simulated_motor_sees_more(coarse: dict[str,
     assert by_position.hold_out[0].relative_error < 1.0
 
 
+@pytest.mark.slow
 def test_a_fit_of_the_position_has_no_static_stage_of_its_own(coarse: dict[str, Joint]) -> None:
     """Where the velocity is not to be trusted no static fit is made of it; the other way it is."""
     assert coarse["torque"].static

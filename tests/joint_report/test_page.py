@@ -173,6 +173,7 @@ def test_no_name_makes_an_element_or_an_attribute(crowded: tuple[str, Elements])
     assert ">url(#x)" in text  # shown as it is, with no figure's prefix
 
 
+@pytest.mark.slow
 def test_ids_are_unique_whatever_joints_are_called(crowded: tuple[str, Elements]) -> None:
     """No name gives two elements one id, and every link and reused shape has its target."""
     found = crowded[1].found

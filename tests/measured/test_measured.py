@@ -144,6 +144,7 @@ def test_emps_symmetric_gives_the_published_figures(known: Known) -> None:
     assert fit.outcome.code == "static-no-stribeck"
 
 
+@pytest.mark.slow
 def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp_path: Path) -> None:
     """With a law per direction the figures of Janot, Gautier and Brunot (2019), to 1 %.
 
