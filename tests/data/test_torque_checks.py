@@ -8,7 +8,7 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import Record
-from bristle.data.torque_checks import check_torque
+from bristle.data.torque_checks import at_limits, check_torque
 from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
 
@@ -90,6 +90,20 @@ def test_few_points_that_are_clipped(limit: float) -> None:
         )
 
 
+@pytest.mark.parametrize("share", [0.7, 0.8])
+def test_points_at_a_limit_are_those_and_no_others(share: float) -> None:
+    """Three points with the largest torque to the last digit are clipped; of a torque that is rounded, or has no noise at all, none is."""
+    for seed in range(20):
+        torque = torque_of(record := table(seed))
+        limit = share * float(np.abs(torque).max())
+        clipped = np.abs(torque) >= limit
+        assert 3 <= clipped.sum() < clipped.size / 2
+        assert np.array_equal(at_limits(replace(record, torque=np.clip(torque, -limit, limit)), "points"), clipped)
+        (exact,) = evaluate(steady_torque_function(), record.velocity, 0.5, 0.2, 0.4, 0.08)
+        for other in (torque, exact, np.round(torque, 1)):
+            assert not at_limits(replace(record, torque=other), "points").any()
+
+
 @pytest.mark.parametrize("limit", [0.3, 0.5])
 def test_points_that_are_clipped_almost_all(limit: float) -> None:
     """Where most points of a direction have one torque to the last digit it is a limit, however few levels are left."""
@@ -97,7 +111,7 @@ def test_points_that_are_clipped_almost_all(limit: float) -> None:
         record = table(seed, n=6)
         (found,) = check_torque(replace(record, torque=np.clip(torque_of(record), -limit, limit)), "points")
         assert found.code == "clipped"
-        assert found.numbers["limits"].lstrip("-") == f"{limit:.4g}"
+        assert found.numbers["limits"] in (f"{limit:.4g} and -{limit:.4g}", f"{limit:.4g}", f"-{limit:.4g}")
 
 
 @pytest.mark.parametrize("width", [0.1, 0.4])

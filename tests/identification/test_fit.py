@@ -103,7 +103,7 @@ def test_one_speed_only_gives_friction_there(gripper: Lugre[float]) -> None:
     """Ten points at one speed cannot tell Coulomb from viscous friction, and say so; together they are known."""
     velocity = np.full(10, 0.2)
     fit = points(velocity, curve(velocity, gripper) + 1e-5 * np.random.default_rng(8).standard_normal(10))
-    assert fit.warnings[0].code == "one-speed-only"
+    assert all("one-speed-only" in {w.code for w in fit.parameters[name].warnings} for name in ("alpha_0", "alpha_2"))
     assert fit.parameters["alpha_0"].value == pytest.approx(float(curve(np.array([0.2]), gripper)[0]), rel=1e-3)
     assert fit.parameters["alpha_2"].value == 0
 

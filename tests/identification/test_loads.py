@@ -29,7 +29,7 @@ from bristle.identification.results import Joint
 from bristle.model import law
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.registry import LOADS, apart, law_named
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, of_load
 from bristle.model.rollout import rollout, rollout_into
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.brief import brief_report
@@ -134,6 +134,22 @@ def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
     assert bare.laws is not None
     assert bare.laws.chosen.law == "gaussian"
     assert {f"gaussian+{name}" for name in LOADS} <= {row.law for row in bare.laws.rows}
+
+
+@pytest.mark.slow
+def test_a_load_is_found_where_no_law_is_written(tmp_path: Path) -> None:
+    """Without a word of a law friction gets the rise with load that is there, and none where there is none; `law: paper` overrules."""
+    for rises, found in ((0.1, 0.1), (0.0, None)):
+        file, _ = geared_results("paper", rises, EXACT)
+        for path in file.parent.glob("*.csv"):
+            (tmp_path / path.name).write_bytes(path.read_bytes())
+        (tmp_path / file.name).write_text(
+            file.read_text(encoding="utf-8").replace(", law: paper", ""), encoding="utf-8"
+        )
+        joint = bristle.identify(tmp_path / file.name).joint()
+        assert joint.tracking is not None
+        rise = {n.name: e.value for n, e in joint.tracking.parameters.items() if of_load(n.name)}
+        assert rise == ({} if found is None else {"link_load": pytest.approx(found, abs=0.005)})
 
 
 @pytest.mark.slow

@@ -24,8 +24,8 @@ _CLIPPED = (0.005, 8)
 """... which is at least this share of its samples, and so many of them."""
 _LEFT = 0.5
 """Of the samples: where more are clipped, too little is left to fit."""
-_SAME = 4
-"""Points of one direction, more than half of them, that do not have the very same torque by chance."""
+_SAME, _REPEATS = 3, 0.1
+"""Points of several speeds that do not have the very same torque by chance, the largest, where no more than this share of the others repeats one."""
 _DEAD = (5e-4, 4)
 """A dead zone takes at least this share of the samples, and so many of them."""
 _COARSE = (64, 0.5)
@@ -55,22 +55,24 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
         yield from filter(None, [_coarse(record, kind)])
         return
     checks = [_clipped(record, kind) if kind != "presliding" or _moves_at_limits(record) else None]
-    checks += [_constant(record)] if kind == "points" and not any(checks) else []
     checks += [_loaded_at_start(record)] if kind == "presliding" else []
     checks += [_dead_zone(record)] if kind == "tracking" else []
     checks += [_coarse(record, kind)] if kind != "points" else []
     yield from filter(None, checks)
 
 
-def at_limits(record: Record) -> NDArray[np.bool_]:
-    """Which samples of a run are clipped: the true torque there is unknown, (n,)."""
-    return np.isin(record.torque, _limits(record)) if record.torque is not None else np.zeros(record.time.size, bool)
+def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
+    """Which samples of a run are clipped: the true torque there is unknown, (n,); none where hardly any others are left."""
+    clipped = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
+    return clipped & (clipped.mean() < _LEFT)
 
 
-def _limits(record: Record) -> list[float]:
+def _limits(record: Record, kind: RunKind) -> list[float]:
     """The largest and smallest torque, N*m, where it stays exactly there; none of a torque from a voltage, which never does."""
     if record.torque is None or record.voltage is not None:
         return []
+    if kind == "points":
+        return _limits_of_points(record.torque, record.velocity)
     part, few = _CLIPPED
     least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
     ends = (record.torque.min(), record.torque.max())
@@ -92,35 +94,32 @@ def _limits(record: Record) -> list[float]:
     return [float(levels[k]) for k in at]
 
 
+def _limits_of_points(torque: Array, velocity: Array | None) -> list[float]:
+    """The same of points, N*m, (n,), each of which has a torque of its own, at velocities, rad/s, (n,)."""
+    ends = [float(torque.max(initial=-np.inf)), float(torque.min(initial=np.inf))]
+    others = torque[~np.isin(torque, ends)]
+    if velocity is None or np.unique(others).size < (1 - _REPEATS) * others.size:
+        return []
+    ends = [x for x in ends if x and velocity[torque == x].size == np.count_nonzero(velocity[torque == x] * x > 0)]
+    speeds = {x: np.unique(velocity[torque == x]).size for x in ends}
+    return [x for x in ends if speeds[x] + speeds.get(-x, 0) >= _SAME]
+
+
 def _clipped(record: Record, kind: RunKind) -> Finding | None:
     """That samples are clipped, which are left out of points and moving runs; critical where hardly any others are left."""
-    limits = _limits(record)
+    limits = _limits(record, kind)
     if not limits or record.torque is None:
         return None
-    share = float(np.isin(record.torque, limits).mean())
-    return _at_limits(
-        record, share, " and ".join(f"{x:.4g}" for x in limits), left_out=kind != "presliding" and share < _LEFT
+    share, left_out = (
+        float(np.isin(record.torque, limits).mean()),
+        kind != "presliding" and at_limits(record, kind).any(),
     )
-
-
-def _constant(record: Record) -> Finding | None:
-    """Points of a direction most of which have the very same torque, their largest: a limit, and no friction vs velocity."""
-    if record.torque is None or record.velocity is None:
-        return None
-    for sign in (1, -1):
-        torque = sign * record.torque[record.velocity * sign > 0]
-        at = int(np.count_nonzero(torque == torque.max(initial=-np.inf)))
-        if at >= _SAME and 2 * at > torque.size:
-            return _at_limits(record, at / record.torque.size, f"{sign * torque.max():.4g}", left_out=False)
-    return None
-
-
-def _at_limits(record: Record, share: float, limits: str, *, left_out: bool) -> Finding:
+    values = " and ".join(f"{x:.4g}" for x in limits)
     message = (
-        f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {limits}. The true torque there "
+        f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {values}. The true torque there "
         f"is unknown{'; they are left out' if left_out else ''}; move slower or more gently, or widen the range of the drive or the sensor."
     )
-    numbers = {"files": (record.file,), "share": share, "limits": limits}
+    numbers = {"files": (record.file,), "share": share, "limits": values}
     return (
         Finding("clipped-left-out", CAUTION, message, numbers)
         if left_out

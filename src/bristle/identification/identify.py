@@ -24,10 +24,10 @@ from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.law_comparison import (
     WITH_DRAG,
-    drag_pays,
     law_warnings,
     laws_of_motion,
     laws_of_points,
+    term_that_pays,
     with_averages,
     with_averages_of_motion,
 )
@@ -62,7 +62,7 @@ from bristle.identification.static.set_up import (
 from bristle.identification.static.stray_report import advised
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
-from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current
+from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current, of_load
 from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
@@ -130,11 +130,11 @@ def identify_joint(
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
         laws = laws_of_motion(measured, joint.tracking)
-        if laws is not None and drag_pays(measured.experiment.fit, laws):
-            dragged, under = with_law(measured, WITH_DRAG), laws.under(WITH_DRAG)
-            again = identified(dragged, under)
+        if laws is not None and (term := term_that_pays(measured.experiment.fit, laws)) is not None:
+            more, under = with_law(measured, term), laws.under(term)
+            again = identified(more, under)
             brakes = again.tracking is not None and _brakes(again.tracking.known)
-            measured, joint, laws = (dragged, again, under) if brakes else (measured, joint, laws)
+            measured, joint, laws = (more, again, under) if brakes else (measured, joint, laws)
         for _ in range(_CHOICES if asked == AUTO else 0):
             if laws is None or laws.chosen.in_force or joint.tracking is None:
                 break
@@ -241,7 +241,7 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     if not np.isfinite(more):
         of_each, of_both = "each its own friction", "one friction for both"
         took, left = (of_each, of_both) if apart else (of_both, of_each)
-        return f"{took}, for {left} would have a friction that drives, or none (fit.directions overrules)"
+        return f"{took}, for {left} would leave a direction without friction, or with one that drives it (fit.directions overrules)"
     which, higher = ("each its own friction, one for both", -more) if apart else ("one friction for both, two", more)
     how = "higher" if higher >= 0 else f"lower, by less than {_CLEARLY:g}"
     return f"{which} having a BIC {abs(higher):.3g} {how} (fit.directions overrules)"
@@ -316,7 +316,7 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
     """
     asked = measured.experiment.fit.law
     laws = laws_of_points(measured, measured.experiment.fit.friction) if measured.points(hold_out=False) else None
-    if laws is not None and drag_pays(measured.experiment.fit, laws):
+    if laws is not None and term_that_pays(measured.experiment.fit, laws) == WITH_DRAG:
         dragged = with_law(measured, WITH_DRAG)
         if all(_brakes(x.problem.named(refit(x.problem.rows(x.kept)).theta)) for x in dragged.searches):
             return dragged, laws.under(WITH_DRAG)
@@ -336,8 +336,10 @@ def _slides(joint: Joint) -> bool:
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:
-    """Whether v abs(v) is drag, in every direction: one that pushes is none."""
-    return all(x > 0 for name, x in values.items() if name.name in law_named(WITH_DRAG).coefficients)
+    """Whether v abs(v) is drag in every direction, and a load makes friction rise: what pushes is none."""
+    return all(
+        x > 0 for name, x in values.items() if name.name in law_named(WITH_DRAG).coefficients or of_load(name.name)
+    )
 
 
 def _with_set_up(

@@ -274,9 +274,15 @@ class KnownJoint:
 
 
 def known_joint(joint: Joint) -> KnownJoint:
-    """What is known of an identified joint. Raises InputError where a number of it is none that a joint can have."""
+    """What is known of an identified joint: no inertia where that is negative and may be positive, for it is too small to be seen.
+
+    Raises InputError where a number of it is none that a joint can have.
+    """
     known = as_identified(joint)
     links = {} if joint.link_inertia is None else {INERTIA: joint.link_inertia}  # a rotor's may be lost in their error
+    own = known.estimates.get(INERTIA)
+    if not links and own is not None and (own.value or 0.0) < 0 and own.interval is not None and own.interval[1] > 0:
+        known = replace(known, estimates={name: e for name, e in known.estimates.items() if name != INERTIA})
     faults = [fault_of(name, value) for name, value in (*known.given.items(), *known.held.items())]
     for name, e in known.estimates.items():
         if e.value is not None and (name.name != "alpha_0" or e.value != 0):  # at 0 `has_law` is False

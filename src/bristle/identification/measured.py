@@ -310,7 +310,7 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
         raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
     moving = np.abs(velocity) > _STILL * np.abs(velocity).max(initial=0.0)
     fast = np.abs(velocity) >= (slowest or 0.0)
-    clipped = at_limits(record)
+    clipped = at_limits(record, "points")
 
     def against(k: int) -> tuple[Finding, ...]:
         """Why a point is rejected."""

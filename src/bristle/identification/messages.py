@@ -306,6 +306,17 @@ class Kind(Enum):
         ),
     )
     TO_LEAVE_OUT = _NOTE, "To leave out, leave `set_up: as-written` out."
+    NOT_STRAYS = (
+        _NOTE,
+        "They stay: neighbours, the ends of the range, or more than a tenth of the points are no strays, but show what the law lacks.",
+    )
+    FALLS_OFF = (
+        _NOTE,
+        (
+            "They are the slowest, and have less friction than the law: below {speed:.3g velocity} it falls towards 0, as a regularised "
+            "law does, or they do not slide. Write `segments: {{minimum_velocity: {least:.3g velocity}}}` to leave them out."
+        ),
+    )
     TERM_FIRST = (
         _NOTE,
         "But a term that the fit lacks explains more than that: add it first (see below); then look which points are still off.",

@@ -22,8 +22,9 @@ def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Recor
     fit = experiment.fit
     law, loads = fit.friction, fit.load
     rising = "".join(f", rising with the {name.replace('-', ' ')}" for name in loads)
+    found = ", which the data chose (fit.law overrules)" if asked_law == AUTO or asked_law != fit.law else ""
     settings = {
-        "law": f"{'+'.join((law.name, *loads))}{', which the data chose' if asked_law == AUTO or asked_law != fit.law else ''}: {law.title}{rising}",
+        "law": f"{'+'.join((law.name, *loads))}{found}: {law.title}{rising}",
         "directions": fit.directions,
         "set-up": f"{fit.set_up}, {_PEAK[fit.model]}",
         "grid": f"{GRID} values of v_s, even in log(v_s), refined to the continuous minimum",
@@ -45,7 +46,9 @@ def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Recor
         chosen += ["fit.decimation"] if "decimation" not in fit.model_fields_set else []
         if chosen:
             by = f"by the spectra, {' and '.join(chosen)} overrule{'s'[len(chosen) - 1 :]}"
-            settings["filters"] = f"low pass of {low_pass}, one sample in {fit.every} ({by})"
+            settings["filters"] = (
+                f"low pass of {low_pass}, {f'one sample in {fit.every}' if fit.every > 1 else 'every sample'} ({by})"
+            )
         if fit.predict == "position":
             settings |= {
                 "moving runs": f"the motor simulated in windows of {HORIZON:g} s, and its position averaged over {fit.every} samples; "

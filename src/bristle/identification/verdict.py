@@ -47,25 +47,32 @@ def verdict(joint: Joint) -> Verdict:
     known = joint.accuracy
     if known is None and not any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint)):
         critical = found[:1] if found and found[0].severity is Severity.CRITICAL else ()
-        return Verdict(Trust.DO_NOT_USE, next(iter(critical), _NO_CURVE))
+        return Verdict(Trust.DO_NOT_USE, next(iter(critical), _no_curve(joint)))
     if (found and found[0].severity is Severity.CRITICAL) or (known is not None and not known.band <= joint.need):
-        cause = (
-            next((x for x in found if x.code in _CAUSES), None) if found and found[0].code == "unexplained" else None
-        )
+        cause = next((x for x in found if x.code in _CAUSES), None) if found and found[0].code in _SIZES else None
         return Verdict(Trust.DO_NOT_USE, cause or (found[0] if found or known is None else _uncertain(known)))
     return Verdict(Trust.USE, None)
 
 
 _CAUSES = {
     "friction-drifts", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left", "position-jumps", "lost-samples",
+    "clipped",
 }  # fmt: skip  # a list of values
-"""Codes that say why a fit leaves a pattern, which `unexplained` says the size of."""
-_NO_CURVE = Finding(
-    "no-curve",
-    CRITICAL,
-    "No friction vs velocity is known: either no run slides, and the stiffness alone may be used, or Coulomb friction comes out as "
-    "nothing beside the rest. Move at several speeds, both ways.",
-)
+"""Codes that say why a fit leaves what it leaves ..."""
+_SIZES = {"unexplained", "misfit"}
+"""... and those that say how much."""
+
+
+def _no_curve(joint: Joint) -> Finding:
+    """That no Coulomb friction is known: none comes out, or no run slides."""
+    none = any(row.parameter.name == "alpha_0" and row.estimate.value == 0 for row in chosen(joint))
+    message = (
+        "Coulomb friction comes out as nothing: an offset, viscous friction or another term takes up what is measured, and these data do not tell "
+        "them apart. Move at several speeds, both ways, or leave a term out under fit.regressors."
+        if none
+        else "No run slides: the stiffness alone may be used. Move at several speeds, both ways."
+    )
+    return Finding("no-curve", CRITICAL, message)
 
 
 def _uncertain(known: Accuracy) -> Finding:

@@ -158,24 +158,19 @@ def _of_one_speed(
 
 def _split_unknown(
     problem: Regression, parameters: Mapping[str, Estimate], part: Direction, kind: JointKind
-) -> tuple[dict[str, Estimate], tuple[Finding, ...]]:
-    """Of one speed alone: alpha_0 stands for all friction there, alpha_2 for none; both have what is possible as their intervals.
-
-    What changes of the parameters, and what is said of it; nothing of several speeds.
-    """
+) -> dict[str, Estimate]:
+    """Of one speed alone: alpha_0 stands for all friction there, alpha_2 for none; both have what is possible as their intervals, and say so."""
     whole = parameters.get("alpha_0")
     if "alpha_2" in parameters or whole is None or whole.value is None or whole.interval is None:
-        return {}, ()
+        return {}
     speed, high = float(np.mean(speeds_of(problem, part))), whole.interval[1]
-    split = {
-        "alpha_0": replace(whole, interval=(0.0, high)),
-        "alpha_2": Estimate(value=0.0, unit=unit("alpha_2", kind), interval=(0.0, high / speed)),
-    }
     message = (
         f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
         f"{whole.standard_error or 0.0:.2g}{unit_of('torque')}. How it splits is not known, and alpha_2 is taken as 0; measure at other speeds."
     )
-    return split, (Finding("one-speed-only", CAUTION, message, {"speed": speed, "friction": whole.value}),)
+    said = (Finding("one-speed-only", CAUTION, message, {"speed": speed, "friction": whole.value}),)
+    alpha_2 = Estimate(value=0.0, unit=unit("alpha_2", kind), interval=(0.0, high / speed), warnings=said)
+    return {"alpha_0": replace(whole, interval=(0.0, high), warnings=(*whole.warnings, *said)), "alpha_2": alpha_2}
 
 
 def _parts(problem: Regression) -> tuple[Direction, ...]:
@@ -282,8 +277,7 @@ def _static_fit(
         names_lost = peak_parameters(problem.law)
         parameters |= {n: Estimate(value=None, unit=unit(n, kind), warnings=lost) for n in names_lost}
     parameters |= {name.name: e for name, e in core.beside.items() if name.direction is part}
-    split, said = _split_unknown(problem, parameters, part, kind)  # of what is shared there is no alpha_0
-    parameters |= split
+    parameters |= _split_unknown(problem, parameters, part, kind)  # of what is shared there is no alpha_0
     order = sorted(parameters, key=lambda name: (*static_fields_of(problem.law), name).index(name))
     keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
     torque = problem.friction(theta) if part != "shared" else problem.torque
@@ -296,7 +290,7 @@ def _static_fit(
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
         n=int(rows.sum()),
         outcome=_outcome(core, part, comparisons),
-        warnings=(*said, *comparisons.warnings),
+        warnings=comparisons.warnings,
         hold_out=errors,
         names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)],

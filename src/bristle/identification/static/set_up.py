@@ -47,6 +47,8 @@ _WORTH = 1.05
 """Times the error of the best set-up: one more parameter is not worth less."""
 _SPARE = 2
 """Equations per column, at the least."""
+_FREE = 4
+"""Points more than parameters, with which BIC tells one friction from two."""
 _RARE = 5e-4
 """Of clean fits, in which a term is found all the same."""
 _RANK = 1e-10
@@ -164,7 +166,7 @@ def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> d
     for way, (ways_of, regressors_of) in ways.items() if len(sides) == len(DIRECTIONS) else ():
         problem = points_problem(points, ways_of, regressors_of, experiment.fit.friction)
         n, p = problem.torque.size, len(problem.names)
-        if n < _SPARE * p or (_drives(problem) and "gravity" not in asked):
+        if n < p + _FREE or (_drives(problem) and "gravity" not in asked):
             found[way] = np.inf
             continue
         cost, least = refit(problem).cost, 1e-24 * float(problem.torque @ problem.torque)

@@ -70,10 +70,24 @@ def report_strays(
     if dropped:
         warning = Kind.STRAYS_LEFT_OUT(**said, other=Kind.WITH_STRAYS(**numbers))
     else:
-        said |= {"other": Kind.WITHOUT_STRAYS(**numbers), "advice": Kind.TO_LEAVE_OUT()}
+        said |= {"other": Kind.WITHOUT_STRAYS(**numbers), "advice": _advice(search, options)}
         warning = Kind.STRAYS_MATTER(**said, moved=moved) if moved and search.matter else Kind.STRAYS(**said)
     parts = search.problem.directions
     return StrayReport(strays=strays, other={d: _other_points(second, d) for d in parts}, warnings=(*warnings, warning))
+
+
+def _advice(search: PointSearch, options: FitOptions) -> Finding:
+    """What to do about strays that are not left out."""
+    if not options.drops_strays:
+        return Kind.TO_LEAVE_OUT()
+    speed = np.abs([s.velocity for s in search.points])
+    side = np.sign([s.velocity for s in search.points])
+    own = list(search.strays)
+    others = np.delete(speed, [*own, *search.resting])
+    weaker = all(side[k] * search.deviations[k] < 0 for k in own)
+    if others.size and weaker and speed[own].max() < others.min():
+        return Kind.FALLS_OFF(speed=float(others.min()), least=float(others.min()))
+    return Kind.NOT_STRAYS()
 
 
 def advised(fit: StaticFit) -> StaticFit:

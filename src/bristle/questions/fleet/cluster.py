@@ -306,6 +306,48 @@ def _digests(names: list[str]) -> list[str] | None:
         return None
 
 
+class _UnderWay:
+    """Calls that workers were given, by the key of each one's latest attempt."""
+
+    def __init__(self, client: Client) -> None:
+        from distributed import as_completed
+
+        self.client, self.attempts, self.looked = client, count(), monotonic()
+        self.ended = as_completed(loop=client.loop, with_results=True, raise_errors=False)
+        self.calls: dict[Any, tuple[Call, Any]] = {}
+
+    def begin(self, call: Call) -> None:
+        """Under a key of its own, by which nobody knows an earlier attempt."""
+        future = self.client.submit(call.function, *call.arguments, key=f"{call.key}-{next(self.attempts)}", pure=False)
+        self.calls[future.key] = call, future
+        self.ended.add(future)
+
+    def ends(self) -> Iterator[tuple[Call, Any, Any]]:
+        """The next calls that end, each with its future and its result; waits for one."""
+        while not self.ended.has_ready():
+            sleep(_POLL)
+            if self.client.status != "running":
+                raise SchedulerLostError(self.client)
+            if monotonic() - self.looked > _WAIT:
+                self._again()
+        self.looked = monotonic()
+        for future, result in self.ended.next_batch(block=False):
+            if future.key in self.calls:  # else it was begun again meanwhile
+                call, _ = self.calls.pop(future.key)
+                yield call, future, result
+                future.release()
+
+    def _again(self) -> None:
+        """Begin anew what no worker holds: dying workers may take it along without a word to the client."""
+        wait_for_worker(self.client)
+        self.looked = monotonic()
+        if not any(self.client.processing().values()):
+            for call, future in list(self.calls.values()):
+                del self.calls[future.key]
+                self.client.cancel([future], force=True)
+                self.begin(call)
+
+
 def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple[Call, Any]]:
     """Call functions on workers, at most `window` of them under way, and give each with its result or exception as it ends.
 
@@ -314,60 +356,28 @@ def spread(client: Client, calls: Iterable[Call], window: int) -> Iterator[tuple
 
     Raises SchedulerLostError where the scheduler cannot be reached any more, and InputError where no worker is left.
     """
-    from distributed import KilledWorker, as_completed
+    from distributed import KilledWorker
 
-    todo, attempts, ended = iter(calls), count(), as_completed(loop=client.loop, with_results=True, raise_errors=False)
-    waiting: dict[Any, tuple[Call, Any]] = {}
-    deadly = list[Call]()
-
-    def begin(call: Call) -> None:
-        """Under a name of its own, by which nobody knows an earlier attempt."""
-        future = client.submit(call.function, *call.arguments, key=f"{call.key}-{next(attempts)}", pure=False)
-        waiting[future.key] = call, future
-        ended.add(future)
-
-    def again() -> None:
-        """Call anew what no worker holds: dying workers may take it along without a word to the client."""
-        wait_for_worker(client)
-        held = {str(key) for keys in client.processing().values() for key in keys}
-        for key in [] if held else list(waiting):
-            call, future = waiting.pop(key)
-            client.cancel([future], force=True)
-            begin(call)
-
-    looked = monotonic()
+    todo, under_way, deadly = iter(calls), _UnderWay(client), list[Call]()
     try:
-        for call in islice(todo, window):
-            begin(call)
-        while waiting:
-            if not ended.has_ready():
-                sleep(_POLL)
-                if client.status != "running":
-                    raise SchedulerLostError(client)
-                if monotonic() - looked > _WAIT:
-                    looked = monotonic()
-                    again()
-                continue
-            looked = monotonic()
-            for future, result in ended.next_batch(block=False):
-                call, _ = waiting.pop(future.key, (None, None))
-                if call is None:  # called again meanwhile
-                    continue
+        while True:
+            for call in islice(todo, window - len(under_way.calls)):
+                under_way.begin(call)
+            if not under_way.calls:
+                break
+            for call, future, result in under_way.ends():
                 if future.status == "finished":
                     yield call, result
-                elif future.status == "error" and window > 1 and isinstance(future.exception(), KilledWorker):
-                    deadly.append(call)
-                elif future.status == "error":
-                    yield call, future.exception()
                 elif future.status == "lost":
-                    begin(call)
-                else:
+                    under_way.begin(call)
+                elif future.status != "error":
                     raise SchedulerLostError(client)
-                future.release()
-            for call in islice(todo, window - len(waiting)):
-                begin(call)
+                elif window > 1 and isinstance(future.exception(), KilledWorker):
+                    deadly.append(call)
+                else:
+                    yield call, future.exception()
     finally:
         with suppress(Exception):  # a scheduler that is gone has nothing to cancel
-            client.cancel([future for _, future in waiting.values()])
+            client.cancel([future for _, future in under_way.calls.values()])
     if deadly:
         yield from spread(client, deadly, 1)

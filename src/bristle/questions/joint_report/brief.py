@@ -70,6 +70,9 @@ def _chosen(joint: Joint) -> Iterator[str]:
     if any(isinstance(fit, TrackingFit) for fit in value_fits(joint)):
         told |= {"torque": "chosen delay", "directions": "chosen directions", "filters": "filters"}
     yield from (f"  {name}: {printable(joint.settings[key])}" for name, key in told.items() if key in joint.settings)
+    left_out = sum(w.numbers["count"] for w in value_warnings(joint) if w.code == "strays-left-out")
+    if left_out:
+        yield f"  points: {left_out} off the law of the others left out (fit.set_up: as-written keeps them)"
 
 
 class _Given(NamedTuple):
@@ -145,8 +148,11 @@ def _bounded(e: Estimate) -> bool:
 
 def _cells(row: Known) -> tuple[str, ...]:
     e, source = row.estimate, _SOURCES.get(row.source) or FITS[row.source]
-    if e.value is None:
+    one_speed = any(warning.code == "one-speed-only" for warning in e.warnings)
+    if e.value is None or (one_speed and row.parameter.name == "alpha_2"):
         return str(row.parameter), "not identifiable", in_unit(interval(e.interval), e.unit), source
+    if one_speed:  # of alpha_0 alone nothing but that interval is known
+        return f"{row.parameter} + alpha_2 v", in_unit(pair(e.value, e.total_error), e.unit), "", source
     return str(row.parameter), in_unit(pair(e.value, e.total_error), e.unit), interval(e.interval), source
 
 
