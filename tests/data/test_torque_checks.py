@@ -99,6 +99,7 @@ def test_points_at_a_limit_are_those_and_no_others(share: float) -> None:
         clipped = np.abs(torque) >= limit
         assert 3 <= clipped.sum() < clipped.size / 2
         assert np.array_equal(at_limits(replace(record, torque=np.clip(torque, -limit, limit)), "points"), clipped)
+        assert record.velocity is not None
         (exact,) = evaluate(steady_torque_function(), record.velocity, 0.5, 0.2, 0.4, 0.08)
         for other in (torque, exact, np.round(torque, 1)):
             assert not at_limits(replace(record, torque=other), "points").any()

@@ -64,7 +64,7 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
 def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
     """Which samples of a run are clipped: the true torque there is unknown, (n,); none where hardly any others are left."""
     clipped = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
-    return clipped & (clipped.mean() < _LEFT)
+    return clipped if clipped.mean() < _LEFT else np.zeros(clipped.size, dtype=bool)
 
 
 def _limits(record: Record, kind: RunKind) -> list[float]:
