@@ -124,7 +124,8 @@ def identify_joint(
         if bic.get(APART, np.inf) < bic.get(SYMMETRIC, -np.inf) - _CLEARLY:
             sided = _with_directions(measured, "separate")
             each = identified(sided, laws)
-            bic, measured, joint = (bic, sided, each) if _slides(each) else ({**bic, APART: np.inf}, measured, joint)
+            bic[APART] = _as_two(each, bic[APART])
+            measured, joint = (sided, each) if np.isfinite(bic[APART]) else (measured, joint)
     if wider := _wider(measured, joint.tracking):
         measured, joint = wider, identified(wider, laws)
     if laws is None and joint.tracking is not None:
@@ -147,7 +148,7 @@ def identify_joint(
     if {APART, SYMMETRIC} <= bic.keys():
         apart = measured.experiment.fit.directions == "separate"
         joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic, apart=apart)})
-        other = float(expit(-abs(bic[APART] - bic[SYMMETRIC]) / 2))
+        other = float(expit(-np.nan_to_num(abs(bic[APART] - bic[SYMMETRIC]), nan=np.inf) / 2))
     return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
 
 
@@ -238,6 +239,8 @@ def _wider(measured: Measured, alone: TrackingFit | None) -> Measured | None:
 def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     """What was chosen, why, and what overrules it."""
     more = bic[APART] - bic[SYMMETRIC]
+    if np.isnan(more):
+        return "one friction for both, two differing by a constant alone, as an offset does (fit.directions overrules)"
     if not np.isfinite(more):
         of_each, of_both = "each its own friction", "one friction for both"
         took, left = (of_each, of_both) if apart else (of_both, of_each)
@@ -327,12 +330,18 @@ def _with_law(measured: Measured) -> tuple[Measured, LawComparison | None]:
     return with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
 
 
-def _slides(joint: Joint) -> bool:
-    """Whether the moving runs show Coulomb friction in every direction: without it, what would be friction is an offset's."""
+def _as_two(joint: Joint, bic: float) -> float:
+    """The BIC of a friction for each direction of moving runs: infinite where one of them is none, which leaves an offset, ...
+
+    ... and nan where the two differ by a constant alone, as an offset makes them: a better BIC is then that of two bristles, about
+    reversals that the model does not describe.
+    """
     fit = joint.moving
     least = 0.0 if fit is None else _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
     levels = [] if fit is None else [e.value for name, e in fit.parameters.items() if name.name == "alpha_0"]
-    return all(x is not None and x > least for x in levels)
+    if not all(x is not None and x > least for x in levels):
+        return np.inf
+    return np.nan if fit is not None and any(w.code == "offset-or-friction" for w in fit.warnings) else bic
 
 
 def _brakes(values: Mapping[ParameterName, float]) -> bool:

@@ -1,7 +1,7 @@
 """The short fit report: of each joint the values to use, whether to trust them and why not, and what it is warned of."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from math import isfinite
+from math import inf, isfinite
 from typing import NamedTuple
 
 from bristle.findings import Finding, Severity
@@ -141,9 +141,14 @@ def _why_none(name: ParameterName, row: Known | None) -> str:
     return "not identifiable" if cautioned else "not estimated"
 
 
+_SAYS_NOTHING = 1e6
+"""Times its lower end, from which the upper end of an interval says no more than that the value is positive."""
+
+
 def _bounded(e: Estimate) -> bool:
     """Whether an interval says anything, of a value that is at least zero."""
-    return e.interval is not None and (e.interval[0] > 0 or isfinite(e.interval[1]))
+    low, high = e.interval or (0.0, inf)
+    return (low > 0 or isfinite(high)) and not (low > 0 and _SAYS_NOTHING * low < high < inf)
 
 
 def _cells(row: Known) -> tuple[str, ...]:
