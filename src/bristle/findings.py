@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from bristle.arrays import JsonForm, to_bound
+from bristle.arrays import JsonForm, Number, to_bound
 
 
 class Severity(StrEnum):
@@ -91,7 +91,7 @@ class WrittenFinding:
     message: str
     numbers: dict[str, Any]
     """What the message names; an open bound is "inf" or "-inf", no number null."""
-    effect: dict[str, float]
+    effect: dict[str, Number]
     subject: tuple[str, ...] = ()
     """What it is about, from the stage to the parameter; empty: the joint as a whole."""
 

@@ -8,6 +8,7 @@ import pytest
 import bristle
 from bristle.arrays import Array
 from bristle.identification.results import Joint
+from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import Lugre, ParameterName
 
 TRUTH = Lugre(0.8, 0.3, 0.5, 0.06, 2000.0, 5.0)
@@ -107,6 +108,26 @@ def test_points_at_rest_and_points_that_are_clipped_are_left_out() -> None:
     for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
         low, high = fit.joint.static["both"].parameters[name].interval or (0.0, 0.0)
         assert low < getattr(TRUTH, name) < high
+
+
+@pytest.mark.slow
+def test_points_that_are_all_at_a_limit_state_no_error(tmp_path: Path) -> None:
+    """What is beyond the limit nobody knows: no error is stated, the limit is the reason, and figures are drawn all the same."""
+    v = np.concatenate([x * np.geomspace(0.02, 1.0, 14) for x in (1, -1)])
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(v.size)
+    rows = np.column_stack([v, np.clip(bristle.friction(v, TRUTH) + noise, -0.55, 0.55)])
+    np.savetxt(tmp_path / "p.csv", rows, delimiter=",", header="v [rad/s],tau [N*m]", comments="", fmt="%.9g")
+    (tmp_path / "p.yaml").write_text(bristle.draft(tmp_path / "p.csv")[0], encoding="utf-8")
+    results = bristle.identify(tmp_path / "p.yaml")
+    joint = results.joint()
+    found = verdict(joint)
+    assert (found.trust, found.reason and found.reason.code) == (Trust.DO_NOT_USE, "clipped")
+    assert joint.accuracy is not None
+    assert joint.accuracy.band == np.inf
+    results.write(tmp_path / "out")
+    assert (tmp_path / "out" / "index.html").is_file()
+    again = bristle.read_results(tmp_path / "out" / "results.json").joint()
+    assert [w.effect for w in again.warnings] == [w.effect for w in joint.warnings]
 
 
 def test_of_one_speed_the_sum_is_known() -> None:

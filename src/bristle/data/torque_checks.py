@@ -123,7 +123,7 @@ def _clipped(record: Record, kind: RunKind) -> Finding | None:
     return (
         Finding("clipped-left-out", CAUTION, message, numbers)
         if left_out
-        else Finding("clipped", CRITICAL, message, numbers)
+        else Finding("clipped", CRITICAL, message, numbers, {} if kind == "presliding" else {"torque": np.inf})
     )
 
 

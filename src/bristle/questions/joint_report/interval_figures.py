@@ -54,6 +54,10 @@ def uncertainty_figure(joint: Joint, own: Sequence[Row]) -> Figure:
     return figure
 
 
+_NARROW = 1e-12
+"""Of the value: a span that floating point does not divide, as of data without any noise."""
+
+
 def _panel(ax: Axes, row: Row) -> None:
     three, value = row.three, row.estimate.value
     low, high = _span(row)
@@ -62,7 +66,7 @@ def _panel(ax: Axes, row: Row) -> None:
         decimal_log(ax)
     else:
         ax.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
-    if three.draws.size:
+    if three.draws.size and high - low > _NARROW * abs(high):
         inside = three.draws[(three.draws >= low) & (three.draws <= high)]
         counts, edges = np.histogram(inside, _BINS, (low, high))
         ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
