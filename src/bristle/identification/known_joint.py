@@ -281,7 +281,8 @@ def known_joint(joint: Joint) -> KnownJoint:
     known = as_identified(joint)
     links = {} if joint.link_inertia is None else {INERTIA: joint.link_inertia}  # a rotor's may be lost in their error
     own = known.estimates.get(INERTIA)
-    if not links and own is not None and (own.value or 0.0) < 0 and own.interval is not None and own.interval[1] > 0:
+    low, high = (own.interval if own is not None else None) or (0.0, 0.0)
+    if not links and own is not None and low <= (own.value or 0.0) < 0 < high:
         known = replace(known, estimates={name: e for name, e in known.estimates.items() if name != INERTIA})
     faults = [fault_of(name, value) for name, value in (*known.given.items(), *known.held.items())]
     for name, e in known.estimates.items():
