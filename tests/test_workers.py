@@ -119,12 +119,13 @@ def test_the_bytes_do_not_depend_on_workers(tmp_path: Path) -> None:
 
 
 @LINUX
-@pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "how", [signal.SIGINT, *(pytest.param(how, marks=pytest.mark.slow) for how in (signal.SIGTERM, signal.SIGKILL))]
+)
 def test_nothing_is_left_of_what_is_stopped(tmp_path: Path, how: signal.Signals) -> None:
     """Ctrl-C ends the workers too, with one word and nothing written; so does a signal that leaves no time to say it."""
-    before = signal.signal(
-        signal.SIGINT, signal.default_int_handler
-    )  # what runs in the background ignores it, and so its children
+    # What runs in the background ignores an interrupt, and so do its children.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen(  # noqa: S603  # our own command
         [sys.executable, *REPORT, "-o", "out", "--workers", "2"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
@@ -143,10 +144,8 @@ def test_nothing_is_left_of_what_is_stopped(tmp_path: Path, how: signal.Signals)
         process.send_signal(how)
     said = process.communicate(timeout=30)[1]
     if how is signal.SIGINT:
-        assert process.returncode in {
-            130,
-            -how,
-        }  # Python ends by the signal itself where it stood in an exec of a string
+        # Python ends by the signal itself where it stood in an exec of a string.
+        assert process.returncode in {130, -how}
         assert said == "interrupted\n"
     limit = time.monotonic() + 30
     while any(Path(f"/proc/{child}").exists() for child in every) and time.monotonic() < limit:

@@ -273,7 +273,7 @@ def test_a_sensor_that_fails_is_named_by_joint_and_session(plain: tuple[pd.DataF
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("freedom", [3.0])
+@pytest.mark.parametrize("freedom", [3.0, 8.0])
 def test_errors_of_few_points_accuse_nobody(freedom: float) -> None:
     """Sessions that scatter by errors of few points, and no more: an error that is small by chance makes no joint accused, nor a scatter."""
     accusations = 0

@@ -96,13 +96,12 @@ def _limits(record: Record, kind: RunKind) -> list[float]:
 
 def _limits_of_points(torque: Array, velocity: Array | None) -> list[float]:
     """The same of points, N*m, (n,), each of which has a torque of its own, at velocities, rad/s, (n,)."""
-    ends = [float(torque.max(initial=-np.inf)), float(torque.min(initial=np.inf))]
+    ends = list(dict.fromkeys((float(torque.max(initial=-np.inf)), float(torque.min(initial=np.inf)))))
     others = torque[~np.isin(torque, ends)]
     if velocity is None or np.unique(others).size < (1 - _REPEATS) * others.size:
         return []
-    ends = [x for x in ends if x and velocity[torque == x].size == np.count_nonzero(velocity[torque == x] * x > 0)]
-    speeds = {x: np.unique(velocity[torque == x]).size for x in ends}
-    return [x for x in ends if speeds[x] + speeds.get(-x, 0) >= _SAME]
+    speeds = {x: np.unique(velocity[torque == x]).size for x in ends if (velocity[torque == x] * x > 0).all()}  # brakes
+    return [x for x in speeds if speeds[x] + speeds.get(-x, 0) >= _SAME]
 
 
 def _clipped(record: Record, kind: RunKind) -> Finding | None:
@@ -110,10 +109,8 @@ def _clipped(record: Record, kind: RunKind) -> Finding | None:
     limits = _limits(record, kind)
     if not limits or record.torque is None:
         return None
-    share, left_out = (
-        float(np.isin(record.torque, limits).mean()),
-        kind != "presliding" and at_limits(record, kind).any(),
-    )
+    share = float(np.isin(record.torque, limits).mean())
+    left_out = kind != "presliding" and at_limits(record, kind).any()
     values = " and ".join(f"{x:.4g}" for x in limits)
     message = (
         f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {values}. The true torque there "

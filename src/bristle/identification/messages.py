@@ -314,7 +314,7 @@ class Kind(Enum):
         _NOTE,
         (
             "They are the slowest, and have less friction than the law: below {speed:.3g velocity} it falls towards 0, as a regularised "
-            "law does, or they do not slide. Write `segments: {{minimum_velocity: {least:.3g velocity}}}` to leave them out."
+            "law does, or they do not slide. Write `segments: {{minimum_velocity: {speed:.3g velocity}}}` to leave them out."
         ),
     )
     TERM_FIRST = (

@@ -86,7 +86,7 @@ def _advice(search: PointSearch, options: FitOptions) -> Finding:
     others = np.delete(speed, [*own, *search.resting])
     weaker = all(side[k] * search.deviations[k] < 0 for k in own)
     if others.size and weaker and speed[own].max() < others.min():
-        return Kind.FALLS_OFF(speed=float(others.min()), least=float(others.min()))
+        return Kind.FALLS_OFF(speed=float(others.min()))
     return Kind.NOT_STRAYS()
 
 

@@ -20,6 +20,8 @@ _HEIGHT = 2.6
 """Inches for each row of panels."""
 _TOP = 2.4
 """How high the profile is drawn, in thresholds."""
+_NARROW = 1e-12
+"""Of the value: a span that floating point does not divide, as of data without any noise."""
 _BINS = 24
 _FEW = 20
 """Points of a profile below which they are drawn as such, with a curve through them."""
@@ -52,10 +54,6 @@ def uncertainty_figure(joint: Joint, own: Sequence[Row]) -> Figure:
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 0.0))
     return figure
-
-
-_NARROW = 1e-12
-"""Of the value: a span that floating point does not divide, as of data without any noise."""
 
 
 def _panel(ax: Axes, row: Row) -> None:
