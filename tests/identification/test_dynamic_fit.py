@@ -19,7 +19,6 @@ from bristle.identification.dynamic.claims import bristle_doubts
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
-from bristle.identification.dynamic.missing_terms import pattern_left
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
     InitialState,
@@ -31,6 +30,7 @@ from bristle.identification.dynamic.problem import (
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.dynamic.unknowns import least_squares as posed_about
+from bristle.identification.dynamic.what_is_left import pattern_left
 from bristle.identification.fits import TrackingFit
 from bristle.identification.messages import NOT_IDENTIFIABLE
 from bristle.identification.moving_runs import moved_in

@@ -1,6 +1,5 @@
 """Cogging and ripple: amplitudes of given orders, orders that are found, units, hold-outs, and what is refused."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +14,11 @@ from bristle.data.experiment.load import load_experiment
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.starts import solve_dynamic
-from bristle.identification.dynamic.unasked_terms import columns_of, known_and_left
+from bristle.identification.dynamic.what_is_left import columns_of, known_and_left
 from bristle.identification.measured import with_loads
-from bristle.identification.moving_runs import load_columns, regressor_line, with_orders, with_orders_advised
+from bristle.identification.moving_runs import load_columns, with_orders
 from bristle.identification.periods import shown_orders
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.points import points_problem
@@ -236,16 +234,3 @@ def test_whole_periods_average_out_of_a_hold() -> None:
     problem = points_problem([loaded], ("both",), asked)
     assert problem.linear[0, 2:] == pytest.approx(np.zeros(4), abs=1e-12)
     assert [name.name for name in problem.linear_names[2:]] == list(load_columns(asked, lambda _: q, q.size))
-
-
-def test_a_ripple_left_says_which_lines_to_write() -> None:
-    """The caution names the order nearest to its period, beside the regressors and orders that were fitted; a trend is left as it is."""
-    ripple = Finding("residual-ripple", CAUTION, "A ripple.", {"period": 2 * np.pi / 11.2})
-    trend = Finding("residual-trend", CAUTION, "A trend.")
-    told, same = with_orders_advised([ripple, trend], ["inertia", "cogging_sin_4", "cogging_cos_4"], "revolute")
-    assert "write regressors: [inertia, cogging], orders: [4, 11] under fit" in str(told)
-    assert same == trend
-    assert with_orders_advised([told], ["cogging_sin_11"], "revolute") == (told,)
-    (per_metre,) = with_orders_advised([replace(ripple, numbers={"period": 0.024})], [], "prismatic")
-    assert "write regressors: [cogging], orders: [42] under fit" in str(per_metre)
-    assert regressor_line(ASKED, ["offset"]) == "regressors: [offset, cogging, ripple]"

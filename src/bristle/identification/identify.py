@@ -43,8 +43,9 @@ from bristle.identification.moving_runs import (
     refuse_noise,
     refuse_opposing_runs,
 )
+from bristle.identification.offset import offset_of_points
 from bristle.identification.periods import with_periods
-from bristle.identification.point_checks import offset_left_out, point_warnings
+from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
@@ -551,7 +552,7 @@ def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[
     if experiment.truth and not experiment.simulated:
         warnings.append(Kind.TRUTH_UNDECLARED())
     warnings += point_warnings(measured, points, static)
-    warnings += offset_left_out(experiment, static, warnings)
+    warnings += offset_of_points(experiment, static)
     return tuple(warnings)
 
 

@@ -4,7 +4,6 @@ Directions, regressors, inertia, the decimation filter, and what is refused befo
 """
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +20,6 @@ from bristle.data.record import Record
 from bristle.data.signal_checks import merged
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
-from bristle.findings import Finding
 from bristle.model.functions import load_terms_function, periodic_terms_function
 from bristle.model.laws import registry
 from bristle.model.parameters import Kind as JointKind
@@ -170,23 +168,6 @@ def regressor_line(names: Collection[str], parameters: Collection[str] = ()) -> 
     wanted = [x for x in REGRESSORS if x in names or not set(parameters).isdisjoint(REGRESSORS[x].names)]
     wanted += [x for x in PERIODIC if any(name.partition("_")[0] == x for name in (*names, *parameters))]
     return f"regressors: [{', '.join(wanted)}]"
-
-
-def with_orders_advised(
-    warnings: Sequence[Finding], parameters: Collection[str], kind: JointKind
-) -> tuple[Finding, ...]:
-    """The warnings about what a fit of some parameters leaves; that of a ripple with the lines that would fit it."""
-    (turn, _), known = turn_of(kind), {x[2] for name in parameters if (x := periodic(name))}
-
-    def advised(warning: Finding) -> Finding:
-        """One of them; a ripple of more than a turn, or of an order that is fitted, has no lines."""
-        order = round(turn / warning.numbers["period"]) if warning.code == "residual-ripple" else 0
-        if not order or order in known:
-            return warning
-        lines = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*known, order})))}]"
-        return replace(warning, message=f"{warning.message} If motor or gear repeat so, write {lines} under fit.")
-
-    return tuple(map(advised, warnings))
 
 
 def torque_shifts(records: Sequence[Record]) -> dict[str, Array]:

@@ -12,11 +12,11 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.orders import PERIODIC
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.autocorrelation import explained_beside
+from bristle.estimation.score_test import score
 from bristle.identification.dynamic.fit import SEED, STARTS
 from bristle.identification.dynamic.priors import posed_and_start
 from bristle.identification.dynamic.starts import solve_dynamic
-from bristle.identification.dynamic.unasked_terms import columns_of, known_and_left
+from bristle.identification.dynamic.what_is_left import columns_of, known_and_left
 from bristle.identification.measured import Measured, with_loads, with_options
 from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import directions, turn_of, with_orders
@@ -84,7 +84,8 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
 
     def beside(k: int, others: Sequence[int], inflated: float = 1.0) -> tuple[float, float]:
         """Probability and share of an order."""
-        return explained_beside(np.hstack([known, *(columns[x] for x in others if x != k)]), rest, columns[k], inflated)
+        found = score(np.hstack([known, *(columns[x] for x in others if x != k)]), rest, columns[k], inflated)
+        return found.p, found.share
 
     chosen: list[int] = []
     while len(chosen) < min(_AT_ONCE, len(columns)):

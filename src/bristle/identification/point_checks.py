@@ -1,27 +1,19 @@
 """What the points of constant velocity show together: a torque that drifts, in the order of speed or not; an offset, or friction that differs."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from itertools import product
-from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtrc, stdtr
+from scipy.special import stdtr
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
-from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.findings import Finding
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import DIRECTIONS
-from bristle.identification.same_runs import is_superseded
-from bristle.identification.static.points import point_regressors, points_problem
-from bristle.identification.static.strays import refit
 from bristle.model import functions
-from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.model.vectorize import evaluate
 
 _RARE = 5e-4
@@ -30,27 +22,18 @@ _IN_DOUBT = 0.01
 """The same of holds in the order of speed, where nothing else would show a drift."""
 _ENOUGH = 5
 """Points of a direction that show an order, or a drift."""
-_MANY = 10
-"""Points of a direction whose torque may go with their rows ..."""
 _COPIES = 3
 """Points that repeat others, from which that is no chance."""
 _SWINGS = 0.15
 """Of its mean: a velocity that swings by less, rms, bends no torque."""
 _PHASES = 16
 """Of a sine, for the average over it."""
-_MIXED = 0.5
-"""... and the rank correlation of speed and row up to which that is no matter of speed."""
 _IN_ORDER = 0.9
 """Rank correlation of speed and order from which they cannot be told apart."""
 
 
 _SETTLES = 6
 """The first of so many parts of a segment may still be settling."""
-
-
-class _Solved(NamedTuple):
-    cost: float
-    values: dict[str, float]
 
 
 def point_warnings(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
@@ -66,34 +49,7 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
     if scatter:
         yield from _drift([s for s in points if s.file in records], records, max(scatter))
     yield from _swinging(points, static)
-    yield from _drift_by_row(measured, points)
     yield from _repeated(measured, points)
-    yield from _offset(measured, points)
-
-
-def offset_left_out(experiment: Experiment, static: Mapping[str, StaticFit], told: Sequence[Finding]) -> list[Finding]:
-    """That an offset is not fitted beside a friction of each direction, and what it would be, where alpha_0 differs and nothing says so yet.
-
-    Args:
-        experiment: how its directions are fitted.
-        static: the fits.
-        told: warnings of the joint.
-    """
-    said = {w.code for w in (*told, *(w for fit in static.values() for w in fit.warnings))}
-    superseded = any(is_superseded(fit) for fit in static.values())
-    if (
-        experiment.fit.directions != "separate"
-        or not set(DIRECTIONS) <= static.keys()
-        or "offset-or-friction" in said
-        or superseded
-    ):
-        return []
-    values = [(e.value, e.standard_error or 0.0) for e in (static[d].parameters["alpha_0"] for d in DIRECTIONS)]
-    (plus, one), (minus, other) = values
-    if plus is None or minus is None or abs(plus - minus) < 2 * np.hypot(one, other):
-        return []
-    of = unit("torque", experiment.joint.kind)
-    return [Kind.OFFSET_LEFT_OUT(offset=(plus - minus) / 2, unit=of, common=(plus + minus) / 2)]
 
 
 def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Finding]:
@@ -125,29 +81,6 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
         across=across,
         share=across / level,
     )
-
-
-def _drift_by_row(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding]:
-    """A torque that goes with the rows of given points whose speeds go up and down in them: an F test of a slope over the rows, beside the law."""
-    stray = _strays(measured)
-    given = [run.record.file for run in measured.runs if run.kind == "points" and not run.hold_out]
-    for file, (d, sign) in product(given, DIRECTIONS.items()):
-        own = [s for s in points if s.file == file and s.velocity * sign > 0 and s.place not in stray]
-        if len(own) < _MANY or abs(_order([abs(s.velocity) for s in own])) > _MIXED:
-            continue
-        rows = np.array([s.start for s in own], dtype=float)
-        law = points_problem(own, (d,), ())
-        column = sign * (rows - rows[0])[:, None] / np.ptp(rows)
-        names = (*law.linear_names, ParameterName("drift", Direction.SHARED))
-        drifting = replace(law, linear=np.hstack([law.linear, column]), linear_names=names)
-        plain, free = refit(law), refit(drifting)
-        rounding, freedom = 1e-20 * float(law.torque @ law.torque), len(own) - len(names) - 2
-        if _p(plain.cost - free.cost, 1, free.cost + rounding, freedom) > _RARE / 2:
-            continue
-        across = float(free.theta[2])
-        if abs(across) > 2 * np.sqrt(free.cost / freedom):
-            share = abs(across) / float(np.median(np.abs(law.torque)))
-            yield Kind.DRIFT_OF_ROWS(direction=d, file=file, across=across, share=share)
 
 
 def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
@@ -187,11 +120,6 @@ def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding
             yield Kind.POINTS_REPEATED(count=copies.size, points=len(own), file=file, where=where, factor=factor)
 
 
-def _strays(measured: Measured) -> set[tuple[str, int, int]]:
-    """Where the points are that do not belong to the law."""
-    return {search.points[k].place for search in measured.searches for k in search.strays}
-
-
 def _order(speeds: Sequence[float]) -> float:
     """Rank correlation of speeds with their order; 0 where there are too few."""
     if len(speeds) < _ENOUGH:
@@ -213,50 +141,3 @@ def _elapsed(points: Sequence[Segment], durations: Array) -> float:
     times = [s.time for s in points if s.time is not None]
     one = len({s.file for s in points}) == 1 and len(times) == len(points)
     return max(times) - min(times) if one else float(durations.sum())
-
-
-def _offset(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding]:
-    """A difference of the directions, strays apart, that is one constant.
-
-    F tests of one law with an offset: against the same without, and of a law for each direction against it.
-    """
-    experiment = measured.experiment
-    stray = _strays(measured)
-    sides = {d: tuple(s for s in points if s.velocity * x > 0 and s.place not in stray) for d, x in DIRECTIONS.items()}
-    if (
-        point_regressors(experiment)
-        or experiment.fit.directions != "separate"
-        or min(map(len, sides.values())) < _ENOUGH
-    ):
-        return
-
-    def solved(chosen: Sequence[Segment], directions: tuple[str, ...], asked: tuple[str, ...] = ()) -> _Solved:
-        """Cost (rounding added) and parameters of the law of some points."""
-        problem = points_problem(chosen, directions, asked)
-        law = refit(problem)
-        values = {name.name: float(x) for name, x in zip(problem.names, law.theta, strict=True)}
-        return _Solved(law.cost + 1e-20 * float(problem.torque @ problem.torque), values)
-
-    both = [s for side in sides.values() for s in side]
-    plain, shifted = solved(both, ("both",)), solved(both, ("both",), ("offset",))
-    apart = {d: solved(side, (d,)) for d, side in sides.items()}
-    of_each = sum(x.cost for x in apart.values())
-    if _p(plain.cost - shifted.cost, 1, shifted.cost, len(both) - 5) > _RARE:
-        return
-    if _p(shifted.cost - of_each, 3, of_each, len(both) - 8) < _RARE:
-        return
-    yield Kind.OFFSET_OR_FRICTION(
-        offset=shifted.values["offset"],
-        common=shifted.values["alpha_0"],
-        plus=apart["+"].values["alpha_0"],
-        minus=apart["-"].values["alpha_0"],
-        unit=unit("torque", experiment.joint.kind),
-        lines="`directions: symmetric` and `regressors: [offset]`",
-    )
-
-
-def _p(fall: float, parameters: int, cost: float, freedom: int) -> float:
-    """Probability that so many parameters lower a cost by so much by chance; one where there is nothing to lower."""
-    if freedom <= 0 or cost <= 0:
-        return 1.0
-    return float(fdtrc(parameters, freedom, max(fall, 0.0) / parameters / (cost / freedom)))

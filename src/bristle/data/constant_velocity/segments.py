@@ -14,10 +14,9 @@ from bristle.data.constant_velocity.statistics import Scale, evidence, usual_sca
 from bristle.data.record import Record
 from bristle.data.signal_checks import travel_ratio
 from bristle.errors import InputError
-from bristle.estimation.autocorrelation import residual_warnings
 from bristle.findings import NOTE, Finding
 
-__all__ = ["Segment", "Thresholds", "find_segments", "nothing_left", "residual_warnings"]
+__all__ = ["Segment", "Thresholds", "find_segments", "nothing_left"]
 
 _MISTAKES = {
     "a velocity in deg/s read as rad/s (or a position in rad read as deg)": np.pi / 180,

@@ -13,7 +13,7 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.autocorrelation import lag_one, residual_warnings, unexplained
+from bristle.estimation.autocorrelation import lag_one, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import Finding
@@ -27,7 +27,6 @@ from bristle.identification.dynamic.claims import (
     without_weak,
 )
 from bristle.identification.dynamic.left_out_peak import takes_up_peak
-from bristle.identification.dynamic.missing_terms import missing_terms, pattern_left
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
     Unknown,
@@ -37,7 +36,6 @@ from bristle.identification.dynamic.problem import (
     residuals,
 )
 from bristle.identification.dynamic.starts import solve_dynamic
-from bristle.identification.dynamic.unasked_terms import offset_or_friction, regressor_left_out
 from bristle.identification.dynamic.unknowns import (
     FEWEST,
     LOGARITHMIC,
@@ -46,9 +44,10 @@ from bristle.identification.dynamic.unknowns import (
     with_deflections,
     without_deflections,
 )
+from bristle.identification.dynamic.what_is_left import what_is_left
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.identification.messages import Kind
-from bristle.identification.moving_runs import with_orders_advised
+from bristle.identification.offset import offset_or_friction
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, bends_down, least_of, of_friction, unit
@@ -114,13 +113,13 @@ def fit_tracking(
     free = tuple(n for n in solution.names if n in estimates)
     rows = equations_left(problem, solution)
     friction, load = friction_and_load(problem, solution.values)
+    torque = problem.quantity == "torque"  # of a simulated position, which drifts, nothing is said
     warnings = (
-        *_lack_of_fit(problem, rows, kind),
+        *(unexplained(rows, problem.extent) if torque else ()),
         *_below_zero(estimates.get(INERTIA)),
         *_shape_held(problem),
-        *missing_terms(problem, solution, kind),
-        *regressor_left_out(problem, solution),
-        *offset_or_friction(problem, solution, kind),
+        *what_is_left(problem, solution, kind),
+        *(offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom) if torque else ()),
         *loads_alike(problem, solution),
         *_warnings(solution, rows, unseen),
         *physics(problem, solution.values, unseen),
@@ -308,15 +307,6 @@ def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
     warnings = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
     refused = any(w.code == "unseen-bend" for e in unseen.values() for w in e.warnings)
     return [*warnings, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else warnings
-
-
-def _lack_of_fit(problem: DynamicProblem, rows: Array, kind: JointKind) -> tuple[Finding, ...]:
-    """What the equations (n,) leave beyond noise; of a simulated position, which drifts, nothing is said."""
-    if problem.quantity == "position":
-        return ()
-    patterns = residual_warnings(rows, problem.velocity, problem.time, problem.position)
-    patterns = with_orders_advised(patterns, [name.name for name in problem.extra_names], kind)
-    return (*unexplained(rows, problem.extent), *patterns, *pattern_left(problem, rows))
 
 
 def _percent(rows: Array, problem: DynamicProblem) -> float:

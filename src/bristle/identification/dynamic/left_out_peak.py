@@ -5,12 +5,10 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import stdtr
 
 from bristle.arrays import Array
-from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
+from bristle.estimation.score_test import moved_by, scores
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, residuals
 from bristle.model.parameters import Direction, ParameterName
 
@@ -59,16 +57,15 @@ def asked_peak(
     seen = [k for k, n in enumerate(solution.names) if solution.scaled_errors[k] < np.inf and n not in own]
     known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
     speeds, columns = _peaks(problem, solution, direction)
-    taken = inverse_gram(known) @ (known.T @ columns)
-    beside = columns - known @ taken
-    scores = -beside / np.maximum(np.einsum("nk,nk->k", beside, beside), 1e-300) * rest[:, None]
-    size = scores.sum(axis=0)
-    errors = np.sqrt([float(s @ s) * inflation(s) for s in scores.T])
-    best = int(np.argmax(size / np.maximum(errors, 1e-300)))
-    if not (size[best] > 0 and _SPEEDS * stdtr(solution.freedom, -size[best] / errors[best]) < chance):
+    found = scores(known, rest, list(-columns.T[:, :, None]))
+    best = int(np.argmax([x.sizes[0] / max(x.errors[0], 1e-300) for x in found]))
+    size = float(found[best].sizes[0])
+    if not (size > 0 and _SPEEDS * found[best].p / 2 < chance):
         return None
-    moved = {solution.names[k]: -float(size[best] * share) for k, share in zip(seen, taken[:, best], strict=True)}
-    return AskedPeak(float(size[best]), float(speeds[best]), moved)
+    moved = moved_by(known, -size * columns[:, best])
+    return AskedPeak(
+        size, float(speeds[best]), dict(zip([solution.names[k] for k in seen], moved.tolist(), strict=True))
+    )
 
 
 def _peaks(problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction) -> tuple[Array, Array]:

@@ -10,18 +10,18 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
-from bristle.estimation.autocorrelation import residual_warnings, unexplained
+from bristle.estimation.autocorrelation import unexplained
+from bristle.estimation.score_test import Candidate, Fitted, Score, explained
 from bristle.findings import CAUTION, Finding, unit_of
+from bristle.identification.candidates import candidates
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, RunScatter, StaticFit, Uncertainty
 from bristle.identification.messages import Kind
-from bristle.identification.moving_runs import with_orders_advised
 from bristle.identification.repeats import clustered, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.fit_warnings import speeds_of
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.set_up import quadratic_left_out
 from bristle.identification.static.solution import StaticSolution, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
 from bristle.identification.static.uncertainty import parts_of_runs, run_fits, three_ways
@@ -39,6 +39,8 @@ from bristle.model.parameters import Kind as JointKind
 
 _ONE_SPEED = 1.25
 """Times the slowest speed: where the fastest is less, they are one."""
+_MANY, _MIXED = 10, 0.5
+"""Points of a direction whose torque may go with their rows, and the rank correlation of speed and row up to which that is no matter of speed."""
 _LOGARITHMIC = ("v_s",)
 """What is compared, and widened, as its logarithm."""
 
@@ -242,13 +244,61 @@ def _comparisons(
             warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
     measured = slice(problem.torque.size - problem.priors)
     velocity, residuals = problem.equation_velocity[measured], core.solution.residuals[measured]
-    patterns = residual_warnings(residuals, velocity, where.time, where.position)
-    warnings += with_orders_advised(patterns, [name.name for name in problem.names], kind)
-    warnings += quadratic_left_out(core.problem, core.solution.theta)
+    warnings += terms_left_out(core, kind, where)
     in_order = residuals[np.argsort(velocity)] if where.segments else residuals
     warnings = [*unexplained(in_order, float(np.linalg.norm(problem.measured[measured]))), *warnings]
     three = three_ways(core, v_s_range)
     return _Comparisons(plain=plain, without=without, three=three, strays=strays, warnings=tuple(warnings))
+
+
+def terms_left_out(core: StaticSolution, kind: JointKind, where: PointInfo) -> list[Finding]:
+    """Terms that the fit lacks, to first order; points in the order of velocity, in which a misfit correlates them."""
+    problem, theta = core.problem, core.solution.theta
+    measured = slice(problem.torque.size - problem.priors)
+    velocity = problem.equation_velocity[measured]
+    order = np.argsort(velocity, kind="stable") if where.segments else np.arange(velocity.size)
+    names = problem.names
+    errors = [((e := core.parameters.get(name)) and e.standard_error) or np.inf for name in names]
+    friction = np.array([of_curve(name.name) for name in names], dtype=bool)
+    fit = Fitted(
+        problem.jacobian(theta)[measured][order],
+        core.solution.residuals[measured][order],
+        np.array(errors, dtype=np.float64),
+        friction,
+        float(np.sqrt(np.mean(problem.friction(theta)[measured] ** 2))),
+    )
+    time, position = (x[order] if x.size == order.size else x for x in (where.time, where.position))
+    rows = candidates(velocity[order], time, position, [name.name for name in names], kind)
+    points = [where.segments[k] for k in order] if where.segments else []
+    return explained(fit, [*rows, *_by_rows(points, (problem.torque - core.solution.residuals)[measured][order])])[0]
+
+
+def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:
+    """That the torque, modelled, N*m, (n,), of given points goes with their rows, where their speeds go up and down in these."""
+    given = bool(points) and all(s.stop == s.start + 1 for s in points) and len({s.file for s in points}) == 1
+    v, row = (np.array([getattr(s, name) for s in points], dtype=np.float64) for name in ("velocity", "start"))
+    for side in (v > 0, v < 0):
+        if side.sum() >= _MANY:
+            ranks = np.argsort(np.argsort(np.abs(v[side]))), np.argsort(np.argsort(row[side]))
+            given &= abs(float(np.corrcoef(*ranks)[0, 1])) <= _MIXED
+        else:
+            given &= not side.any()
+    if not given:
+        return []
+
+    def tell(found: Score, _: int) -> Finding:
+        """With its size beside the torque's."""
+        share = float(found.sizes[0])
+        across = share * float(np.median(np.abs(torque)))
+        message = (
+            f"Beside what speed explains, the torque of the points goes with their rows in {points[0].file}: {across:+.3g}{unit_of('torque')} from "
+            f"first to last, {100 * abs(share):.0f} % of it. If they stand there as they were measured, it drifts: warm up, or measure each "
+            "speed going up and coming down."
+        )
+        numbers = {"file": points[0].file, "across": across, "share": abs(share)}
+        return Finding("drift-of-rows", CAUTION, message, numbers, {"torque": abs(across)})
+
+    return [Candidate(tell, ((torque * (row - row.mean()) / np.ptp(row))[:, None],), is_friction=True)]
 
 
 def _static_fit(

@@ -16,8 +16,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.estimation.autocorrelation import explained_beside
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import (
@@ -49,8 +48,6 @@ _SPARE = 2
 """Equations per column, at the least."""
 _FREE = 4
 """Points more than parameters, with which BIC tells one friction from two."""
-_RARE = 5e-4
-"""Of clean fits, in which a term is found all the same."""
 _RANK = 1e-10
 """Of the largest eigenvalue: what is below is not told apart."""
 
@@ -89,7 +86,9 @@ class BetterSetUp:
                 for w in fit.warnings
             )
             return replace(fit, warnings=tuple(advised))
-        return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *filter(_is_other, fit.warnings)))
+        numbers = {"lines": self.lines, "asked": self.asked_error, "error": self.error}
+        lacks = Finding("lacks-a-term", CAUTION, f"The fit lacks a term. {pays.message}", numbers)
+        return replace(fit, warnings=(lacks, *filter(_is_other, fit.warnings)))
 
     @property
     def lines(self) -> str:
@@ -101,7 +100,7 @@ class BetterSetUp:
 def with_one_advice(fits: Mapping[str, StaticFit]) -> dict[str, StaticFit]:
     """The fits, of which each has what one of them lacks: a term belongs to the joint; one that predicts parts held out goes before a test's."""
     lacks = [w for fit in fits.values() for w in fit.warnings if not _is_other(w)]
-    tried = [w for w in lacks if w.numbers["advice"].code == "set-up-pays"]
+    tried = [w for w in lacks if "asked" in w.numbers]
     given = {}
     for d, fit in fits.items():
         own = [w for w in fit.warnings if not _is_other(w)]
@@ -222,21 +221,6 @@ def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial) -> Be
     """The simplest set-up of all, beside the plainest."""
     ways = (("both",), sides) if len(sides) == len(DIRECTIONS) else (sides,)
     return _simplest(SetUp(ways[0], tuple(plain)), ways, trial)
-
-
-def quadratic_left_out(problem: Regression, theta: Array) -> list[Finding]:
-    """Whether v * abs(v) explains more of what a fit of points leaves than chance does, to first order: an F test."""
-    asked = {name.name for name in problem.linear_names}
-    if problem.smooth is not None or problem.priors or not asked.isdisjoint(REGRESSORS["quadratic"].names):
-        return []
-    order = np.argsort(problem.velocity)
-    v = problem.velocity[order]
-    known, rest = problem.jacobian(theta)[order], problem.residuals(theta)[order]
-    p, share = explained_beside(known, rest, (v * np.abs(v))[:, None])
-    if p > _RARE:
-        return []
-    advice = Kind.TERM_EXPLAINS(lines=regressor_line(("quadratic",), asked), share=share)
-    return [Kind.LACKS_A_TERM(advice=advice)]
 
 
 def _better(asked: SetUp, trial: _Trial) -> BetterSetUp | None:

@@ -92,25 +92,24 @@ def _advice(search: PointSearch, options: FitOptions) -> Finding:
 
 def advised(fit: StaticFit) -> StaticFit:
     """The fit, whose strays are not to be left out before a term is added that explains more of what it leaves than they do."""
-    explained = [_share(w.numbers["advice"]) for w in fit.warnings if w.code == "lacks-a-term"]
+    explained = [_share(w.numbers) for w in fit.warnings if w.code == "lacks-a-term"]
     if not explained:
         return fit
     return replace(
         fit,
         warnings=tuple(
             but(w, advice=Kind.TERM_FIRST())
-            if w.code in {"strays", "strays-matter"} and _share(w.numbers["other"]) < max(explained)
+            if w.code in {"strays", "strays-matter"} and _share(w.numbers["other"].numbers) < max(explained)
             else w
             for w in fit.warnings
         ),
     )
 
 
-def _share(changed: Any) -> float:
+def _share(x: Mapping[str, Any]) -> float:
     """Of the squares that a fit leaves, what a change of it explains; all where it predicts parts held out, which strays do not make it do."""
-    if changed.code == "set-up-pays":
+    if "asked" in x:
         return 1.0
-    x = changed.numbers
     return float(x["share"] if "share" in x else 1 - (x["error"] / x["now"]) ** 2)
 
 

@@ -1,0 +1,184 @@
+"""One question of what a fit leaves: whether a column explains it, and what it would change.
+
+A score test (Rao, 1948): the column, projected off the derivatives of all that is fitted, against the residuals. Nothing
+is fitted anew; what would change is one Gauss-Newton step.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import qr
+from scipy.special import fdtrc
+
+from bristle.arrays import Array
+from bristle.estimation.autocorrelation import inflation, inflation_along
+from bristle.findings import NOTE, Finding
+
+LEVEL = 0.01
+"""Of any of the candidates tried on one fit, where there is nothing: a finding in one clean fit of a hundred."""
+LEAST = 0.05
+"""Of the squares that the fit leaves: a candidate that explains less is not worth a sentence."""
+MATTERS = 0.01
+"""Of friction, rms, or a standard error of some parameter: a candidate that moves less is a note."""
+_MANY = 100
+"""Equations that tell how noise is correlated, and uneven, along a column; of fewer it is as along a slow one, at most, and even."""
+_BESIDE, _RANK = 1e-6, 1e-10
+"""Of its length: what a column has beside others, below which it is made of them; and those that are known."""
+
+
+class Score(NamedTuple):
+    """What k columns explain of residuals, beside p known ones."""
+
+    sizes: Array
+    """How much of each column the residuals ask for, (k,)."""
+    errors: Array
+    """Standard errors of these, (k,)."""
+    p: float
+    """Probability of so much by chance."""
+    share: float
+    """Of the squares that the known ones leave ..."""
+    squares: float
+    """... and these."""
+
+
+class Fitted(NamedTuple):
+    """A fit of n equations, to first order."""
+
+    known: Array
+    """Derivatives of the residuals by all p unknowns, (n, p)."""
+    rest: Array
+    """The residuals: measured less modelled, (n,)."""
+    errors: Array
+    """Standard errors of the unknowns, (p,)."""
+    of_friction: Array
+    """Which of the unknowns are of friction, (p,), bool."""
+    friction: float
+    """Its rms."""
+
+
+class Candidate(NamedTuple):
+    """What a fit may lack."""
+
+    tell: Callable[[Score, int], Finding | None]
+    """What is said of it where it explains what is left, and by which of its alternatives; None: it is refused."""
+    columns: tuple[Array, ...]
+    """Its alternatives, of which the best is taken, (n, k) each, in the unit of the residuals."""
+    is_friction: bool = False
+    """Whether what it explains is friction too."""
+
+
+def score(known: Array, rest: Array, columns: Array, inflated: float = 1.0) -> Score:
+    """The test of columns, (n, k), beside known ones, (n, p), on residuals, (n,), in an order in which they may be correlated.
+
+    In directions at right angles b = D'r, whose variances are those of the residuals, or, of many, of the products D r where
+    these are larger, times what autocorrelation makes of them along each, `inflated` at least. mean(b**2 / variance) is F. What is
+    made of others is left out.
+    """
+    return scores(known, rest, [columns], inflated)[0]
+
+
+def scores(known: Array, rest: Array, columns: Sequence[Array], inflated: float = 1.0) -> list[Score]:
+    """The same of several, each tested alone."""
+    basis = _basis(known)
+    left = rest - basis @ (basis.T @ rest)
+    return [_score(basis, left, x, inflated) for x in columns]
+
+
+def moved_by(known: Array, added: Array) -> Array:
+    """How far each unknown, (p,), would move with what is added to the model, (n,), to first order."""
+    scale = np.maximum(np.linalg.norm(known, axis=0), 1e-300)
+    moved: Array = np.linalg.lstsq(known / scale, added, rcond=_RANK)[0] / scale
+    return moved
+
+
+def _basis(known: Array) -> Array:
+    """Orthonormal columns that span some others, (n, p)."""
+    lengths = np.linalg.norm(known, axis=0)
+    if not lengths.any():
+        return known[:, :0]
+    Q, R, _ = qr(known / np.where(lengths > 0, lengths, 1.0), mode="economic", pivoting=True)
+    size = np.abs(np.diag(R))
+    return np.asarray(Q[:, size > _RANK * size[0]])
+
+
+def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> Score:
+    """The same, of a basis of what is known, and of what that leaves."""
+    lengths = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+    beside = columns / lengths
+    beside = beside - basis @ (basis.T @ beside)
+    own = np.linalg.norm(beside, axis=0) > _BESIDE
+    sizes, errors, total = np.zeros(own.size), np.full(own.size, np.inf), float(left @ left)
+    (n, p), k = basis.shape, int(own.sum())
+    if not k or not total > 0 or n <= p + k:
+        return Score(sizes, errors, 1.0, 0.0, 0.0)
+    directions, R = np.linalg.qr(beside[:, own])
+    b = directions.T @ left
+    share, rest = min(float(b @ b) / total, 1.0), left - directions @ b
+    inverse = np.linalg.pinv(R)
+    sizes[own] = inverse @ b / lengths[own]
+    most = np.inf if n >= _MANY else inflation(rest)
+    correlated = np.array([max(min(inflation_along(rest, d), most), inflated) for d in directions.T])
+    freedom = (n - p) / float(correlated.max()) - k
+    if freedom < 1:
+        return Score(sizes, errors, 1.0, share, share * total)
+    uneven = n * np.sum((directions * rest[:, None]) ** 2, axis=0) if n >= _MANY else 0.0
+    variance = np.maximum(float(rest @ rest), uneven) / (n - p - k) * correlated
+    errors[own] = np.sqrt(inverse**2 @ variance) / lengths[own]
+    F = float(np.mean(b**2 / np.maximum(variance, 1e-300)))
+    return Score(sizes, errors, float(fdtrc(k, freedom, F)), share, share * total)
+
+
+def explained(fit: Fitted, candidates: Sequence[Candidate]) -> tuple[list[Finding], Array]:
+    """What the candidates explain of what a fit leaves, one after the other, beside those before; and what they leave, (n,).
+
+    Each time the one that BIC likes best of those that are significant, corrected for all that were tried, and explain
+    enough. The `effect` of a finding is what adding it would change: the friction, rms, under `torque`, and the parameter that moves
+    farthest, in its standard errors, under `errors`. A finding that changes neither is a note.
+    """
+    n, waiting, basis = fit.rest.size, list(candidates), _basis(fit.known)
+    tried, total, findings = sum(len(x.columns) for x in waiting), 0.0, list[Finding]()
+    while True:
+        left = fit.rest - basis @ (basis.T @ fit.rest)
+        now = float(left @ left)
+        total = total or now
+        best: tuple[float, Candidate, int, Score] | None = None
+        for candidate in waiting:
+            which = _best(basis, left, candidate.columns)
+            found = _score(basis, left, candidate.columns[which])
+            k = candidate.columns[which].shape[1] + 2 * (len(candidate.columns) > 1)
+            bic = n * np.log1p(-min(found.share, 1 - 1e-12)) + k * np.log(n)
+            if found.p * tried < LEVEL and found.share * now > LEAST * total and (best is None or bic < best[0]):
+                best = bic, candidate, which, found
+        if best is None:
+            return findings, left
+        _, candidate, which, found = best
+        waiting = [x for x in waiting if x is not candidate]
+        finding = candidate.tell(found, which)
+        if finding is not None:
+            basis = _basis(np.hstack([basis, candidate.columns[which]]))
+            findings.append(_with_effect(fit, candidate, which, found, finding))
+
+
+def _best(basis: Array, left: Array, columns: Sequence[Array]) -> int:
+    """Which of several columns, (n, k) each, explain most beside a basis."""
+    if len(columns) == 1:
+        return 0
+    C = np.stack(columns)
+    C = C - basis @ (basis.T @ C)
+    gram, moment = np.swapaxes(C, 1, 2) @ C, np.swapaxes(C, 1, 2) @ left
+    return int(np.argmax(np.einsum("mk,mkl,ml->m", moment, np.linalg.pinv(gram, hermitian=True), moment)))
+
+
+def _with_effect(fit: Fitted, candidate: Candidate, which: int, found: Score, finding: Finding) -> Finding:
+    """The finding, with what it would change, which is a note where that is little."""
+    added = candidate.columns[which] @ found.sizes
+    moved = moved_by(fit.known, added)
+    friction = fit.known[:, fit.of_friction] @ moved[fit.of_friction]
+    changed = (added if candidate.is_friction else 0.0) - friction
+    torque = float(np.sqrt(np.mean(np.square(changed))))
+    errors = float(np.max(np.abs(moved) / np.maximum(fit.errors, 1e-300), initial=0.0))
+    little = max(torque, finding.effect.get("torque", 0.0)) < MATTERS * fit.friction and errors < 1
+    told = replace(finding, effect={"torque": torque, "errors": errors, **finding.effect})
+    return replace(told, severity=NOTE) if little else told

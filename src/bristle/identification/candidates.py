@@ -1,0 +1,121 @@
+"""What a fit may lack, whatever it was fitted to: one row of a table each, for `explained` to try.
+
+A row is columns, a code, a sentence, and what to do.
+"""
+
+from collections.abc import Collection, Sequence
+from typing import Any
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.estimation.score_test import Candidate, Score
+from bristle.findings import CAUTION, Finding, unit_of
+from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, swings, turn_of
+from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import periodic, slides
+
+_HARMONICS = 64
+"""Most ripples looked for."""
+_FEW = 8
+"""Equations, below which nothing is asked of them."""
+
+
+def candidates(
+    velocity: Array, time: Array, position: Array, parameters: Collection[str], kind: JointKind
+) -> list[Candidate]:
+    """The rows of n equations, in SI units; a signal that is not known is empty, and one that stands still says nothing.
+
+    `parameters` are names of what is fitted, of which no line asks for again.
+    """
+    n = velocity.size
+    if n < _FEW:
+        return []
+    signals = {"time": time, "velocity": velocity, "position": position}
+    scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in signals.items() if x.size == n and np.ptp(x) > 0}
+    rows = list[Candidate]()
+    for name in ("quadratic", "gravity"):
+        possible = name != "gravity" or ("position" in scaled and not slides(kind) and swings([position]))
+        if possible and set(parameters).isdisjoint(REGRESSORS[name].names):
+            columns = np.stack(list(load_columns((name,), signals.__getitem__, n).values()), axis=1)
+            rows.append(Candidate(_regressor(name, parameters), (columns,), is_friction=name == "quadratic"))
+    both = velocity.min() < 0 < velocity.max()
+    if both:
+        rows.append(Candidate(_directions, (np.stack([np.ones(n), np.abs(velocity)], axis=1),), is_friction=True))
+    if both and "time" in scaled:  # friction opposes motion, so a change of it has another sign in each direction
+        change = _centred([scaled["time"], scaled["time"] ** 2]) * np.sign(velocity)[:, None]
+        rows.append(Candidate(_wear, (change,), is_friction=True))
+    for over, s in scaled.items():
+        if not (both and over == "velocity"):  # what is even in velocity is a difference of the directions
+            rows.append(Candidate(_trend(over), (_centred([s, s * s]),), is_friction=over == "velocity"))
+    if "position" in scaled:
+        reach = float(np.ptp(position))
+        phases = [2 * np.pi * k * (position - position.min()) / reach for k in range(1, min(n // 4, _HARMONICS) + 1)]
+        rows.append(
+            Candidate(_ripple(reach, parameters, kind), tuple(_centred([np.cos(x), np.sin(x)]) for x in phases))
+        )
+    return rows
+
+
+def _centred(columns: Sequence[Array]) -> Array:
+    """Some columns, (n,) each, less their means: a constant is an offset, and no trend; (n, k)."""
+    X = np.stack(columns, axis=1)
+    centred: Array = X - X.mean(axis=0)
+    return centred
+
+
+def _trend(over: str) -> Any:
+    def tell(found: Score, _: int) -> Finding:
+        message = f"Residuals show a trend vs {over} (p = {found.p:.1g}), which explains {100 * found.share:.0f} % of their variance."
+        return Finding("residual-trend", CAUTION, message, {"over": over, "p": found.p, "share": found.share})
+
+    return tell
+
+
+def _directions(found: Score, _: int) -> Finding:
+    """A symmetric curve that is not: what it leaves is even in velocity."""
+    message = (
+        f"Friction differs between the directions (p = {found.p:.1g}): the difference explains {100 * found.share:.0f} % of the "
+        "residuals' variance. Fit the directions separately (directions: separate)."
+    )
+    return Finding("directions-differ", CAUTION, message, {"p": found.p, "share": found.share})
+
+
+def _wear(found: Score, _: int) -> Finding:
+    change = 2 * float(found.sizes[0])
+    message = (
+        f"Friction {'grows' if change > 0 else 'falls'} by {abs(change):.2g}{unit_of('torque')} from the beginning to the end "
+        f"(p = {found.p:.1g}), which explains {100 * found.share:.0f} % of the residuals' variance: it wears in or warms up. Repeat it "
+        "on a joint that has settled."
+    )
+    numbers = {"change": change, "p": found.p, "share": found.share}
+    return Finding("friction-drifts", CAUTION, message, numbers, {"torque": abs(change)})
+
+
+def _regressor(name: str, parameters: Collection[str]) -> Any:
+    def tell(found: Score, _: int) -> Finding:
+        lines = regressor_line((name,), parameters)
+        message = (
+            f"The fit lacks a term. Under fit, write {lines}: beside all that is fitted it explains {100 * found.share:.0f} % of the "
+            "squares that the fit leaves (to first order)."
+        )
+        return Finding("lacks-a-term", CAUTION, message, {"lines": lines, "share": found.share})
+
+    return tell
+
+
+def _ripple(reach: float, parameters: Collection[str], kind: JointKind) -> Any:
+    """Of a period that is a whole share of all positions, rad; with the lines that would fit it, where it is an order that is not fitted."""
+
+    def tell(found: Score, which: int) -> Finding:
+        period = reach / (which + 1)
+        order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}
+        asked = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"
+        message = (
+            f"Residuals show a ripple vs position of period {period:.3g}{unit_of('position')} (p = {found.p:.1g}), which explains "
+            f"{100 * found.share:.0f} % of their variance."
+            f"{f' If motor or gear repeat so, write {asked} under fit.' if order and order not in fitted else ''}"
+        )
+        return Finding("residual-ripple", CAUTION, message, {"period": period, "p": found.p, "share": found.share})
+
+    return tell

@@ -1,0 +1,283 @@
+"""What a fit of moving runs leaves: terms that it lacks (`score_test`), and what no column explains.
+
+Rows of a motion beside those of any fit: a torque logged early or late, one that drifts, friction that rises with load,
+another inertia than the one given.
+"""
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
+
+from bristle.arrays import Array
+from bristle.control.plant import quantise
+from bristle.data.differentiation import derivative, smoothed, usable
+from bristle.data.record import Record
+from bristle.estimation.autocorrelation import inflation, lag_one
+from bristle.estimation.multistart import MultistartSolution
+from bristle.estimation.score_test import Candidate, Fitted, Score, explained, score
+from bristle.findings import CAUTION, Finding
+from bristle.identification.candidates import candidates
+from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, parameters
+from bristle.identification.moving_runs import load_columns
+from bristle.model.parameters import INERTIA, Lugre, ParameterName, of_friction, unit
+from bristle.model.parameters import Kind as JointKind
+
+_SURE, _ALIKE = 4.0, 3.3
+"""Standard errors from zero, beyond which all equations ask for a delay, and beyond which those far from reversals do: 5e-4 by chance."""
+_SLID = 5.0
+"""Deflections g0 / sigma_0 that a joint travels after a reversal until it slides: exp(-5) is left of the way."""
+_FILTERED = 2.0
+"""Periods of the position's cut-off before and after a reversal in which the low pass rounds it off."""
+_REACHED = 0.02
+"""An equation whose decimation filter gives less than this weight to what is near a reversal is far from it."""
+_LEAST = 1e-100
+"""Of sigma_0: no division by zero."""
+_BURST, _TOP = 0.25, 0.01
+"""Share of the squares left, that this share of the equations may hold: 0.08 of normal noise, 0.16 of Laplace's."""
+_PATTERN = 0.9
+"""Correlation of neighbours in what is left, beyond which hardly any of it is noise: 1 - 0.9**2 at the most."""
+_ENOUGH, _INDEPENDENT = 300, 30
+"""Equations that tell it, and how many of them must be independent."""
+_TURNING, _BESIDE = 0.1, 2
+"""An equation is about a reversal where it is slower than this share of the rms speed, or one of two neighbours is, ..."""
+_TURNS_WORSE, _FEWEST = 2.0, 20
+"""... and so many of them may not leave more than so many times what the others do, rms: 1.0 to 1.1 times of clean runs."""
+_PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1
+"""Places named, s between two, and their squares beside the largest."""
+_PHASE = 0.37
+"""Where in a count the joint rests in a draw of what counting does."""
+
+
+def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Finding]:
+    """What a fit lacks, to first order, and patterns of what it leaves that nothing tried explains; of a predicted torque alone."""
+    if problem.quantity != "torque":
+        return []
+    motions = problem.motions
+    values: Values = {**problem.fixed, **solution.values}
+    extra = np.array([values[name] for name in problem.extra_names])
+    torque = modelled(problem, solution.values)
+    friction = [T - (m.measured - m.torque) - m.extra @ extra for T, m in zip(torque, motions, strict=True)]
+    seen = solution.scaled_errors < np.inf
+    of = [isinstance(n, ParameterName) and of_friction(n.name) for n in solution.names]
+    size = float(np.sqrt(np.mean(_equations(motions, friction) ** 2)))
+    known, rest = known_and_left(problem, solution)
+    fit = Fitted(known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size)
+
+    # rows of any fit, weighed as the equations are, then those of a motion
+    names = [name.name for name in problem.extra_names]
+    weight = np.repeat([m.weight for m in motions], [m.size for m in motions])[:, None]
+    every = [
+        x._replace(columns=tuple(weight * c for c in x.columns))
+        for x in candidates(problem.velocity, problem.time, problem.position, names, kind)
+    ]
+    late = _equations(motions, [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)])
+    every.append(Candidate(partial(_delay, problem, solution, fit, late), (late[:, None],)))
+    grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
+    every.append(Candidate(partial(_drift, size), (_equations(motions, grows)[:, None],), is_friction=True))
+    weighs = [k for k, name in enumerate(names) if name.startswith("gravity")]
+    if weighs and all(m.load is None for m in motions):
+        load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
+        every.append(Candidate(partial(_by_load, problem.law.name), (_equations(motions, load)[:, None],)))
+    if INERTIA not in problem.names:
+        inert = _equations(motions, [np.gradient(m.velocity, m.time) for m in motions])
+        every.append(Candidate(partial(_inertia, kind), (inert[:, None],)))
+    lacks, left = explained(fit, every)
+    return [*lacks, *pattern_left(problem, left / weight[:, 0])]
+
+
+def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
+    """Derivatives of the equations by all that they tell, (n, p), and what the fit leaves of them, (n,)."""
+    n = sum(m.size for m in problem.motions)
+    jacobian, rest = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
+    return jacobian[:, solution.scaled_errors < np.inf], rest
+
+
+def columns_of(problem: DynamicProblem, regressors: Sequence[str]) -> Array:
+    """The columns of some regressors, as the equations weigh them, (n, k)."""
+
+    def weighted(m: Motion) -> Array:
+        """Of one motion."""
+        signals = {"position": m.position, "velocity": m.velocity}
+        of = load_columns(regressors, lambda signal: signals[signal], m.time.size)
+        return m.weighted(np.stack(list(of.values()), axis=1))
+
+    return np.concatenate([weighted(m) for m in problem.motions])
+
+
+def _delay(
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], fit: Fitted, column: Array, found: Score, _: int
+) -> Finding | None:
+    """Whether the torque was logged early or late: all equations ask for it, and those far from reversals as well.
+
+    At a reversal a bristle that the model does not describe, or that the encoder does not show, delays the torque as
+    well; and what only some equations ask for is no delay.
+    """
+    far = _far_from_reversals(problem, solution)
+    apart = score(fit.known[far], fit.rest[far], column[far, None])
+    made = _made_by_counts(problem, solution)
+    (whole, error), (beyond, its_error) = (
+        _without_counts(x, made[rows]) for x, rows in ((found, slice(None)), (apart, far))
+    )
+    alike = beyond * whole > 0 and abs(beyond) > _ALIKE * its_error
+    if abs(whole) < _SURE * error or (not alike and _SURE * its_error < abs(whole)):
+        return None  # sliding would have shown it
+    step = float(np.median(np.concatenate([m.step for m in problem.motions])))
+    delay = beyond if alike else whole
+    when, samples = "earlier" if delay > 0 else "later", abs(delay) / step
+    numbers = {"seconds": abs(delay), "samples": samples, "when": when}
+    taken = f"taken {abs(delay):.2g} s ({samples:.2g} samples) {when}"
+    if not alike:
+        message = (
+            f"At reversals the torque looks as if {taken}: a delay, or presliding that these data do not resolve, and they do not tell "
+            "which. Check the time stamps; longer strokes would tell."
+        )
+        return Finding("delay-or-presliding", CAUTION, message, numbers)
+    message = (
+        f"The torque fits better when {taken}, which would explain {100 * apart.share:.0f} % of the residuals far from reversals: check the "
+        f"time stamps, or add {delay:.2g} s to the delay of its signal and fit again (a voltage held until the next sample is half a "
+        "sample early: its delay is negative)."
+    )
+    return Finding("torque-delayed", CAUTION, message, {**numbers, "share": apart.share, "delay": delay})
+
+
+def _without_counts(found: Score, made: Array) -> tuple[float, float]:
+    """The delay that some equations ask for, less the one that counts of the encoder make there, (n,), half of which is its error; both s."""
+    delay, error = float(found.sizes[0]), float(found.errors[0])
+    if not (made.any() and np.isfinite(error) and delay):
+        return delay, error
+    counts = float(made.sum()) * delay**2 / found.squares
+    return delay - counts, float(np.hypot(error, counts / 2))
+
+
+def _drift(friction: float, found: Score, _: int) -> Finding:
+    by = float(found.sizes[0])
+    how = "grows" if by > 0 else "falls"
+    message = (
+        f"The torque {how} by {100 * abs(by):.0f} % in the course of a run, all else alike, which would explain {100 * found.share:.0f} % of "
+        "what the fit leaves: a joint that warms up, or a sensor that does. Numbers are of the middle of the run; warm the joint up first, "
+        "or fit its parts apart."
+    )
+    numbers = {"how": how, "by": abs(by), "share": found.share}
+    return Finding("torque-drifts-in-runs", CAUTION, message, numbers, {"torque": abs(by) * friction})
+
+
+def _by_load(law: str, found: Score, _: int) -> Finding:
+    by, error = float(found.sizes[0]), float(found.errors[0])
+    message = (
+        f"Friction changes with the load, by {by:.2g} +/- {error:.1g} of the gravity torque, which would explain {100 * found.share:.0f} % of "
+        f"what the fit leaves, as in a gear: the model has none of it. Under fit, write `law: {law}+link-load`, or gear-load in its place; "
+        "else numbers are of the load on average."
+    )
+    return Finding("friction-by-load", CAUTION, message, {"by": by, "error": error, "share": found.share, "law": law})
+
+
+def _inertia(kind: JointKind, found: Score, _: int) -> Finding:
+    more, error, of = float(found.sizes[0]), float(found.errors[0]), unit(INERTIA.name, kind)
+    message = (
+        f"The given inertia may be wrong: with {more:+.3g} +/- {error:.2g} {of} added the moving runs fit better; omit inertia to have it "
+        "fitted."
+    )
+    return Finding("inertia-doubted", CAUTION, message, {"more": more, "error": error, "unit": of})
+
+
+def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
+    """Whether what the fit leaves, (n,), is a pattern throughout, or much more about reversals than elsewhere, or most of it in a few equations."""
+    correlation = lag_one(rows)
+    if correlation > _PATTERN:
+        message = (
+            f"What the fit leaves is a pattern and hardly any noise (correlation of neighbours {correlation:.2f}): the model lacks a "
+            "term, and numbers may be further off than their errors say. Look at the residuals; friction that depends on load, "
+            "position or temperature leaves such patterns."
+        )
+        return [Finding("lacks-unknown-term", CAUTION, message, {"lag_one": correlation})]
+    squares, speed = rows**2, np.abs(problem.velocity)
+    turns = minimum_filter1d(speed, 2 * _BESIDE + 1) < _TURNING * np.sqrt(np.mean(speed**2))
+    total, few = float(squares.sum()), round(_TOP * rows.size)
+    if rows.size < _ENOUGH or not total > 0 or rows.size < _INDEPENDENT * inflation(rows):
+        return []
+    if min(turns.sum(), (~turns).sum()) >= _FEWEST:
+        ratio = float(np.sqrt(squares[turns].mean() / max(squares[~turns].mean(), 1e-300)))
+        if ratio > _TURNS_WORSE:
+            message = (
+                f"About reversals the fit leaves {ratio:.2g} times what it leaves elsewhere (rms): it does not describe how the joint "
+                "turns, and numbers of the bristle, the peak and the inertia may be further off than their errors say. Backlash, a "
+                "flexible coupling, a slipping encoder, and a torque that is late or filtered look like that; LuGre has none of them."
+            )
+            return [Finding("reversals-left", CAUTION, message, {"ratio": ratio})]
+    worst = np.argsort(-squares)[:few]
+    share = float(squares[worst].sum()) / total
+    if share < _BURST:
+        return []
+    file, places = problem.file, list[int]()
+    for k in worst[squares[worst] > _LARGE * squares[worst[0]]].tolist():
+        near = (abs(problem.time[k] - problem.time[j]) < _BETWEEN for j in places if file[j] == file[k])
+        if len(places) < _PLACES and not any(near):
+            places.append(k)
+    where = tuple(f"{file[k]} at {problem.time[k]:.5g} s" for k in places)
+    message = (
+        f"{100 * _TOP:.0f} % of the equations hold {100 * share:.0f} % of what the fit leaves, most at {'; '.join(where)}: that is no noise, "
+        "and bends numbers further than their errors say. Look at the log there: an impact, lost samples, a reading not refreshed."
+    )
+    return [Finding("bursts", CAUTION, message, {"share": share, "few": _TOP, "where": where})]
+
+
+def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
+    """What counts of the encoder add to the delay that each equation asks for, times the squares of the column beside all others, (n,).
+
+    Counts make noise in the acceleration, a, which is in the residuals, -J a, and in what a delay multiplies,
+    -alpha_2 a - J da/dt: the regression finds a delay of -J alpha_2 sum(a**2) / (squares of the column beside all
+    others), which is none (errors in variables).
+    """
+    inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
+    if not (problem.count and problem.cutoff and inertia):
+        return np.zeros(sum(m.size for m in problem.motions))
+    noise = _equations(problem.motions, [_count_noise(m, problem.count, problem.cutoff) for m in problem.motions])
+    known = parameters(problem, solution.values)
+    alpha_2 = known.alpha_2 if isinstance(known, Lugre) else sum(p.alpha_2 for p in known) / 2
+    made: Array = -inertia * alpha_2 * noise**2
+    return made
+
+
+def _count_noise(motion: Motion, count: float, cutoff: float) -> Array:
+    """Acceleration that comes of counting the motion anew, with the joint resting elsewhere in a count, rad/s**2, (N,)."""
+    if not motion.position.size:
+        return np.zeros(motion.time.size)
+    record = Record(file=motion.file, time=motion.time)
+    cutoff = usable(record, cutoff)
+    path = smoothed(record, motion.position, cutoff) + _PHASE * count
+    off = np.asarray(quantise(path, count)).ravel() - path
+    return derivative(record, smoothed(record, off, cutoff), 2)
+
+
+def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
+    """A column per motion, (N,) each, as the fit's equations see it, (n,)."""
+    return np.concatenate([m.weighted(c) for m, c in zip(motions, columns, strict=True)])
+
+
+def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:
+    """Which equations see only samples at which the joint slides, (n,)."""
+    known = parameters(problem, solution.values)
+    reach = _SLID * max(
+        (p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in ([known] if isinstance(known, Lugre) else known)
+    )
+    filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0
+    far = []
+    for m in problem.motions:
+        near = _near_reversals(m, reach, filtered).astype(float)
+        far.append((near if m.smooth is None else abs(m.smooth) @ near) < _REACHED)
+    return np.concatenate(far)
+
+
+def _near_reversals(motion: Motion, reach: float, filtered: float) -> NDArray[np.bool_]:
+    """Samples less than a way after a reversal, or after the start, or a time before or after one, (N,)."""
+    v, t = motion.velocity, motion.time
+    way = np.concatenate([[0.0], np.cumsum(np.abs(v[1:] + v[:-1]) / 2 * motion.step)])
+    turns = np.append(np.insert(np.flatnonzero(np.diff(np.sign(v))) + 1, 0, 0), t.size)
+    interval = np.searchsorted(turns, np.arange(t.size), side="right") - 1
+    before, after = turns[interval], turns[interval + 1]
+    until = np.where(after < t.size, t[np.minimum(after, t.size - 1)] - t, np.inf)
+    near: NDArray[np.bool_] = (way - way[before] < reach) | (t - t[before] < filtered) | (until < filtered)
+    return near
