@@ -57,15 +57,17 @@ def check_tracking(solved: DynamicSolution, starts: int = STARTS, seed: int = _S
 
 def _verdict(other: SecondRoute[ParameterName], best: float, starts: int) -> Finding:
     """Whether IPOPT ended where the fit did, whose cost is `best`."""
-    share, numbers = f"{other.reached} of {starts} IPOPT starts reached", {"reached": other.reached, "starts": starts}
+    lowest, reached = other.cost_full, other.reached
+    share = f"{reached} of {starts} IPOPT starts reached"
     if other.agrees:
         message = (
             "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is "
             f"{other.worst:.2g} standard errors. {share} the lowest cost."
         )
-        return Finding("ipopt-agrees", NOTE, message, {"worst": other.worst, **numbers})
-    costs, numbers = f"({other.cost_full:.6g} against {best:.6g})", {"lowest": other.cost_full, "cost": best, **numbers}
-    if other.cost_full < best:
+        return Finding("ipopt-agrees", NOTE, message, {"worst": other.worst, "reached": reached, "starts": starts})
+    costs = f"({lowest:.6g} against {best:.6g})"
+    numbers = {"lowest": lowest, "cost": best, "reached": reached, "starts": starts}
+    if lowest < best:
         message = f"IPOPT found a lower cost {costs}: do not use this fit. {share} the lowest cost."
         return Finding("ipopt-lower", CRITICAL, message, numbers)
     message = f"IPOPT did not reach as low a cost {costs}, so it does not confirm the fit. {share} its lowest cost."
