@@ -24,8 +24,8 @@ from bristle import cli
 DOCS = Path(__file__).parents[1]
 RETURNED = (
     "bristle.identification.results.Joint",
-    "bristle.identification.messages.Finding",
-    "bristle.identification.messages.Severity",
+    "bristle.findings.Finding",
+    "bristle.findings.Severity",
     "bristle.identification.measured.Measured",
     "bristle.questions.compensation.study.Study",
     "bristle.questions.experiment_design.plan.Plan",

@@ -11,6 +11,7 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profiles
+from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
@@ -25,7 +26,6 @@ from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import Estimate, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
 
@@ -102,8 +102,9 @@ def solved(problem: DynamicProblem, start: Values) -> DynamicSolution:
         for name, error in zip(problem.names, errors.tolist(), strict=True)
         if isinstance(name, ParameterName)
     }
+    converged = Finding("converged", NOTE, "The fit converged.")
     found = TrackingFit(
-        parameters=parameters, rms=1.0, relative_error=1.0, n=1, outcome=Kind.CONVERGED(), starts=1, reached=1, condition=1.0
+        parameters=parameters, rms=1.0, relative_error=1.0, n=1, outcome=converged, starts=1, reached=1, condition=1.0
     )  # fmt: skip  # a list of values
     return DynamicSolution(found, problem, solution.values, solution)
 

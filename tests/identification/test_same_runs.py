@@ -8,11 +8,10 @@ import pytest
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.findings import CRITICAL, Finding, Severity
+from bristle.findings import CRITICAL, NOTE, Finding, Severity
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_records
@@ -23,6 +22,7 @@ from ..names import parse
 from .conftest import GRIPPER
 
 STEP, J = 1e-3, 1.27e-3
+CONVERGED = Finding("converged", NOTE, "The fit converged.")
 
 
 def moving(scale: float) -> Record:
@@ -99,7 +99,7 @@ def static_fit(**values: tuple[float | None, float]) -> StaticFit:
     names = tuple(name for name, (value, _) in values.items() if value is not None)
     covariance = np.diag([values[name][1] ** 2 for name in names])
     return StaticFit(
-        direction="both", parameters=parameters, rms=1.0, relative_error=1.0, n=9, outcome=Kind.CONVERGED(), names=names, covariance=covariance
+        direction="both", parameters=parameters, rms=1.0, relative_error=1.0, n=9, outcome=CONVERGED, names=names, covariance=covariance
     )  # fmt: skip  # a list of values
 
 
@@ -107,7 +107,7 @@ def lugre_fit(**values: tuple[float | None, float]) -> TrackingFit:
     """The same of all parameters."""
     parameters = {parse(name): estimate(name, *x) for name, x in values.items()}
     return TrackingFit(
-        parameters=parameters, rms=1.0, relative_error=1.0, n=9, outcome=Kind.CONVERGED(), starts=1, reached=1, condition=9.0
+        parameters=parameters, rms=1.0, relative_error=1.0, n=9, outcome=CONVERGED, starts=1, reached=1, condition=9.0
     )  # fmt: skip  # a list of values
 
 

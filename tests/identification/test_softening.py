@@ -9,9 +9,8 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.fits import AmplitudeStiffness
-from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import identify_presliding
 from bristle.identification.presliding.softening import stiffness_by_amplitude
 from bristle.identification.presliding.stiffness import KnownValue, stiffness
@@ -22,7 +21,7 @@ from .conftest import GRIPPER
 
 G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
 TIME = np.arange(0, 20, 0.01)
-SOURCE = Kind.OF_STATIC_FIT()
+SOURCE = Finding("of-static-fit", NOTE, "the static fit")
 Law = Callable[[Array], Array]
 """Displacement over torque."""
 COUNTS = [0.0, 2 * np.pi / 2**16, 2 * np.pi / 2**14]
@@ -103,7 +102,7 @@ def test_a_lugre_joint_does_not(quantum: float) -> None:
     for seed in range(60):
         assert found(lugre, quantum, 1 + seed % 4, seed)[1] is None
         own = loadings(lugre, quantum, 2, seed)
-        bound = KnownValue(max(x.held for x in own), np.inf, Kind.OF_LARGEST_HELD())
+        bound = KnownValue(max(x.held for x in own), np.inf, SOURCE)
         assert stiffness_by_amplitude(own, bound, "revolute")[1] is None
 
 
@@ -157,7 +156,8 @@ def test_the_bend_of_the_loading_limits_g0(quantum: float) -> None:
     records = runs(lugre, quantum, 3, 1, noise=0.005)
     fit = identify_presliding(records, {}, None, FitOptions(), quantum or None, "revolute").fits["+"]
     (bend,) = (w.numbers["bend"] for w in fit.warnings if w.code == "g0-at-least")
-    assert bend.numbers["low"] <= G0 <= bend.numbers["high"] < 1.2 * G0
+    low, high = (float(word) for word in bend.split() if word.startswith("0."))
+    assert low <= G0 <= high < 1.2 * G0
     assert fit.sigma_0.value is not None
     assert fit.sigma_0.interval is not None
     low, high = fit.sigma_0.interval

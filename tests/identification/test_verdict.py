@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bristle.findings import Finding, Severity
+from bristle.identification.dynamic.claims import not_seen
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.messages import Kind
 from bristle.identification.results import Accuracy, Joint
@@ -15,9 +16,13 @@ from bristle.model.parameters import ParameterName
 from ..names import parse
 from ..simulation.joints import GRIPPER, joint, tracked, unseen, values_of
 
-CRITICAL = Kind.STAGES_DO_NOT_FIT(joint=9.0, alone=1.0)
-CAUTION = Kind.NOT_PASSIVE(direction="+", alpha_2=0.1, least=0.2)
-NOTE = Kind.CORRELATED(lag_one=0.5, widened=1.7)
+CRITICAL = Finding("stages-do-not-fit", Severity.CRITICAL, "The stages contradict each other.")
+CAUTION = Finding("not-passive", Severity.CAUTION, "The model can feed energy back in direction +.")
+NOTE = Finding("correlated", Severity.NOTE, "Residuals are correlated.")
+OUT_OF_STEPS = Finding(
+    "out-of-steps", Severity.CRITICAL, "The fit reached its limit of iterations before it converged."
+)
+NOT_CONVERGED = Finding("not-converged", Severity.CRITICAL, "The fit did not converge; it gives no estimates.")
 
 
 def whole(*warnings: Finding) -> TrackingFit:
@@ -51,7 +56,7 @@ def static(*warnings: Finding) -> StaticFit:
         pytest.param(joint(whole(), static={"+": static(CRITICAL)}), Trust.USE, None, id="a fit whose values are not shown"),
         pytest.param(joint(whole(CRITICAL), joint_fit=whole()), Trust.USE, None, id="the moving runs alone, beside a joint fit"),
         pytest.param(
-            joint(replace(whole(), outcome=Kind.OUT_OF_STEPS())), Trust.DO_NOT_USE, Kind.OUT_OF_STEPS(), id="how the fit ended",
+            joint(replace(whole(), outcome=OUT_OF_STEPS)), Trust.DO_NOT_USE, OUT_OF_STEPS, id="how the fit ended",
         ),
     ],
 )  # fmt: skip  # a table
@@ -75,13 +80,18 @@ def test_a_cause_goes_before_the_size_of_what_is_left() -> None:
 def test_values_that_are_not_identifiable_are_named_once() -> None:
     """What no stage shows is named in one warning; what another stage shows is not."""
     fit = unseen(
-        whole(Kind.UNSEEN(names=("alpha_0+", "sigma_0+", "sigma_1+"))),
+        whole(*not_seen(map(parse, ("alpha_0+", "sigma_0+", "sigma_1+")))),
         {"alpha_0+": 1.0, "sigma_0+": 1.0, "sigma_1+": 1.0},
     )
     for name in ("alpha_0+", "sigma_0+", "sigma_1+"):
-        fit = said(fit, name, Kind.AT_BOUND(), Kind.UNSEEN_FAR())
+        fit = said(
+            fit,
+            name,
+            Finding("at-bound", Severity.CAUTION, "At its physical bound of zero."),
+            Finding("unseen-far", Severity.CAUTION, "Not identifiable from this motion."),
+        )
     own = joint(fit, static={"+": static()})
-    assert value_warnings(own) == (Kind.UNSEEN(names=("sigma_0+", "sigma_1+")),)
+    assert value_warnings(own) == not_seen(map(parse, ("sigma_0+", "sigma_1+")))
 
 
 @pytest.mark.parametrize(
@@ -117,6 +127,6 @@ def test_a_joint_without_a_curve_is_not_to_be_used() -> None:
 def test_a_joint_without_a_value_is_not_to_be_used() -> None:
     """With the weightiest reason that there is, how its fit ended too; nothing known at all has none."""
     nothing: dict[ParameterName, Estimate] = {n: replace(e, value=None) for n, e in whole().parameters.items()}
-    own = joint(replace(whole(), parameters=nothing, outcome=Kind.NOT_CONVERGED()))
-    assert verdict(replace(own, warnings=(CAUTION,))) == (Trust.DO_NOT_USE, Kind.NOT_CONVERGED())
+    own = joint(replace(whole(), parameters=nothing, outcome=NOT_CONVERGED))
+    assert verdict(replace(own, warnings=(CAUTION,))) == (Trust.DO_NOT_USE, NOT_CONVERGED)
     assert verdict(replace(own, tracking=None)) == (Trust.DO_NOT_USE, None)

@@ -13,7 +13,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, Loop
-from bristle.findings import CAUTION, NOTE, Finding
+from bristle.findings import CAUTION, NOTE, Finding, unit_of
 from bristle.identification.curve import curve
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, Presliding, PreslidingFit, Profile, StaticFit
 from bristle.identification.messages import Kind
@@ -153,14 +153,31 @@ def gripper(name: str = "gripper rotation") -> Joint:
 
 QUANTUM = 2e-4
 """One count of the encoder that saw the loadings, rad."""
-FEW = Kind.FEW_COUNTS(edges=60, loadings=3)
-PRIOR = Kind.PRIOR(ratio=0.1, source=Kind.OF_EXPERIMENT_FILE())
-UNKNOWN_REST = Kind.WHOLE_COUNT()
+FEW = Finding(
+    "few-counts",
+    CAUTION,
+    "Few encoder counts: 60 edges in 3 loadings; use a finer encoder, or load closer to breakaway.",
+)
+PRIOR = Finding(
+    "prior",
+    CAUTION,
+    "An assumption, not an estimate: (15) with an assumed damping ratio of 0.1 (J: the experiment file); "
+    "without an error, since that ratio is known no better than a factor.",
+    {"ratio": 0.1},
+)
+UNKNOWN_REST = Finding(
+    "whole-count",
+    NOTE,
+    "Assumes that the joint moves a whole count to the first edge; it may be any part of one. The interval allows for an "
+    "unknown rest position.",
+)
 
 
 def outlier(file: str) -> Finding:
     """The warning about a loading that breaks away too early."""
-    return Kind.OUTLIER(file=file, torque=0.02, runs=2, direction="+", median=0.025)
+    of = unit_of("torque")
+    message = f"{file} is an outlier: it breaks away at 0.02{of}; the median of 2 runs in direction + is 0.025{of}."
+    return Finding("outlier", CAUTION, message, {"file": file, "torque": 0.02, "runs": 2, "median": 0.025})
 
 
 def loading(direction: str, phase: float, file: str, breakaway: float | None = None) -> Loading:
@@ -223,11 +240,18 @@ def only(joint: Joint, **changes: Any) -> Joint:
 
 def nothing_seen(direction: str = "+") -> PreslidingFit:
     """A fit of data without encoder counts in which the joint did not move: no sigma_0, but a lower bound."""
-    noise = Kind.WITHIN_NOISE(edges=Kind.EDGES(edges=0), least=12.5, unit="N*m/rad")
+    noise = Finding(
+        "within-noise",
+        CAUTION,
+        "The displacement stays within the encoder's noise (0 count edges in the longest loading): sigma_0 is at least "
+        "12.5 N*m/rad; a finer encoder is needed for more.",
+        {"least": 12.5, "unit": "N*m/rad"},
+    )
+    no_damping = Finding("no-sigma-1", NOTE, "No estimate: (15) needs J and sigma_0, but there is no sigma_0.")
     bound = Estimate(value=None, unit="N*m/rad", interval=(12.5, float("inf")), warnings=(noise,))
     return replace(
         slow_fit(direction), printed=bound, corrected=bound, edges=bound, samples=bound, recommended="samples",
-        sigma_1=Estimate(value=None, unit="N*m*s/rad", warnings=(Kind.NO_SIGMA_1(why=Kind.NO_STIFFNESS()),)), quantum=0.0, counts=0, warnings=(),
+        sigma_1=Estimate(value=None, unit="N*m*s/rad", warnings=(no_damping,)), quantum=0.0, counts=0, warnings=(),
         bias_on_edge=np.nan, bias_mean=np.nan, bias_spread=np.nan,
     )  # fmt: skip  # a list of changes
 

@@ -25,7 +25,7 @@ from .conftest import HOSTILE, gripper, loaded
 from .moving import moving
 
 EDRO = Path(__file__).parents[2] / "reports" / "edro" / "results.json"
-CRITICAL = Kind.STAGES_DO_NOT_FIT(joint=9.0, alone=1.0)
+CRITICAL = Finding("stages-do-not-fit", Severity.CRITICAL, "The stages contradict each other.")
 LONG = tuple(
     Finding("unit-differs", CAUTION, f"The unit of signal {k} in a_long_name_of_a_file.csv is deg, and rad is declared: write `unit: deg`.")
     for k in range(20)

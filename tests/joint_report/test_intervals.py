@@ -12,14 +12,13 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.curve import curve
 from bristle.identification.fits import RunScatter, StaticFit, Uncertainty
-from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Kind
 from bristle.page.wording import MISSING
 from bristle.questions.joint_report import interval_figures, interval_tables, page, results_file
 from bristle.questions.joint_report.text import fit_report
@@ -31,7 +30,7 @@ UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N
 
 
 def fits(
-    velocity: Array, noise: float, kind: JointKind = "revolute", seed: int = 1, options: FitOptions | None = None
+    velocity: Array, noise: float, kind: Kind = "revolute", seed: int = 1, options: FitOptions | None = None
 ) -> Mapping[str, StaticFit]:
     """The fit of simulated points."""
     torque = curve(velocity, TABLE_1["+"].stribeck) + noise * np.random.default_rng(seed).standard_normal(velocity.size)
@@ -39,7 +38,7 @@ def fits(
     return fit_static(from_points(velocity, torque, directions), options or FitOptions(), kind, PointInfo())[0]
 
 
-def built(static: Mapping[str, StaticFit], kind: JointKind = "revolute", name: str = "wrist") -> Joint:
+def built(static: Mapping[str, StaticFit], kind: Kind = "revolute", name: str = "wrist") -> Joint:
     """A simulated joint of these fits and nothing else."""
     return Joint(name=name, kind=kind, inputs=(), segments=(), static=static, crosscheck={}, simulated=True)
 
@@ -79,7 +78,7 @@ def test_static_intervals_are_the_profiles(good: Joint, open_: Joint) -> None:
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])
-def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: JointKind) -> None:
+def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -> None:
     """Fit, direction, parameter, value, unit, six ends as numbers: those of the fit."""
     joint = built(fits(SPEEDS, 1e-4, kind), kind)
     frame = interval_tables.uncertainty([joint, replace(joint, name="other")])
@@ -107,7 +106,7 @@ def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
 
 def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path) -> None:
     """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
-    none = Kind.NO_BOOTSTRAP(few="<b>few</b> blocks", least=9)
+    none = Finding("no-bootstrap", NOTE, "No bootstrap: <b>few</b> blocks are too few to resample.")
     joint = changed(open_, "alpha_0", bootstrap=None, warnings=(none,))
     cells = {cell for row in interval_tables.interval_section(joint)["tables"]["static"].rows for cell in row}
     assert MISSING in cells

@@ -10,8 +10,8 @@ from typing import Any
 import jsonschema
 import numpy as np
 
+from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import Presliding
-from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.page.wording import METHODS
 from bristle.questions.joint_report import page, results_file, sections, sentences, tables
@@ -214,7 +214,7 @@ def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> Non
 
 def test_nothing_but_a_warning_still_makes_a_section(slow: Joint, tmp_path: Path) -> None:
     """Runs that gave no fit, no breakaway and no loop say what is missing."""
-    missing = Kind.OPEN_CYCLES(open=1, cycles=1, most=0.3)
+    missing = Finding("open-cycles", CAUTION, "1 of 1 hysteresis cycles not closed.")
     empty = Presliding(fits={}, breakaway={}, warnings=(missing,))
     text = written(replace(slow, presliding=empty), tmp_path / "out")
     assert text.count(str(missing)) == 2

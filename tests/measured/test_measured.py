@@ -15,7 +15,7 @@ from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.measured import measure
-from bristle.identification.messages import NOT_IDENTIFIABLE, Kind
+from bristle.identification.messages import NOT_IDENTIFIABLE
 from bristle.identification.results import Joint
 from bristle.model.parameters import INERTIA, Motor, Pair, ParameterName
 from bristle.questions.compensation.replay import replays
@@ -255,7 +255,8 @@ def test_servo_protocol(measured_data: Path, tmp_path: Path, known: Known) -> No
         assert loop.inverse_slope is not None
         assert 4.9 < loop.slope < 5.7
         assert loop.slope < loop.secant < loop.inverse_slope
-    assert Kind.COARSE_LOOPS_BETWEEN(least=5, most=6) in slow.warnings
+    (coarse,) = (warning for warning in slow.warnings if warning.code == "coarse-loops-between")
+    assert (coarse.numbers["least"], coarse.numbers["most"]) == (5, 6)
     assert joint.tracking is not None
     assert joint.tracking.relative_error < 10
     assert joint.tracking.hold_out[0].relative_error < 15

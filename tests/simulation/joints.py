@@ -10,8 +10,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
 from bristle.data.experiment.load import Experiment, load_experiment
+from bristle.findings import NOTE, Finding
 from bristle.identification.fits import Estimate, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.model.parameters import Lugre, Pair, ParameterName, unit
 from bristle.simulation import edro
@@ -56,7 +56,7 @@ def tracked(values: Mapping[str, float], share: float = 0.02, **changes: Any) ->
             (p := ParameterName.parse(name)): Estimate(value=x, unit=unit(p.name), standard_error=float(s))
             for (name, x), s in zip(values.items(), np.sqrt(np.diag(matrix)), strict=True)
         },
-        rms=1e-4, relative_error=1.0, n=3, outcome=Kind.CONVERGED(), starts=1, reached=1, condition=9.0,
+        rms=1e-4, relative_error=1.0, n=3, outcome=Finding("converged", NOTE, "The fit converged."), starts=1, reached=1, condition=9.0,
         names=tuple(map(ParameterName.parse, values)), covariance=matrix, velocity=np.array([-1.0, 0.5, FASTEST]),
     )  # fmt: skip  # a list of values
     return replace(own, **changes)

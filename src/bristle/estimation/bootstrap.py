@@ -33,6 +33,7 @@ from bristle.estimation.covariance import LEVEL
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
+from bristle.findings import NOTE, Finding
 
 DRAWS, REFITS = 2000, 1999
 """Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
@@ -91,6 +92,12 @@ class Resampled(NamedTuple):
             most = np.quantile(np.where(blind, np.inf, t), 1 - tail, method="higher")
             least = np.quantile(np.where(blind, -np.inf, t), tail, method="lower")
         return -float(most) * error, -float(least) * error
+
+
+def too_few(few: str) -> Finding:
+    """That there is no bootstrap, for what there are few of."""
+    message = f"No bootstrap: {few} are too few to resample; at least {FEW} are needed."
+    return Finding("no-bootstrap", NOTE, message, {"few": few, "least": FEW})
 
 
 def residual_bootstrap(

@@ -115,79 +115,6 @@ class Kind(Enum):
     )
     LACKS_A_TERM = _CAUTION, "The fit lacks a term. {advice}"
 
-    # robots: what the links tell, and whether log and URDF go together
-    LINKS_NOT_REMOVED = (
-        _CRITICAL,
-        (
-            "Other joints move too and no URDF is named, so the torque of the links is not removed: it may be {share:.0f} % of "
-            "this joint's torque. Name the URDF under robot, as urdf."
-        ),
-    )
-    JOINT_ORDER = (
-        _CRITICAL,
-        (
-            "The log goes better with the URDF where {swaps!l} (sum of log relative errors lower by {gain:.2g}). Check the "
-            "order of the columns against the names of the joints."
-        ),
-    )
-    GRAVITY_DIRECTION = (
-        _CRITICAL,
-        (
-            "The log goes better with gravity along {better!l} m/s**2 in the frame of the base (sum of log relative errors lower by "
-            "{gain:.2g}). Check robot.gravity, and the signs of positions and torques."
-        ),
-    )
-    LINKS_OPPOSE = (
-        _CRITICAL,
-        (
-            "The current goes against the torque of the links ({scale:.3g} +/- {error:.2g} A/(N*m)): check robot.gravity, the "
-            "order of the joints, and the sign of the current."
-        ),
-    )
-    LINKS_SCALE = (
-        _CAUTION,
-        (
-            "The torque of the links would fit {scale:.3g} +/- {error:.2g} times as large as the URDF has it: check its masses, "
-            "robot.payload and the torque constant."
-        ),
-    )
-    CONSTANT_UNSEEN = (
-        _CAUTION,
-        (
-            "Torque constant not identifiable: the links explain {explained:.2g} A of the current, and {left:.2g} A stay unexplained. "
-            "Friction is in A; give torque_constant, or log a motion that loads this joint more."
-        ),
-    )
-    CONSTANT_BY_MASSES = (
-        _CAUTION,
-        (
-            "The torque constant comes out of the URDF's masses, and at {joint}, whose constant is known, the links' torque would fit "
-            "{scale:.3g} times as large: this constant, and friction with it, may be off as much."
-        ),
-    )
-    BEYOND_URDF = (
-        _CAUTION,
-        (
-            "The {signal} runs from {low:.3g} to {high:.3g}{signal!u}; the URDF allows {least:.3g} to {most:.3g}{signal!u}: "
-            "check the order of the "
-            "joints, units and the URDF."
-        ),
-    )
-    EFFORT_BEYOND = (
-        _CAUTION,
-        (
-            "The torque reaches {most:.3g} {unit}, and the URDF allows {limit:.3g} {unit}: check the torque constant, the gear "
-            "and the URDF."
-        ),
-    )
-    EFFORT_FAR_BEYOND = (
-        _CRITICAL,
-        (
-            "The torque reaches {most:.3g} {unit}, and the URDF allows {limit:.3g} {unit}: check the unit of the torque or "
-            "current, the torque constant and the gear."
-        ),
-    )
-
     # signals: what contradicts another signal, or itself
 
     DRIFT_IN_ORDER = (
@@ -262,10 +189,6 @@ class Kind(Enum):
         ),
     )
     POINTS_FOR_PARAMETERS = _NOTE, "{points} points for {parameters} parameters"
-    RESIDUAL_BLOCKS = _NOTE, "{blocks} blocks of independent residuals"
-    SAMPLE_BLOCKS = _NOTE, "{blocks} blocks of samples"
-    EDGE_BLOCKS = _NOTE, "{blocks} blocks of count edges"
-    NO_BOOTSTRAP = _NOTE, "No bootstrap: {few} are too few to resample; at least {least} are needed."
     NO_BLOCKS = (
         _NOTE,
         (
@@ -275,17 +198,7 @@ class Kind(Enum):
     )
     AT_BOUND = _CAUTION, "At its physical bound of zero: the interval is one-sided."
     INTERVALS_AT_BOUND = _CAUTION, "At its physical bound of zero: the intervals are one-sided."
-    NO_BOOTSTRAP_AT_BOUND = (
-        _CAUTION,
-        (
-            "At its physical bound of zero: the intervals are one-sided; there is no bootstrap, which does not "
-            "respect bounds."
-        ),
-    )
     REFITTED_FROM_GRID = _NOTE, "A profile found a lower cost than the grid; the fit was repeated from there."
-    REFITTED = _NOTE, "A profile found a lower cost than the fit; the fit was repeated from there."
-    STILL_LOWER = _CRITICAL, "Profiles still find lower costs after {fits} new fits: do not use this fit."
-    NOT_FITTED = _NOTE, "It was not fitted: there is nothing to profile or to resample."
 
     # static fits
     STRAYS = (
@@ -470,137 +383,9 @@ class Kind(Enum):
             "of {starts} random starts of the full fit reached its lowest cost."
         ),
     )
-    IPOPT_AGREES = (
-        _NOTE,
-        (
-            "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is "
-            "{worst:.2g} standard errors. {reached} of {starts} IPOPT starts reached the lowest cost."
-        ),
-    )
-    IPOPT_LOWER = (
-        _CRITICAL,
-        (
-            "IPOPT found a lower cost ({lowest:.6g} against {cost:.6g}): do not use this fit. {reached} of "
-            "{starts} IPOPT starts reached the lowest cost."
-        ),
-    )
-    IPOPT_HIGHER = (
-        _NOTE,
-        (
-            "IPOPT did not reach as low a cost ({lowest:.6g} against {cost:.6g}), so it does not confirm the fit."
-            " {reached} of {starts} IPOPT starts reached its lowest cost."
-        ),
-    )
 
     # all parameters from a motion
-    CONVERGED = _NOTE, "The fit converged."
-    CONVERGED_AT_BOUND = _CAUTION, "The fit converged, with {names!l} at a bound."
-    NOT_CONVERGED = _CRITICAL, "The fit did not converge; it gives no estimates."
-    UNSEEN_WIDE = _CAUTION, "Not identifiable from this motion: its standard error is {share:.0%} of its value."
-    UNSEEN_FAR = _CAUTION, "Not identifiable from this motion: its standard error is more than ten times its value."
-    UNSEEN_COMPANION = (
-        _CAUTION,
-        ("Not identifiable from this motion: it means nothing without another parameter, which is not identifiable."),
-    )
-    UNSEEN_PEAK = (
-        _CAUTION,
-        (
-            "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in {percent:.0f} % of "
-            "cases."
-        ),
-    )
-    UNSEEN_NO_PEAK = _CAUTION, "Not identifiable from this motion: no sign of a Stribeck peak."
-    UNSEEN_UNCONVERGED = _CAUTION, "Not estimated: the fit did not converge, or leaves more than was measured."
-    UNSEEN_TOO_FEW = (
-        _CAUTION,
-        (
-            "Not estimated: the motion leaves {equations} equations for {unknowns} unknowns, and at least {least} are needed; log "
-            "longer or faster."
-        ),
-    )
-    UNSEEN_BELOW_COUNT = (
-        _CAUTION,
-        (
-            "Not identifiable from this motion: the bristle would bend by {reach:.2g position}, and may bend by as little as {least:.2g position}, "
-            "which is less than an encoder count of {count:.2g position}; a finer encoder would show it."
-        ),
-    )
-    UNSEEN_IN_COUNTS = (
-        _CAUTION,
-        (
-            "Not identifiable from this motion: a motion between the encoder's counts would explain the torque "
-            "{ratio:.2g} times worse than the counts themselves, so that what was fitted is theirs; a finer encoder would "
-            "show it."
-        ),
-    )
-    UNSEEN_BIASED = (
-        _CAUTION,
-        (
-            "Not identifiable from this motion: encoder counts bias it by {share:.0%} of its value, {errors:.1f} standard "
-            "errors, too much to be subtracted; a finer encoder would show it."
-        ),
-    )
-    UNSEEN_NO_REVERSAL = (
-        _CAUTION,
-        (
-            "Not identifiable from this motion: no reversal is followed by the travel of {reach:.2g position} by which the bristle "
-            "would bend; move back and forth."
-        ),
-    )
-    UNSEEN_FAST = (
-        _CAUTION,
-        (
-            "Not identifiable from this motion: reversals pass the bristle's deflection in {samples:.2g} samples, and "
-            "{least} are needed; log faster, or reverse more slowly."
-        ),
-    )
-    UNSEEN_HALVES = (
-        _CAUTION,
-        (
-            "Not identifiable from this motion: the halves of the record differ by {apart:.1f} standard errors; slow "
-            "loading from rest (experiment: presliding) would show it."
-        ),
-    )
-    UNSEEN_BEND = (
-        _CAUTION,
-        (
-            "Not identifiable from this motion: v_s lies near the fastest speed, so the term would bend the whole"
-            " curve instead of dropping at low speed."
-        ),
-    )
     UNSEEN = _CAUTION, "Not identifiable from this motion: {names!l}."
-    ONLY_SUM_SEEN = (
-        _CAUTION,
-        "If v_s lies beyond these speeds, this is alpha_0 + alpha_1: only their sum is identifiable.",
-    )
-    ONLY_SUM_SEEN_OF_FIT = (
-        _CAUTION,
-        ("If v_s lies beyond these speeds, the value of alpha_0 is alpha_0 + alpha_1: only their sum is identifiable."),
-    )
-    DID_NOT_MOVE = (
-        _CAUTION,
-        "The fit did not move from its initial values: it may be at a bound, or where the cost is flat.",
-    )
-    OUT_OF_STEPS = _CRITICAL, "The fit reached its limit of iterations before it converged."
-    FEW_STARTS = _CAUTION, "Only {reached} of {starts} starts reached the lowest cost; the others ended in a worse fit."
-    NOTHING_SEEN = _CAUTION, "{name} is not identifiable: the torque does not depend on it in this motion."
-    HARDLY_SEEN = _CAUTION, "{name} is hardly identifiable from these data."
-    ONLY_AGAINST = (
-        _CAUTION,
-        ("{up!j} are identifiable only relative to one another: raising them together hardly changes the torque."),
-    )
-    ONLY_AS_SUM = (
-        _CAUTION,
-        ("{all!j} are identifiable only as a sum: raising {up!j} and lowering {down!j} hardly changes the torque."),
-    )
-    NOT_PASSIVE = (
-        _CAUTION,
-        (
-            "The model can feed energy back{direction!d}: alpha_2 = {alpha_2:.3g alpha_2} is below sigma_1 alpha_1 / alpha_0 = {least:.3g alpha_2}. "
-            "The fit stands; test a compensator that uses it with care."
-        ),
-    )
-    ODD_DAMPING = _CAUTION, "The damping ratio in presliding{direction!d} would be {ratio:.2g}; 0.1 to 1 is usual."
     LACKS_UNKNOWN_TERM = (
         _CAUTION,
         (
@@ -663,13 +448,6 @@ class Kind(Enum):
             "that these data do not resolve, and they do not tell which. Check the time stamps; longer strokes would tell."
         ),
     )
-    INERTIA_BELOW_ZERO = (
-        _CRITICAL,
-        (
-            "The inertia comes out at {value:.3g} +/- {error:.2g} {unit}, and none is below zero: the torque is filtered or late, or "
-            "another signal is not what it is taken for. Do not use the numbers of this fit."
-        ),
-    )
     INERTIA_DOUBTED = (
         _CAUTION,
         (
@@ -677,21 +455,6 @@ class Kind(Enum):
             "better; omit inertia to have it fitted."
         ),
     )
-    COUNT_BIAS = (
-        _CAUTION,
-        (
-            "Encoder counts bias {names!l} by more than a standard error. The bias was subtracted, but a finer "
-            "encoder is better, or fit.predict: position, which simulates the motor and differentiates nothing."
-        ),
-    )
-    COUNT_BIAS_UNKNOWN = (
-        _CAUTION,
-        (
-            "Encoder counts decide this fit: what they add to its numbers cannot be told, and is not subtracted. Take a finer "
-            "encoder, or fit.predict: position, which simulates the motor and differentiates nothing."
-        ),
-    )
-    STAGES_DIFFER = _CAUTION, "The moving runs and the other stages differ by more than chance in {names!l}."
     STATIC_WITHOUT_PRESLIDING = (
         _CAUTION,
         (
@@ -714,138 +477,6 @@ class Kind(Enum):
         _NOTE,
         "The standard error is multiplied by {factor:.2g} to reach {value:.4g} +/- {error:.2g} {unit} of the fit of all parameters.",
     )
-    STAGES_DO_NOT_FIT = (
-        _CRITICAL,
-        (
-            "The joint fit explains the moving runs much worse than a fit of these alone (relative error "
-            "{joint:.3g} % instead of {alone:.3g} %): the stages contradict each other."
-        ),
-    )
-    STAGE_UNSEEN = _NOTE, "Not identifiable from the tracking runs."
-    STAGE_AGREES = _NOTE, "They agree."
-    STAGE_DIFFERS = (
-        _CAUTION,
-        "They differ by more than chance, and neither is much more precise: see the warnings of both.",
-    )
-    DISTRUST_MOVING = (
-        _CAUTION,
-        "They differ by more than chance; check the moving data first, which are less precise.",
-    )
-    DISTRUST_STAGE = (
-        _CAUTION,
-        "They differ by more than chance; check the {stage} stage first, which is less precise.",
-    )
-
-    # slow loading
-    G0_AT_LEAST = (
-        _CAUTION,
-        "No run breaks away{direction!d}: g0 is at least {held:.3g torque}{bend}, and the interval of sigma_0 allows for every such g0; "
-        "add ramp runs, or load up to breakaway once.",
-    )
-    G0_BY_BEND = _NOTE, ", from {low:.4g torque} to {high:.4g torque} by the bend of LuGre's loading curve"
-    SOFTENS = (
-        _CAUTION,
-        (
-            "Softening{direction!d}: from {low:.3g} to {high:.3g} {unit} the secant stiffness falls to {ratio:.2g} +/- {error:.1g} of "
-            "its initial value, LuGre's own exponential to {lugre:.2g}; the interval of sigma_0 spans what the "
-            "amplitudes give, and a Maxwell-slip model would describe the rest."
-        ),
-    )
-    FEW_COUNTS = (
-        _CAUTION,
-        ("Few encoder counts: {edges} edges in {loadings} loadings; use a finer encoder, or load closer to breakaway."),
-    )
-    YIELDS = (
-        _CRITICAL,
-        (
-            "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
-            "below breakaway."
-        ),
-    )
-    ABOVE_G0 = (
-        _CAUTION,
-        (
-            "The torque reaches {reached:.3g torque} without sliding, above g0 = {g0:.3g torque} ({source}): g0 may be too low."
-            " Samples above {reach:g} g0 are not used."
-        ),
-    )
-    SINGLE_RUN = _CAUTION, "One run only: its error is unknown."
-    OUTLIER = (
-        _CAUTION,
-        "{file} is an outlier: it breaks away at {torque:.4g torque}; the median of {runs} runs{direction!d} is {median:.4g torque}.",
-    )
-    COARSE_LOOPS = _NOTE, "The hysteresis loops span only {counts} encoder counts: their slopes and losses are coarse."
-    COARSE_LOOPS_BETWEEN = (
-        _NOTE,
-        "The hysteresis loops span only {least} to {most} encoder counts: their slopes and losses are coarse.",
-    )
-    OPEN_CYCLES = (
-        _CAUTION,
-        (
-            "{open} of {cycles} hysteresis cycles not closed, by up to {most:+.0%} of their range, and left out: "
-            "friction differs between the directions at these peaks, or the first cycle started from rest."
-        ),
-    )
-    CYCLES_MOVE = (
-        _CAUTION,
-        (
-            "Each of {cycles} closed hysteresis cycles ends away from where it began, by {share:+.1%} of its range on average, "
-            "where LuGre comes back: the position drifts, the torque has an offset, or friction differs between the directions. By a drift "
-            "sigma_0 is off by up to about half of that, one way in (+), the other in (-)."
-        ),
-    )
-    TURNS_LATE = (
-        _CAUTION,
-        (
-            "The torque of slow loading turns {seconds:.2g} s ({samples:.2g} samples) {when} than the displacement, where a bristle "
-            "turns both at once: taken in time it changes sigma_0 by {change:+.0%}. Check the time stamps, or write `delay: {delay:.3g} s` "
-            "under signals.torque (or the signal it comes from)."
-        ),
-    )
-    NO_SIGMA_1 = _NOTE, "No estimate: (15) needs J and sigma_0, but {why}."
-    NO_STIFFNESS = _NOTE, "there is no sigma_0"
-    NO_INERTIA = _NOTE, "no positive inertia is known: give inertia in the experiment file, or add moving runs"
-    PRIOR = (
-        _CAUTION,
-        (
-            "An assumption, not an estimate: (15) with an assumed damping ratio of {ratio:g} (J: {source}); without an "
-            "error, since that ratio is known no better than a factor."
-        ),
-    )
-    NO_COUNTS = _NOTE, "No encoder counts are visible; (14) and the count edges need them."
-    COUNTS_BIAS = (
-        _CAUTION,
-        "No interval: encoder counts bias this estimate by about {share:.1%}, more than its standard error.",
-    )
-    COUNTS_HIDE = (
-        _NOTE,
-        "No estimate from all samples: at some rest positions inside a count they would show no motion.",
-    )
-    NOT_POSITIVE = _CRITICAL, "Not positive: the displacement does not increase with the torque."
-    NOTHING_BELOW_G0 = _NOTE, "No displacement was measured below g0."
-    WHOLE_COUNT = (
-        _NOTE,
-        (
-            "Assumes that the joint moves a whole count to the first edge; it may be any part of one. The "
-            "interval allows for an unknown rest position."
-        ),
-    )
-    REST_EXCLUDES = (
-        _NOTE,
-        (
-            "No interval: it assumes that the joint moves a whole count to the first edge, and over the rest positions "
-            "of these loadings sigma_0 lies in [{low:.3g}, {high:.3g}] {unit}, which excludes it."
-        ),
-    )
-    WITHIN_NOISE = (
-        _CAUTION,
-        (
-            "The displacement stays within the encoder's noise ({edges} in the longest loading): sigma_0 is at least {least:.3g} {unit}; "
-            "a finer encoder is needed for more."
-        ),
-    )
-    ONE_EDGE = _NOTE, "1 count edge"
-    EDGES = _NOTE, "{edges} count edges"
 
     # the joint as a whole
     DIRECTION_UNKNOWN = _CAUTION, "Direction {direction} is not identified: {why}."
@@ -933,13 +564,6 @@ class Kind(Enum):
     CAPPED_BY_RATE = _NOTE, "plan.rate, {rate:g} Hz, gives {samples:g} samples to a period"
 
     # a joint in its loop
-    SHAPE_HELD = (
-        _CAUTION,
-        (
-            "{names!l}: {value:.3g} is assumed, the middle of what is searched, since motion hardly shows it; add points at constant "
-            "velocity, or give it under fit.fixed."
-        ),
-    )
     SAMPLED_FASTER = (
         _NOTE,
         "Sampled {ratio:.3g} times as fast as {slowest}: it is decimated by so much more, for equations as far apart.",
@@ -1032,10 +656,6 @@ class Kind(Enum):
     OF_EXPERIMENT_FILE = _NOTE, "the experiment file"
     OF_STATIC_FIT_WITHOUT_PEAK = _NOTE, "alpha_0 of the static fit, which shows no peak"
     OF_MOVING_RUNS_WITHOUT_PEAK = _NOTE, "alpha_0 of the moving runs, which show no peak"
-    OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}{creep}"
-    OF_ONE_BREAKAWAY = _CAUTION, "breakaway in direction {direction}{creep}; its error of {share:.0%} is a guess"
-    CREEP_ADDED = _NOTE, ", with up to {share:.0%} added for the creep before it"
-    OF_LARGEST_HELD = _CAUTION, "the largest torque held: no run breaks away"
 
     # how a fit of moving runs and a full fit ended, whether the stages agree, what was held out
     HELD_OUT_RUNS = _NOTE, "Hold-out: held-out runs."

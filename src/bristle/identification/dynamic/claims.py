@@ -4,7 +4,7 @@ The Stribeck term where it is significant; sigma_0 and sigma_1 where presliding 
 numbers, and not the bristle's.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby, pairwise
 
@@ -14,7 +14,7 @@ from scipy.special import fdtrc, stdtrit
 from bristle.arrays import Array
 from bristle.estimation.linear import NO_SIGN, inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
 from bristle.identification.messages import NOT_IDENTIFIABLE, UNRESOLVED, Kind
@@ -71,8 +71,19 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
         p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
         if not p < LEVEL:
-            doubts[alpha_1] = Kind.UNSEEN_PEAK(percent=100 * p) if p < NO_SIGN else Kind.UNSEEN_NO_PEAK()
+            doubts[alpha_1] = _no_peak(p)
     return doubts
+
+
+def _no_peak(p: float) -> Finding:
+    """That noise alone would look as much like a peak, with this probability."""
+    if p < NO_SIGN:
+        message = (
+            "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
+            f"{100 * p:.0f} % of cases."
+        )
+        return Finding("unseen-peak", CAUTION, message, {"percent": 100 * p})
+    return Finding("unseen-no-peak", CAUTION, "Not identifiable from this motion: no sign of a Stribeck peak.")
 
 
 def bristle_doubts(
@@ -109,14 +120,28 @@ def _unresolved(
     bristle = estimates.get(sigma_0)
     ends = None if bristle is None or _is_weak(bristle) else bristle.interval
     stiffest = known[sigma_0] if ends is None else ends[1]
-    least, reach = g0 / stiffest, g0 / known[sigma_0]
+    least, reach, of = g0 / stiffest, g0 / known[sigma_0], unit_of("position")
     if least < problem.count:
-        return Kind.UNSEEN_BELOW_COUNT(reach=reach, least=least, count=problem.count)
+        message = (
+            f"Not identifiable from this motion: the bristle would bend by {reach:.2g}{of}, and may bend by as little as "
+            f"{least:.2g}{of}, which is less than an encoder count of {problem.count:.2g}{of}; a finer encoder would show it."
+        )
+        numbers = {"reach": reach, "least": least, "count": problem.count}
+        return Finding("unseen-below-count", CAUTION, message, numbers)
     passed = [samples for side, samples in _passes(problem, reach) if direction in {Direction.BOTH, side}]
     if not passed:
-        return Kind.UNSEEN_NO_REVERSAL(reach=reach)
+        message = (
+            f"Not identifiable from this motion: no reversal is followed by the travel of {reach:.2g}{of} by which the "
+            "bristle would bend; move back and forth."
+        )
+        return Finding("unseen-no-reversal", CAUTION, message, {"reach": reach})
     samples = float(np.median(passed))
-    return Kind.UNSEEN_FAST(samples=samples, least=_SAMPLES) if samples < _SAMPLES else None
+    message = (
+        f"Not identifiable from this motion: reversals pass the bristle's deflection in {samples:.2g} samples, and "
+        f"{_SAMPLES} are needed; log faster, or reverse more slowly."
+    )
+    too_fast = Finding("unseen-fast", CAUTION, message, {"samples": samples, "least": _SAMPLES})
+    return too_fast if samples < _SAMPLES else None
 
 
 def warned(
@@ -134,7 +159,10 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
     """
     asked = {*peak_parameters(problem.law)} if problem.stribeck == "stribeck" else set[str]()
     weak = {name for name, e in estimates.items() if _is_weak(e)}
-    out = dict(estimates)
+    message = (
+        "Not identifiable from this motion: it means nothing without another parameter, which is not identifiable."
+    )
+    out, companion = dict(estimates), Finding("unseen-companion", CAUTION, message)
     for name, e in estimates.items():
         first = _COMPANION.get(name.name)
         alone = first is not None and not weak.isdisjoint(
@@ -142,8 +170,15 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
         )
         nothing = any(warning.code in {"unseen-unconverged", "unseen-too-few"} for warning in e.warnings)
         if nothing or (name.name not in asked and (alone or name in weak)):
-            out[name] = _without(e, Kind.UNSEEN_COMPANION() if alone else None)
+            out[name] = _without(e, companion if alone else None)
     return out
+
+
+def not_seen(names: Iterable[ParameterName]) -> tuple[Finding, ...]:
+    """That the motion does not show these, if there are any."""
+    unseen = tuple(names)
+    message = f"Not identifiable from this motion: {', '.join(map(str, unseen))}."
+    return (Finding("unseen", CAUTION, message, {"names": unseen}),) if unseen else ()
 
 
 def _is_weak(e: Estimate) -> bool:
@@ -208,4 +243,14 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
         spreads.append(np.where(size < np.inf, variance * np.diag(inverse) / size**2, np.inf))
     limit = float(stdtrit(freedom, 1 - LEVEL / (2 * len(looked_at))))
     apart = (steps[0] - steps[1]) / np.sqrt(np.maximum(spreads[0] + spreads[1], 1e-300))
-    return {name: Kind.UNSEEN_HALVES(apart=abs(apart[k])) for name, k in looked_at.items() if abs(apart[k]) > limit}
+    off = {name: float(abs(apart[k])) for name, k in looked_at.items()}
+    return {name: _halves(x) for name, x in off.items() if x > limit}
+
+
+def _halves(apart: float) -> Finding:
+    """That the halves differ by so many standard errors."""
+    message = (
+        f"Not identifiable from this motion: the halves of the record differ by {apart:.1f} standard errors; slow loading "
+        "from rest (experiment: presliding) would show it."
+    )
+    return Finding("unseen-halves", CAUTION, message, {"apart": apart})

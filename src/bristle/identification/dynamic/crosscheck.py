@@ -11,11 +11,11 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation.ipopt import compared, ends, natural, solver
+from bristle.estimation.ipopt import SecondRoute, compared, ends, natural, solver
+from bristle.findings import CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Values
 from bristle.identification.fits import Crosscheck
-from bristle.identification.messages import Kind
 from bristle.model import law
 from bristle.model.parameters import Lugre, ParameterName, fields_of, lugre_of, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
@@ -51,14 +51,27 @@ def check_tracking(solved: DynamicSolution, starts: int = STARTS, seed: int = _S
     costs = [float(np.sum(posed.evaluate(end)[0] ** 2)) for end in ended]
     errors = {name: e.standard_error for name, e in solved.fit.parameters.items()}
     other = compared(values, best, errors, [unknowns.values(end) for end in ended], costs, _SAME * best)
-    differs = Kind.IPOPT_LOWER if other.cost_full < best else Kind.IPOPT_HIGHER
-    verdict = (
-        Kind.IPOPT_AGREES(worst=other.worst, reached=other.reached, starts=starts)
-        if other.agrees
-        else differs(lowest=other.cost_full, cost=best, reached=other.reached, starts=starts)
-    )
     known = {name: other.parameters[name] for name in other.difference_in_se}
-    return Crosscheck(**other._replace(parameters=known)._asdict(), verdict=verdict)
+    return Crosscheck(**other._replace(parameters=known)._asdict(), verdict=_verdict(other, best, starts))
+
+
+def _verdict(other: SecondRoute[ParameterName], best: float, starts: int) -> Finding:
+    """Whether IPOPT ended where the fit did, whose cost is `best`."""
+    lowest, reached = other.cost_full, other.reached
+    share = f"{reached} of {starts} IPOPT starts reached"
+    if other.agrees:
+        message = (
+            "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is "
+            f"{other.worst:.2g} standard errors. {share} the lowest cost."
+        )
+        return Finding("ipopt-agrees", NOTE, message, {"worst": other.worst, "reached": reached, "starts": starts})
+    costs = f"({lowest:.6g} against {best:.6g})"
+    numbers = {"lowest": lowest, "cost": best, "reached": reached, "starts": starts}
+    if lowest < best:
+        message = f"IPOPT found a lower cost {costs}: do not use this fit. {share} the lowest cost."
+        return Finding("ipopt-lower", CRITICAL, message, numbers)
+    message = f"IPOPT did not reach as low a cost {costs}, so it does not confirm the fit. {share} its lowest cost."
+    return Finding("ipopt-higher", NOTE, message, numbers)
 
 
 def _cost(solved: DynamicSolution, x: ca.MX) -> ca.MX:

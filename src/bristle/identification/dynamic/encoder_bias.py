@@ -21,13 +21,12 @@ from bristle.arrays import Array
 from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
-from bristle.findings import Finding
-from bristle.identification.dynamic.claims import warned, without_weak
+from bristle.findings import CAUTION, Finding
+from bristle.identification.dynamic.claims import not_seen, warned, without_weak
 from bristle.identification.dynamic.fit import OF_PHYSICS, DynamicSolution, physics
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import TrackingFit
-from bristle.identification.messages import Kind
 from bristle.model.parameters import ParameterName, of_friction
 
 REPETITIONS = 6
@@ -131,8 +130,18 @@ def _worse(solved: DynamicSolution, smooth: DynamicProblem) -> float:
 def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
     """The fit where it is one of the counts: without what shows near reversals alone, and with its biases unknown."""
     slow = (n for n, e in solved.fit.parameters.items() if n.name in _SLOW and n in solved.values and e.value)
-    left = _doubted(solved, solved.fit, dict.fromkeys(slow, Kind.UNSEEN_IN_COUNTS(ratio=ratio)))
-    return replace(left, warnings=(*left.warnings, Kind.COUNT_BIAS_UNKNOWN()))
+    message = (
+        "Not identifiable from this motion: a motion between the encoder's counts would explain the torque "
+        f"{ratio:.2g} times worse than the counts themselves, so that what was fitted is theirs; a finer encoder would "
+        "show it."
+    )
+    why = Finding("unseen-in-counts", CAUTION, message, {"ratio": ratio})
+    left = _doubted(solved, solved.fit, dict.fromkeys(slow, why))
+    message = (
+        "Encoder counts decide this fit: what they add to its numbers cannot be told, and is not subtracted. Take a finer "
+        "encoder, or fit.predict: position, which simulates the motor and differentiates nothing."
+    )
+    return replace(left, warnings=(*left.warnings, Finding("count-bias-unknown", CAUTION, message)))
 
 
 def _counted(record: Record, torque: Array, resolution: float, phase: float) -> Record:
@@ -155,7 +164,11 @@ def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]
             continue
         errors, share = abs(bias) / e.standard_error, abs(bias / e.value)
         if errors > 1 and errors * share > _UNSURE:
-            doubts[name] = Kind.UNSEEN_BIASED(share=share, errors=errors)
+            message = (
+                f"Not identifiable from this motion: encoder counts bias it by {100 * share:.0f} % of its value, "
+                f"{errors:.1f} standard errors, too much to be subtracted; a finer encoder would show it."
+            )
+            doubts[name] = Finding("unseen-biased", CAUTION, message, {"share": share, "errors": errors})
     return doubts
 
 
@@ -164,9 +177,8 @@ def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[Paramete
     estimates = without_weak(solved.problem, warned(fit.parameters, doubts))
     unseen = [name for name, e in estimates.items() if e.value is None]
     lost = {n: solved.values[n] for n in unseen if n in solved.values}
-    named = (Kind.UNSEEN(names=tuple(unseen)),) if unseen else ()
-    rest = tuple(w for w in fit.warnings if w.code != "unseen")
-    return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *named))
+    rest = (w for w in fit.warnings if w.code != "unseen")
+    return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *not_seen(unseen)))
 
 
 def _judged(solved: DynamicSolution, fit: TrackingFit) -> TrackingFit:
@@ -190,7 +202,11 @@ def _corrected(biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float
         low, high = e.interval
         ends = max(new - (e.value - low) * wider, 0.0 if low >= 0 else -np.inf), new + (high - e.value) * wider
         parameters[name] = replace(e, value=new, standard_error=e.standard_error * wider, interval=ends)
-    warning = (Kind.COUNT_BIAS(names=tuple(large)),) if large else ()
+    message = (
+        f"Encoder counts bias {', '.join(map(str, large))} by more than a standard error. The bias was subtracted, but a "
+        "finer encoder is better, or fit.predict: position, which simulates the motor and differentiates nothing."
+    )
+    warning = (Finding("count-bias", CAUTION, message, {"names": tuple(large)}),) if large else ()
     return replace(
         biased,
         parameters=parameters,

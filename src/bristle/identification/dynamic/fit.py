@@ -13,15 +13,16 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.autocorrelation import lag_one, unexplained
+from bristle.estimation.autocorrelation import correlated, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
-from bristle.findings import Finding
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.dynamic.claims import (
     LEVEL,
     WIDE,
     bristle_doubts,
     loads_alike,
+    not_seen,
     peak_doubts,
     warned,
     without_weak,
@@ -46,12 +47,10 @@ from bristle.identification.dynamic.unknowns import (
 )
 from bristle.identification.dynamic.what_is_left import what_is_left
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.offset import offset_or_friction
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import INERTIA, Lugre, ParameterName, bends_down, least_of, of_friction, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import INERTIA, Kind, Lugre, ParameterName, bends_down, least_of, of_friction, unit
 from bristle.progress import Progress
 
 SEED = 0
@@ -84,7 +83,7 @@ class DynamicSolution(NamedTuple):
 def fit_tracking(
     problem: DynamicProblem,
     start: Values,
-    kind: JointKind,
+    kind: Kind,
     held: Sequence[tuple[str, DynamicProblem]] = (),
     starts: int = STARTS,
     seed: int = SEED,
@@ -207,7 +206,7 @@ def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[Paramet
 def _all_estimates(
     problem: DynamicProblem,
     solution: MultistartSolution[Unknown],
-    kind: JointKind,
+    kind: Kind,
     dropped: Mapping[ParameterName, Finding],
     shown: set[ParameterName],
 ) -> dict[ParameterName, Estimate]:
@@ -218,27 +217,44 @@ def _all_estimates(
     estimates = _estimates(solution, kind)
     estimates |= {name: _refused(name, kind, why) for name, why in dropped.items()}
     if not solution.minimum.converged or _percent(equations_left(problem, solution), problem) > _NOTHING:
-        estimates = warned(estimates, dict.fromkeys(estimates, Kind.UNSEEN_UNCONVERGED()))
+        message = "Not estimated: the fit did not converge, or leaves more than was measured."
+        estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", CAUTION, message)))
     equations, unknowns = solution.minimum.residuals.size, len(solution.names)
-    if equations < FEWEST * unknowns:
-        few = Kind.UNSEEN_TOO_FEW(equations=equations, unknowns=unknowns, least=FEWEST * unknowns)
+    if equations < (least := FEWEST * unknowns):
+        message = (
+            f"Not estimated: the motion leaves {equations} equations for {unknowns} unknowns, and at least {least} are "
+            "needed; log longer or faster."
+        )
+        few = Finding(
+            "unseen-too-few", CAUTION, message, {"equations": equations, "unknowns": unknowns, "least": least}
+        )
         estimates = warned(estimates, dict.fromkeys(estimates, few))
     doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
     estimates = warned(estimates, doubts)
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
     bent = [name for name, why in dropped.items() if why.code == "unseen-bend"]
+    message = "If v_s lies beyond these speeds, this is alpha_0 + alpha_1: only their sum is identifiable."
+    only_sum = Finding("only-sum-seen", CAUTION, message)
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
-            estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, Kind.ONLY_SUM_SEEN()))
-    estimates = warned(estimates, dict.fromkeys(takes_up_peak(problem, solution), Kind.TAKES_UP_PEAK()))
+            estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, only_sum))
+    message = (
+        "It takes up part of a Stribeck term that these speeds show but do not bound: it describes the measured speeds, and "
+        "no others."
+    )
+    taking = Finding("takes-up-peak", CAUTION, message)
+    estimates = warned(estimates, dict.fromkeys(takes_up_peak(problem, solution), taking))
     return without_weak(problem, estimates)
 
 
 def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) -> Finding:
     if not converged:
-        return Kind.NOT_CONVERGED()
+        return Finding("not-converged", CRITICAL, "The fit did not converge; it gives no estimates.")
     bound = tuple(n for n, e in estimates.items() if any(d.code == "at-bound" for d in e.warnings))
-    return Kind.CONVERGED_AT_BOUND(names=bound) if bound else Kind.CONVERGED()
+    if not bound:
+        return Finding("converged", NOTE, "The fit converged.")
+    message = f"The fit converged, with {', '.join(map(str, bound))} at a bound."
+    return Finding("converged-at-bound", CAUTION, message, {"names": bound})
 
 
 def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[DynamicProblem, bool]:
@@ -268,6 +284,11 @@ def _not_shown(
     size = solution.scaled_errors * solution.posed.unknowns.scale
     errors = dict(zip(solution.names, size.tolist(), strict=True))
     doubts = peak_doubts(problem, solution)
+    message = (
+        "Not identifiable from this motion: v_s lies near the fastest speed, so the term would bend the whole curve "
+        "instead of dropping at low speed."
+    )
+    bend = Finding("unseen-bend", CAUTION, message)
     bends, wide, none = (dict[ParameterName, tuple[float, Finding]]() for _ in range(3))
     for direction in problem.directions:
         alpha_0, alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_0", "alpha_1", "v_s"))
@@ -275,15 +296,21 @@ def _not_shown(
         if not {alpha_1, v_s} <= values.keys() or problem.with_prior & {v_s, alpha_1}:
             continue
         if errors.get(alpha_0, 0.0) > WIDE or np.log(values[v_s]) > upper[v_s] - _EDGE:
-            bends |= {alpha_1: (0.0, Kind.UNSEEN_BEND()), v_s: (values[v_s], Kind.UNSEEN_BEND())}
+            bends |= {alpha_1: (0.0, bend), v_s: (values[v_s], bend)}
         elif alpha_1 in doubts.keys() - shown and doubts[alpha_1].code == "unseen-no-peak":
             none |= {alpha_1: (0.0, doubts[alpha_1]), v_s: (values[v_s], doubts[alpha_1])}
         elif values[alpha_1] > values.get(alpha_0, np.inf) and errors[alpha_1] > WIDE * values[alpha_1]:
-            wide[alpha_1] = values[alpha_0], Kind.UNSEEN_WIDE(share=errors[alpha_1] / values[alpha_1])
+            wide[alpha_1] = values[alpha_0], _wide(errors[alpha_1] / values[alpha_1])
     return bends or wide or none
 
 
-def _refused(name: ParameterName, kind: JointKind, why: Finding) -> Estimate:
+def _wide(share: float) -> Finding:
+    """That a standard error is this share of its value."""
+    message = f"Not identifiable from this motion: its standard error is {100 * share:.0f} % of its value."
+    return Finding("unseen-wide", CAUTION, message, {"share": share})
+
+
+def _refused(name: ParameterName, kind: Kind, why: Finding) -> Estimate:
     return Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, float("inf")), warnings=(why,))
 
 
@@ -291,7 +318,13 @@ def _below_zero(inertia: Estimate | None) -> list[Finding]:
     """Whether the whole interval of the inertia is below zero, where none is."""
     if inertia is None or inertia.value is None or inertia.interval is None or inertia.interval[1] >= 0:
         return []
-    return [Kind.INERTIA_BELOW_ZERO(value=inertia.value, error=inertia.standard_error, unit=inertia.unit)]
+    value, error = inertia.value, inertia.standard_error
+    message = (
+        f"The inertia comes out at {value:.3g} +/- {error:.2g} {inertia.unit}, and none is below zero: the torque is "
+        "filtered or late, or another signal is not what it is taken for. Do not use the numbers of this fit."
+    )
+    numbers = {"value": value, "error": error, "unit": inertia.unit}
+    return [Finding("inertia-below-zero", CRITICAL, message, numbers)]
 
 
 def _shape_held(problem: DynamicProblem) -> Iterator[Finding]:
@@ -300,13 +333,19 @@ def _shape_held(problem: DynamicProblem) -> Iterator[Finding]:
         held = {d: ParameterName(own.name, d) for d in problem.directions}
         names = tuple(dict.fromkeys(str(n) for n in held.values() if problem.fixed.get(n) == own.middle))
         if names:
-            yield Kind.SHAPE_HELD(names=names, value=own.middle)
+            message = (
+                f"{', '.join(names)}: {own.middle:.3g} is assumed, the middle of what is searched, since motion hardly "
+                "shows it; add points at constant velocity, or give it under fit.fixed."
+            )
+            yield Finding("shape-held", CAUTION, message, {"names": names, "value": own.middle})
 
 
 def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
-    warnings = [Kind.UNSEEN(names=tuple(unseen))] if unseen else []
-    refused = any(w.code == "unseen-bend" for e in unseen.values() for w in e.warnings)
-    return [*warnings, Kind.ONLY_SUM_SEEN_OF_FIT()] if refused else warnings
+    warnings = [*not_seen(unseen)]
+    if any(w.code == "unseen-bend" for e in unseen.values() for w in e.warnings):
+        message = "If v_s lies beyond these speeds, the value of alpha_0 is alpha_0 + alpha_1: only their sum is identifiable."
+        warnings.append(Finding("only-sum-seen-of-fit", CAUTION, message))
+    return warnings
 
 
 def _percent(rows: Array, problem: DynamicProblem) -> float:
@@ -330,7 +369,7 @@ def relative_error(problem: DynamicProblem, values: Values) -> float:
     return _percent(rows, problem)
 
 
-def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[ParameterName, Estimate]:
+def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
     scale = solution.posed.unknowns.scale
     out = {}
@@ -355,9 +394,11 @@ def _estimates(solution: MultistartSolution[Unknown], kind: JointKind) -> dict[P
             if value >= least:
                 low = max(low, least)
             if value == least and of_friction(bare):
-                warnings.append(Kind.AT_BOUND())
+                message = "At its physical bound of zero: the interval is one-sided."
+                warnings.append(Finding("at-bound", CAUTION, message))
         if relative > WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
-            warnings.append(Kind.UNSEEN_WIDE(share=relative) if relative < 10 else Kind.UNSEEN_FAR())
+            message = "Not identifiable from this motion: its standard error is more than ten times its value."
+            warnings.append(_wide(relative) if relative < 10 else Finding("unseen-far", CAUTION, message))
         out[name] = Estimate(
             value=value,
             unit=unit(bare, kind),
@@ -373,13 +414,17 @@ def _warnings(
 ) -> tuple[Finding, ...]:
     warnings = []
     if solution.minimum.steps == 0:
-        warnings.append(Kind.DID_NOT_MOVE())
+        message = "The fit did not move from its initial values: it may be at a bound, or where the cost is flat."
+        warnings.append(Finding("did-not-move", CAUTION, message))
     if not solution.minimum.converged:
-        warnings.append(Kind.OUT_OF_STEPS())
+        message = "The fit reached its limit of iterations before it converged."
+        warnings.append(Finding("out-of-steps", CRITICAL, message))
     if solution.widening > sqrt(2):
-        warnings.append(Kind.CORRELATED(lag_one=lag_one(rows), widened=solution.widening))
+        warnings.append(correlated(rows, solution.widening))
         if solution.reached < solution.starts / 2:  # where noise alone is left no other minimum is lower
-            warnings.append(Kind.FEW_STARTS(reached=solution.reached, starts=solution.starts))
+            reached, starts = solution.reached, solution.starts
+            message = f"Only {reached} of {starts} starts reached the lowest cost; the others ended in a worse fit."
+            warnings.append(Finding("few-starts", CAUTION, message, {"reached": reached, "starts": starts}))
     return (*warnings, *_unseen(solution, unseen))
 
 
@@ -404,11 +449,10 @@ def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName
             ]
             if any(name in unseen or not of_friction(name.name) for name, _ in members):
                 warnings.append(hardly_seen(members))
-    warnings += [
-        Kind.NOTHING_SEEN(name=n)
-        for k, n in enumerate(solution.names)
-        if solution.scaled_errors[k] == np.inf and isinstance(n, ParameterName)
-    ]
+    for k, name in enumerate(solution.names):
+        if solution.scaled_errors[k] == np.inf and isinstance(name, ParameterName):
+            message = f"{name} is not identifiable: the torque does not depend on it in this motion."
+            warnings.append(Finding("nothing-seen", CAUTION, message, {"name": name}))
     return warnings
 
 
@@ -418,12 +462,20 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
     Its members are names with their shares of it.
     """
     if len(members) == 1:
-        return Kind.HARDLY_SEEN(name=members[0][0])
-    up = [n for n, w in members if w * members[0][1] > 0]
-    down = [n for n, w in members if w * members[0][1] < 0]
+        name = members[0][0]
+        return Finding("hardly-seen", CAUTION, f"{name} is hardly identifiable from these data.", {"name": name})
+    up = tuple(n for n, w in members if w * members[0][1] > 0)
+    down = tuple(n for n, w in members if w * members[0][1] < 0)
+    every, raised, lowered = (" and ".join(map(str, names)) for names in ((*up, *down), up, down))
     if not down:
-        return Kind.ONLY_AGAINST(up=tuple(up))
-    return Kind.ONLY_AS_SUM(all=(*up, *down), up=tuple(up), down=tuple(down))
+        message = (
+            f"{every} are identifiable only relative to one another: raising them together hardly changes the torque."
+        )
+        return Finding("only-against", CAUTION, message, {"up": up})
+    message = (
+        f"{every} are identifiable only as a sum: raising {raised} and lowering {lowered} hardly changes the torque."
+    )
+    return Finding("only-as-sum", CAUTION, message, {"all": (*up, *down), "up": up, "down": down})
 
 
 OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})
@@ -442,11 +494,23 @@ def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterNa
     for d, lugre in sets.items():
         if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             least = lugre.sigma_1 * lugre.alpha_1 / lugre.alpha_0
-            warnings.append(Kind.NOT_PASSIVE(direction=d, alpha_2=lugre.alpha_2, least=least))
+            of = unit_of("alpha_2")
+            message = (
+                f"The model can feed energy back{in_direction(d)}: alpha_2 = {lugre.alpha_2:.3g}{of} is below sigma_1 "
+                f"alpha_1 / alpha_0 = {least:.3g}{of}. The fit stands; test a compensator that uses it with care."
+            )
+            numbers = {"direction": d, "alpha_2": lugre.alpha_2, "least": least}
+            warnings.append(Finding("not-passive", CAUTION, message, numbers))
         if bends_down(lugre):
-            warnings.append(Kind.CURVE_HELD(fastest=getattr(lugre, FASTEST)))
+            fastest = getattr(lugre, FASTEST)
+            message = (
+                f"Viscous friction bends down with speed (alpha_3 < 0). Faster than {fastest:.3g}{unit_of('velocity')}, "
+                "the fastest speed measured, it is taken to stay as large as there."
+            )
+            warnings.append(Finding("curve-held", CAUTION, message, {"fastest": fastest}))
         if J and J > 0 and not {ParameterName(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
             ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
             if not 0.02 < ratio < 5:
-                warnings.append(Kind.ODD_DAMPING(direction=d, ratio=ratio))
+                message = f"The damping ratio in presliding{in_direction(d)} would be {ratio:.2g}; 0.1 to 1 is usual."
+                warnings.append(Finding("odd-damping", CAUTION, message, {"direction": d, "ratio": ratio}))
     return warnings

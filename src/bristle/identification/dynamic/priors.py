@@ -15,7 +15,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.profile_likelihood import Profiled
-from bristle.findings import Finding
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
@@ -26,7 +26,6 @@ from bristle.identification.dynamic.systematic import shifts_of
 from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, with_three_ways
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import clustered, widened, with_priors_beside
 from bristle.identification.results import Consistency
@@ -360,7 +359,8 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
         for k, (name, value, error) in enumerate(zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True)):
             moving, both = alone.parameters[name], joint.parameters[name]
             if moving.value is None or moving.standard_error is None:
-                verdict, difference = Kind.STAGE_UNSEEN(), None
+                verdict = Finding("stage-unseen", NOTE, "Not identifiable from the tracking runs.")
+                difference = None
             else:
                 apart = [by - prior.shifts[c][k] if c in prior.shifts else by for c, by in moving.shifts.items()]
                 difference = (moving.value - value) / hypot(error, moving.standard_error, *apart)
@@ -392,9 +392,16 @@ def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: Trac
     warnings = []
     apart = [c.parameter for c in agree if c.verdict.code not in {"stage-agrees", "stage-unseen"}]
     if apart:
-        warnings.append(Kind.STAGES_DIFFER(names=tuple(apart)))
+        names = ", ".join(map(str, apart))
+        message = f"The moving runs and the other stages differ by more than chance in {names}."
+        warnings.append(Finding("stages-differ", CAUTION, message, {"names": tuple(apart)}))
     if joint.relative_error > _WORSE * alone.relative_error:
-        warnings.append(Kind.STAGES_DO_NOT_FIT(joint=joint.relative_error, alone=alone.relative_error))
+        of_joint, of_alone = joint.relative_error, alone.relative_error
+        message = (
+            "The joint fit explains the moving runs much worse than a fit of these alone (relative error "
+            f"{of_joint:.3g} % instead of {of_alone:.3g} %): the stages contradict each other."
+        )
+        warnings.append(Finding("stages-do-not-fit", CRITICAL, message, {"joint": of_joint, "alone": of_alone}))
     return warnings
 
 
@@ -405,7 +412,13 @@ def _limit(count: int) -> float:
 
 def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Finding:
     if not differ:
-        return Kind.STAGE_AGREES()
+        return Finding("stage-agrees", NOTE, "They agree.")
+    differ_by = "They differ by more than chance"
     if max(own_share, stage_share) < _SURER * min(own_share, stage_share):
-        return Kind.STAGE_DIFFERS()
-    return Kind.DISTRUST_MOVING() if own_share > stage_share else Kind.DISTRUST_STAGE(stage=stage)
+        message = f"{differ_by}, and neither is much more precise: see the warnings of both."
+        return Finding("stage-differs", CAUTION, message)
+    if own_share > stage_share:
+        message = f"{differ_by}; check the moving data first, which are less precise."
+        return Finding("distrust-moving", CAUTION, message)
+    message = f"{differ_by}; check the {stage} stage first, which is less precise."
+    return Finding("distrust-stage", CAUTION, message, {"stage": stage})

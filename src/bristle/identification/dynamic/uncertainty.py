@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at
+from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at, too_few
 from bristle.estimation.profile_likelihood import Profiled, profiles
-from bristle.findings import Finding
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.fit import SEED, DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
-from bristle.identification.messages import Kind
 from bristle.model.parameters import ParameterName
 from bristle.progress import Progress
 
@@ -44,9 +43,11 @@ def profile_until_stable(
         if better is None:
             break
         end = solved.solution.posed.unknowns.values(better)
-        solved, warnings = refit({**solved.problem.fixed, **end}), (Kind.REFITTED(),)
+        message = "A profile found a lower cost than the fit; the fit was repeated from there."
+        solved, warnings = refit({**solved.problem.fixed, **end}), (Finding("refitted", NOTE, message),)
     if refits == _RESTARTS:
-        warnings = (*warnings, Kind.STILL_LOWER(fits=_RESTARTS))
+        message = f"Profiles still find lower costs after {_RESTARTS} new fits: do not use this fit."
+        warnings = (*warnings, Finding("still-lower", CRITICAL, message, {"fits": _RESTARTS}))
     return solved._replace(fit=replace(solved.fit, warnings=(*solved.fit.warnings, *warnings))), seen
 
 
@@ -68,9 +69,8 @@ def with_three_ways(
         elif name in profiles:
             three[name] = _three(solved, name, e, profiles[name], drawn.get(name), blocks)
         else:
-            three[name] = Uncertainty(
-                covariance=None, profile=None, bootstrap=None, warnings=(*e.warnings, Kind.NOT_FITTED())
-            )
+            not_fitted = Finding("not-fitted", NOTE, "It was not fitted: there is nothing to profile or to resample.")
+            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=(*e.warnings, not_fitted))
     parameters = dict(fit.parameters)
     for name, e in fit.parameters.items():
         if e.value is not None:
@@ -96,12 +96,16 @@ def _three(
     ends = None if drawn is None or blocks < FEW else moved(drawn[0]).tolist()
     bootstrap = None if ends is None else (ends[0], ends[1])
     at_bound = solved.values[name] == 0
-    few = Kind.RESIDUAL_BLOCKS(blocks=blocks)
+    few = f"{blocks} blocks of independent residuals"
     warnings = profile.warnings
     if at_bound:
-        warnings = (*warnings, Kind.NO_BOOTSTRAP_AT_BOUND())
+        message = (
+            "At its physical bound of zero: the intervals are one-sided; there is no bootstrap, which does not respect "
+            "bounds."
+        )
+        warnings = (*warnings, Finding("no-bootstrap-at-bound", CAUTION, message))
     elif blocks < FEW:
-        warnings = (*warnings, Kind.NO_BOOTSTRAP(few=few, least=FEW))
+        warnings = (*warnings, too_few(few))
     if e.value is not None:
         warnings = (
             *warnings,

@@ -15,9 +15,8 @@ from bristle.data.record import Record
 from bristle.data.slow_loading import ONSET, Loading, Loop, find_all_loadings, find_loops
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.fits import AmplitudeStiffness, Estimate, Presliding, PreslidingFit, Uncertainty
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.presliding.softening import stiffness_by_amplitude, with_most
 from bristle.identification.presliding.stiffness import (
@@ -35,8 +34,7 @@ from bristle.identification.repeats import spreader, wider_estimate, wider_three
 from bristle.identification.systematic import shifted, shifted_three
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import unit
+from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
 _FEW = 8
@@ -62,7 +60,7 @@ def identify_presliding(
     inertia: KnownValue | None,
     options: FitOptions,
     resolution: float | None,
-    kind: JointKind,
+    kind: Kind,
 ) -> Presliding:
     """Everything that presliding runs show of a joint.
 
@@ -105,7 +103,7 @@ def identify_presliding(
 
 
 def fit_presliding(
-    loadings: Sequence[Loading], level: KnownValue, inertia: KnownValue | None, kind: JointKind
+    loadings: Sequence[Loading], level: KnownValue, inertia: KnownValue | None, kind: Kind
 ) -> PreslidingFit:
     """sigma_0 of one direction by four estimators, side by side, and sigma_1 by (15).
 
@@ -130,7 +128,11 @@ def fit_presliding(
         estimates[best] = _spanning(estimates[best], amplitudes)
     sigma_0 = estimates[best]
     if 0 < counts < _FEW * len(loadings):
-        warnings.append(Kind.FEW_COUNTS(edges=counts, loadings=len(loadings)))
+        message = (
+            f"Few encoder counts: {counts} edges in {len(loadings)} loadings; use a finer encoder, or load closer to "
+            "breakaway."
+        )
+        warnings.append(Finding("few-counts", CAUTION, message, {"edges": counts, "loadings": len(loadings)}))
     bound = _bounded(loadings[0].direction, level, by_bend) if level.is_bound else None
     if bound is not None:
         warnings.append(bound)
@@ -144,7 +146,7 @@ def fit_presliding(
     warnings += [warning for warning in three.warnings if warning.code == "intervals-differ"]
     reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
     if not level.is_bound and reached > level.value + _SURE * level.standard_error:
-        warnings.append(Kind.ABOVE_G0(reached=reached, g0=level.value, source=level.source, reach=REACH))
+        warnings.append(_above(level, reached))
     return PreslidingFit(
         direction=loadings[0].direction,
         **estimates,
@@ -169,9 +171,26 @@ def fit_presliding(
 
 def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:
     """That g0 is a lower bound, and what the bend of the loadings leaves of it."""
-    limited = by_bend.most < np.inf
-    bend = Kind.G0_BY_BEND(low=by_bend.value, high=by_bend.most) if limited else ""
-    return Kind.G0_AT_LEAST(direction=direction, held=level.value, bend=bend)
+    bend, of = "", unit_of("torque")
+    if by_bend.most < np.inf:
+        bend = f", from {by_bend.value:.4g}{of} to {by_bend.most:.4g}{of} by the bend of LuGre's loading curve"
+    message = (
+        f"No run breaks away{in_direction(direction)}: g0 is at least {level.value:.3g}{of}{bend}, and the interval of "
+        "sigma_0 allows for every such g0; add ramp runs, or load up to breakaway once."
+    )
+    numbers = {"direction": direction, "held": level.value, "bend": in_units(bend, {})}
+    return Finding("g0-at-least", CAUTION, message, numbers)
+
+
+def _above(level: KnownValue, reached: float) -> Finding:
+    """That a torque was held which is above g0."""
+    of = unit_of("torque")
+    message = (
+        f"The torque reaches {reached:.3g}{of} without sliding, above g0 = {level.value:.3g}{of} "
+        f"({level.source.message}): g0 may be too low. Samples above {REACH:g} g0 are not used."
+    )
+    numbers = {"reached": reached, "g0": level.value, "source": level.source, "reach": REACH}
+    return Finding("above-g0", CAUTION, message, numbers)
 
 
 def _bias_of_printed(sigma_0: float, quantum: float, level: KnownValue) -> tuple[float, float, float]:
@@ -200,24 +219,24 @@ def _three_ways(
     return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=(more,))
 
 
-def with_damping(presliding: Presliding, inertia: KnownValue, kind: JointKind) -> Presliding:
+def with_damping(presliding: Presliding, inertia: KnownValue, kind: Kind) -> Presliding:
     """The same with sigma_1 by (15) for an inertia that became known since."""
     fits = {d: replace(fit, sigma_1=_sigma_1(fit.sigma_0, inertia, kind)) for d, fit in presliding.fits.items()}
     return replace(presliding, fits=fits)
 
 
-def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tuple[Estimate, list[Finding]]:
+def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Estimate, list[Finding]]:
     """The median breakaway torque of some loadings, and its outliers by name."""
     torque = np.array([loading.breakaway for loading in slid], dtype=float)
     middle, n = float(np.median(torque)), torque.size
     shifts = {name: middle * share for name, share in torque_shares(slid).items()}
     if n == 1:
-        single = Estimate(value=middle, unit=unit("torque", kind), warnings=(Kind.SINGLE_RUN(),))
-        return shifted(single, shifts), []
+        alone = Finding("single-run", CAUTION, "One run only: its error is unknown.")
+        return shifted(Estimate(value=middle, unit=unit("torque", kind), warnings=(alone,)), shifts), []
     error = float(1.2533 * 1.4826 * np.median(np.abs(torque - middle)) / np.sqrt(n))  # of a median of normal values
     reach = student(n - 1) * error
     warnings = [
-        Kind.OUTLIER(file=loading.file, torque=value, runs=n, direction=direction, median=middle)
+        _outlier(loading.file, value, n, direction, middle)
         for loading, value in zip(slid, torque.tolist(), strict=True)
         if n > 2 and abs(value - middle) > _OUTLIER * middle
     ]
@@ -230,6 +249,17 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: JointKind) -> tupl
     return shifted(whole, shifts), warnings
 
 
+def _outlier(file: str, torque: float, runs: int, direction: str, median: float) -> Finding:
+    """That the joint breaks away in this run far from where it does in the others."""
+    of = unit_of("torque")
+    message = (
+        f"{file} is an outlier: it breaks away at {torque:.4g}{of}; the median of {runs} runs{in_direction(direction)} "
+        f"is {median:.4g}{of}."
+    )
+    numbers = {"file": file, "torque": torque, "runs": runs, "direction": direction, "median": median}
+    return Finding("outlier", CAUTION, message, numbers)
+
+
 def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: float, creep: float) -> KnownValue:
     """g0 from the breakaway of this direction, else of the other one, else at least the largest torque held.
 
@@ -239,13 +269,17 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: flo
         torque = breakaway[d].value if d in breakaway else None
         if torque is not None and (d == direction or held <= torque * (1 + creep)):
             error = breakaway[d].standard_error
-            added = Kind.CREEP_ADDED(share=creep) if creep else ""
-            alone = Kind.OF_ONE_BREAKAWAY(direction=d, creep=added, share=_SINGLE)
-            source = Kind.OF_BREAKAWAY(direction=d, creep=added) if error else alone
+            added = f", with up to {100 * creep:.0f} % added for the creep before it" if creep else ""
+            of, numbers = f"breakaway in direction {d}{added}", {"direction": d, "creep": added}
+            source = Finding("of-breakaway", NOTE, of, numbers)
+            if not error:
+                guess = f"{of}; its error of {100 * _SINGLE:.0f} % is a guess"
+                source = Finding("of-one-breakaway", CAUTION, guess, {**numbers, "share": _SINGLE})
             value, half = torque * (1 + creep / 2), torque * creep / 2
             shifts = {constant: by * (1 + creep / 2) for constant, by in breakaway[d].shifts.items()}
             return KnownValue(value, float(np.hypot(error or _SINGLE * value, half)), source, shifts)
-    return KnownValue(held, float("inf"), Kind.OF_LARGEST_HELD())
+    source = Finding("of-largest-held", CAUTION, "the largest torque held: no run breaks away")
+    return KnownValue(held, float("inf"), source)
 
 
 def _moves_by_law(loop: Loop, fits: Mapping[str, PreslidingFit]) -> float:
@@ -269,38 +303,66 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping
     warnings = []
     few = [x.counts for x in loops if 0 < x.counts < 2 * _FEW]
     if few:
-        one = min(few) == max(few)
+        least, most = min(few), max(few)
+        spanned = f"{least}" if least == most else f"{least} to {most}"
+        message = f"The hysteresis loops span only {spanned} encoder counts: their slopes and losses are coarse."
         warnings.append(
-            Kind.COARSE_LOOPS(counts=few[0]) if one else Kind.COARSE_LOOPS_BETWEEN(least=min(few), most=max(few))
+            Finding("coarse-loops", NOTE, message, {"counts": least})
+            if least == most
+            else Finding("coarse-loops-between", NOTE, message, {"least": least, "most": most})
         )
     if drifts:
-        most = max(drifts, key=abs)
-        warnings.append(Kind.OPEN_CYCLES(open=len(drifts), cycles=len(drifts) + len(loops), most=most))
+        cycles, farthest = len(drifts) + len(loops), max(drifts, key=abs)
+        message = (
+            f"{len(drifts)} of {cycles} hysteresis cycles not closed, by up to {100 * farthest:+.0f} % of their range, "
+            "and left out: friction differs between the directions at these peaks, or the first cycle started from rest."
+        )
+        numbers = {"open": len(drifts), "cycles": cycles, "most": farthest}
+        warnings.append(Finding("open-cycles", CAUTION, message, numbers))
     shares = np.array([(x.position[-1] - x.position[0]) / (2 * x.displacement_amplitude) for x in loops])
     seen = all(abs(share) * x.counts > _MOVED or not x.counts for share, x in zip(shares, loops, strict=True))
     share = abs(float(shares.mean())) if shares.size > 1 else 0.0
     if seen and share > _MOVES and share > 2 * float(np.ptp(shares)):
         off = abs(float(np.mean([_moves_by_law(x, fits) for x in loops]) - shares.mean()))
         told = off < max(_MOVES, share / 2)
-        warnings += [] if told else [Kind.CYCLES_MOVE(cycles=len(loops), share=float(shares.mean()))]
+        if not told:
+            warnings.append(_cycles_move(len(loops), float(shares.mean())))
     return warnings
 
 
-def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: JointKind) -> Estimate:
+def _cycles_move(cycles: int, share: float) -> Finding:
+    """That closed cycles end away from where they began, by this share of their range."""
+    message = (
+        f"Each of {cycles} closed hysteresis cycles ends away from where it began, by {100 * share:+.1f} % of its range "
+        "on average, where LuGre comes back: the position drifts, the torque has an offset, or friction differs between "
+        "the directions. By a drift sigma_0 is off by up to about half of that, one way in (+), the other in (-)."
+    )
+    return Finding("cycles-move", CAUTION, message, {"cycles": cycles, "share": share})
+
+
+def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estimate:
     """(15): from an assumed damping ratio, no estimate; without a standard error, for nobody knows that of the ratio.
 
     What errors of constants do to sigma_0 and the inertia they do to it too.
     """
     known = inertia is not None and inertia.value > 0
     if inertia is None or not known or not sigma_0.value or sigma_0.value < 0:
-        why = Kind.NO_STIFFNESS() if known else Kind.NO_INERTIA()
-        return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(Kind.NO_SIGMA_1(why=why),))
+        why = (
+            "there is no sigma_0"
+            if known
+            else "no positive inertia is known: give inertia in the experiment file, or add moving runs"
+        )
+        none = Finding("no-sigma-1", NOTE, f"No estimate: (15) needs J and sigma_0, but {why}.", {"why": why})
+        return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(none,))
     value, by_sigma_0, by_J = (
         float(x) for x in evaluate(functions.presliding_damping_function(), sigma_0.value, inertia.value, DAMPING_RATIO)
     )
-    prior = Estimate(
-        value=value, unit=unit("sigma_1", kind), warnings=(Kind.PRIOR(ratio=DAMPING_RATIO, source=inertia.source),)
+    message = (
+        f"An assumption, not an estimate: (15) with an assumed damping ratio of {DAMPING_RATIO:g} (J: "
+        f"{inertia.source.message}); without an error, since that ratio is known no better than a factor."
     )
+    assumed = Finding("prior", CAUTION, message, {"ratio": DAMPING_RATIO, "source": inertia.source})
+    prior = Estimate(value=value, unit=unit("sigma_1", kind), warnings=(assumed,))
     constants = dict.fromkeys((*sigma_0.shifts, *inertia.shifts))
     return shifted(
         prior, {c: by_sigma_0 * sigma_0.shifts.get(c, 0.0) + by_J * inertia.shifts.get(c, 0.0) for c in constants}

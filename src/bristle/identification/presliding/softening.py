@@ -23,13 +23,11 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding, in_direction
 from bristle.identification.fits import AmplitudeStiffness
-from bristle.identification.messages import Kind
 from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading
 from bristle.model import functions
-from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import unit
+from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
 _BLOCKS = 32
@@ -84,7 +82,7 @@ class _Bending(NamedTuple):
 
 
 def stiffness_by_amplitude(
-    loadings: Sequence[Loading], level: KnownValue, kind: JointKind
+    loadings: Sequence[Loading], level: KnownValue, kind: Kind
 ) -> tuple[tuple[AmplitudeStiffness, ...], Finding | None]:
     """The stiffness of one direction at some amplitudes, the initial one first, and whether it softens beyond LuGre.
 
@@ -112,11 +110,16 @@ def stiffness_by_amplitude(
     error = float(np.hypot(line.error, _by_level(points, knots, level)))
     if line.fall > stdtrit(line.freedom, _CHANCE) * error or np.exp(line.fall) > 1 - _SMALLEST:
         return rows, None
-    ratio = secant[-1] / secant[0]
-    return rows, Kind.SOFTENS(
-        low=knots[0], high=knots[-1], unit=unit("torque", kind),
-        ratio=ratio, error=ratio * line.error, lugre=lugre[-1] / lugre[0], direction=loadings[0].direction,
-    )  # fmt: skip  # a list of values
+    low, high, of, d = float(knots[0]), float(knots[-1]), unit("torque", kind), loadings[0].direction
+    ratio, own = float(secant[-1] / secant[0]), float(lugre[-1] / lugre[0])
+    error = ratio * line.error
+    message = (
+        f"Softening{in_direction(d)}: from {low:.3g} to {high:.3g} {of} the secant stiffness falls to {ratio:.2g} +/- "
+        f"{error:.1g} of its initial value, LuGre's own exponential to {own:.2g}; the interval of sigma_0 spans what the "
+        "amplitudes give, and a Maxwell-slip model would describe the rest."
+    )
+    numbers = {"low": low, "high": high, "unit": of, "ratio": ratio, "error": error, "lugre": own, "direction": d}
+    return rows, Finding("softens", CAUTION, message, numbers)
 
 
 def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:

@@ -22,12 +22,10 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import LEVEL, student
-from bristle.findings import Finding
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.fits import Estimate
-from bristle.identification.messages import Kind, but
 from bristle.model import functions
-from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import unit
+from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
 REACH = 0.8
@@ -89,7 +87,7 @@ Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
 """sigma_0 from pieces, its standard error and its degrees of freedom: `by_edges` or `by_samples`."""
 
 
-def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: JointKind) -> dict[str, Estimate]:
+def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dict[str, Estimate]:
     """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`.
 
     A lower bound where counts hide the motion. Where g0 itself is a lower bound, sigma_0 falls as g0 rises, nearly in
@@ -123,7 +121,7 @@ def _either(near: Sequence[Finding], far: Sequence[Finding]) -> Iterator[Finding
         two = other.pop(one.code, one)
         if one.code == "rest-excludes":
             ends = [x.numbers[name] for x in (one, two) for name in ("low", "high")]
-            yield but(one, low=min(ends), high=max(ends))
+            yield _rest_excludes(min(ends), max(ends), one.numbers["unit"])
         else:
             yield one
     yield from other.values()
@@ -134,10 +132,12 @@ def _one_bound(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
     ends = estimates["edges"].interval
     if ends is None:
         return dict(estimates)
-    return {
-        name: replace(e, warnings=tuple(but(w, least=ends[0]) if w.code == "within-noise" else w for w in e.warnings))
-        for name, e in estimates.items()
-    }
+
+    def weakest(w: Finding) -> Finding:
+        named = w.code == "within-noise"
+        return _within_noise(w.numbers["edges"], ends[0], w.numbers["unit"]) if named else w
+
+    return {name: replace(e, warnings=tuple(map(weakest, e.warnings))) for name, e in estimates.items()}
 
 
 def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
@@ -206,33 +206,37 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     )
 
 
-def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, kind: JointKind) -> dict[str, Estimate]:
+def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, kind: Kind) -> dict[str, Estimate]:
     """All four; the last two with the uncertainty at given g0, and the one that g0 adds."""
     pieces = [of_loading(loading, level.value) for loading in loadings]
     value, error, freedom = by_samples(pieces)
     of_level = by_level(by_samples, loadings, level) * level.standard_error
     if quantum == 0:
-        absent = Estimate(
-            value=None,
-            unit=unit("sigma_0", kind),
-            warnings=(Kind.NO_COUNTS(),),
-        )
+        none = Finding("no-counts", NOTE, "No encoder counts are visible; (14) and the count edges need them.")
+        absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
         samples = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
         return {"printed": absent, "corrected": absent, "edges": absent, "samples": samples}
     bias, spread = by_phase(pieces, value, quantum)
     error = float(np.sqrt(error**2 + of_level**2 + spread**2))
     samples = _estimate(value, error, freedom, kind)
     if np.isinf(spread):
-        samples = Estimate(value=None, unit=samples.unit, warnings=(Kind.COUNTS_HIDE(),))
+        message = "No estimate from all samples: at some rest positions inside a count they would show no motion."
+        samples = Estimate(value=None, unit=samples.unit, warnings=(Finding("counts-hide", NOTE, message),))
     elif samples.value is not None and abs(bias) > error:  # an interval that leaves the counts' bias out holds nothing
-        wrong = Kind.COUNTS_BIAS(share=bias / value)
+        share = bias / value
+        message = f"No interval: encoder counts bias this estimate by about {100 * share:.1f} %, more than its standard error."
+        wrong = Finding("counts-bias", CAUTION, message, {"share": share})
         samples = Estimate(value=value, unit=samples.unit, warnings=(*samples.warnings, wrong))
     value, error, freedom = by_edges(pieces)
     of_level = by_level(by_edges, loadings, level) * level.standard_error
     edges = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
     printed, corrected, least = _first_count(loadings, level.value, quantum, kind, _noise(pieces))
     if 0 < value < least / _YIELDS:
-        edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Kind.YIELDS(),))
+        message = (
+            "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
+            "below breakaway."
+        )
+        edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Finding("yields", CRITICAL, message),))
     return {"printed": printed, "corrected": corrected, "edges": edges, "samples": samples}
 
 
@@ -244,10 +248,12 @@ def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValu
     return float(np.mean(steps)) / width if steps else np.inf
 
 
-def _estimate(value: float, error: float, freedom: float, kind: JointKind) -> Estimate:
+def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimate:
     """With its interval by Student's t; none where it is no stiffness."""
     if not (0 < value < np.inf and np.isfinite(error)):
-        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOT_POSITIVE(),))
+        message = "Not positive: the displacement does not increase with the torque."
+        why = Finding("not-positive", CRITICAL, message)
+        return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(why,))
     reach = student(freedom) * error
     return Estimate(
         value=value,
@@ -258,7 +264,7 @@ def _estimate(value: float, error: float, freedom: float, kind: JointKind) -> Es
 
 
 def _first_count(
-    loadings: Sequence[Loading], g0: float, quantum: float, kind: JointKind, noise: float
+    loadings: Sequence[Loading], g0: float, quantum: float, kind: Kind, noise: float
 ) -> tuple[Estimate, Estimate, float]:
     """(14) and its inverse, averaged over the loadings, and the least sigma_0 that the first counts allow.
 
@@ -266,7 +272,8 @@ def _first_count(
     """
     T = first_torques(loadings, g0)
     if T.size == 0:
-        absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Kind.NOTHING_BELOW_G0(),))
+        none = Finding("nothing-below-g0", NOTE, "No displacement was measured below g0.")
+        absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
         return absent, absent, 0.0
     U = _unbent(T, g0)
     # of a count, to the first edge: uniform, whose mean over some loadings is nearly normal
@@ -282,8 +289,21 @@ def _first_count(
 def _within(value: float, low: float, high: float, of: str) -> Estimate:
     """By the first count alone, with its interval where that holds it."""
     if low <= value <= high:
-        return Estimate(value=value, unit=of, interval=(low, high), warnings=(Kind.WHOLE_COUNT(),))
-    return Estimate(value=value, unit=of, warnings=(Kind.REST_EXCLUDES(low=low, high=high, unit=of),))
+        message = (
+            "Assumes that the joint moves a whole count to the first edge; it may be any part of one. "
+            "The interval allows for an unknown rest position."
+        )
+        return Estimate(value=value, unit=of, interval=(low, high), warnings=(Finding("whole-count", NOTE, message),))
+    return Estimate(value=value, unit=of, warnings=(_rest_excludes(low, high, of),))
+
+
+def _rest_excludes(low: float, high: float, of: str) -> Finding:
+    """That what an estimate by the first count assumes lies outside of what the rest positions leave, in this unit."""
+    message = (
+        "No interval: it assumes that the joint moves a whole count to the first edge, and over the rest positions "
+        f"of these loadings sigma_0 lies in [{low:.3g}, {high:.3g}] {of}, which excludes it."
+    )
+    return Finding("rest-excludes", NOTE, message, {"low": low, "high": high, "unit": of})
 
 
 def first_torques(loadings: Sequence[Loading], g0: float) -> Array:
@@ -372,15 +392,20 @@ def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[f
     return float(np.mean(values)) - sigma_0, float(np.std(values))
 
 
-def _lower_bound(pieces: Sequence[Piece], quantum: float, kind: JointKind) -> Estimate:
+def _lower_bound(pieces: Sequence[Piece], quantum: float, kind: Kind) -> Estimate:
     """What is left where the joint moves by no more than the encoder's noise."""
     loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
     crossed = max(piece.edge_y.size for piece in pieces)
     least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
-    edges = Kind.ONE_EDGE() if crossed == 1 else Kind.EDGES(edges=crossed)
-    return Estimate(
-        value=None,
-        unit=unit("sigma_0", kind),
-        interval=(least, float("inf")),
-        warnings=(Kind.WITHIN_NOISE(edges=edges, least=least, unit=unit("sigma_0", kind)),),
+    edges, of = "1 count edge" if crossed == 1 else f"{crossed} count edges", unit("sigma_0", kind)
+    warnings = (_within_noise(edges, least, of),)
+    return Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=warnings)
+
+
+def _within_noise(edges: str, least: float, of: str) -> Finding:
+    """That sigma_0 is bounded from below alone, in this unit."""
+    message = (
+        f"The displacement stays within the encoder's noise ({edges} in the longest loading): sigma_0 is at least "
+        f"{least:.3g} {of}; a finer encoder is needed for more."
     )
+    return Finding("within-noise", CAUTION, message, {"edges": edges, "least": least, "unit": of})

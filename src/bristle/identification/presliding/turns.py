@@ -19,8 +19,7 @@ from bristle.data.slow_loading import Loading, find_all_loadings, torque_turns
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
-from bristle.findings import Finding
-from bristle.identification.messages import Kind
+from bristle.findings import CAUTION, Finding
 from bristle.identification.presliding.stiffness import by_samples, of_loading
 from bristle.model import functions
 from bristle.model.vectorize import evaluate
@@ -102,8 +101,14 @@ def turning_lag(
     if abs(change) < _SHARE:
         return []
     step = float(np.median([r.step for r in records]))
-    when = "later" if lag > 0 else "earlier"
-    return [Kind.TURNS_LATE(seconds=abs(lag), samples=abs(lag) / step, when=when, change=change, delay=lag)]
+    seconds, samples, when = abs(lag), abs(lag) / step, "later" if lag > 0 else "earlier"
+    message = (
+        f"The torque of slow loading turns {seconds:.2g} s ({samples:.2g} samples) {when} than the displacement, where a "
+        f"bristle turns both at once: taken in time it changes sigma_0 by {100 * change:+.0f} %. Check the time stamps, or "
+        f"write `delay: {lag:.3g} s` under signals.torque (or the signal it comes from)."
+    )
+    numbers = {"seconds": seconds, "samples": samples, "when": when, "change": change, "delay": lag}
+    return [Finding("turns-late", CAUTION, message, numbers)]
 
 
 def _stiffness(loadings: Sequence[Loading], direction: str, g0: float) -> float:

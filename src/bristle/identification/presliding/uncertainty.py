@@ -23,11 +23,10 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation import interval_comparison
-from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap
+from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, Resampled, block_bootstrap, too_few
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
-from bristle.identification.messages import Kind
 from bristle.identification.presliding.stiffness import (
     KnownValue,
     Piece,
@@ -93,7 +92,7 @@ def stiffness_uncertainty(
     profile = _pair(_natural(ends, inverse=inverse))
     error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
     drawn, draws = _drawn(pieces, line, error, seed, inverse=inverse)
-    few = (Kind.SAMPLE_BLOCKS if inverse else Kind.EDGE_BLOCKS)(blocks=drawn.blocks)
+    few = f"{drawn.blocks} blocks of {'samples' if inverse else 'count edges'}"
     bootstrap = _pair(_natural(line.at(0.0)[0] + np.array(drawn.interval(0, error)), inverse=inverse))
     bootstrap_or_none = None if drawn.blocks < FEW else bootstrap
     warnings = interval_comparison.warnings(
@@ -104,7 +103,7 @@ def stiffness_uncertainty(
         few=few if drawn.blocks < ENOUGH else None,
     )
     if bootstrap_or_none is None:
-        warnings = (*warnings, Kind.NO_BOOTSTRAP(few=few, least=FEW))
+        warnings = (*warnings, too_few(few))
     values, shown = _natural(curve[0], inverse=inverse), _natural(draws, inverse=inverse)
     order = np.argsort(values)
     return Uncertainty(

@@ -12,16 +12,14 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.data.robot.rigid_body import RigidBody
 from bristle.estimation.covariance import student
-from bristle.findings import Finding
+from bristle.findings import CAUTION, CRITICAL, Finding
 from bristle.identification.dynamic.priors import fit_alone
 from bristle.identification.fits import Estimate
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import decimator, directions, regressors
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.runs import fit_moving
-from bristle.model.parameters import Direction, ParameterName, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
 _SURELY = 3.0
 """Standard errors by which a number is surely not another."""
@@ -91,14 +89,23 @@ def _apart(problem: Regression) -> tuple[float, float]:
     return float(np.sqrt(np.mean(own**2))), float(np.sqrt(np.mean(left**2)))
 
 
-def torque_constant(found: LinkScale, kind: JointKind) -> Estimate:
+def torque_constant(found: LinkScale, kind: Kind) -> Estimate:
     """The torque constant as the links tell it, N*m/A or N/A; without a value where they do not."""
     in_torque = unit("torque_constant", kind)
     if found.scale + _SURELY * found.error < 0 and found.explained > found.left:
-        why = Kind.LINKS_OPPOSE(scale=found.scale, error=found.error)
+        message = (
+            f"The current goes against the torque of the links ({found.scale:.3g} +/- {found.error:.2g} A/(N*m)): check "
+            "robot.gravity, the order of the joints, and the sign of the current."
+        )
+        why = Finding("links-oppose", CRITICAL, message, {"scale": found.scale, "error": found.error})
         return Estimate(value=None, unit=in_torque, warnings=(why,))
     if not found.told or found.scale <= 0:
-        why = Kind.CONSTANT_UNSEEN(explained=found.explained, left=found.left)
+        message = (
+            f"Torque constant not identifiable: the links explain {found.explained:.2g} A of the current, and "
+            f"{found.left:.2g} A stay unexplained. Friction is in A; give torque_constant, or log a motion that loads this "
+            "joint more."
+        )
+        why = Finding("constant-unseen", CAUTION, message, {"explained": found.explained, "left": found.left})
         return Estimate(value=None, unit=in_torque, warnings=(why,))
     reach = student(np.inf) * found.error
     error = found.error / found.scale**2
@@ -115,7 +122,11 @@ def torque_constant(found: LinkScale, kind: JointKind) -> Estimate:
 def scale_warnings(found: LinkScale) -> Iterator[Finding]:
     """Whether links whose torque is taken as known would have another scale."""
     if found.explained > found.left and abs(found.scale - 1) > max(_SURELY * found.error, _OFF):
-        yield Kind.LINKS_SCALE(scale=found.scale, error=found.error)
+        message = (
+            f"The torque of the links would fit {found.scale:.3g} +/- {found.error:.2g} times as large as the URDF has it: "
+            "check its masses, robot.payload and the torque constant."
+        )
+        yield Finding("links-scale", CAUTION, message, {"scale": found.scale, "error": found.error})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,12 +190,23 @@ def order_warnings(
         alone = _score(replace(course, torque=other.torque), moved, links)
         for score, what in ((whole, "columns"), (alone, "torque or current")):
             swaps = tuple(f"{names[i]} takes the {what} of {names[k]}" for i, k in enumerate(order) if i != k)
-            found.append((score, Kind.JOINT_ORDER(swaps=swaps, gain=as_given - score)))
+            message = (
+                f"The log goes better with the URDF where {', '.join(swaps)} (sum of log relative errors lower by "
+                f"{as_given - score:.2g}). Check the order of the columns against the names of the joints."
+            )
+            numbers = {"swaps": swaps, "gain": as_given - score}
+            found.append((score, Finding("joint-order", CRITICAL, message, numbers)))
     size = float(np.linalg.norm(gravity))
     for direction in [(s * size * e).tolist() for e in np.eye(3) for s in (1.0, -1.0)] if size else []:
         score = _score(course, moved, body.torques(course.q, course.v, course.a, gravity=direction))
         better = tuple(round(x, 2) + 0.0 for x in direction)
-        found.append((score, Kind.GRAVITY_DIRECTION(better=better, gain=as_given - score)))
+        message = (
+            f"The log goes better with gravity along {', '.join(map(str, better))} m/s**2 in the frame of the base (sum of "
+            f"log relative errors lower by {as_given - score:.2g}). Check robot.gravity, and the signs of positions and "
+            "torques."
+        )
+        numbers = {"better": better, "gain": as_given - score}
+        found.append((score, Finding("gravity-direction", CRITICAL, message, numbers)))
     best, warning = min(found, key=lambda x: x[0], default=(as_given, None))
     return (warning,) if warning is not None and best < as_given - _BETTER else ()
 

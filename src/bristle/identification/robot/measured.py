@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment, Run, from_current, in_amperes
 from bristle.data.experiment.schema import PlusMinus
@@ -15,10 +16,9 @@ from bristle.data.robot.rigid_body import RigidBody, rigid_body
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, CRITICAL, Finding, unit_of
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import LEVELS, regressors
 from bristle.identification.robot.links import (
     Course,
@@ -81,8 +81,13 @@ def _with_masses(measured: Sequence[Measured]) -> Iterator[Measured]:
     scales = {m.experiment.joint.name: w for m in measured for w in m.findings if w.code == "links-scale"}
     for m in measured:
         if scales and m.torque_constant is not None and m.torque_constant.value:
-            name, scale = next(iter(scales.items()))
-            doubt = Kind.CONSTANT_BY_MASSES(joint=name, scale=scale.numbers["scale"])
+            name, found = next(iter(scales.items()))
+            scale = found.numbers["scale"]
+            message = (
+                f"The torque constant comes out of the URDF's masses, and at {name}, whose constant is known, the links' "
+                f"torque would fit {scale:.3g} times as large: this constant, and friction with it, may be off as much."
+            )
+            doubt = Finding("constant-by-masses", CAUTION, message, {"joint": name, "scale": scale})
             yield replace(m, findings=(*m.findings, doubt))
         else:
             yield m
@@ -219,18 +224,33 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
     v = np.concatenate([np.asarray(r.record.velocity) for r in runs if r.record.velocity is not None] or [np.zeros(0)])
     found = []
     if q.size and (q.min() < joint.lower - _BEYOND or q.max() > joint.upper + _BEYOND):
-        found.append(
-            Kind.BEYOND_URDF(signal="position", low=q.min(), high=q.max(), least=joint.lower, most=joint.upper)
-        )
+        found.append(_beyond("position", q, (joint.lower, joint.upper)))
     if v.size and np.quantile(np.abs(v), 0.999) > joint.velocity * (1 + _BEYOND):
-        found.append(
-            Kind.BEYOND_URDF(signal="velocity", low=v.min(), high=v.max(), least=-joint.velocity, most=joint.velocity)
-        )
+        found.append(_beyond("velocity", v, (-joint.velocity, joint.velocity)))
     T = np.concatenate([np.abs(r.record.torque) for r in runs if r.record.torque is not None] or [np.zeros(0)])
     if T.size and not in_amperes and (most := float(np.quantile(T, 0.999))) > _PEAK * joint.effort:
-        kind = Kind.EFFORT_FAR_BEYOND if most > _NO_DRIVE * joint.effort else Kind.EFFORT_BEYOND
-        found.append(kind(most=most, limit=joint.effort, unit=unit("torque", joint.kind)))
+        of = unit("torque", joint.kind)
+        reached = f"The torque reaches {most:.3g} {of}, and the URDF allows {joint.effort:.3g} {of}: check the"
+        numbers = {"most": most, "limit": joint.effort, "unit": of}
+        if most > _NO_DRIVE * joint.effort:
+            message = f"{reached} unit of the torque or current, the torque constant and the gear."
+            found.append(Finding("effort-far-beyond", CRITICAL, message, numbers))
+        else:
+            message = f"{reached} torque constant, the gear and the URDF."
+            found.append(Finding("effort-beyond", CAUTION, message, numbers))
     return found
+
+
+def _beyond(signal: str, logged: Array, limits: tuple[float, float]) -> Finding:
+    """That a signal leaves the limits of the URDF."""
+    (least, most), of = limits, unit_of(signal)
+    low, high = float(logged.min()), float(logged.max())
+    message = (
+        f"The {signal} runs from {low:.3g} to {high:.3g}{of}; the URDF allows {least:.3g} to {most:.3g}{of}: check the "
+        "order of the joints, units and the URDF."
+    )
+    numbers = {"signal": signal, "low": low, "high": high, "least": least, "most": most}
+    return Finding("beyond-urdf", CAUTION, message, numbers)
 
 
 def _link_inertia(
@@ -270,8 +290,17 @@ def _of_all(
     course, moved = thinned(whole, every, file)
     if body is None:
         shares = {name: coupling(course, moved, robot.names.index(name)) for name in own}
-        return {name: (Kind.LINKS_NOT_REMOVED(share=100 * x),) for name, x in shares.items() if x > _LEAST}
+        return {name: (_not_removed(100 * x),) for name, x in shares.items() if x > _LEAST}
     if len(own) < len(robot.names):  # an order of joints that do not all move and have a torque cannot be told
         return {}
     found = order_warnings(course, moved, robot.names, body, robot.gravity)
     return dict.fromkeys(robot.names, found)
+
+
+def _not_removed(share: float) -> Finding:
+    """That the torque of the links, of so many percent, is in that of the joint."""
+    message = (
+        "Other joints move too and no URDF is named, so the torque of the links is not removed: it may be "
+        f"{share:.0f} % of this joint's torque. Name the URDF under robot, as urdf."
+    )
+    return Finding("links-not-removed", CRITICAL, message, {"share": share})
