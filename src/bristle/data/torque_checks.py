@@ -178,7 +178,7 @@ def _dead_zone(record: Record) -> Finding | None:
         "sensor or drive has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; switch it off, or add it to the "
         "torque."
     )
-    return Finding("dead-zone", CRITICAL, message, {"files": (record.file,), "share": share})
+    return Finding("dead-zone", CRITICAL, message, {"files": (record.file,), "share": share}, {"torque": np.inf})
 
 
 def _coarse(record: Record, kind: RunKind) -> Finding | None:

@@ -8,10 +8,9 @@ from scipy.special import stdtr
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding, in_direction
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.model import functions
 from bristle.model.vectorize import evaluate
@@ -70,17 +69,22 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     chance = 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) if error else 1.0
     if chance > level_of_test or across < 2 * scatter:
         return
+    numbers = {"slope": mean, "across": across, "share": across / level}
     if not in_order:
-        yield Kind.DRIFT_OVER_RUNS(slope=mean, across=across, share=across / level)
+        message = (
+            f"The torque drifts within the holds, by {mean:+.2g} per second and {across:.3g} from first to last ({100 * across / level:.0f} % of the "
+            "torque): it depends on time or temperature, and the points scatter by it. Warm up, and repeat the first speeds at the end."
+        )
+        yield Finding("drift-over-runs", CAUTION, message, numbers, {"torque": across})
         return
     first = next(iter(in_order))
-    yield Kind.DRIFT_IN_ORDER(
-        direction=first if len(in_order) == 1 else "both",
-        way="rises" if in_order[first] > 0 else "falls",
-        slope=mean,
-        across=across,
-        share=across / level,
+    direction, way = first if len(in_order) == 1 else "both", "rises" if in_order[first] > 0 else "falls"
+    message = (
+        f"Speed {way} with the order of the runs{in_direction(direction)} while the torque drifts within them ({mean:+.2g} per second, "
+        f"{across:.3g} from first to last, {100 * across / level:.0f} % of the torque): drift and speed cannot be told apart. Warm up, and take "
+        "the speeds in random order."
     )
+    yield Finding("drift-in-order", CAUTION, message, {"direction": direction, "way": way, **numbers}, {"torque": across})
 
 
 def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
@@ -89,7 +93,7 @@ def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Ite
     What a sine of that size would do to it is the average of the fitted law over the sine.
     """
     phases = np.sin(2 * np.pi * (np.arange(_PHASES) + 0.5) / _PHASES)
-    off = list[tuple[float, Segment]]()
+    off = list[tuple[float, float, Segment]]()
     for d, fit in static.items():
         law, sign = fit.values(), DIRECTIONS.get(d)
         own = [s for s in points if s.swing > _SWINGS * abs(s.velocity) and (sign is None or s.velocity * sign > 0)]
@@ -99,13 +103,18 @@ def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Ite
         speeds = np.hstack([np.abs(v), np.abs(v) + np.sqrt(2) * swing * phases])
         (torque,) = evaluate(functions.steady_torque_function(law.law), speeds, *law)
         moved: Array = torque[:, 1:].mean(axis=1) - torque[:, 0]
-        off += [(float(x) / fit.rms, s) for s, x in zip(own, np.abs(moved), strict=True) if x > fit.rms]
+        off += [(float(x) / fit.rms, float(x), s) for s, x in zip(own, np.abs(moved), strict=True) if x > fit.rms]
     if off:
-        ratio, worst = max(off, key=lambda x: x[0])
-        largest = max(s.swing / abs(s.velocity) for _, s in off)
-        yield Kind.HOLDS_SWING(
-            count=len(off), points=len(points), swing=largest, file=worst.file, where=worst.where, ratio=ratio
+        ratio, _, worst = max(off, key=lambda x: x[0])
+        largest = max(s.swing / abs(s.velocity) for *_, s in off)
+        message = (
+            f"In {len(off)} of {len(points)} holds the velocity swings by up to {100 * largest:.0f} % of its mean (rms) where friction bends with "
+            f"speed: the mean torque is then not the friction at the mean speed, and is off by up to {ratio:.2g} times the residuals of the "
+            f"fit ({worst.file} {worst.where}). Tune the speed loop, or hold these speeds again."
         )
+        numbers = {"count": len(off), "points": len(points), "swing": largest, "ratio": ratio}
+        effect = {"torque": float(np.sqrt(sum(x**2 for _, x, _ in off) / len(points)))}
+        yield Finding("holds-swing", CAUTION, message, {**numbers, "file": worst.file, "where": worst.where}, effect)
 
 
 def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding]:
@@ -117,7 +126,12 @@ def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding
         copies = np.setdiff1d(np.arange(len(own)), distinct)
         if copies.size >= _COPIES and distinct.size == np.unique(values[:, 0]).size:
             factor, where = float(np.sqrt(len(own) / distinct.size)), own[copies[0]].subject[1]
-            yield Kind.POINTS_REPEATED(count=copies.size, points=len(own), file=file, where=where, factor=factor)
+            message = (
+                f"{copies.size} of {len(own)} points of {file} repeat the speed and the torque of another exactly, first {where}: if they were "
+                f"written twice, errors are too small, by up to {factor:.2g} times. Leave the copies out with `exclude` under fit."
+            )
+            numbers = {"count": copies.size, "points": len(own), "file": file, "where": where, "factor": factor}
+            yield Finding("points-repeated", CAUTION, message, numbers)
 
 
 def _order(speeds: Sequence[float]) -> float:

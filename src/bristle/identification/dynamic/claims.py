@@ -17,7 +17,7 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
-from bristle.identification.messages import NOT_IDENTIFIABLE, UNRESOLVED, Kind
+from bristle.identification.messages import NOT_IDENTIFIABLE, UNRESOLVED
 from bristle.model.parameters import Direction, ParameterName, of_load, peak_parameters
 
 WIDE = 0.5
@@ -51,7 +51,12 @@ def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         inflation = 1 / max(left, 1e-12)
         if inflation > _INFLATED:
             other = [x for k, x in enumerate(names) if k != j][int(np.argmax(np.abs(made)))]
-            found.append(Kind.LOAD_COLLINEAR(name=str(name), other=str(other), inflation=inflation))
+            message = (
+                f"{name} and {other} are hardly told apart (variance inflation {inflation:.0f}): as one rises, the other falls. Add runs at other "
+                "angles, or with another weight; the friction under a load of this motion is known better than either."
+            )
+            numbers = {"name": str(name), "other": str(other), "inflation": inflation}
+            found.append(Finding("load-collinear", CAUTION, message, numbers))
     return found
 
 
