@@ -15,12 +15,12 @@ from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.data.slow_loading import find_loadings
+from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.encoder_bias import without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.fits import PreslidingFit, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue, printed_bias
 from bristle.model import functions
@@ -69,7 +69,9 @@ def ramp(quantum: float, phase: float, noise: float, rng: np.random.Generator) -
     measured = torque + noise * rng.standard_normal(time.size)
     record = Record(file="ramp", time=time, position=quantum * np.floor(y / quantum + phase), torque=measured)
     found = find_loadings(record, 2.0 if noise else 1e3, quantum, None)
-    return fit_presliding(found, KnownValue(G0, 0.005 * G0, Kind.OF_STATIC_FIT()), None, "revolute")
+    return fit_presliding(
+        found, KnownValue(G0, 0.005 * G0, Finding("of-static-fit", NOTE, "the static fit")), None, "revolute"
+    )
 
 
 def error(fits: Sequence[PreslidingFit], method: str) -> Array:

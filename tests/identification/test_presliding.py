@@ -11,6 +11,7 @@ from scipy.integrate import quad
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
+from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.priors import _stiffness
 from bristle.identification.fits import Presliding, PreslidingFit
 from bristle.identification.messages import Kind
@@ -23,7 +24,7 @@ from bristle.model.vectorize import evaluate
 from .conftest import GRIPPER
 
 G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
-SOURCE = Kind.OF_STATIC_FIT()
+SOURCE = Finding("of-static-fit", NOTE, "the static fit")
 LEVEL = KnownValue(G0, 0.002 * G0, SOURCE)
 TIME = np.arange(0, 20, 0.01)
 TORQUE = 0.85 * G0 * TIME / 20
@@ -144,7 +145,9 @@ def test_sigma_1_is_a_prior_and_says_so() -> None:
     """(15): 0.2 sqrt(J sigma_0), called an assumption, without an error; without J it is absent, with the reason."""
     loadings = find_loadings(run(2 * np.pi / 2**16, 0.2), 1e3, 2 * np.pi / 2**16, None)
     J = 1.37e-3
-    fit = fit_presliding(loadings, LEVEL, KnownValue(J, 0.1 * J, Kind.OF_EXPERIMENT_FILE()), "revolute")
+    fit = fit_presliding(
+        loadings, LEVEL, KnownValue(J, 0.1 * J, Finding("of-experiment-file", NOTE, "the experiment file")), "revolute"
+    )
     assert fit.edges.value is not None
     assert fit.sigma_1.value == pytest.approx(0.2 * np.sqrt(J * fit.edges.value), rel=1e-12)
     assert fit.sigma_1.value is not None

@@ -10,6 +10,7 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.estimation.covariance import student
+from bristle.findings import NOTE, Finding
 from bristle.identification.fits import Uncertainty
 from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
@@ -20,7 +21,7 @@ from bristle.model.vectorize import evaluate
 
 from .conftest import GRIPPER
 
-SOURCE = Kind.OF_STATIC_FIT()
+SOURCE = Finding("of-static-fit", NOTE, "the static fit")
 
 G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
 TIME = np.arange(0, 20, 0.02)

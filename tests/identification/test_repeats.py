@@ -12,13 +12,12 @@ from bristle.data.record import Record
 from bristle.data.slow_loading import Loading
 from bristle.estimation.covariance import student
 from bristle.estimation.interval_comparison import they_differ
-from bristle.findings import CAUTION, Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.uncertainty import parts_of_runs
 from bristle.identification.dynamic.unknowns import logarithms
 from bristle.identification.fits import Estimate, RunScatter, TrackingFit, Uncertainty
-from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.repeats import (
@@ -260,7 +259,7 @@ def loading(stiffness: float, file: str, noise: float, seed: int) -> Loading:
 
 def test_slow_loading_runs_that_differ_are_widened() -> None:
     """Runs whose stiffness differs by 10 % widen sigma_0 and say so; runs of one stiffness do not: the error of g0, common to all, is no scatter."""
-    level = KnownValue(GRIPPER.alpha_0 + GRIPPER.alpha_1, 1e-4, Kind.OF_STATIC_FIT())
+    level = KnownValue(GRIPPER.alpha_0 + GRIPPER.alpha_1, 1e-4, Finding("of-static-fit", NOTE, "the static fit"))
     for shares in ((1.0, 1.1, 0.9, 1.05), (1.0, 1.0, 1.0, 1.0)):
         own = [loading(x * GRIPPER.sigma_0, f"run {k}", 2e-5, k) for k, x in enumerate(shares)]
         fit = fit_presliding(own, level, None, "revolute")

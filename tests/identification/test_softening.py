@@ -9,7 +9,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.fits import AmplitudeStiffness
 from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import identify_presliding
@@ -22,7 +22,7 @@ from .conftest import GRIPPER
 
 G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
 TIME = np.arange(0, 20, 0.01)
-SOURCE = Kind.OF_STATIC_FIT()
+SOURCE = Finding("of-static-fit", NOTE, "the static fit")
 Law = Callable[[Array], Array]
 """Displacement over torque."""
 COUNTS = [0.0, 2 * np.pi / 2**16, 2 * np.pi / 2**14]

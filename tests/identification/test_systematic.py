@@ -13,11 +13,11 @@ import yaml
 import bristle
 from bristle.arrays import Interval
 from bristle.data.experiment.schema import FitOptions
+from bristle.findings import NOTE, Finding
 from bristle.identification.curve import band
 from bristle.identification.dynamic.output_error import Window, with_more_torque
 from bristle.identification.dynamic.problem import InitialState, residuals
 from bristle.identification.fits import Estimate, StaticFit
-from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Joint
@@ -175,7 +175,7 @@ def test_loadings_that_soften_or_scatter_widen_the_statistical_part_alone(*, sof
     differ = [loading(x, f"run {k}", 2e-5, k) for k, x in enumerate(stiff.tolist())]
     own = loadings(maxwell_slip, 0.0, 4, 1) if softens else differ
     level = KnownValue(max(x.held for x in own), np.inf, SOURCE) if bound else KnownValue(G0, 1e-4, SOURCE)
-    J = KnownValue(0.01, 0.0, Kind.OF_EXPERIMENT_FILE())
+    J = KnownValue(0.01, 0.0, Finding("of-experiment-file", NOTE, "the experiment file"))
     exact = fit_presliding(own, level, J, "revolute")
     shifts = {} if bound else {"K": SHARE * G0}
     off = [replace(x, shares={"K": SHARE}) for x in own]

@@ -9,6 +9,7 @@ from bristle.findings import Finding
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, TrackingFit
 from bristle.identification.messages import Kind
 from bristle.identification.results import Consistency, Joint
+from bristle.identification.shared_findings import correlated
 from bristle.model.parameters import ParameterName, unit
 
 from ..names import named
@@ -20,7 +21,7 @@ AGREE = Kind.STAGE_AGREES()
 DIFFER = Kind.DISTRUST_STAGE(stage="static")
 NOT_SHOWN = Kind.STAGE_UNSEEN()
 UNSEEN = Kind.UNSEEN_FAR()
-CORRELATED = Kind.CORRELATED(lag_one=0.62, widened=2.1)
+CORRELATED = correlated(lag_one=0.62, widened=2.1)
 IPOPT = Kind.IPOPT_AGREES(worst=1e-6, reached=2, starts=2)
 STRETCH = 701
 """Equations of the first stretch."""

@@ -61,56 +61,12 @@ class Kind(Enum):
         """Its name as a user types it, and as documents have it for an anchor: `lacks-a-term`."""
         return self.name.lower().replace("_", "-")
 
-    # segments: why one is rejected
-
-    POINT_AT_REST = _NOTE, "At rest: friction at zero velocity is not a function of velocity; remove such rows."
-
-    POINT_TOO_SLOW = (
-        _NOTE,
-        "Slower than segments.minimum_velocity: {speed:.3g velocity}, and {least:.3g velocity} is required.",
-    )
-    BELOW_BREAKAWAY = (
-        _NOTE,
-        (
-            "Below breakaway: at {speed:.3g velocity} its torque is {torque:.4g torque}, and that of the sliding points around it "
-            "{expected:.4g torque}; "
-            "leave it out, or measure there for longer."
-        ),
-    )
-    STRAY_DROPPED = (
-        _NOTE,
-        "Off the law of the others by {deviations:.0f} standard deviations; fit.set_up: as-written would make it pass.",
-    )
-    EXCLUDED = _NOTE, "Excluded: fit.exclude names it."
-
     # what a fit leaves
-    SET_UP_PAYS = (
-        _NOTE,
-        (
-            "Under fit, write {lines}: on parts of the data that were held out in turn the relative error then falls "
-            "from {asked:.2g} to {error:.2g} %."
-        ),
-    )
     TERM_EXPLAINS = (
         _NOTE,
         (
             "Under fit, write {lines}: beside all that is fitted it explains {share:.0%} of the squares that the fit leaves "
             "(an F test, to first order)."
-        ),
-    )
-    ORDERS_FOUND = (
-        _NOTE,
-        (
-            "Of {tried} orders, from {first} to {last} per {turn}, {orders!l} explain more of what the fit without them leaves "
-            "than chance does (F tests at 1 %, corrected for all orders tried): they are fitted. To keep them, write "
-            "orders: [{orders!l}] under fit."
-        ),
-    )
-    NO_ORDERS = (
-        _NOTE,
-        (
-            "Of {tried} orders, up to {last} per {turn}, none explains more of what the fit leaves than chance does (F tests at 1 %, "
-            "corrected for all orders tried): nothing that repeats with the position is fitted."
         ),
     )
     LACKS_A_TERM = _CAUTION, "The fit lacks a term. {advice}"
@@ -244,37 +200,11 @@ class Kind(Enum):
     )
 
     # intervals of any fit
-    RUNS_SCATTER = (
-        _CAUTION,
-        (
-            "The {runs} runs differ by more than chance (chi-squared, 1 %): fitted apart, they scatter by "
-            "{scatter:.2g} times their standard errors, {farthest} farthest from the median. The standard error is "
-            "multiplied by {widened:.2g}, and the interval has Student's t of {freedom} degree{freedom!e} of freedom; "
-            "look for what changed between the runs (temperature, load, wear)."
-        ),
-    )
-    RUNS_MOVE = (
-        _CAUTION,
-        (
-            "The {runs} runs differ by more than chance (F test, 1 %), {farthest} most: without each in turn the "
-            "value moves {widened:.2g} times as much as its standard error says. That is multiplied by it, and the interval has "
-            "Student's t of {freedom} degree{freedom!e} of freedom; look for what changed (temperature, load, wear)."
-        ),
-    )
-    POINTS_FOR_PARAMETERS = _NOTE, "{points} points for {parameters} parameters"
     RESIDUAL_BLOCKS = _NOTE, "{blocks} blocks of independent residuals"
     SAMPLE_BLOCKS = _NOTE, "{blocks} blocks of samples"
     EDGE_BLOCKS = _NOTE, "{blocks} blocks of count edges"
     NO_BOOTSTRAP = _NOTE, "No bootstrap: {few} are too few to resample; at least {least} are needed."
-    NO_BLOCKS = (
-        _NOTE,
-        (
-            "No bootstrap: the residuals are correlated over so long that fewer than {least} blocks are left to "
-            "resample."
-        ),
-    )
     AT_BOUND = _CAUTION, "At its physical bound of zero: the interval is one-sided."
-    INTERVALS_AT_BOUND = _CAUTION, "At its physical bound of zero: the intervals are one-sided."
     NO_BOOTSTRAP_AT_BOUND = (
         _CAUTION,
         (
@@ -282,130 +212,11 @@ class Kind(Enum):
             "respect bounds."
         ),
     )
-    REFITTED_FROM_GRID = _NOTE, "A profile found a lower cost than the grid; the fit was repeated from there."
     REFITTED = _NOTE, "A profile found a lower cost than the fit; the fit was repeated from there."
     STILL_LOWER = _CRITICAL, "Profiles still find lower costs after {fits} new fits: do not use this fit."
     NOT_FITTED = _NOTE, "It was not fitted: there is nothing to profile or to resample."
 
     # static fits
-    STRAYS = (
-        _CAUTION,
-        "{count} point{count!e} off the law of the others: {points!m}. {other} {advice}",
-    )
-    STRAYS_MATTER = (
-        _CRITICAL,
-        (
-            "{count} point{count!e} off the law of the others: {points!m}. {other} That is more than one standard error of "
-            "{moved!l}. {advice}"
-        ),
-    )
-    STRAYS_LEFT_OUT = (
-        _CAUTION,
-        (
-            "{count} point{count!e} off the law of the others, left out: {points!m}. {other} To keep, write `set_up: as-written` under fit."
-        ),
-    )
-    TO_LEAVE_OUT = _NOTE, "To leave out, leave `set_up: as-written` out."
-    NOT_STRAYS = (
-        _NOTE,
-        "They stay: neighbours, the ends of the range, or more than a tenth of the points are no strays, but show what the law lacks.",
-    )
-    FALLS_OFF = (
-        _NOTE,
-        (
-            "They are the slowest, and have less friction than the law: below {speed:.3g velocity} it falls towards 0, as a regularised "
-            "law does, or they do not slide. Write `segments: {{minimum_velocity: {speed:.3g velocity}}}` to leave them out."
-        ),
-    )
-    TERM_FIRST = (
-        _NOTE,
-        "But a term that the fit lacks explains more than that: add it first (see below); then look which points are still off.",
-    )
-    STRAY_POINT = (
-        _NOTE,
-        "{file} {where} ({torque:.4g torque} at {velocity:.3g velocity}, {deviations:+.0f} standard deviations off)",
-    )
-    POINT_NAMED = _NOTE, "{file} {where} ({torque:.4g torque} at {velocity:.3g velocity})"
-    WITHOUT_STRAYS = _NOTE, "Without: {values!l}; relative error {error:.2g} % instead of {now:.2g} %."
-    WITH_STRAYS = _NOTE, "With: {values!l}; relative error {error:.2g} % instead of {now:.2g} %."
-    PARAMETER_VALUE = _NOTE, "{name} {value:.4g}{name!u}"
-    PARAMETER_WITH_ERROR = _NOTE, "{name} {value:.4g} +/- {error:.2g}{name!u}"
-    MISFIT = (
-        _CRITICAL,
-        (
-            "The law does not fit{direction!d}: more than {most} of {count} points would have to be left out, {points!m} first. "
-            "Look at the residuals for what is missing; `exclude` under fit leaves out points that you know to be faulty."
-        ),
-    )
-    RESTING_LEFT_OUT = (
-        _NOTE,
-        "{count} point{count!e} below breakaway left out{direction!d}: {points!m}; the joint does not slide there.",
-    )
-    STATIC_CONVERGED = _NOTE, "Converged."
-    STATIC_AT_BOUND = _CAUTION, "A parameter lies at its physical bound; its interval is one-sided."
-    STATIC_AT_EDGE = (
-        _CRITICAL,
-        "The best v_s lies at the edge of the range searched; these velocities do not bracket it.",
-    )
-    STATIC_NO_STRIBECK = (
-        _CAUTION,
-        "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted.",
-    )
-    STATIC_AS_ASKED = _NOTE, "Coulomb and viscous friction alone are fitted, as fit.law asks."
-    STATIC_STICK_SLIP = (
-        _CAUTION,
-        "The Stribeck term depends on points that stick and slip; without them it is not identifiable.",
-    )
-    STATIC_TOO_FEW = _CRITICAL, "Too few points for the parameters; nothing is estimated."
-    BOUND = _CAUTION, "{name} lies at its physical bound of zero; an unconstrained fit would make it negative."
-    FEW_BELOW_V_S = (
-        _CAUTION,
-        (
-            "Only {below} of {points} points lie below v_s{direction!d}; measure slower speeds to identify the "
-            "Stribeck term."
-        ),
-    )
-    ILL_CONDITIONED = (
-        _CAUTION,
-        (
-            "Ill conditioned: the scaled Jacobian's condition number is {condition:.2g}; some parameters are "
-            "strongly correlated."
-        ),
-    )
-    FLAT_PROFILE = _CRITICAL, "v_s is not identifiable from these speeds{direction!d}: its profile is flat."
-    ONE_SIDED_PROFILE = (
-        _CAUTION,
-        "The interval of v_s is one-sided{direction!d}: the data do not bound v_s from {side}.",
-    )
-    AT_EDGE = (
-        _CRITICAL,
-        "The best v_s lies at the edge of the range searched{direction!d}, {low:.3g velocity} to {high:.3g velocity}.",
-    )
-    SECOND_MINIMUM = (
-        _CAUTION,
-        "The cost has a second minimum{direction!d} at v_s = {v_s:.3g}, below the 95 % threshold.",
-    )
-    TOO_FEW_FOR_PEAK = _CAUTION, "{points} points are too few for a Stribeck term; at least {least} are needed."
-    NO_STRIBECK = (
-        _CAUTION,
-        ("Stribeck term not identifiable{direction!d}: {why}; Coulomb and viscous friction alone are fitted."),
-    )
-    NO_PEAK = _CAUTION, "no sign of a Stribeck peak"
-    LIKE_NOISE = _CAUTION, "noise alone would look as much like a Stribeck peak in {percent:.0f} % of cases"
-    BEND = (
-        _CAUTION,
-        (
-            "its v_s of {v_s:.3g velocity} would lie near the fastest speed, {fastest:.3g velocity}, so the term would bend the "
-            "whole curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
-        ),
-    )
-    ONE_SPEED = (
-        _CAUTION,
-        (
-            "its v_s of {v_s:.3g velocity} would lie below a third of the slowest speed, {slowest:.3g velocity}, so the term would "
-            "depend on that one speed (slower ones would decide)"
-        ),
-    )
     TAKES_UP_PEAK = (
         _CAUTION,
         (
@@ -413,63 +224,8 @@ class Kind(Enum):
             "speeds, and no others."
         ),
     )
-    V_S_DOWN_TO_ZERO = (
-        _CAUTION,
-        "these speeds set no lower limit on v_s (slower ones would)",
-    )
-    V_S_UP_TO_ANY = (
-        _CAUTION,
-        "these speeds set no upper limit on v_s (faster ones, or more of them, would)",
-    )
-    NONE_BELOW_V_S = (
-        _CAUTION,
-        "no speed lies below its v_s of {v_s:.3g velocity} (the slowest is {slowest:.3g velocity}; slower ones would decide)",
-    )
-    NO_STRIBECK_ASKED = _NOTE, "Not fitted: fit.law is coulomb-viscous."
-    PEAK_LEFT_OUT = _CAUTION, "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
-    ALPHA_1_OPEN = _CAUTION, "No finite interval: v_s has none, and alpha_1 grows with v_s."
-    V_S_OPEN_BELOW = _CAUTION, "No finite interval: the data allow v_s down to zero."
-    SHAPE_OPEN = _CAUTION, "No finite interval: the data allow it to the end of what is searched."
-    FASTEST_MEASURED = _NOTE, "Not estimated: the fastest speed that was measured."
-    V_S_OPEN_ABOVE = _CAUTION, "No finite interval: the data set no upper limit on v_s."
-    TOO_FEW_POINTS = (
-        _CRITICAL,
-        "{points} points for {parameters} linear parameters: at least {least} are needed; measure more speeds.",
-    )
-    INDISTINCT = (
-        _CRITICAL,
-        (
-            "The points do not separate the linear parameters (one speed only, or a regressor that never "
-            "changes); measure more speeds."
-        ),
-    )
-    STICK_SLIP_POINTS = (
-        _CAUTION,
-        "{sticking} of {points} points stick and slip; the fit without them is shown for comparison.",
-    )
-    NOTHING_WITHOUT = _CAUTION, "Without the points that stick and slip no fit is possible. {inner}"
-    WITHOUT_STICK_SLIP = _NOTE, "Without the points that stick and slip: {inner}"
 
     # two routes to one fit
-    FULL_FIT_LOWER = (
-        _CRITICAL,
-        (
-            "The full nonlinear fit found a lower cost than the grid ({full:.6g} against {grid:.6g}); use neither"
-            " before the cause is known. {reached} of {starts} random starts of the full fit reached its lowest "
-            "cost."
-        ),
-    )
-    GRID_LOWER = (
-        _NOTE,
-        "The grid found a lower cost than any start of the full nonlinear fit ({grid:.6g} against {full:.6g}).",
-    )
-    ROUTES_AGREE = (
-        _NOTE,
-        (
-            "Grid and full nonlinear fit agree: the largest difference is {worst:.2g} standard errors. {reached} "
-            "of {starts} random starts of the full fit reached its lowest cost."
-        ),
-    )
     IPOPT_AGREES = (
         _NOTE,
         (
@@ -692,28 +448,6 @@ class Kind(Enum):
         ),
     )
     STAGES_DIFFER = _CAUTION, "The moving runs and the other stages differ by more than chance in {names!l}."
-    STATIC_WITHOUT_PRESLIDING = (
-        _CAUTION,
-        (
-            "The fit of all parameters, which knows presliding, finds {value:.4g} +/- {error:.2g} {unit} in the same runs, "
-            "which is more than chance{trust}. The standard error here is multiplied by {factor:.2g} to reach "
-            "it."
-        ),
-    )
-    BELIEVE_MOVING = _NOTE, ": believe that one"
-    MOVING_IN_DOUBT = _NOTE, "; but that fit is questionable itself, as its warnings say: believe neither"
-    STATIC_SUPERSEDED = (
-        _NOTE,
-        (
-            "Presliding decides these runs: the relative error is {error:.2g} % without it and {other:.2g} % with it. Use the "
-            "fit of all parameters of the moving runs, not these numbers."
-        ),
-    )
-    SEE_MOVING = _NOTE, "No number without presliding: see the fit of all parameters of the same runs."
-    WIDENED_TO_MOVING = (
-        _NOTE,
-        "The standard error is multiplied by {factor:.2g} to reach {value:.4g} +/- {error:.2g} {unit} of the fit of all parameters.",
-    )
     STAGES_DO_NOT_FIT = (
         _CRITICAL,
         (
@@ -848,17 +582,6 @@ class Kind(Enum):
     EDGES = _NOTE, "{edges} count edges"
 
     # the joint as a whole
-    DIRECTION_UNKNOWN = _CAUTION, "Direction {direction} is not identified: {why}."
-    NONE_KEPT = _CAUTION, "none of its {tried} candidate segments was kept"
-    NOT_MEASURED = _CAUTION, "it was not measured"
-    POSITIONS_DISAGREE = (
-        _CAUTION,
-        "Position and velocity disagree in {differ} of {kept} kept segments; the slope of the position is used.",
-    )
-    TORQUES_DOUBTED = (
-        _CAUTION,
-        "The torque of {doubted} of {kept} kept segments is questionable; the list of segments says why.",
-    )
     OFFSET_LEFT_OUT = (
         _NOTE,
         (
@@ -866,71 +589,6 @@ class Kind(Enum):
             "directions, the offset would be {offset:.3g} {unit}: see whether the torque is zero where nothing loads the joint."
         ),
     )
-    HELD_OUT_UNUSED = _NOTE, "Held-out presliding runs are not used: {files!l}."
-    TRUTH_UNDECLARED = _CAUTION, "True parameters are given (truth), but the data are not declared simulated."
-
-    # limits of a plan that nobody declared
-    LIMIT_SPEED = _NOTE, "Fastest speed: {value:g} {unit}, the fastest measured; set plan.velocity to override."
-    LIMIT_SLOWEST = (
-        _NOTE,
-        (
-            "Slowest constant speed: {value:g} {unit}, the slowest measured that did not stick and slip; "
-            "set plan.minimum_velocity to override."
-        ),
-    )
-    LIMIT_SLOWEST_GUESSED = (
-        _CAUTION,
-        (
-            "Slowest constant speed: {value:g} {unit}, {share:g} of the fastest: no run at constant velocity shows where the drive "
-            "begins to stick and slip; set plan.minimum_velocity to override."
-        ),
-    )
-    LIMIT_HOLD = _NOTE, "Averaged over: {value:g} {unit}, the usual hold so far; set plan.hold to override."
-    LIMIT_HOLD_GUESSED = _CAUTION, "Averaged over: {value:g} {unit}, a guess; set plan.hold to override."
-    LIMIT_POSITIONS = (
-        _NOTE,
-        (
-            "Positions: {low:.3g} to {high:.3g} {unit}, as far as the measured runs went, in their coordinates; "
-            "set plan.position to override."
-        ),
-    )
-    LIMIT_POSITIONS_GUESSED = (
-        _CAUTION,
-        (
-            "Positions: 0 to {high:.3g} {unit}, which the fastest hold needs: no run has positions; "
-            "set plan.position to override."
-        ),
-    )
-    LIMIT_ACCELERATION = (
-        _NOTE,
-        "Largest acceleration: {value:g} {unit}, the largest measured; set plan.acceleration to override.",
-    )
-    LIMIT_ACCELERATION_GUESSED = (
-        _CAUTION,
-        "Largest acceleration: {value:g} {unit}, {seconds:g} s from rest to the fastest speed; set plan.acceleration to override.",
-    )
-    LIMIT_LINKS = (
-        _NOTE,
-        (
-            "Of the torque limit {links:.3g} {unit} are kept for the links, the most that they asked for in these runs; the other "
-            "joints are planned to rest."
-        ),
-    )
-    LIMIT_TORQUE = _NOTE, "Largest torque: {value:g} {unit}, the largest measured; set plan.torque to override."
-    LIMIT_RATE = _CAUTION, "Rate of the references: {rate:g} Hz, a default; set plan.rate to override."
-    LIMIT_FREQUENCY = (
-        _CAUTION,
-        (
-            "Highest frequency of the motion: {frequency:.3g} Hz{capped}, which the controller must be able to follow; "
-            "set plan.frequency to override."
-        ),
-    )
-    AT_WHICH = _NOTE, ", at which {why}"
-    FREQUENCY_LOWERED = (
-        _CAUTION,
-        "Highest frequency of the motion: {frequency:.3g} Hz, not the declared {declared:g} Hz: at {frequency:.3g} Hz {why}.",
-    )
-    CAPPED_BY_RATE = _NOTE, "plan.rate, {rate:g} Hz, gives {samples:g} samples to a period"
 
     # a joint in its loop
     SHAPE_HELD = (
@@ -940,84 +598,8 @@ class Kind(Enum):
             "velocity, or give it under fit.fixed."
         ),
     )
-    SAMPLED_FASTER = (
-        _NOTE,
-        "Sampled {ratio:.3g} times as fast as {slowest}: it is decimated by so much more, for equations as far apart.",
-    )
-    LOAD_LEFT_OUT = (
-        _CAUTION,
-        (
-            "Friction rises with load in the fit ({names!j}), by {rise:.3g} {unit} under 1 {unit}; here the joint is taken without "
-            "load."
-        ),
-    )
-
-    # what sensitivity is explored of
-    NOTHING_SEEN_OF = _CAUTION, "{name} is not identifiable."
-
-    # friction models side by side
-    USE_MODEL = _NOTE, "Use {model}: {why!m}."
-    NO_MODEL = (
-        _CAUTION,
-        "None of the models with the terms that the fit supports can be fitted to so few points.",
-    )
-    LOWEST_BIC = _NOTE, "it has the lowest BIC{next}"
-    LOWEST_BIC_OF_SUPPORTED = (
-        _NOTE,
-        "of the models with the terms that the fit supports it has the lowest BIC{next}",
-    )
-    NEXT_MODEL = _NOTE, " ({model} has {gap:.1f} more)"
-    NEXT_HARDLY_WORSE = _NOTE, " (hardly worse: {model} has {gap:.1f} more)"
-    AICC_PREFERS = _NOTE, "AICc prefers {model}"
-    PEAK_NOT_SUPPORTED = _NOTE, "the Stribeck term is not identifiable from these data, as the fit found{gain}"
-    PEAK_LOWERS_BIC = _NOTE, ", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)"
-    PEAK_OF_STICK_SLIP = _CAUTION, "but its Stribeck term rests on points that stick and slip"
-    BRISTLE_NOT_SHOWN = _NOTE, "the motion does not show LuGre's bristle"
-    LUGRE_IS_ITS_CURVE = _NOTE, "At constant velocity LuGre is its Stribeck curve, so it is not listed apart."
-    LUGRE_UNSETTLED = (
-        _CAUTION,
-        "{model}, {directions}: the fit had not settled; its numbers can still improve.",
-    )
-    TOO_FEW_FOR_MODELS = _NOTE, "Too few points, or too much alike, for {models!m}."
 
     # friction laws side by side
-    LAW_WANTED = (
-        _NOTE,
-        (
-            "The data want {law}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "
-            "out in turn, its error is {error:.3g} % of the torque instead of {before:.3g} %."
-        ),
-    )
-    LAW_BEST = (
-        _NOTE,
-        "The data ask for no other law than the paper's: it has the lowest BIC ({law} has {gap:.1f} more).",
-    )
-    LAW_KEPT = (
-        _NOTE,
-        "The data ask for no other law than the paper's: the BIC of {law} is {gain:.1f} lower, less than the 10 asked for.",
-    )
-    LAW_NOT_PREDICTING = (
-        _NOTE,
-        "The data ask for no other law than the paper's: the BIC of {law} is {gain:.1f} lower, but it predicts speeds that were left out no better.",
-    )
-    LAWS_TOO_FEW = (
-        _NOTE,
-        "The data cannot ask for another law than the paper's: there are too few points to leave speeds out.",
-    )
-    OTHER_LAW = (
-        _CAUTION,
-        (
-            "Under fit, write `law: {law}` (or `law: auto`): its BIC is {gain:.1f} lower than that of {own}, and at speeds "
-            "that were left out its error is {error:.3g} % of the torque instead of {before:.3g} %."
-        ),
-    )
-    OVER_LAWS = (
-        _CAUTION,
-        (
-            "Its interval takes the law as known, which the data chose. Over the laws that they allow it is "
-            "{low:.3g} to {high:.3g} {unit}."
-        ),
-    )
     CURVE_HELD = (
         _CAUTION,
         (
@@ -1027,23 +609,10 @@ class Kind(Enum):
     )
 
     # where the torque at which slow loading slides, and the inertia, come from
-    OF_STATIC_FIT = _NOTE, "the static fit"
-    OF_MOVING_RUNS = _NOTE, "the moving runs"
-    OF_EXPERIMENT_FILE = _NOTE, "the experiment file"
-    OF_STATIC_FIT_WITHOUT_PEAK = _NOTE, "alpha_0 of the static fit, which shows no peak"
-    OF_MOVING_RUNS_WITHOUT_PEAK = _NOTE, "alpha_0 of the moving runs, which show no peak"
     OF_BREAKAWAY = _NOTE, "breakaway in direction {direction}{creep}"
     OF_ONE_BREAKAWAY = _CAUTION, "breakaway in direction {direction}{creep}; its error of {share:.0%} is a guess"
     CREEP_ADDED = _NOTE, ", with up to {share:.0%} added for the creep before it"
     OF_LARGEST_HELD = _CAUTION, "the largest torque held: no run breaks away"
-
-    # how a fit of moving runs and a full fit ended, whether the stages agree, what was held out
-    HELD_OUT_RUNS = _NOTE, "Hold-out: held-out runs."
-    EACH_LEFT_OUT = _NOTE, "Hold-out: each point predicted from all others."
-
-    # compensation
-
-    # compensation: whether adaptation helps on a measured run
 
 
 UNRESOLVED = frozenset({

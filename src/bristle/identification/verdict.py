@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 from bristle.findings import CRITICAL, Finding, Severity
 from bristle.identification.known_joint import Known, Source, chosen, moving_fits
-from bristle.identification.messages import NOT_IDENTIFIABLE, WEIGHTIEST_FIRST, Kind
+from bristle.identification.messages import NOT_IDENTIFIABLE, WEIGHTIEST_FIRST
 from bristle.identification.results import Accuracy, Joint
+from bristle.identification.shared_findings import not_shown
 
 
 class Trust(StrEnum):
@@ -133,7 +134,7 @@ def _about_values(joint: Joint) -> Iterator[Finding]:
         yield from (warning for warning in _about_fit(joint, *part) if warning.code not in _REPEATED)
     unseen = [row for row in rows if row.estimate.value is None and _kinds(row) & NOT_IDENTIFIABLE]
     if unseen:
-        yield Kind.UNSEEN(names=tuple(str(row.parameter) for row in unseen))
+        yield not_shown(tuple(str(row.parameter) for row in unseen))
     for row in rows:
         if row not in unseen:
             yield from (warning for warning in row.estimate.warnings if warning.code not in _REPEATED)

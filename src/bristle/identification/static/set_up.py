@@ -17,9 +17,8 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.estimation.autocorrelation import explained_beside
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.fits import StaticFit, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     REGRESSORS,
@@ -30,6 +29,7 @@ from bristle.identification.moving_runs import (
     swings,
     terms_of,
 )
+from bristle.identification.shared_findings import lacks_a_term, term_explains
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.strays import refit
@@ -82,14 +82,19 @@ class BetterSetUp:
         """The fit, with the lines to change and what they would bring where that is clearly less than it leaves."""
         if fit.relative_error is None or self.error > _CLEARLY * fit.relative_error:
             return fit
-        pays = Kind.SET_UP_PAYS(lines=self.lines, asked=self.asked_error, error=self.error)
+        message = (
+            f"Under fit, write {self.lines}: on parts of the data that were held out in turn the relative error then falls "
+            f"from {self.asked_error:.2g} to {self.error:.2g} %."
+        )
+        numbers = {"lines": self.lines, "asked": self.asked_error, "error": self.error}
+        pays = Finding("set-up-pays", NOTE, message, numbers)
         if any(warning.code == "unexplained" for warning in fit.warnings):
             advised = (
                 replace(w, message=f"{w.message} {pays.message}") if w.code == "unexplained" else w
                 for w in fit.warnings
             )
             return replace(fit, warnings=tuple(advised))
-        return replace(fit, warnings=(Kind.LACKS_A_TERM(advice=pays), *filter(_is_other, fit.warnings)))
+        return replace(fit, warnings=(lacks_a_term(pays), *filter(_is_other, fit.warnings)))
 
     @property
     def lines(self) -> str:
@@ -235,8 +240,7 @@ def quadratic_left_out(problem: Regression, theta: Array) -> list[Finding]:
     p, share = explained_beside(known, rest, (v * np.abs(v))[:, None])
     if p > _RARE:
         return []
-    advice = Kind.TERM_EXPLAINS(lines=regressor_line(("quadratic",), asked), share=share)
-    return [Kind.LACKS_A_TERM(advice=advice)]
+    return [term_explains(regressor_line(("quadratic",), asked), share)]
 
 
 def _better(asked: SetUp, trial: _Trial) -> BetterSetUp | None:
