@@ -69,9 +69,8 @@ def ramp(quantum: float, phase: float, noise: float, rng: np.random.Generator) -
     measured = torque + noise * rng.standard_normal(time.size)
     record = Record(file="ramp", time=time, position=quantum * np.floor(y / quantum + phase), torque=measured)
     found = find_loadings(record, 2.0 if noise else 1e3, quantum, None)
-    return fit_presliding(
-        found, KnownValue(G0, 0.005 * G0, Finding("of-static-fit", NOTE, "the static fit")), None, "revolute"
-    )
+    level = KnownValue(G0, 0.005 * G0, Finding("of-static-fit", NOTE, "the static fit"))
+    return fit_presliding(found, level, None, "revolute")
 
 
 def error(fits: Sequence[PreslidingFit], method: str) -> Array:

@@ -10,9 +10,8 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.estimation.covariance import student
-from bristle.findings import NOTE, Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Uncertainty
-from bristle.identification.messages import Kind
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.presliding.stiffness import REACH, KnownValue, by_edges, of_loading, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
@@ -138,7 +137,7 @@ def test_a_lower_bound_is_all_there_is() -> None:
     """Where counts hide the motion the profile is the lower bound, open above, with the reason; nothing is drawn."""
     own, level = loadings(0), KnownValue(G0, 0.01 * G0, SOURCE)
     estimates = stiffness(own, level, "revolute")
-    finer = Kind.WITHIN_NOISE(edges=Kind.ONE_EDGE(), least=2.0, unit="N*m/rad")
+    finer = Finding("within-noise", CAUTION, "sigma_0 is at least 2 N*m/rad.", {"least": 2.0})
     hidden = Uncertainty(covariance=None, profile=(2.0, np.inf), bootstrap=None, warnings=(finer,))
     bound = estimates["edges"].__class__(value=None, unit="", interval=(2.0, np.inf), warnings=hidden.warnings)
     three = stiffness_uncertainty(own, level, "edges", bound)

@@ -9,7 +9,6 @@ from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.messages import Kind
 from bristle.identification.results import Accuracy, Joint
-from bristle.identification.shared_findings import at_bound, correlated, not_shown
 from bristle.identification.verdict import Trust, other_warnings, value_warnings, verdict
 from bristle.model.parameters import ParameterName
 
@@ -18,7 +17,7 @@ from ..simulation.joints import GRIPPER, joint, tracked, unseen, values_of
 
 CRITICAL = Kind.STAGES_DO_NOT_FIT(joint=9.0, alone=1.0)
 CAUTION = Kind.NOT_PASSIVE(direction="+", alpha_2=0.1, least=0.2)
-NOTE = correlated(lag_one=0.5, widened=1.7)
+NOTE = Kind.CORRELATED(lag_one=0.5, widened=1.7)
 
 
 def whole(*warnings: Finding) -> TrackingFit:
@@ -77,13 +76,13 @@ def test_a_cause_goes_before_the_size_of_what_is_left() -> None:
 def test_values_that_are_not_identifiable_are_named_once() -> None:
     """What no stage shows is named in one warning; what another stage shows is not."""
     fit = unseen(
-        whole(not_shown(("alpha_0+", "sigma_0+", "sigma_1+"))),
+        whole(Kind.UNSEEN(names=("alpha_0+", "sigma_0+", "sigma_1+"))),
         {"alpha_0+": 1.0, "sigma_0+": 1.0, "sigma_1+": 1.0},
     )
     for name in ("alpha_0+", "sigma_0+", "sigma_1+"):
-        fit = said(fit, name, at_bound(), Kind.UNSEEN_FAR())
+        fit = said(fit, name, Kind.AT_BOUND(), Kind.UNSEEN_FAR())
     own = joint(fit, static={"+": static()})
-    assert value_warnings(own) == (not_shown(("sigma_0+", "sigma_1+")),)
+    assert value_warnings(own) == (Kind.UNSEEN(names=("sigma_0+", "sigma_1+")),)
 
 
 @pytest.mark.parametrize(

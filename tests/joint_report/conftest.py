@@ -167,7 +167,7 @@ def gripper(name: str = "gripper rotation") -> Joint:
 QUANTUM = 2e-4
 """One count of the encoder that saw the loadings, rad."""
 FEW = Kind.FEW_COUNTS(edges=60, loadings=3)
-PRIOR = Kind.PRIOR(ratio=0.1, source=Finding("of-experiment-file", NOTE, "the experiment file"))
+PRIOR = Kind.PRIOR(ratio=0.1, source="the experiment file")
 UNKNOWN_REST = Kind.WHOLE_COUNT()
 
 

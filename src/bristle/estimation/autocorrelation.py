@@ -10,7 +10,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.findings import CAUTION, CRITICAL, Finding, unit_of
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
 
 _WINDOW = 5.0
 """Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times."""
@@ -73,6 +73,13 @@ def standard_error(x: Array) -> float | None:
     """
     tau = inflation(x)
     return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
+
+
+def correlated(residuals: Array, widened: float) -> Finding:
+    """That residuals go with their neighbours, and by what errors are multiplied for it."""
+    lag = lag_one(residuals)
+    message = f"Residuals are correlated (lag one {lag:.2f}); standard errors are multiplied by {widened:.1f} for it."
+    return Finding("correlated", NOTE, message, {"lag_one": lag, "widened": widened})
 
 
 def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:

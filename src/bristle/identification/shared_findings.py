@@ -8,14 +8,6 @@ def at_bound() -> Finding:
     return Finding("at-bound", CAUTION, "At its physical bound of zero: the interval is one-sided.")
 
 
-def correlated(lag_one: float, widened: float) -> Finding:
-    """Of residuals, with their correlation and by how much it widens standard errors."""
-    message = (
-        f"Residuals are correlated (lag one {lag_one:.2f}); standard errors are multiplied by {widened:.1f} for it."
-    )
-    return Finding("correlated", NOTE, message, {"lag_one": lag_one, "widened": widened})
-
-
 def curve_held(fastest: float) -> Finding:
     """Of viscous friction that bends down, with the fastest speed that was measured, rad/s."""
     message = (

@@ -7,10 +7,9 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.estimation import covariance as uncertainty
-from bristle.estimation.autocorrelation import lag_one
+from bristle.estimation.autocorrelation import correlated
 from bristle.findings import CAUTION, CRITICAL, Finding, in_direction, unit_of
 from bristle.identification.fits import Profile
-from bristle.identification.shared_findings import correlated
 from bristle.identification.static.grid import Solution
 from bristle.identification.static.problem import Regression
 from bristle.model.parameters import Direction
@@ -50,7 +49,7 @@ def fit_warnings(
         warnings.append(Finding("ill-conditioned", CAUTION, message, {"condition": condition}))
     if variance_inflation > 2:
         residuals = problem.residuals(solution.theta)
-        warnings.append(correlated(lag_one(residuals), sqrt(variance_inflation)))
+        warnings.append(correlated(residuals, sqrt(variance_inflation)))
     return tuple(warnings)
 
 
