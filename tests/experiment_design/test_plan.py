@@ -8,11 +8,10 @@ import pandas as pd
 import pytest
 
 import bristle
-from bristle.findings import Finding, Severity
+from bristle.findings import NOTE, Finding, Severity
 from bristle.identification.fits import StaticFit
 from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured, measure
-from bristle.identification.messages import Kind
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MEASURED
@@ -296,7 +295,7 @@ def test_robust_scatter_is_that_of_normal_noise() -> None:
         rms=float(np.sqrt(np.mean(residuals**2))),
         relative_error=None,
         n=residuals.size,
-        outcome=Kind.STATIC_CONVERGED(),
+        outcome=Finding("static-converged", NOTE, "Converged."),
         names=Stribeck._fields,
         residuals=residuals,
     )

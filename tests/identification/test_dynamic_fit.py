@@ -32,8 +32,8 @@ from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.dynamic.unknowns import least_squares as posed_about
 from bristle.identification.dynamic.what_is_left import pattern_left
 from bristle.identification.fits import TrackingFit
-from bristle.identification.messages import NOT_IDENTIFIABLE
 from bristle.identification.moving_runs import moved_in
+from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bristle.estimation.covariance import covariance as fitted_covariance
+from bristle.findings import CAUTION, Finding
 from bristle.identification.fisher import (
     Information,
     covariance,
@@ -17,7 +18,6 @@ from bristle.identification.fisher import (
     static_jacobian,
     unseen_directions,
 )
-from bristle.identification.messages import Kind
 from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
@@ -149,7 +149,8 @@ def test_what_is_not_seen_has_no_error_bound() -> None:
     assert np.isfinite(info.standard_errors[0])
     assert np.isfinite(info.correlation).all()
     nothing, hardly = info.unseen
-    assert nothing == Kind.NOTHING_SEEN_OF(name=ParameterName.parse("d"))
+    assert nothing == Finding("nothing-seen-of", CAUTION, "d is not identifiable.")
+    assert nothing.numbers == {"name": ParameterName.parse("d")}
     assert hardly.code == "only-as-sum"
     assert set(map(str, hardly.numbers["all"])) == {"b", "c"}
     with pytest.raises(ValueError, match="read-only"):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bristle.errors import InputError
+from bristle.findings import NOTE, Finding
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.known_joint import DEFLECTION, Source, chosen, draws_of, known_joint, whole
-from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import SIGNED, Direction, Pair, ParameterName
@@ -25,7 +25,7 @@ def with_static(own: Joint, alpha_1: float | None) -> Joint:
     values = {"alpha_0": 2 * GRIPPER.positive.alpha_0, "alpha_1": alpha_1, "alpha_2": 1.0, "v_s": 0.1}
     fit = StaticFit(
         direction="+", parameters={n: Estimate(value=x, unit="-") for n, x in values.items()}, rms=None, relative_error=None,
-        n=0, outcome=Kind.STATIC_CONVERGED(),
+        n=0, outcome=Finding("static-converged", NOTE, "Converged."),
     )  # fmt: skip  # a list of values
     return replace(own, static={"+": fit})
 

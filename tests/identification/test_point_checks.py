@@ -15,10 +15,9 @@ from bristle.data.experiment.load import Run, load_experiment
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.measured import Measured
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import loads_slowly, refuse_opposing, unrelated
 from bristle.identification.offset import offset_or_friction
 from bristle.identification.point_checks import point_warnings
@@ -46,7 +45,7 @@ def fits(rms: float) -> dict[str, StaticFit]:
     alpha_0 = Estimate(value=TRUTH.alpha_0, unit="N*m")
     return {
         d: StaticFit(
-            direction=d, parameters={"alpha_0": alpha_0}, rms=rms, relative_error=1.0, n=10, outcome=Kind.STATIC_CONVERGED()
+            direction=d, parameters={"alpha_0": alpha_0}, rms=rms, relative_error=1.0, n=10, outcome=Finding("static-converged", NOTE, "Converged.")
         )
         for d in "+-"
     }  # fmt: skip  # a list of values

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from bristle.findings import Finding, Severity
-from bristle.identification.dynamic.claims import not_seen
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.results import Accuracy, Joint
+from bristle.identification.shared_findings import not_shown
 from bristle.identification.verdict import Trust, other_warnings, value_warnings, verdict
 from bristle.model.parameters import ParameterName
 
@@ -40,7 +39,8 @@ def static(*warnings: Finding) -> StaticFit:
     """A static fit of direction +, of which nothing is shown beside a moving fit that knows all."""
     estimate = Estimate(value=1.0, unit="N*m")
     return StaticFit(
-        direction="+", parameters={"alpha_0": estimate}, rms=None, relative_error=None, n=9, outcome=Kind.STATIC_CONVERGED(), warnings=warnings,
+        direction="+", parameters={"alpha_0": estimate}, rms=None, relative_error=None, n=9,
+        outcome=Finding("static-converged", Severity.NOTE, "Converged."), warnings=warnings,
     )  # fmt: skip  # a list of values
 
 
@@ -80,7 +80,7 @@ def test_a_cause_goes_before_the_size_of_what_is_left() -> None:
 def test_values_that_are_not_identifiable_are_named_once() -> None:
     """What no stage shows is named in one warning; what another stage shows is not."""
     fit = unseen(
-        whole(*not_seen(map(parse, ("alpha_0+", "sigma_0+", "sigma_1+")))),
+        whole(*not_shown(map(parse, ("alpha_0+", "sigma_0+", "sigma_1+")))),
         {"alpha_0+": 1.0, "sigma_0+": 1.0, "sigma_1+": 1.0},
     )
     for name in ("alpha_0+", "sigma_0+", "sigma_1+"):
@@ -91,7 +91,7 @@ def test_values_that_are_not_identifiable_are_named_once() -> None:
             Finding("unseen-far", Severity.CAUTION, "Not identifiable from this motion."),
         )
     own = joint(fit, static={"+": static()})
-    assert value_warnings(own) == not_seen(map(parse, ("sigma_0+", "sigma_1+")))
+    assert value_warnings(own) == not_shown(map(parse, ("sigma_0+", "sigma_1+")))
 
 
 @pytest.mark.parametrize(

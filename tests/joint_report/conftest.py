@@ -13,10 +13,9 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, Loop
-from bristle.findings import CAUTION, NOTE, Finding, unit_of
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
 from bristle.identification.curve import curve
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, Presliding, PreslidingFit, Profile, StaticFit
-from bristle.identification.messages import Kind
 from bristle.identification.results import Input, Joint
 from bristle.model.functions import loading_displacement_function, stribeck_shape_function
 from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, unit
@@ -28,6 +27,19 @@ TABLE_1 = {
     "-": Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146),
 }
 NOISE = 2e-4
+FEW_BELOW = Finding(
+    "few-below-v-s",
+    CAUTION,
+    "Only 2 of 14 points lie below v_s in direction +; measure slower speeds to identify the Stribeck term.",
+    {"below": 2, "points": 14, "direction": "+"},
+)
+AGREE = Finding(
+    "routes-agree",
+    NOTE,
+    "Grid and full nonlinear fit agree: the largest difference is 1e-07 standard errors. 7 of 8 random starts of the full fit "
+    "reached its lowest cost.",
+    {"worst": 1e-7, "reached": 7, "starts": 8},
+)
 HOSTILE = """<script>alert("$x$")</script>&amp; 'q' $\\frac{$ --> ]]>"""
 
 
@@ -56,8 +68,8 @@ def fitted(direction: str, seed: int = 0) -> StaticFit:
         rms=float(np.sqrt(cost / v.size)),
         relative_error=float(100 * np.sqrt(cost) / np.linalg.norm(torque)),
         n=v.size,
-        outcome=Kind.STATIC_CONVERGED(),
-        warnings=(Kind.FEW_BELOW_V_S(below=2, points=14, direction="+"),) if direction == "+" else (),
+        outcome=Finding("static-converged", NOTE, "Converged."),
+        warnings=(FEW_BELOW,) if direction == "+" else (),
         hold_out=(HoldOut(file="held.csv", relative_error=1.25),),
         names=NAMES,
         covariance=covariance,
@@ -114,7 +126,7 @@ def checked(fit: StaticFit) -> Crosscheck:
     values = {ParameterName(n, Direction(fit.direction)): e.value or 0.0 for n, e in fit.parameters.items()}
     return Crosscheck(
         cost_grid=cost, cost_full=cost, starts=8, reached=7, parameters=values,
-        difference_in_se=dict.fromkeys(values, 1e-7), verdict=Kind.ROUTES_AGREE(worst=1e-7, reached=7, starts=8),
+        difference_in_se=dict.fromkeys(values, 1e-7), verdict=AGREE,
     )  # fmt: skip  # as above
 
 
@@ -202,7 +214,8 @@ def slow_fit(direction: str) -> PreslidingFit:
     return PreslidingFit(
         direction=direction, printed=first, corrected=replace(first, value=1.1 * half), edges=stiffness, samples=replace(stiffness, value=1.05 * s),
         sigma_1=Estimate(value=p.sigma_1, unit=unit("sigma_1"), warnings=(PRIOR,)),
-        recommended="edges", degrees_of_freedom=40.0, level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4, level_source=Kind.OF_STATIC_FIT(),
+        recommended="edges", degrees_of_freedom=40.0, level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4,
+        level_source=Finding("of-static-fit", NOTE, "the static fit"),
         quantum=QUANTUM, counts=60,
         bias_on_edge=-0.024, bias_mean=-0.51, bias_spread=0.28,
         loadings=tuple(loading(direction, phase, f"slow_{k}.csv") for k, phase in enumerate((0.1, 0.45, 0.8))),
@@ -258,12 +271,14 @@ def nothing_seen(direction: str = "+") -> PreslidingFit:
 
 def bare() -> Joint:
     """A prismatic joint of which nearly nothing is known: no value, no error, infinite bounds, nan."""
-    warnings = (Kind.TOO_FEW_POINTS(points=0, parameters=2, least=3),)
+    message = "0 points for 2 linear parameters: at least 3 are needed; measure more speeds."
+    warnings = (Finding("too-few-points", CRITICAL, message, {"points": 0, "parameters": 2, "least": 3}),)
     missing = Estimate(value=None, unit="N", warnings=warnings)
     wide = Estimate(value=1.0, unit="N*s/m", standard_error=float("nan"), interval=(-float("inf"), float("inf")))
     nothing = StaticFit(
         direction="both", parameters={"alpha_0": missing, "alpha_1": missing, "alpha_2": wide, "v_s": replace(missing, unit="m/s")},
-        rms=None, relative_error=None, n=0, outcome=Kind.STATIC_TOO_FEW(), warnings=warnings,
+        rms=None, relative_error=None, n=0, outcome=Finding("static-too-few", CRITICAL, "Too few points for the parameters; nothing is estimated."),
+        warnings=warnings,
     )  # fmt: skip  # as above
     return Joint(
         name="slide", kind="prismatic", inputs=(), segments=(), static={"both": nothing}, crosscheck={},

@@ -12,7 +12,6 @@ from bristle.api.results import Results
 from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import chosen
-from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.identification.verdict import value_warnings, verdict
 from bristle.page.plain import WIDTH, interval, pair, wrapped
@@ -106,8 +105,9 @@ def test_what_has_no_value_is_named_with_the_reason() -> None:
     text = words(brief_report([gripper()]))
     assert "sigma_0+, sigma_1+: not measured; slow loading or tracking runs would show them" in text
     joint = gripper()
-    none = Estimate(value=None, unit="rad/s", warnings=(Kind.V_S_OPEN_ABOVE(),))
-    bound = Estimate(value=None, unit="N*m", interval=(0.0, 0.05), warnings=(Kind.V_S_OPEN_ABOVE(),))
+    opened = Finding("v-s-open-above", CAUTION, "No finite interval: the data set no upper limit on v_s.")
+    none = Estimate(value=None, unit="rad/s", warnings=(opened,))
+    bound = Estimate(value=None, unit="N*m", interval=(0.0, 0.05), warnings=(opened,))
     fit = joint.static["+"]
     own = replace(fit, parameters={**fit.parameters, "v_s": none, "alpha_1": bound})
     text = words(brief_report([replace(joint, static={**joint.static, "+": own})]))

@@ -4,11 +4,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bristle.identification.messages import Kind
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.results import Joint
 from bristle.questions.joint_report.next_measurements import next_measurements
 
 from ..sameness import of_kind
+
+CONVERGED = Finding("static-converged", NOTE, "Converged.")
+NO_PEAK = Finding("static-no-stribeck", CAUTION, "Stribeck term not identifiable from these data.")
 
 
 def changed(joint: Joint, v_s: dict[str, Any], **changes: Any) -> Joint:
@@ -39,16 +42,16 @@ def test_advice_follows_from_the_warnings(joint: Joint) -> None:
         ("measure-direction", {"direction": "-"}),
         ("hold-back", {}),
     ]
-    none = replace(joint, static={"both": replace(joint.static["+"], outcome=Kind.STATIC_NO_STRIBECK())}, segments=())
+    none = replace(joint, static={"both": replace(joint.static["+"], outcome=NO_PEAK)}, segments=())
     (said,) = next_measurements(none)
     assert (said.code, said.subject) == ("rises-below", ("static", "both"))
     assert str(said).endswith("five constant speeds from 0.008 to 0.015 rad/s.")
 
 
-@pytest.mark.parametrize("outcome", [Kind.STATIC_CONVERGED, Kind.STATIC_NO_STRIBECK])
-def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Kind) -> None:
+@pytest.mark.parametrize("outcome", [CONVERGED, NO_PEAK])
+def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Finding) -> None:
     """Moving data pass through zero, but no advice asks for speeds near it; a range has room for five speeds."""
-    own = moving(joint, outcome=outcome())
+    own = moving(joint, outcome=outcome)
     fastest = float(own.static["+"].velocity.max())
     found = ranges(own)
     assert found
@@ -56,7 +59,7 @@ def test_no_speed_below_a_hundredth_of_the_fastest(joint: Joint, outcome: Kind) 
         assert low >= fastest / 100
         assert high >= 1.4 * low
     said = of_kind(next_measurements(own), "rise-not-shown")
-    assert bool(said) == (outcome is Kind.STATIC_NO_STRIBECK)
+    assert bool(said) == (outcome is NO_PEAK)
 
 
 @pytest.mark.parametrize("sticking", [0.0152, 0.0499, 0.101])
@@ -68,7 +71,7 @@ def test_no_speed_at_which_the_joint_sticks(joint: Joint, sticking: float) -> No
     for own in (
         changed(joint, {"interval": (0.0, 0.1)}),
         moving(joint),
-        moving(joint, outcome=Kind.STATIC_NO_STRIBECK()),
+        moving(joint, outcome=NO_PEAK),
     ):
         found = ranges(replace(own, segments=(stuck, other)))
         assert found

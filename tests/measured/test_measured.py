@@ -15,8 +15,8 @@ from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.measured import measure
-from bristle.identification.messages import NOT_IDENTIFIABLE
 from bristle.identification.results import Joint
+from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 from bristle.model.parameters import INERTIA, Motor, Pair, ParameterName
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.text import fit_report

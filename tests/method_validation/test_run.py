@@ -13,8 +13,8 @@ import bristle
 from bristle import identify
 from bristle.arrays import Array
 from bristle.estimation.covariance import covariance, student
+from bristle.findings import CAUTION, CRITICAL, Finding
 from bristle.identification.fits import Estimate, StaticFit
-from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
@@ -44,6 +44,8 @@ from ..sameness import held, without_sentences
 P = edro.TABLE_1["gripper rotation"].positive
 NAMES = case_names(P.law)
 WIDE, EVEN, NONE_BELOW = range(3)
+TOO_FEW = Finding("static-too-few", CRITICAL, "Too few points for the parameters; nothing is estimated.")
+NO_PEAK = Finding("static-no-stribeck", CAUTION, "Stribeck term not identifiable from these data.")
 
 
 def case_of(design: int, noise: float = 0.05, sign: float = 1.0) -> ValidationCase:
@@ -566,7 +568,7 @@ def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
         rms=None,
         relative_error=None,
         n=2,
-        outcome=Kind.STATIC_TOO_FEW() if alpha_0 is None else Kind.STATIC_NO_STRIBECK(),
+        outcome=TOO_FEW if alpha_0 is None else NO_PEAK,
     )
 
 

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array, freeze
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.fit import hardly_seen
-from bristle.identification.messages import Kind
 from bristle.model import functions
 from bristle.model.parameters import (
     SIGNED,
@@ -191,7 +190,11 @@ def covariance(matrix: Array) -> tuple[Array, Array]:
 def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[Finding, ...]:
     """Directions that are hardly seen, the worst first; of information F (p, p), each parameter in units of what it is seen by itself."""
     size = np.sqrt(np.diag(matrix))
-    unseen = [Kind.NOTHING_SEEN_OF(name=name) for name, s in zip(names, size, strict=True) if s == 0]
+    unseen = [
+        Finding("nothing-seen-of", CAUTION, f"{name} is not identifiable.", {"name": name})
+        for name, s in zip(names, size, strict=True)
+        if s == 0
+    ]
     kept = np.flatnonzero(size > 0)
     values, vectors = np.linalg.eigh(_scaled(matrix, size)[np.ix_(kept, kept)])
     for value, vector in zip(values, vectors.T, strict=True):

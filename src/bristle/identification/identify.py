@@ -18,7 +18,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, GONE
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.findings import CAUTION, Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.accuracy import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -32,7 +32,6 @@ from bristle.identification.law_comparison import (
     with_averages_of_motion,
 )
 from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_law, with_options
-from bristle.identification.messages import Kind
 from bristle.identification.model_criteria import APART, LUGRE, SYMMETRIC
 from bristle.identification.model_selection import compare_on_motion, compare_on_points, refitted
 from bristle.identification.moving_runs import (
@@ -428,8 +427,12 @@ def _moving(
     J = fit.parameters.get(INERTIA) if fit else None
     if stages.presliding is None or experiment.inertia is not None or J is None or not J.value:
         return stages
-    known = KnownValue(J.value, J.standard_error or 0.0, Kind.OF_MOVING_RUNS(), J.shifts)
+    known = KnownValue(J.value, J.standard_error or 0.0, _of_moving_runs(), J.shifts)
     return stages._replace(presliding=with_damping(stages.presliding, known, experiment.joint.kind))
+
+
+def _of_moving_runs() -> Finding:
+    return Finding("of-moving-runs", NOTE, "the moving runs")
 
 
 def _static(
@@ -485,8 +488,8 @@ def _presliding(
 ) -> Presliding:
     """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits, or from a fit of moving runs."""
     levels = {d: level for d in DIRECTIONS if (level := _breakaway_torque(fit, d)) is not None}
-    J = experiment.inertia
-    known = None if J is None else KnownValue(J.value, J.standard_error or 0.0, Kind.OF_EXPERIMENT_FILE())
+    J, of_file = experiment.inertia, Finding("of-experiment-file", NOTE, "the experiment file")
+    known = None if J is None else KnownValue(J.value, J.standard_error or 0.0, of_file)
     return identify_presliding(
         slow, levels, known, experiment.fit, experiment.encoder_resolution, experiment.joint.kind
     )
@@ -513,11 +516,16 @@ def _breakaway_torque(fits: Mapping[str, StaticFit] | TrackingFit, direction: st
     value = sum(estimates[key].value or 0.0 for key in terms)
     share = np.array([float(name in terms) for name in fit.names])
     error = float(np.sqrt(share @ fit.covariance @ share)) if share.size else 0.0
-    whole = Kind.OF_MOVING_RUNS if moving else Kind.OF_STATIC_FIT
-    without_peak = Kind.OF_MOVING_RUNS_WITHOUT_PEAK if moving else Kind.OF_STATIC_FIT_WITHOUT_PEAK
+    if len(terms) == 2:
+        source = _of_moving_runs() if moving else Finding("of-static-fit", NOTE, "the static fit")
+    elif moving:
+        message = "alpha_0 of the moving runs, which show no peak"
+        source = Finding("of-moving-runs-without-peak", NOTE, message)
+    else:
+        source = Finding("of-static-fit-without-peak", NOTE, "alpha_0 of the static fit, which shows no peak")
     constants = dict.fromkeys(c for key in terms for c in estimates[key].shifts)
     shifts = {c: sum(estimates[key].shifts.get(c, 0.0) for key in terms) for c in constants}
-    return KnownValue(value, error, whole() if len(terms) == 2 else without_peak(), shifts)
+    return KnownValue(value, error, source, shifts)
 
 
 def _input(record: Record) -> Input:
@@ -543,14 +551,20 @@ def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)
-        why = Kind.NONE_KEPT(tried=tried) if tried else Kind.NOT_MEASURED()
-        warnings.append(Kind.DIRECTION_UNKNOWN(direction=other, why=why))
+        why = Finding("not-measured", CAUTION, "it was not measured")
+        if tried:
+            message = f"none of its {tried} candidate segments was kept"
+            why = Finding("none-kept", CAUTION, message, {"tried": tried})
+        message = f"Direction {other} is not identified: {why}."
+        warnings.append(Finding("direction-unknown", CAUTION, message, {"direction": other, "why": why}))
     warnings += _segment_warnings(measured)
-    unused = [run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out]
+    unused = tuple(run.record.file for run in measured.runs if run.kind == "presliding" and run.hold_out)
     if unused:
-        warnings.append(Kind.HELD_OUT_UNUSED(files=tuple(unused)))
+        message = f"Held-out presliding runs are not used: {', '.join(unused)}."
+        warnings.append(Finding("held-out-unused", NOTE, message, {"files": unused}))
     if experiment.truth and not experiment.simulated:
-        warnings.append(Kind.TRUTH_UNDECLARED())
+        message = "True parameters are given (truth), but the data are not declared simulated."
+        warnings.append(Finding("truth-undeclared", CAUTION, message))
     warnings += point_warnings(measured, points, static)
     warnings += offset_of_points(experiment, static)
     return tuple(warnings)
@@ -563,8 +577,10 @@ def _segment_warnings(measured: Measured) -> list[Finding]:
     told = {file for d in measured.warnings if d.code == "velocity-factor" for file in d.numbers["files"]}
     differ = sum(any(d.code == "position-differs" for d in s.warnings) for s in kept)
     if differ and not told:
-        warnings.append(Kind.POSITIONS_DISAGREE(differ=differ, kept=len(kept)))
+        message = f"Position and velocity disagree in {differ} of {len(kept)} kept segments; the slope of the position is used."
+        warnings.append(Finding("positions-disagree", CAUTION, message, {"differ": differ, "kept": len(kept)}))
     others = sum(any(d.code not in {"position-differs", "stick-slip"} for d in s.warnings) for s in kept)
     if others:
-        warnings.append(Kind.TORQUES_DOUBTED(doubted=others, kept=len(kept)))
+        message = f"The torque of {others} of {len(kept)} kept segments is questionable; the list of segments says why."
+        warnings.append(Finding("torques-doubted", CAUTION, message, {"doubted": others, "kept": len(kept)}))
     return warnings

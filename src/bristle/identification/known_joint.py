@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from bristle.arrays import Array, Interval
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.load_levels import friction_rise
-from bristle.identification.messages import Kind
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
@@ -169,8 +168,12 @@ def load_left_out(rises: Mapping[str, float], kind: JointKind) -> tuple[Finding,
     """That friction of a joint of this kind rises by these coefficients, and is taken without; nothing where there are none."""
     if not rises:
         return ()
-    rise = float(friction_rise(rises, np.ones(1))[0])
-    return (Kind.LOAD_LEFT_OUT(names=tuple(rises), rise=rise, unit=unit("torque", kind)),)
+    rise, of = float(friction_rise(rises, np.ones(1))[0]), unit("torque", kind)
+    message = (
+        f"Friction rises with load in the fit ({' and '.join(rises)}), by {rise:.3g} {of} under 1 {of}; here the joint is taken without "
+        "load."
+    )
+    return (Finding("load-left-out", CAUTION, message, {"names": tuple(rises), "rise": rise, "unit": of}),)
 
 
 def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:

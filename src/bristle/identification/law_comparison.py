@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.experiment.schema import AS_WRITTEN, FitOptions
 from bristle.estimation.covariance import covariance, seen
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.law_ranking import GAIN, FittedLaw, Known, LeftOut, Solve, ranked
 from bristle.identification.load_levels import load_is_known
 from bristle.identification.measured import Measured
-from bristle.identification.messages import Kind
 from bristle.identification.model_criteria import power_of
 from bristle.identification.moving_runs import regressors
 from bristle.identification.results import Averaged, LawComparison
@@ -135,9 +134,13 @@ def law_warnings(laws: LawComparison | None) -> tuple[Finding, ...]:
     clearly = own.bic - best.bic > GAIN and (best.left_out or np.inf) < (own.left_out or 0.0)
     if best.in_force or not clearly:
         return ()
-    return (
-        Kind.OTHER_LAW(law=best.law, own=own.law, gain=own.bic - best.bic, error=best.left_out, before=own.left_out),
+    gain, error, before = own.bic - best.bic, best.left_out, own.left_out
+    message = (
+        f"Under fit, write `law: {best.law}` (or `law: auto`): its BIC is {gain:.1f} lower than that of {own.law}, and at speeds "
+        f"that were left out its error is {error:.3g} % of the torque instead of {before:.3g} %."
     )
+    numbers = {"law": best.law, "own": own.law, "gain": gain, "error": error, "before": before}
+    return (Finding("other-law", CAUTION, message, numbers),)
 
 
 def term_that_pays(fit: FitOptions, laws: LawComparison) -> str | None:
@@ -190,7 +193,12 @@ def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged])
     for name, own in estimates.items():
         over = averaged.get(name)
         if over is not None and own.interval is not None and _beyond(over.interval, own.interval):
-            why = Kind.OVER_LAWS(low=over.interval[0], high=over.interval[1], unit=own.unit)
+            low, high = over.interval
+            message = (
+                "Its interval takes the law as known, which the data chose. Over the laws that they allow it is "
+                f"{low:.3g} to {high:.3g} {own.unit}."
+            )
+            why = Finding("over-laws", CAUTION, message, {"low": low, "high": high, "unit": own.unit})
             out[name] = replace(own, warnings=(*own.warnings, why))
     return out
 

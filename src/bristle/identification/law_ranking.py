@@ -24,8 +24,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.estimation.covariance import student
-from bristle.findings import Finding
-from bristle.identification.messages import Kind
+from bristle.findings import NOTE, Finding
 from bristle.identification.model_criteria import power_of, scores
 from bristle.identification.results import Averaged, LawComparison, LawRow
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -159,14 +158,26 @@ def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -
     """Which law the data want, and why; `asked`: whether it was worked out what the laws predict of what is left out."""
     own, best = rows[paper], rows[chosen]
     if chosen != paper:
-        return Kind.LAW_WANTED(law=best.law, gain=own.bic - best.bic, error=best.left_out, before=own.left_out)
+        gain, error, before = own.bic - best.bic, best.left_out, own.left_out
+        message = (
+            f"The data want {best.law}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "
+            f"out in turn, its error is {error:.3g} % of the torque instead of {before:.3g} %."
+        )
+        return Finding("law-wanted", NOTE, message, {"law": best.law, "gain": gain, "error": error, "before": before})
     other = min((row for row in rows if row is not own), key=lambda row: row.bic)
     gain = own.bic - other.bic
     if asked and own.left_out is None:
-        return Kind.LAWS_TOO_FEW()
+        message = "The data cannot ask for another law than the paper's: there are too few points to leave speeds out."
+        return Finding("laws-too-few", NOTE, message)
+    kept = "The data ask for no other law than the paper's:"
+    lower, numbers = f"{kept} the BIC of {other.law} is {gain:.1f} lower", {"law": other.law, "gain": gain}
     if gain > GAIN:
-        return Kind.LAW_NOT_PREDICTING(law=other.law, gain=gain)
-    return Kind.LAW_KEPT(law=other.law, gain=gain) if gain > 0 else Kind.LAW_BEST(law=other.law, gap=-gain)
+        message = f"{lower}, but it predicts speeds that were left out no better."
+        return Finding("law-not-predicting", NOTE, message, numbers)
+    if gain > 0:
+        return Finding("law-kept", NOTE, f"{lower}, less than the 10 asked for.", numbers)
+    message = f"{kept} it has the lowest BIC ({other.law} has {-gain:.1f} more)."
+    return Finding("law-best", NOTE, message, {"law": other.law, "gap": -gain})
 
 
 def _averaged(fitted: Sequence[FittedLaw], weights: Array) -> Mapping[ParameterName, Averaged]:

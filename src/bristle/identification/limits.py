@@ -1,16 +1,14 @@
 """Within which limits to plan: as the experiment file declares them, else as far as the measured runs went, which is said."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Run
 from bristle.errors import InputError
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.measured import Measured
-from bristle.identification.messages import Kind
-from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import in_current, unit
 
 HOLD = 3.0
@@ -65,78 +63,104 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
 
     Raises InputError where declared limits leave no speed to choose, or no time.
     """
-    experiment, asked = measured.experiment, measured.experiment.plan
+    asked = measured.experiment.plan
     points = [s for s in measured.points(hold_out=False) if not s.stick_slip]
-    choice = _Choice(experiment.joint.kind)
-    slowest, velocity = _constant_speeds(measured, np.abs([s.velocity for s in points]), choice)
-    hold = choice.taken(asked.hold, _hold(measured), Kind.LIMIT_HOLD if points else Kind.LIMIT_HOLD_GUESSED)
-    position = asked.position or _span(measured, velocity * 1.5 * hold, choice.assumed)
-    acceleration = _largest(measured.runs, "acceleration")
+    assumed = list[Finding]()
+    slowest, velocity = _constant_speeds(measured, np.abs([s.velocity for s in points]), assumed)
+    hold = asked.hold
+    if hold is None:
+        hold = _rounded(_hold(measured))
+        numbers, told = {"value": hold, "unit": "s"}, f"Averaged over: {hold:g} s"
+        if points:
+            message = f"{told}, the usual hold so far; set plan.hold to override."
+            assumed.append(Finding("limit-hold", NOTE, message, numbers))
+        else:
+            message = f"{told}, a guess; set plan.hold to override."
+            assumed.append(Finding("limit-hold-guessed", CAUTION, message, numbers))
     limits = Limits(
-        position=position,
+        position=asked.position or _span(measured, velocity * 1.5 * hold, assumed),
         slowest=slowest,
         velocity=velocity,
-        acceleration=choice.taken(
-            asked.acceleration,
-            acceleration or velocity / _REACH,
-            Kind.LIMIT_ACCELERATION if acceleration else Kind.LIMIT_ACCELERATION_GUESSED,
-            "acceleration",
-            seconds=_REACH,
-        ),
-        torque=_torque(measured, choice),
+        acceleration=_acceleration(measured, velocity, assumed),
+        torque=_torque(measured, assumed),
         time=asked.time,
         hold=hold,
         frequency=asked.frequency or FREQUENCY,
         rate=asked.rate,
     )
     if "rate" not in asked.model_fields_set:
-        choice.assumed.append(Kind.LIMIT_RATE(rate=asked.rate))
-    return limits, tuple(choice.assumed)
+        message = f"Rate of the references: {asked.rate:g} Hz, a default; set plan.rate to override."
+        assumed.append(Finding("limit-rate", CAUTION, message, {"rate": asked.rate}))
+    return limits, tuple(assumed)
 
 
-def _torque(measured: Measured, choice: "_Choice") -> float:
+def _rounded(seen: float) -> float:
+    """To three digits, as what is assumed is said."""
+    return float(f"{seen:.3g}")
+
+
+def _acceleration(measured: Measured, velocity: float, assumed: list[Finding]) -> float:
+    """As declared, or the largest measured, or one that reaches a velocity (rad/s) in a guessed time, rad/s**2."""
+    declared = measured.experiment.plan.acceleration
+    if declared is not None:
+        return declared
+    seen, of = _largest(measured.runs, "acceleration"), unit("acceleration", measured.experiment.joint.kind)
+    value = _rounded(seen or velocity / _REACH)
+    numbers, told = {"value": value, "unit": of, "seconds": _REACH}, f"Largest acceleration: {value:g} {of}"
+    if seen:
+        message = f"{told}, the largest measured; set plan.acceleration to override."
+        assumed.append(Finding("limit-acceleration", NOTE, message, numbers))
+    else:
+        message = f"{told}, {_REACH:g} s from rest to the fastest speed; set plan.acceleration to override."
+        assumed.append(Finding("limit-acceleration-guessed", CAUTION, message, numbers))
+    return value
+
+
+def _torque(measured: Measured, assumed: list[Finding]) -> float:
     """What the drive has for friction and inertia, N*m: of a robot's joint less than its limit, by what the links ask for; inf: not known."""
-    whole = choice.taken(
-        measured.experiment.plan.torque, _largest(measured.runs, "torque"), Kind.LIMIT_TORQUE, "torque"
-    )
-    links = 0.0 if in_current(choice.joint) else _largest(measured.runs, "link_torque")
+    kind, whole = measured.experiment.joint.kind, measured.experiment.plan.torque
+    of = unit("torque", kind)
+    if whole is None:
+        whole = _rounded(_largest(measured.runs, "torque"))
+        message = f"Largest torque: {whole:g} {of}, the largest measured; set plan.torque to override."
+        assumed.append(Finding("limit-torque", NOTE, message, {"value": whole, "unit": of}))
+    links = 0.0 if in_current(kind) else _largest(measured.runs, "link_torque")
     if not whole or not links:
         return whole or np.inf
-    choice.assumed.append(Kind.LIMIT_LINKS(links=links, unit=unit("torque", choice.joint)))
+    message = (
+        f"Of the torque limit {links:.3g} {of} are kept for the links, the most that they asked for in these runs; the other "
+        "joints are planned to rest."
+    )
+    assumed.append(Finding("limit-links", NOTE, message, {"links": links, "unit": of}))
     return max(whole - links, _LEAST_LEFT * whole)
 
 
-@dataclass(frozen=True, slots=True)
-class _Choice:
-    """Takes what is declared, else what was measured, which it says."""
-
-    joint: JointKind
-    assumed: list[Finding] = field(default_factory=list)
-
-    def taken(self, declared: float | None, seen: float, kind: Kind, si: str = "", **numbers: float) -> float:
-        """The value declared, or the one seen, to three digits, which `kind` and its other numbers say; `si` is whose unit it has, s if no one's."""
-        if declared is not None:
-            return declared
-        seen = float(f"{seen:.3g}")
-        self.assumed.append(kind(value=seen, unit=unit(si, self.joint) if si else "s", **numbers))
-        return seen
-
-
-def _constant_speeds(measured: Measured, speeds: Array, choice: _Choice) -> tuple[float, float]:
+def _constant_speeds(measured: Measured, speeds: Array, assumed: list[Finding]) -> tuple[float, float]:
     """The slowest and the fastest constant speed, rad/s; `speeds`, (n,), are those measured that did not stick and slip.
 
     Raises InputError where they leave nothing between them.
     """
     experiment, asked = measured.experiment, measured.experiment.plan
-    fastest = float(speeds.max()) if speeds.size else _largest(measured.runs, "velocity")
-    velocity = choice.taken(asked.velocity, fastest, Kind.LIMIT_SPEED, "velocity")
-    slowest = choice.taken(
-        asked.minimum_velocity,
-        min(float(speeds.min()), 0.5 * velocity) if speeds.size else _SLOW_SHARE * velocity,
-        Kind.LIMIT_SLOWEST if speeds.size else Kind.LIMIT_SLOWEST_GUESSED,
-        "velocity",
-        share=_SLOW_SHARE,
-    )
+    velocity, slowest, of = asked.velocity, asked.minimum_velocity, unit("velocity", experiment.joint.kind)
+    if velocity is None:
+        velocity = _rounded(float(speeds.max()) if speeds.size else _largest(measured.runs, "velocity"))
+        message = f"Fastest speed: {velocity:g} {of}, the fastest measured; set plan.velocity to override."
+        assumed.append(Finding("limit-speed", NOTE, message, {"value": velocity, "unit": of}))
+    if slowest is None:
+        slowest = _rounded(min(float(speeds.min()), 0.5 * velocity) if speeds.size else _SLOW_SHARE * velocity)
+        told = f"Slowest constant speed: {slowest:g} {of}"
+        numbers = {"value": slowest, "unit": of, "share": _SLOW_SHARE}
+        if speeds.size:
+            message = (
+                f"{told}, the slowest measured that did not stick and slip; set plan.minimum_velocity to override."
+            )
+            assumed.append(Finding("limit-slowest", NOTE, message, numbers))
+        else:
+            message = (
+                f"{told}, {_SLOW_SHARE:g} of the fastest: no run at constant velocity shows where the drive "
+                "begins to stick and slip; set plan.minimum_velocity to override."
+            )
+            assumed.append(Finding("limit-slowest-guessed", CAUTION, message, numbers))
     if not slowest < velocity:
         raise InputError(
             f"{experiment.path.name}: plan: the slowest constant speed, {slowest:g}, is not below the fastest, {velocity:g}; "
@@ -147,14 +171,20 @@ def _constant_speeds(measured: Measured, speeds: Array, choice: _Choice) -> tupl
 
 def followed(limits: Limits, declared: float | None) -> tuple[Limits, tuple[Finding, ...]]:
     """The limits with the highest frequency that the rate of the references lets a motion have, and a diagnostic where that was not declared, Hz."""
-    cap, why = limits.rate / SAMPLES, Kind.CAPPED_BY_RATE(rate=limits.rate, samples=SAMPLES)
+    cap, why = limits.rate / SAMPLES, f"plan.rate, {limits.rate:g} Hz, gives {SAMPLES:g} samples to a period"
     reachable = replace(limits, frequency=min(limits.frequency, cap))
     if declared is None:
-        capped = Kind.AT_WHICH(why=why) if cap < FREQUENCY else ""
-        return reachable, (Kind.LIMIT_FREQUENCY(frequency=reachable.frequency, capped=capped),)
+        frequency, capped = reachable.frequency, f", at which {why}" if cap < FREQUENCY else ""
+        message = (
+            f"Highest frequency of the motion: {frequency:.3g} Hz{capped}, which the controller must be able to follow; "
+            "set plan.frequency to override."
+        )
+        return reachable, (Finding("limit-frequency", CAUTION, message, {"frequency": frequency, "capped": capped}),)
     if declared <= cap:
         return reachable, ()
-    return reachable, (Kind.FREQUENCY_LOWERED(frequency=cap, declared=declared, why=why),)
+    message = f"Highest frequency of the motion: {cap:.3g} Hz, not the declared {declared:g} Hz: at {cap:.3g} Hz {why}."
+    numbers = {"frequency": cap, "declared": declared, "why": why}
+    return reachable, (Finding("frequency-lowered", CAUTION, message, numbers),)
 
 
 def shortened(limits: Limits, share: float) -> Limits:
@@ -179,8 +209,13 @@ def _span(measured: Measured, wanted: float, assumed: list[Finding]) -> tuple[fl
     """From the lowest to the highest position of all runs, or as far as the fastest hold asks for where no run has positions."""
     q, positions = unit("position", measured.experiment.joint.kind), measured.positions
     if positions is None:
-        assumed.append(Kind.LIMIT_POSITIONS_GUESSED(high=wanted, unit=q))
+        message = f"Positions: 0 to {wanted:.3g} {q}, which the fastest hold needs: no run has positions; set plan.position to override."
+        assumed.append(Finding("limit-positions-guessed", CAUTION, message, {"high": wanted, "unit": q}))
         return 0.0, float(f"{wanted:.3g}")
     low, high = positions
-    assumed.append(Kind.LIMIT_POSITIONS(low=low, high=high, unit=q))
+    message = (
+        f"Positions: {low:.3g} to {high:.3g} {q}, as far as the measured runs went, in their coordinates; "
+        "set plan.position to override."
+    )
+    assumed.append(Finding("limit-positions", NOTE, message, {"low": low, "high": high, "unit": q}))
     return low, high

@@ -17,9 +17,8 @@ from bristle.data.record import Record
 from bristle.data.signal_checks import merged
 from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError, short, short_list
-from bristle.findings import NOTE, Finding
+from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.fits import Estimate
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import ONE_RATE, load_columns, longest_decimation, needed, terms_of
 from bristle.identification.static.points import PointSearch, point_regressors, search_points, without_strays
 
@@ -188,8 +187,9 @@ def _beside_the_slowest(runs: tuple[Run, ...]) -> tuple[Run, ...]:
         ratio = slowest.step / run.record.step
         if run.kind != "tracking" or not ratio > ONE_RATE or run.record.oversampled != 1:
             return run
-        notes = (*run.record.notes, Kind.SAMPLED_FASTER(ratio=ratio, slowest=slowest.file))
-        return replace(run, record=replace(run.record, oversampled=ratio, notes=notes))
+        message = f"Sampled {ratio:.3g} times as fast as {slowest.file}: it is decimated by so much more, for equations as far apart."
+        note = Finding("sampled-faster", NOTE, message, {"ratio": ratio, "slowest": slowest.file})
+        return replace(run, record=replace(run.record, oversampled=ratio, notes=(*run.record.notes, note)))
 
     return tuple(map(told, runs))
 
@@ -280,8 +280,9 @@ def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segmen
                 f"{experiment.path.name}: fit.exclude: entry {number} names no point or segment (lines or rows {first} to {last} of "
                 f"{short(excluded.file)}); expected rows as `bristle inspect` prints them, of one of: {files}"
             )
+        reason = Finding("excluded", NOTE, "Excluded: fit.exclude names it.")
         for candidates, k in named:
-            candidates[k] = replace(candidates[k], accepted=False, reasons=(Kind.EXCLUDED(),))
+            candidates[k] = replace(candidates[k], accepted=False, reasons=(reason,))
     return tuple(map(tuple, segments))
 
 
@@ -315,9 +316,12 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
     def against(k: int) -> tuple[Finding, ...]:
         """Why a point is rejected."""
         if not moving[k]:
-            return (Kind.POINT_AT_REST(),)
+            message = "At rest: friction at zero velocity is not a function of velocity; remove such rows."
+            return (Finding("point-at-rest", NOTE, message),)
         if not fast[k]:
-            return (Kind.POINT_TOO_SLOW(speed=abs(float(velocity[k])), least=slowest),)
+            speed = abs(float(velocity[k]))
+            message = f"Slower than segments.minimum_velocity: {speed:.3g}{unit_of('velocity')}, and {slowest:.3g}{unit_of('velocity')} is required."
+            return (Finding("point-too-slow", NOTE, message, {"speed": speed, "least": slowest}),)
         return (Finding("saturated", NOTE, "Its torque is at the largest of the file: clipped."),) if clipped[k] else ()
 
     reasons = [against(k) for k in range(velocity.size)]

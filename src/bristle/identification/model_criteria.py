@@ -6,7 +6,7 @@ inflation are independent:
     AICc = n' log(RSS / n) + 2 k + 2 k (k + 1) / (n' - k - 1),    BIC = n' log(RSS / n) + k log(n')
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import log
 from typing import Literal
@@ -14,9 +14,8 @@ from typing import Literal
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import StaticFit, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.results import ModelComparison, ModelRow
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
@@ -138,32 +137,34 @@ def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept
     """Which to use and why."""
     allowed = sorted((r for r in rows if r.candidate), key=lambda r: r.bic)
     if not allowed:
-        return Kind.NO_MODEL()
+        message = "None of the models with the terms that the fit supports can be fitted to so few points."
+        return Finding("no-model", CAUTION, message)
     best, *rest = allowed
-    second: Finding | str = ""
+    lowest = "it has the lowest BIC"
+    if len(rows) > len(allowed):
+        lowest = f"of the models with the terms that the fit supports {lowest}"
     if rest:
         gap = rest[0].bic - best.bic
-        second = (Kind.NEXT_HARDLY_WORSE if gap < _SAME else Kind.NEXT_MODEL)(model=_called(rest[0]), gap=gap)
-    lowest = Kind.LOWEST_BIC if len(rows) == len(allowed) else Kind.LOWEST_BIC_OF_SUPPORTED
+        lowest = f"{lowest} ({'hardly worse: ' * (gap < _SAME)}{_called(rest[0])} has {gap:.1f} more)"
     other = min((r for r in allowed if r.aicc is not None), key=lambda r: r.aicc or 0.0, default=best)
-    prefers = [] if other is best else [Kind.AICC_PREFERS(model=_called(other))]
-    why = (lowest(next=second), *prefers, *_refused(rows, static, kept=kept))
-    return Kind.USE_MODEL(model=_called(best), why=why)
+    prefers = [] if other is best else [f"AICc prefers {_called(other)}"]
+    why, model = (lowest, *prefers, *_refused(rows, static, kept=kept)), _called(best)
+    return Finding("use-model", NOTE, f"Use {model}: {'; '.join(map(str, why))}.", {"model": model, "why": why})
 
 
 def _called(row: ModelRow) -> str:
     return row.model if row.directions == ONE else f"{row.model}, {row.directions}"
 
 
-def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> list[Finding]:
+def _refused(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> Iterator[Finding | str]:
     """What the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip."""
-    reasons = []
     shown = [r for r in rows if r.model == STRIBECK]
     if not kept and shown and not any(f.outcome.code == "static-as-asked" for f in static.values()):
         gain = min(r.bic for r in rows if r.candidate) - min(r.bic for r in shown)
-        reasons.append(Kind.PEAK_NOT_SUPPORTED(gain=Kind.PEAK_LOWERS_BIC(gain=gain) if gain > 0 else ""))
+        lower = f", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)" if gain > 0 else ""
+        yield f"the Stribeck term is not identifiable from these data, as the fit found{lower}"
     if kept and any(f.outcome.code == "static-stick-slip" for f in static.values()):
-        reasons.append(Kind.PEAK_OF_STICK_SLIP())
+        message = "but its Stribeck term rests on points that stick and slip"
+        yield Finding("peak-of-stick-slip", CAUTION, message)
     if any(r.model == LUGRE and not r.candidate for r in rows):
-        reasons.append(Kind.BRISTLE_NOT_SHOWN())
-    return reasons
+        yield "the motion does not show LuGre's bristle"

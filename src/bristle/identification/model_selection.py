@@ -12,13 +12,12 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
-from bristle.findings import Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.dynamic.starts import carried
 from bristle.identification.dynamic.unknowns import fit, with_deflections
 from bristle.identification.fits import StaticFit, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.model_criteria import (
     APART,
     COULOMB,
@@ -65,9 +64,15 @@ def compare_on_points(
         pose,
         press=True,
     )
-    held_by = (Kind.HELD_OUT_RUNS if pose(("both",), ())[1] else Kind.EACH_LEFT_OUT)()
-    left_out = (*left, Kind.LUGRE_IS_ITS_CURVE())
+    each = Finding("each-left-out", NOTE, "Hold-out: each point predicted from all others.")
+    held_by = _held_out_runs() if pose(("both",), ())[1] else each
+    message = "At constant velocity LuGre is its Stribeck curve, so it is not listed apart."
+    left_out = (*left, Finding("lugre-is-its-curve", NOTE, message))
     return rank_models("points", candidates, held_by, 1.0, _measured(pose), static, None, left_out)
+
+
+def _held_out_runs() -> Finding:
+    return Finding("held-out-runs", NOTE, "Hold-out: held-out runs.")
 
 
 def compare_on_motion(
@@ -104,10 +109,11 @@ def compare_on_motion(
 
     candidates, left = _static_candidates(experiment, variants, pose, press=False)
     candidates += _lugre(experiment, records, held, alone, variants)
-    unsettled = (Kind.LUGRE_UNSETTLED(model=LUGRE, directions=c.directions) for c in candidates if not c.settled)
-    left = (*left, *unsettled)
+    for directions in (c.directions for c in candidates if not c.settled):
+        message = f"{LUGRE}, {directions}: the fit had not settled; its numbers can still improve."
+        left = (*left, Finding("lugre-unsettled", CAUTION, message, {"model": LUGRE, "directions": directions}))
     variance_inflation = inflation(min((c.residuals for c in candidates), key=power_of, default=np.zeros(0)))
-    held_by = Kind.HELD_OUT_RUNS() if held else None
+    held_by = _held_out_runs() if held else None
     return rank_models("moving runs", candidates, held_by, variance_inflation, _measured(pose), static, alone, left)
 
 
@@ -147,7 +153,8 @@ def _static_candidates(
                 continue
             tests = [_reduced(test, model) for test in held]
             candidates.append(_solved(problem, tests, model, called, press=press))
-    return candidates, (Kind.TOO_FEW_FOR_MODELS(models=tuple(few)),) if few else ()
+    message = f"Too few points, or too much alike, for {'; '.join(few)}."
+    return candidates, (Finding("too-few-for-models", NOTE, message, {"models": tuple(few)}),) if few else ()
 
 
 def _reduced(problem: Regression, model: str) -> Regression:

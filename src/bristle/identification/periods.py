@@ -13,12 +13,12 @@ from bristle.data.experiment.orders import PERIODIC
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.score_test import score
+from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.fit import SEED, STARTS
 from bristle.identification.dynamic.priors import posed_and_start
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.what_is_left import columns_of, known_and_left
 from bristle.identification.measured import Measured, with_loads, with_options
-from bristle.identification.messages import Kind
 from bristle.identification.moving_runs import directions, turn_of, with_orders
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
@@ -62,10 +62,23 @@ def with_periods(measured: Measured) -> Measured:
         return measured
     _, turn = turn_of(experiment.joint.kind)
     left = _of_motion(experiment, training, asked, most) if training else _of_points(measured, asked)
-    orders, last = shown_orders(*left), max(left.columns, default=0)
+    orders, tried, last = shown_orders(*left), len(left.columns), max(left.columns, default=0)
     found = with_options(measured, orders=orders)
-    tried = {"tried": len(left.columns), "last": last, "turn": turn}
-    note = Kind.ORDERS_FOUND(**tried, first=min(left.columns), orders=orders) if orders else Kind.NO_ORDERS(**tried)
+    numbers = {"tried": tried, "last": last, "turn": turn}
+    if orders:
+        first, named = min(left.columns), ", ".join(map(str, orders))
+        message = (
+            f"Of {tried} orders, from {first} to {last} per {turn}, {named} explain more of what the fit without them leaves "
+            "than chance does (F tests at 1 %, corrected for all orders tried): they are fitted. To keep them, write "
+            f"orders: [{named}] under fit."
+        )
+        note = Finding("orders-found", NOTE, message, {**numbers, "first": first, "orders": orders})
+    else:
+        message = (
+            f"Of {tried} orders, up to {last} per {turn}, none explains more of what the fit leaves than chance does (F tests at 1 %, "
+            "corrected for all orders tried): nothing that repeats with the position is fitted."
+        )
+        note = Finding("no-orders", NOTE, message, numbers)
     return replace(found, findings=(*found.findings, note))
 
 

@@ -84,7 +84,9 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
         f"{across:.3g} from first to last, {100 * across / level:.0f} % of the torque): drift and speed cannot be told apart. Warm up, and take "
         "the speeds in random order."
     )
-    yield Finding("drift-in-order", CAUTION, message, {"direction": direction, "way": way, **numbers}, {"torque": across})
+    yield Finding(
+        "drift-in-order", CAUTION, message, {"direction": direction, "way": way, **numbers}, {"torque": across}
+    )
 
 
 def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:

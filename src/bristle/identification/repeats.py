@@ -27,9 +27,8 @@ from scipy.special import fdtrc
 from bristle.arrays import Array
 from bristle.estimation.covariance import student
 from bristle.estimation.interval_comparison import they_differ
-from bristle.findings import Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
-from bristle.identification.messages import Kind
 from bristle.model.parameters import ParameterName, least_of
 
 Key = TypeVar("Key", bound=Hashable)
@@ -236,14 +235,24 @@ def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = Fals
 
 def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
     """The estimate with its error and interval as the runs scatter, and the caution."""
-    runs = len(x.by_run)
-    why = (
-        Kind.RUNS_MOVE(runs=runs, widened=x.widened, freedom=runs - 1, farthest=_farthest(x.by_run))
-        if x.clustered
-        else Kind.RUNS_SCATTER(
-            runs=runs, scatter=x.before, widened=x.widened, freedom=runs - 1, farthest=_farthest(x.by_run)
+    runs, freedom, farthest = len(x.by_run), len(x.by_run) - 1, _farthest(x.by_run)
+    degrees = f"{freedom} degree{'' if freedom == 1 else 's'} of freedom"
+    numbers = {"runs": runs, "widened": x.widened, "freedom": freedom, "farthest": farthest}
+    if x.clustered:
+        message = (
+            f"The {runs} runs differ by more than chance (F test, 1 %), {farthest} most: without each in turn the "
+            f"value moves {x.widened:.2g} times as much as its standard error says. That is multiplied by it, and the interval has "
+            f"Student's t of {degrees}; look for what changed (temperature, load, wear)."
         )
-    )
+        why = Finding("runs-move", CAUTION, message, numbers)
+    else:
+        message = (
+            f"The {runs} runs differ by more than chance (chi-squared, 1 %): fitted apart, they scatter by "
+            f"{x.before:.2g} times their standard errors, {farthest} farthest from the median. The standard error is "
+            f"multiplied by {x.widened:.2g}, and the interval has Student's t of {degrees}; "
+            "look for what changed between the runs (temperature, load, wear)."
+        )
+        why = Finding("runs-scatter", CAUTION, message, {**numbers, "scatter": x.before})
     return replace(
         e,
         standard_error=None if e.standard_error is None else e.standard_error * x.widened,

@@ -6,9 +6,8 @@ from dataclasses import replace
 import numpy as np
 from scipy.special import ndtri
 
-from bristle.findings import Finding, Severity
+from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.messages import Kind
 from bristle.identification.repeats import spreader, wider_three
 from bristle.identification.systematic import NORMAL, combined, statistical
 from bristle.model.parameters import Direction, ParameterName, least_of, of_curve, peak_parameters
@@ -48,7 +47,9 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     }
     pairs = {(d, name): e for d, fit in out.items() for name in fit.parameters if (e := _other(name, d, fit, moving))}
     limit = float(ndtri(1 - _LEVEL / (2 * max(len(pairs), 1))))
-    trust = Kind.MOVING_IN_DOUBT() if _is_in_doubt(moving) else Kind.BELIEVE_MOVING()
+    trust = ": believe that one"
+    if _is_in_doubt(moving):
+        trust = "; but that fit is questionable itself, as its warnings say: believe neither"
     for (d, name), other in pairs.items():
         own = out[d].parameters[name]
         error, reach = own.standard_error or 0.0, other.standard_error or 0.0
@@ -85,14 +86,24 @@ def _superseded(direction: str, fit: StaticFit, moving: TrackingFit) -> StaticFi
     for name, e in fit.parameters.items():
         other = moving.parameters.get(_key(name, direction), e)
         if e.value is None or other.value is None or not e.standard_error or not _holds(e):
-            parameters[name] = replace(e, value=None, interval=None, warnings=(Kind.SEE_MOVING(),))
+            parameters[name] = _unknown(e)
         else:
             parameters[name] = replace(e, warnings=_doubts(other.warnings))
+    error, other_error = fit.relative_error, moving.relative_error
+    message = (
+        f"Presliding decides these runs: the relative error is {error:.2g} % without it and {other_error:.2g} % with it. Use the "
+        "fit of all parameters of the moving runs, not these numbers."
+    )
     return replace(
         _with_values(fit, parameters),
-        outcome=Kind.STATIC_SUPERSEDED(error=fit.relative_error, other=moving.relative_error),
+        outcome=Finding("static-superseded", NOTE, message, {"error": error, "other": other_error}),
         warnings=tuple(w for w in moving.warnings if w.code == "only-sum-seen-of-fit"),
     )
+
+
+def _unknown(e: Estimate) -> Estimate:
+    message = "No number without presliding: see the fit of all parameters of the same runs."
+    return replace(e, value=None, interval=None, warnings=(Finding("see-moving", NOTE, message),))
 
 
 def _with_values(fit: StaticFit, parameters: Mapping[str, Estimate]) -> StaticFit:
@@ -115,7 +126,7 @@ def _without_refused_peak(direction: str, fit: StaticFit, moving: TrackingFit) -
         return fit
     peak = peak_parameters(fit.law)
     refused = {n: e for n, e in fit.parameters.items() if n in peak and e.value is not None}
-    without = {n: replace(e, value=None, interval=None, warnings=(Kind.SEE_MOVING(),)) for n, e in refused.items()}
+    without = {n: _unknown(e) for n, e in refused.items()}
     return _with_values(fit, {**fit.parameters, **without}) if without else fit
 
 
@@ -147,7 +158,7 @@ def _other(name: str, direction: str, fit: StaticFit, moving: TrackingFit) -> Es
     return None if own_alone else other  # with a peak on one side only, the law with it is the fuller one
 
 
-def _spanning(fit: StaticFit, name: str, other: Estimate, factor: float, trust: Finding) -> StaticFit:
+def _spanning(fit: StaticFit, name: str, other: Estimate, factor: float, trust: str) -> StaticFit:
     """The fit with the standard error of one parameter multiplied, so that it spans its distance to another estimate."""
     own = fit.parameters[name]
     value, error = own.value or 0.0, own.standard_error or 1.0
@@ -157,8 +168,16 @@ def _spanning(fit: StaticFit, name: str, other: Estimate, factor: float, trust: 
         low, high = spread(np.array(ends)).tolist()
         ends = combined((low, high), value, own.systematic or 0.0, least_of(name))
     numbers = {"value": other.value, "error": other.standard_error, "unit": own.unit, "factor": factor}
-    superseded = is_superseded(fit)
-    why = Kind.WIDENED_TO_MOVING(**numbers) if superseded else Kind.STATIC_WITHOUT_PRESLIDING(**numbers, trust=trust)
+    found = f"{other.value:.4g} +/- {other.standard_error:.2g} {own.unit}"
+    if is_superseded(fit):
+        message = f"The standard error is multiplied by {factor:.2g} to reach {found} of the fit of all parameters."
+        why = Finding("widened-to-moving", NOTE, message, numbers)
+    else:
+        message = (
+            f"The fit of all parameters, which knows presliding, finds {found} in the same runs, which is more than chance{trust}. "
+            f"The standard error here is multiplied by {factor:.2g} to reach it."
+        )
+        why = Finding("static-without-presliding", CAUTION, message, {**numbers, "trust": trust})
     wider = replace(own, standard_error=factor * error, interval=ends, warnings=(*own.warnings, why))
     by = np.array([factor if n == name else 1.0 for n in fit.names])
     return replace(

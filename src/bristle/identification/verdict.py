@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 from bristle.findings import CRITICAL, Finding, Severity
 from bristle.identification.known_joint import Known, Source, chosen, moving_fits
-from bristle.identification.messages import NOT_IDENTIFIABLE, WEIGHTIEST_FIRST, Kind
 from bristle.identification.results import Accuracy, Joint
+from bristle.identification.shared_findings import NOT_IDENTIFIABLE, not_shown
 
 
 class Trust(StrEnum):
@@ -25,8 +25,22 @@ class Verdict(NamedTuple):
     """The weightiest warning about them; None where there is none."""
 
 
-_WEIGHT = {code: place for place, code in enumerate(WEIGHTIEST_FIRST)}
-"""Kind -> its place among the reasons, the critical ones first: the order in which warnings are named."""
+_BY_WEIGHT = (
+    "unexplained misfit inertia-below-zero velocity-factor velocity-unrelated whole-positions count-unit "
+    "count-contradicts effort-far-beyond links-not-removed joint-order gravity-direction links-oppose not-converged "
+    "out-of-steps still-lower full-fit-lower ipopt-lower undercut ipopt-undercuts static-at-edge at-edge flat-profile "
+    "v-s-unknowable static-too-few too-few-points indistinct strays-matter stages-do-not-fit yields not-positive "
+    "in-amperes one-speed-only stick-slip holds-swing position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
+    "nothing-without other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
+    "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed turns-late delay-or-presliding "
+    "drift-of-rows drift-over-runs torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
+    "position-held stamps-jitter sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
+    "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
+    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter runs-move outlier "
+    "stages-differ stage-differs static-without-presliding distrust-moving distrust-stage inertia-doubted "
+)
+WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
+"""The order in which warnings whose effect is not known are named; all others come after these, as they arose."""
 _REPEATED = {
     "unseen", "only-sum-seen", "converged-at-bound", "static-at-bound", "static-at-edge", "static-no-stribeck",
 }  # fmt: skip  # a list of values
@@ -119,7 +133,7 @@ def _serious(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
             key=lambda x: (
                 x.severity is not Severity.CRITICAL,
                 -x.effect.get("torque", 0.0),
-                _WEIGHT.get(x.code, len(_WEIGHT)),
+                WEIGHTIEST_FIRST.get(x.code, len(WEIGHTIEST_FIRST)),
             ),
         )
     )
@@ -133,7 +147,7 @@ def _about_values(joint: Joint) -> Iterator[Finding]:
         yield from (warning for warning in _about_fit(joint, *part) if warning.code not in _REPEATED)
     unseen = [row for row in rows if row.estimate.value is None and _kinds(row) & NOT_IDENTIFIABLE]
     if unseen:
-        yield Kind.UNSEEN(names=tuple(str(row.parameter) for row in unseen))
+        yield from not_shown(row.parameter for row in unseen)
     for row in rows:
         if row not in unseen:
             yield from (warning for warning in row.estimate.warnings if warning.code not in _REPEATED)

@@ -4,7 +4,7 @@ The Stribeck term where it is significant; sigma_0 and sigma_1 where presliding 
 numbers, and not the bristle's.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby, pairwise
 
@@ -17,7 +17,7 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
-from bristle.identification.messages import NOT_IDENTIFIABLE, UNRESOLVED
+from bristle.identification.shared_findings import NOT_IDENTIFIABLE, UNRESOLVED
 from bristle.model.parameters import Direction, ParameterName, of_load, peak_parameters
 
 WIDE = 0.5
@@ -177,13 +177,6 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
         if nothing or (name.name not in asked and (alone or name in weak)):
             out[name] = _without(e, companion if alone else None)
     return out
-
-
-def not_seen(names: Iterable[ParameterName]) -> tuple[Finding, ...]:
-    """That the motion does not show these, if there are any."""
-    unseen = tuple(names)
-    message = f"Not identifiable from this motion: {', '.join(map(str, unseen))}."
-    return (Finding("unseen", CAUTION, message, {"names": unseen}),) if unseen else ()
 
 
 def _is_weak(e: Estimate) -> bool:

@@ -22,11 +22,12 @@ from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
 from bristle.findings import CAUTION, Finding
-from bristle.identification.dynamic.claims import not_seen, warned, without_weak
+from bristle.identification.dynamic.claims import warned, without_weak
 from bristle.identification.dynamic.fit import OF_PHYSICS, DynamicSolution, physics
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import TrackingFit
+from bristle.identification.shared_findings import not_shown
 from bristle.model.parameters import ParameterName, of_friction
 
 REPETITIONS = 6
@@ -178,7 +179,7 @@ def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[Paramete
     unseen = [name for name, e in estimates.items() if e.value is None]
     lost = {n: solved.values[n] for n in unseen if n in solved.values}
     rest = (w for w in fit.warnings if w.code != "unseen")
-    return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *not_seen(unseen)))
+    return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *not_shown(unseen)))
 
 
 def _judged(solved: DynamicSolution, fit: TrackingFit) -> TrackingFit:

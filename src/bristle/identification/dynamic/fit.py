@@ -22,12 +22,11 @@ from bristle.identification.dynamic.claims import (
     WIDE,
     bristle_doubts,
     loads_alike,
-    not_seen,
     peak_doubts,
     warned,
     without_weak,
 )
-from bristle.identification.dynamic.left_out_peak import takes_up_peak
+from bristle.identification.dynamic.left_out_peak import beside_a_peak
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
     Unknown,
@@ -48,6 +47,7 @@ from bristle.identification.dynamic.unknowns import (
 from bristle.identification.dynamic.what_is_left import what_is_left
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.identification.offset import offset_or_friction
+from bristle.identification.shared_findings import at_bound, curve_held, not_shown, takes_up_peak
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Kind, Lugre, ParameterName, bends_down, least_of, of_friction, unit
@@ -238,12 +238,7 @@ def _all_estimates(
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, only_sum))
-    message = (
-        "It takes up part of a Stribeck term that these speeds show but do not bound: it describes the measured speeds, and "
-        "no others."
-    )
-    taking = Finding("takes-up-peak", CAUTION, message)
-    estimates = warned(estimates, dict.fromkeys(takes_up_peak(problem, solution), taking))
+    estimates = warned(estimates, dict.fromkeys(beside_a_peak(problem, solution), takes_up_peak()))
     return without_weak(problem, estimates)
 
 
@@ -341,7 +336,7 @@ def _shape_held(problem: DynamicProblem) -> Iterator[Finding]:
 
 
 def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
-    warnings = [*not_seen(unseen)]
+    warnings = [*not_shown(unseen)]
     if any(w.code == "unseen-bend" for e in unseen.values() for w in e.warnings):
         message = "If v_s lies beyond these speeds, the value of alpha_0 is alpha_0 + alpha_1: only their sum is identifiable."
         warnings.append(Finding("only-sum-seen-of-fit", CAUTION, message))
@@ -394,8 +389,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
             if value >= least:
                 low = max(low, least)
             if value == least and of_friction(bare):
-                message = "At its physical bound of zero: the interval is one-sided."
-                warnings.append(Finding("at-bound", CAUTION, message))
+                warnings.append(at_bound())
         if relative > WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
             message = "Not identifiable from this motion: its standard error is more than ten times its value."
             warnings.append(_wide(relative) if relative < 10 else Finding("unseen-far", CAUTION, message))
@@ -503,11 +497,7 @@ def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterNa
             warnings.append(Finding("not-passive", CAUTION, message, numbers))
         if bends_down(lugre):
             fastest = getattr(lugre, FASTEST)
-            message = (
-                f"Viscous friction bends down with speed (alpha_3 < 0). Faster than {fastest:.3g}{unit_of('velocity')}, "
-                "the fastest speed measured, it is taken to stay as large as there."
-            )
-            warnings.append(Finding("curve-held", CAUTION, message, {"fastest": fastest}))
+            warnings.append(curve_held(fastest))
         if J and J > 0 and not {ParameterName(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
             ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
             if not 0.02 < ratio < 5:

@@ -30,7 +30,7 @@ class AskedPeak(NamedTuple):
     """By how much each unknown, scaled, would move with it."""
 
 
-def takes_up_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[ParameterName]:
+def beside_a_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[ParameterName]:
     """alpha_0 and alpha_2 of a direction without a Stribeck term that the residuals ask for, moved by it by more than a standard error."""
     errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
     names = list[ParameterName]()

@@ -12,8 +12,8 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.estimation.ipopt import compared, ends, natural, solver
+from bristle.findings import CRITICAL, NOTE, Finding
 from bristle.identification.fits import Crosscheck
-from bristle.identification.messages import Kind
 from bristle.identification.static.problem import Regression, unknowns_of
 from bristle.identification.static.profiles import reduced
 from bristle.model import law
@@ -78,11 +78,27 @@ def crosscheck(
         dict(zip(problem.names, one.tolist(), strict=True)) for one in (theta, standard_errors, *ended)
     )
     other = compared(values, cost, errors, minima, costs, same)
-    verdict = Kind.GRID_LOWER(grid=cost, full=other.cost_full)
+    full, reached = other.cost_full, other.reached
     if other.agrees:
-        verdict = Kind.ROUTES_AGREE(worst=other.worst, reached=other.reached, starts=STARTS)
-    elif other.cost_full < cost:
-        verdict = Kind.FULL_FIT_LOWER(full=other.cost_full, grid=cost, reached=other.reached, starts=STARTS)
+        message = (
+            f"Grid and full nonlinear fit agree: the largest difference is {other.worst:.2g} standard errors. {reached} "
+            f"of {STARTS} random starts of the full fit reached its lowest cost."
+        )
+        numbers = {"worst": other.worst, "reached": reached, "starts": STARTS}
+        verdict = Finding("routes-agree", NOTE, message, numbers)
+    elif full < cost:
+        message = (
+            f"The full nonlinear fit found a lower cost than the grid ({full:.6g} against {cost:.6g}); use neither"
+            f" before the cause is known. {reached} of {STARTS} random starts of the full fit reached its lowest "
+            "cost."
+        )
+        numbers = {"full": full, "grid": cost, "reached": reached, "starts": STARTS}
+        verdict = Finding("full-fit-lower", CRITICAL, message, numbers)
+    else:
+        message = (
+            f"The grid found a lower cost than any start of the full nonlinear fit ({cost:.6g} against {full:.6g})."
+        )
+        verdict = Finding("grid-lower", NOTE, message, {"grid": cost, "full": full})
     return Crosscheck(**other._asdict(), verdict=verdict)
 
 

@@ -12,10 +12,9 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation.autocorrelation import unexplained
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained
-from bristle.findings import CAUTION, Finding, unit_of
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, RunScatter, StaticFit, Uncertainty
-from bristle.identification.messages import Kind
 from bristle.identification.repeats import clustered, scatter_of, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.fit_warnings import speeds_of
@@ -182,10 +181,15 @@ def _parts(problem: Regression) -> tuple[Direction, ...]:
 def _too_few(problem: Regression) -> Finding | None:
     n, m = problem.linear.shape
     if n <= m:
-        return Kind.TOO_FEW_POINTS(points=n, parameters=m, least=m + 1)
+        message = f"{n} points for {m} linear parameters: at least {m + 1} are needed; measure more speeds."
+        return Finding("too-few-points", CRITICAL, message, {"points": n, "parameters": m, "least": m + 1})
     scaled = problem.linear / np.maximum(np.linalg.norm(problem.linear, axis=0), 1e-300)
     if np.linalg.cond(scaled) > 1e8:
-        return Kind.INDISTINCT()
+        message = (
+            "The points do not separate the linear parameters (one speed only, or a regressor that never "
+            "changes); measure more speeds."
+        )
+        return Finding("indistinct", CRITICAL, message)
     return None
 
 
@@ -200,7 +204,7 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointI
         rms=None,
         relative_error=None,
         n=problem.torque.size,
-        outcome=Kind.STATIC_TOO_FEW(),
+        outcome=Finding("static-too-few", CRITICAL, "Too few points for the parameters; nothing is estimated."),
         warnings=(why,),
         velocity=problem.velocity if problem.smooth is None else np.zeros(0),
         torque=problem.torque if problem.smooth is None else np.zeros(0),
@@ -235,13 +239,18 @@ def _comparisons(
     without: Mapping[ParameterName, Estimate] = {}
     if (sticks := where.stick_slip).any():
         rest = problem.rows(np.logical_not(sticks))
-        warnings.append(Kind.STICK_SLIP_POINTS(sticking=int(sticks.sum()), points=sticks.size))
+        sticking, points = int(sticks.sum()), sticks.size
+        message = f"{sticking} of {points} points stick and slip; the fit without them is shown for comparison."
+        warnings.append(Finding("stick-slip-points", CAUTION, message, {"sticking": sticking, "points": points}))
         if nothing := _too_few(rest):
-            warnings.append(Kind.NOTHING_WITHOUT(inner=nothing))
+            message = f"Without the points that stick and slip no fit is possible. {nothing.message}"
+            warnings.append(Finding("nothing-without", CAUTION, message, {"inner": nothing}))
         else:
             alone = solve_static(rest, options, kind)
             without = alone.estimates
-            warnings += [Kind.WITHOUT_STICK_SLIP(inner=warning) for warning in alone.warnings]
+            for inner in alone.warnings:
+                message = f"Without the points that stick and slip: {inner.message}"
+                warnings.append(Finding("without-stick-slip", NOTE, message, {"inner": inner}))
     measured = slice(problem.torque.size - problem.priors)
     velocity, residuals = problem.equation_velocity[measured], core.solution.residuals[measured]
     warnings += terms_left_out(core, kind, where)
@@ -369,4 +378,5 @@ def _with_warnings(estimate: Estimate, three: Uncertainty) -> Estimate:
 def _outcome(core: StaticSolution, part: Direction, comparisons: _Comparisons) -> Finding:
     name = ParameterName("alpha_1", part)
     rests = name in core.parameters and bool(comparisons.without) and name not in comparisons.without
-    return Kind.STATIC_STICK_SLIP() if rests else core.outcome
+    message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
+    return Finding("static-stick-slip", CAUTION, message) if rests else core.outcome

@@ -12,7 +12,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
 from bristle.estimation.linear import inverse_gram
-from bristle.identification.messages import Kind
+from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.moving_runs import DIRECTIONS, declared, load_columns, terms_of
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import Regression, from_points
@@ -189,10 +189,18 @@ def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> I
     for search in searches:
         for k in search.resting:
             s = search.points[k]
-            reason = Kind.BELOW_BREAKAWAY(speed=abs(s.velocity), torque=s.torque, expected=search.expected[k])
+            speed, expected = abs(s.velocity), float(search.expected[k])
+            message = (
+                f"Below breakaway: at {speed:.3g}{unit_of('velocity')} its torque is {s.torque:.4g}{unit_of('torque')}, and that of the "
+                f"sliding points around it {expected:.4g}{unit_of('torque')}; leave it out, or measure there for longer."
+            )
+            numbers = {"speed": speed, "torque": s.torque, "expected": expected}
+            reason = Finding("below-breakaway", NOTE, message, numbers)
             yield replace(s, accepted=False, reasons=(reason,))
         for k in search.left_out if dropped else ():
-            reason = Kind.STRAY_DROPPED(deviations=abs(search.deviations[k]))
+            deviations = abs(float(search.deviations[k]))
+            message = f"Off the law of the others by {deviations:.0f} standard deviations; fit.set_up: as-written would make it pass."
+            reason = Finding("stray-dropped", NOTE, message, {"deviations": deviations})
             yield replace(search.points[k], accepted=False, reasons=(reason,))
 
 

@@ -14,9 +14,9 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import NO_SIGN, best_column_p_value, first_order
-from bristle.findings import Finding
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
-from bristle.identification.messages import Kind
+from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
 from bristle.identification.static.fit_warnings import fit_warnings, is_closed, speeds_of
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
@@ -127,7 +127,8 @@ def _beside(
     beside = dict[ParameterName, Estimate]()
     for d in problem.directions:
         for (name, interval), value, error in zip(of_shape.items(), problem.shape, errors.tolist(), strict=False):
-            warnings = () if is_closed(interval) else (Kind.SHAPE_OPEN(),)
+            message = "No finite interval: the data allow it to the end of what is searched."
+            warnings = () if is_closed(interval) else (Finding("shape-open", CAUTION, message),)
             shown = Estimate(
                 value=value, unit=unit(name, kind), standard_error=error, interval=interval, warnings=warnings
             )
@@ -136,7 +137,8 @@ def _beside(
         if problem.law.terms:
             fastest, values = float(speeds_of(problem, d).max()), dict(zip(problem.names, solution.theta, strict=True))
             held = min(values[ParameterName(name, d)] for name in problem.law.coefficients) < 0
-            told = (Kind.FASTEST_MEASURED(), *((Kind.CURVE_HELD(fastest=fastest),) if held else ()))
+            measured = Finding("fastest-measured", NOTE, "Not estimated: the fastest speed that was measured.")
+            told = (measured, *((curve_held(fastest),) if held else ()))
             beside[ParameterName(FASTEST, d)] = Estimate(value=fastest, unit=unit(FASTEST, kind), warnings=told)
     return beside
 
@@ -160,7 +162,9 @@ def _settled(
         likelihood = profiled(kept, solution, _inflation(kept, solution))
         if likelihood.better is not None:
             solution = descended(kept, solution, likelihood.better.tolist(), v_s_range)
-            likelihood, again = profiled(kept, solution, _inflation(kept, solution)), (Kind.REFITTED_FROM_GRID(),)
+            message = "A profile found a lower cost than the grid; the fit was repeated from there."
+            likelihood = profiled(kept, solution, _inflation(kept, solution))
+            again = (Finding("refitted-from-grid", NOTE, message),)
         unbounded = {} if options.model == "stribeck" else _unbounded(kept, solution, likelihood)
         if not unbounded:
             return kept, solution, likelihood, again
@@ -183,15 +187,20 @@ def _without_peak(
 ) -> tuple[dict[Direction, Finding], Solution | None]:
     """Directions that get no Stribeck term, each with the reason, and the solution with all of them, if it was needed."""
     asked = options.model == "coulomb-viscous"
-    if problem.torque.size <= len(problem.names) and asked:
-        return dict.fromkeys(problem.peaks, Kind.NO_STRIBECK_ASKED()), None
-    if problem.torque.size <= len(problem.names):
-        reason = Kind.TOO_FEW_FOR_PEAK(points=problem.torque.size, least=len(problem.names) + 1)
-        return dict.fromkeys(problem.peaks, reason), None
+    not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
+    points, least = problem.torque.size, len(problem.names) + 1
+    if points < least and asked:
+        return dict.fromkeys(problem.peaks, not_asked), None
+    if points < least:
+        message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
+        few = Finding("too-few-for-peak", CAUTION, message, {"points": points, "least": least})
+        return dict.fromkeys(problem.peaks, few), None
     solution = solve(problem, v_s_range)
     none = _unsupported(problem, solution)
     if asked:
-        return {d: (Kind.NO_STRIBECK_ASKED if d in none else Kind.PEAK_LEFT_OUT)() for d in problem.peaks}, None
+        message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
+        left_out = Finding("peak-left-out", CAUTION, message)
+        return {d: not_asked if d in none else left_out for d in problem.peaks}, None
     return {} if options.model == "stribeck" else none, solution
 
 
@@ -203,19 +212,29 @@ def _unbounded(
     """Directions whose v_s has an end outside the range searched, or no speed below it, each with the reason."""
     unbounded = {}
     for direction, name, v_s in zip(
-        problem.peaks, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1], strict=False
+        problem.peaks, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1].tolist(), strict=False
     ):
         low, high = likelihood.intervals[name]
         speeds, why = speeds_of(problem, direction), None
         if low == 0:
-            why = Kind.V_S_DOWN_TO_ZERO()
+            why = Finding("v-s-down-to-zero", CAUTION, "these speeds set no lower limit on v_s (slower ones would)")
         elif np.isinf(high):
-            why = Kind.V_S_UP_TO_ANY()
-        elif speeds.min() >= v_s:
-            why = Kind.NONE_BELOW_V_S(slowest=speeds.min(), v_s=v_s)
+            message = "these speeds set no upper limit on v_s (faster ones, or more of them, would)"
+            why = Finding("v-s-up-to-any", CAUTION, message)
+        elif (slowest := float(speeds.min())) >= v_s:
+            message = (
+                f"no speed lies below its v_s of {v_s:.3g}{unit_of('velocity')} (the slowest is {slowest:.3g}{unit_of('velocity')}; "
+                "slower ones would decide)"
+            )
+            why = Finding("none-below-v-s", CAUTION, message, {"slowest": slowest, "v_s": v_s})
         if why is not None:
-            unbounded[direction] = Kind.NO_STRIBECK(direction=direction, why=why)
+            unbounded[direction] = _no_stribeck(direction, why)
     return unbounded
+
+
+def _no_stribeck(direction: Direction, why: Finding) -> Finding:
+    message = f"Stribeck term not identifiable{in_direction(direction)}: {why.message}; Coulomb and viscous friction alone are fitted."
+    return Finding("no-stribeck", CAUTION, message, {"direction": direction, "why": why})
 
 
 def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Finding]:
@@ -223,7 +242,7 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Fin
     variance_inflation = _inflation(problem, solution)
     projected = Projected(problem)
     noise = 1e-20 * float(problem.torque @ problem.torque)
-    _, v_s = problem.split(solution.theta)
+    v_s = problem.split(solution.theta)[1].tolist()
     dropped = {}
     for k, direction in enumerate(problem.peaks):
         off, length = projected.off(solution.grid, k)
@@ -234,13 +253,25 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Fin
         speeds, why = speeds_of(problem, direction), None
         fastest, slowest = float(speeds.max()), float(speeds.min())
         if p > SUPPORTED:
-            why = Kind.LIKE_NOISE(percent=100 * p) if p < NO_SIGN else Kind.NO_PEAK()
+            why = Finding("no-peak", CAUTION, "no sign of a Stribeck peak")
+            if p < NO_SIGN:
+                message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
+                why = Finding("like-noise", CAUTION, message, {"percent": 100 * p})
         elif v_s[k] * problem.law.peak.reach > fastest:
-            why = Kind.BEND(v_s=v_s[k], fastest=fastest, seen=problem.law.peak.reach)
+            seen = problem.law.peak.reach
+            message = (
+                f"its v_s of {v_s[k]:.3g}{unit_of('velocity')} would lie near the fastest speed, {fastest:.3g}{unit_of('velocity')}, "
+                f"so the term would bend the whole curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
+            )
+            why = Finding("bend", CAUTION, message, {"v_s": v_s[k], "fastest": fastest, "seen": seen})
         elif v_s[k] < UNTOUCHED * slowest:
-            why = Kind.ONE_SPEED(v_s=v_s[k], slowest=slowest)
+            message = (
+                f"its v_s of {v_s[k]:.3g}{unit_of('velocity')} would lie below a third of the slowest speed, "
+                f"{slowest:.3g}{unit_of('velocity')}, so the term would depend on that one speed (slower ones would decide)"
+            )
+            why = Finding("one-speed", CAUTION, message, {"v_s": v_s[k], "slowest": slowest})
         if why is not None:
-            dropped[direction] = Kind.NO_STRIBECK(direction=direction, why=why)
+            dropped[direction] = _no_stribeck(direction, why)
     return dropped
 
 
@@ -266,11 +297,14 @@ def _estimates(
         low, high = intervals[name]
         warnings: tuple[Finding, ...] = ()
         if name in solution.at_bound:
-            warnings = (Kind.AT_BOUND(),)
+            warnings = (at_bound(),)
         if plain_name == "alpha_1" and not is_closed(intervals[name._replace(name="v_s")]):
-            warnings = (*warnings, Kind.ALPHA_1_OPEN())
+            message = "No finite interval: v_s has none, and alpha_1 grows with v_s."
+            warnings = (*warnings, Finding("alpha-1-open", CAUTION, message))
         if plain_name == "v_s" and not is_closed((low, high)):
-            warnings = (*warnings, Kind.V_S_OPEN_BELOW() if low == 0 else Kind.V_S_OPEN_ABOVE())
+            below = Finding("v-s-open-below", CAUTION, "No finite interval: the data allow v_s down to zero.")
+            above = Finding("v-s-open-above", CAUTION, "No finite interval: the data set no upper limit on v_s.")
+            warnings = (*warnings, below if low == 0 else above)
         standard_error = None if name in solution.at_bound or not np.isfinite(error) else float(error)
         out[name] = Estimate(
             value=float(value),
@@ -297,9 +331,7 @@ def _as_far_as_measured(
         d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
     }
     names = [name for name in parameters if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted]
-    return {
-        name: replace(parameters[name], warnings=(*parameters[name].warnings, Kind.TAKES_UP_PEAK())) for name in names
-    }
+    return {name: replace(parameters[name], warnings=(*parameters[name].warnings, takes_up_peak())) for name in names}
 
 
 def _outcome(
@@ -307,8 +339,16 @@ def _outcome(
 ) -> Finding:
     if dropped and not problem.peaks:
         asked = all(reason.code in {"peak-left-out", "no-stribeck-asked"} for reason in dropped.values())
-        return Kind.STATIC_AS_ASKED() if asked else Kind.STATIC_NO_STRIBECK()
+        if asked:
+            message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
+            return Finding("static-as-asked", NOTE, message)
+        message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
+        return Finding("static-no-stribeck", CAUTION, message)
     _, v_s = problem.split(solution.theta)
     if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):
-        return Kind.STATIC_AT_EDGE()
-    return Kind.STATIC_AT_BOUND() if solution.at_bound else Kind.STATIC_CONVERGED()
+        message = "The best v_s lies at the edge of the range searched; these velocities do not bracket it."
+        return Finding("static-at-edge", CRITICAL, message)
+    if solution.at_bound:
+        message = "A parameter lies at its physical bound; its interval is one-sided."
+        return Finding("static-at-bound", CAUTION, message)
+    return Finding("static-converged", NOTE, "Converged.")

@@ -1,15 +1,14 @@
 """What is said of points that do not belong to the law: how far off they are, and what the fit becomes without them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from bristle.data.experiment.schema import FitOptions
-from bristle.findings import Finding
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.fits import Estimate, OtherPoints, StaticFit, Stray
-from bristle.identification.messages import Kind, but
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.solution import StaticSolution, solve_static
@@ -51,27 +50,45 @@ def report_strays(
     side = search.sides[0] if len(search.sides) == 1 else ""
     warnings = []
     if search.resting:
-        resting = _listed(search, search.resting)
-        warnings.append(Kind.RESTING_LEFT_OUT(count=len(search.resting), direction=side, points=resting))
+        count, named = len(search.resting), _listed(search, search.resting)
+        message = f"{_points(count)} below breakaway left out{in_direction(side)}: {'; '.join(named)}; the joint does not slide there."
+        numbers = {"count": count, "direction": side, "points": _told(named)}
+        warnings.append(Finding("resting-left-out", NOTE, message, numbers))
     named = _listed(search, search.strays)
     if search.misfit:
-        warnings.append(
-            Kind.MISFIT(direction=side, most=most_strays(search.problem), count=len(search.points), points=named)
+        most, count = most_strays(search.problem), len(search.points)
+        message = (
+            f"The law does not fit{in_direction(side)}: more than {most} of {count} points would have to be left out, "
+            f"{'; '.join(named)} first. Look at the residuals for what is missing; `exclude` under fit leaves out points that you know "
+            "to be faulty."
         )
+        numbers = {"direction": side, "most": most, "count": count, "points": _told(named)}
+        warnings.append(Finding("misfit", CRITICAL, message, numbers))
     if search.misfit or not named:
         return StrayReport(warnings=tuple(warnings))
     dropped = options.drops_strays and bool(search.left_out)
     second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
     strays = tuple(_stray(search, k, options, kind) for k in search.strays)
-    values = _values(core, second)
-    numbers = {"values": values, "error": _relative_error(second), "now": _relative_error(core)}
+    error, now = _relative_error(second), _relative_error(core)
+    other = f"{', '.join(_values(core, second))}; relative error {error:.2g} % instead of {now:.2g} %."
     moved = _moved(core, second)
-    said = {"count": len(search.strays), "points": named}
+    numbers = {"count": len(search.strays), "points": _told(named)}
+    message = f"{_points(len(search.strays))} off the law of the others"
     if dropped:
-        warning = Kind.STRAYS_LEFT_OUT(**said, other=Kind.WITH_STRAYS(**numbers))
+        other = f"With: {other}"
+        message = f"{message}, left out: {'; '.join(named)}. {other} To keep, write `set_up: as-written` under fit."
+        numbers |= {"other": in_units(other, {})}
+        warning = Finding("strays-left-out", CAUTION, message, numbers)
     else:
-        said |= {"other": Kind.WITHOUT_STRAYS(**numbers), "advice": _advice(search, options)}
-        warning = Kind.STRAYS_MATTER(**said, moved=moved) if moved and search.matter else Kind.STRAYS(**said)
+        without = Finding("without-strays", NOTE, f"Without: {other}", {"error": error, "now": now})
+        advice = _advice(search, options)
+        message = f"{message}: {'; '.join(named)}. {without.message}"
+        numbers |= {"other": without, "advice": advice}
+        if moved and search.matter:
+            message = f"{message} That is more than one standard error of {', '.join(moved)}. {advice.message}"
+            warning = Finding("strays-matter", CRITICAL, message, {**numbers, "moved": moved})
+        else:
+            warning = Finding("strays", CAUTION, f"{message} {advice.message}", numbers)
     parts = search.problem.directions
     return StrayReport(strays=strays, other={d: _other_points(second, d) for d in parts}, warnings=(*warnings, warning))
 
@@ -79,15 +96,21 @@ def report_strays(
 def _advice(search: PointSearch, options: FitOptions) -> Finding:
     """What to do about strays that are not left out."""
     if not options.drops_strays:
-        return Kind.TO_LEAVE_OUT()
+        return Finding("to-leave-out", NOTE, "To leave out, leave `set_up: as-written` out.")
     speed = np.abs([s.velocity for s in search.points])
     side = np.sign([s.velocity for s in search.points])
     own = list(search.strays)
     others = np.delete(speed, [*own, *search.resting])
     weaker = all(side[k] * search.deviations[k] < 0 for k in own)
     if others.size and weaker and speed[own].max() < others.min():
-        return Kind.FALLS_OFF(speed=float(others.min()))
-    return Kind.NOT_STRAYS()
+        slowest = f"{others.min():.3g}{unit_of('velocity')}"
+        message = (
+            f"They are the slowest, and have less friction than the law: below {slowest} it falls towards 0, as a regularised "
+            f"law does, or they do not slide. Write `segments: {{minimum_velocity: {slowest}}}` to leave them out."
+        )
+        return Finding("falls-off", NOTE, message, {"speed": float(others.min())})
+    message = "They stay: neighbours, the ends of the range, or more than a tenth of the points are no strays, but show what the law lacks."
+    return Finding("not-strays", NOTE, message)
 
 
 def advised(fit: StaticFit) -> StaticFit:
@@ -98,12 +121,20 @@ def advised(fit: StaticFit) -> StaticFit:
     return replace(
         fit,
         warnings=tuple(
-            but(w, advice=Kind.TERM_FIRST())
+            _term_first(w)
             if w.code in {"strays", "strays-matter"} and _share(w.numbers["other"].numbers) < max(explained)
             else w
             for w in fit.warnings
         ),
     )
+
+
+def _term_first(strays: Finding) -> Finding:
+    """What is said of strays, with other advice."""
+    message = "But a term that the fit lacks explains more than that: add it first (see below); then look which points are still off."
+    first = Finding("term-first", NOTE, message)
+    told = strays.message.removesuffix(strays.numbers["advice"].message)
+    return replace(strays, message=told + first.message, numbers={**strays.numbers, "advice": first})
 
 
 def _share(x: Mapping[str, Any]) -> float:
@@ -113,18 +144,26 @@ def _share(x: Mapping[str, Any]) -> float:
     return float(x["share"] if "share" in x else 1 - (x["error"] / x["now"]) ** 2)
 
 
-def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[Finding | str, ...]:
+def _points(count: int) -> str:
+    return f"{count} point{'' if count == 1 else 's'}"
+
+
+def _told(points: Sequence[str]) -> tuple[str, ...]:
+    """Points by name, as they are where no unit is known."""
+    return tuple(in_units(point, {}) for point in points)
+
+
+def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
     """The first points by name, and how many there are beside them."""
     rest = len(rows) - _LISTED
     return (*(_named(search, k) for k in rows[:_LISTED]), *([f"and {rest} more"] if rest > 0 else []))
 
 
-def _named(search: PointSearch, k: int) -> Finding:
+def _named(search: PointSearch, k: int) -> str:
     s = search.points[k]
     file, where = s.subject
-    number = {"file": file, "where": where, "torque": s.torque, "velocity": s.velocity}
-    off = search.deviations[k]
-    return Kind.STRAY_POINT(**number, deviations=off) if off else Kind.POINT_NAMED(**number)
+    off = f", {search.deviations[k]:+.0f} standard deviations off" if search.deviations[k] else ""
+    return f"{file} {where} ({s.torque:.4g}{unit_of('torque')} at {s.velocity:.3g}{unit_of('velocity')}{off})"
 
 
 def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) -> Stray:
@@ -147,15 +186,12 @@ def _relative_error(solved: StaticSolution) -> float:
     return solved.problem.relative_error(solved.solution.theta)
 
 
-def _values(core: StaticSolution, second: StaticSolution) -> tuple[Finding, ...]:
+def _values(core: StaticSolution, second: StaticSolution) -> Iterator[str]:
     """The second fit's parameters, each with its error."""
-    return tuple(
-        Kind.PARAMETER_WITH_ERROR(name=core.problem.text(name), value=e.value, error=e.standard_error)
-        if e.standard_error
-        else Kind.PARAMETER_VALUE(name=core.problem.text(name), value=e.value)
-        for name, e in second.parameters.items()
-        if e.value is not None
-    )
+    for name, e in second.parameters.items():
+        if e.value is not None:
+            text, error = core.problem.text(name), f" +/- {e.standard_error:.2g}" if e.standard_error else ""
+            yield f"{text} {e.value:.4g}{error}{unit_of(text)}"
 
 
 def _moved(core: StaticSolution, second: StaticSolution) -> tuple[str, ...]:

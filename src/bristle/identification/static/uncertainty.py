@@ -27,8 +27,8 @@ from bristle.estimation.bootstrap import (
 )
 from bristle.estimation.covariance import covariance, seen
 from bristle.estimation.linear import inverse_gram
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Uncertainty
-from bristle.identification.messages import Kind
 from bristle.identification.repeats import RunFit
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution, descended
@@ -62,7 +62,7 @@ def three_ways(
     """
     n, names = solved.problem.torque.size, solved.problem.names
     spare = n - len(names)
-    few = Kind.POINTS_FOR_PARAMETERS(points=n, parameters=len(names)) if spare < _FEW else None
+    few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
     drawn = resample(solved.problem, solved.solution, v_s_range, seed=seed, covariance=solved.covariance)
     out = {}
     for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn[:3], strict=True):
@@ -70,9 +70,14 @@ def three_ways(
         covariance, profile = solved.student[name], solved.profiled.intervals[name]
         warnings = interval_comparison.warnings(value, covariance, profile, resampled, at_bound=at_bound, few=few)
         if at_bound:
-            warnings = (Kind.INTERVALS_AT_BOUND(),)
+            message = "At its physical bound of zero: the intervals are one-sided."
+            warnings = (Finding("intervals-at-bound", CAUTION, message),)
         elif resampled is None:
-            warnings = (*warnings, Kind.NO_BLOCKS(least=FEW))
+            message = (
+                f"No bootstrap: the residuals are correlated over so long that fewer than {FEW} blocks are left to "
+                "resample."
+            )
+            warnings = (*warnings, Finding("no-blocks", NOTE, message, {"least": FEW}))
         out[name] = Uncertainty(
             covariance=(0.0, covariance[1]) if at_bound else covariance,
             profile=profile,

@@ -1,0 +1,45 @@
+"""Findings that fits of points and of motion have in common, and the codes by which a motion refuses a parameter."""
+
+from collections.abc import Iterable
+
+from bristle.findings import CAUTION, Finding, unit_of
+
+UNRESOLVED = frozenset({
+    "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
+    "unseen-companion", "unseen-in-counts", "unseen-biased", "unseen-too-few",
+})  # fmt: skip  # a list of values
+"""Kinds that leave no interval either: what was fitted is not what the parameter means."""
+NOT_IDENTIFIABLE = UNRESOLVED | {
+    "unseen-wide", "unseen-far", "unseen-bend", "unseen-peak", "unseen-no-peak",
+}  # fmt: skip  # a list of values
+"""Kinds by which a motion refuses a parameter."""
+
+
+def at_bound() -> Finding:
+    """Of an estimate at its physical bound."""
+    return Finding("at-bound", CAUTION, "At its physical bound of zero: the interval is one-sided.")
+
+
+def curve_held(fastest: float) -> Finding:
+    """Of viscous friction that bends down, with the fastest speed that was measured, rad/s."""
+    message = (
+        f"Viscous friction bends down with speed (alpha_3 < 0). Faster than {fastest:.3g}{unit_of('velocity')}, the fastest speed "
+        "measured, it is taken to stay as large as there."
+    )
+    return Finding("curve-held", CAUTION, message, {"fastest": fastest})
+
+
+def takes_up_peak() -> Finding:
+    """Of a parameter beside a Stribeck term that is there, and left out."""
+    message = (
+        "It takes up part of a Stribeck term that these speeds show but do not bound: it describes the measured "
+        "speeds, and no others."
+    )
+    return Finding("takes-up-peak", CAUTION, message)
+
+
+def not_shown(names: Iterable[object]) -> tuple[Finding, ...]:
+    """That the motion does not show these parameters, if there are any."""
+    unseen = tuple(map(str, names))
+    message = f"Not identifiable from this motion: {', '.join(unseen)}."
+    return (Finding("unseen", CAUTION, message, {"names": unseen}),) if unseen else ()
