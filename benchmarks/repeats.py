@@ -2,8 +2,8 @@
 
 Five repeats of one experiment, simulated: moving runs of gripper rotation (+) with an inertia, and runs that each give a whole curve of points at
 constant velocity. In each run the true parameters are the same, or scatter about their mean by so many standard errors that a run has, each
-independently. Printed are, per parameter: in how many experiments its interval is widened; the mean sqrt(chi2_red) before and after (of moving runs,
-the error by the scatter of parts over that of the fit); and how often the 95 % interval covers the mean.
+independently. Printed are, per parameter: in how many experiments its interval is widened; the mean error by the scatter of parts over that of the
+fit, before and after; and how often the 95 % interval covers the mean.
 """
 
 import argparse
@@ -20,11 +20,10 @@ from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.uncertainty import parts_of_runs
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms
 from bristle.identification.fits import Estimate, RunScatter
-from bristle.identification.repeats import clustered, scatter_of, spreader, widened, wider_estimate
-from bristle.identification.static.grid import default_range
+from bristle.identification.repeats import clustered, spreader, widened, wider_estimate
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.solution import solve_static
-from bristle.identification.static.uncertainty import run_fits
+from bristle.identification.static.uncertainty import parts_of_runs as parts_of_curves
 from bristle.model.functions import steady_torque_function
 from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
 from bristle.model.rollout import rollout
@@ -111,12 +110,8 @@ def points(truths: list[dict[ParameterName, float]], rng: np.random.Generator) -
     whole = from_points(np.tile(SPEEDS, len(truths)), np.concatenate(torques), ("both",))
     core = solve_static(whole, FitOptions(), "revolute")
     runs = [(f"run {k}", from_points(SPEEDS, own, ("both",))) for k, own in enumerate(torques)]
-    scatter = scatter_of(
-        run_fits(core, runs, default_range(SPEEDS)),
-        core.parameters,
-        core.freedom,
-        {ParameterName("v_s", Direction.BOTH)},
-    )
+    v_s = {ParameterName("v_s", Direction.BOTH)}
+    scatter = clustered(*parts_of_curves(core, runs), core.parameters, core.freedom, v_s, independent=True)
     return {name: (_wider(core.parameters[name], x, name), x) for name, x in scatter.items()}
 
 

@@ -1,25 +1,17 @@
-"""Several runs of one kind: each is fitted apart as well, and their scatter is held against the intervals.
+"""Several runs of one kind: their scatter is held against the intervals of the fit of all.
 
-Of one parameter, with estimates x_i and standard errors s_i from the k runs that show it,
+Of one parameter that each run is fitted for apart, with estimates x_i and standard errors s_i from k runs,
 
     chi2_red = sum over i of ((x_i - m) / s_i)**2 / (k - 1),    m the mean weighted by 1 / s_i**2,
 
-is one where runs differ by no more than the s_i say. Of all parameters that every run shows, with covariances C_i,
-
-    Q = sum over i of (x_i - m)' C_i**-1 (x_i - m),    m their weighted mean.
-
-Where chi2_red is significant at 1 %, or Q is and chi2_red is above one, the standard error of the fit of all runs is
-at least that of m times the root of chi2_red (Birge, Phys. Rev. 40, 1932), and at least the one by the scatter itself:
-the fit of all runs is near m, to which run i adds A_i x_i with A_i = (sum of C_j**-1)**-1 C_i**-1, so that its
-covariance is k / (k - 1) sum of A_i (x_i - m) (x_i - m)' A_i'; what differs in one parameter then moves others too.
-Student's t has k - 1 degrees of freedom. What runs leave of one another in the residuals of their common fit may have
-widened its error already. Q sees a scatter of all parameters that is too small to be seen in one of them with few runs.
-Errors that are known by few degrees of freedom themselves make both tests F tests.
+is one where runs differ by no more than the s_i say; where it is significant at 1 %, the error is widened by its root
+(Birge, Phys. Rev. 40, 1932). Of all parameters of one fit, the error is that of the jackknife over the runs, to first order, where that is
+significantly larger. Student's t has k - 1 degrees of freedom then.
 """
 
 from collections.abc import Callable, Container, Hashable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.special import fdtrc
@@ -36,56 +28,32 @@ Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
 SIGNIFICANT = 0.01
 _FEWEST = 3
 """Runs: two tell too little of how runs scatter."""
-_ROUNDING = 1e-6
-"""Relative differences below this are those of two computations."""
-
-
-class RunFit(NamedTuple, Generic[Key]):
-    """What one run alone says of the parameters that it shows."""
-
-    file: str
-    names: tuple[Key, ...]
-    values: Array
-    """Estimates, in their units, (p,)."""
-    covariance: Array
-    """Of these, (p, p)."""
-    freedom: float
-    """Degrees of freedom behind the covariance."""
 
 
 def scatter_of(
-    runs: Sequence[RunFit[Key]],
-    of_all: Mapping[Key, Estimate],
-    freedom: float | Mapping[Any, float],
-    logarithmic: Container[Key] = (),
-) -> dict[Key, RunScatter]:
-    """Each parameter's scatter over the runs that show it, where at least two do.
+    by_run: Mapping[str, float], errors: Array, freedoms: Array, error: float, freedom: float
+) -> RunScatter | None:
+    """The scatter of one parameter over runs that were each fitted apart; None of fewer than two.
 
     Args:
-        runs: each fitted apart.
-        of_all: the estimates from all runs at once.
-        freedom: degrees of freedom of their intervals; of each, by name.
-        logarithmic: parameters whose logarithms are compared, not they themselves.
+        by_run: its estimate from each run, by file.
+        errors: their standard errors, (k,).
+        freedoms: degrees of freedom of these, (k,).
+        error: standard error of the fit of all runs.
+        freedom: degrees of that.
     """
-    found, compared = {}, [_compared(run, logarithmic) for run in runs]
-    apart, errors = _together(compared)
-    for name in dict.fromkeys(name for run in runs for name in run.names):
-        own = [_compared(run, (), (name,)) for run in compared if name in run.names]
-        if len(own) < 2:
-            continue
-        p, chi2 = _differ(own)[:2]
-        before, after, factor, stretched = float(np.sqrt(chi2)), float(np.sqrt(chi2)), 1.0, 1.0
-        e = of_all[name]
-        if (p < SIGNIFICANT or apart) and chi2 > 1 and e.value is not None and e.standard_error:
-            mean_error = before * sum(1 / float(run.covariance[0, 0]) for run in own) ** -0.5
-            own_error = e.standard_error / (e.value if name in logarithmic else 1.0)
-            after, factor = 1.0, max(mean_error, errors.get(name, 0.0)) / own_error
-            stretched = factor * _fewer(len(own) - 1, _of(freedom, name))
-        values = {run.file: float(run.values[run.names.index(name)]) for run in runs if name in run.names}
-        found[name] = RunScatter(
-            before=before, after=after, widened=max(factor, 1.0), stretched=max(stretched, 1.0), by_run=values
-        )
-    return found
+    count, x, weights = len(by_run), np.array(list(by_run.values())), errors**-2.0
+    if count < 2 or not error:
+        return None
+    chi2 = float(weights @ (x - weights @ x / weights.sum()) ** 2) / (count - 1)
+    ratio, factor, stretched = float(np.sqrt(chi2)), 1.0, 1.0
+    significant = chi2 > 1 and float(fdtrc(count - 1, freedoms.sum(), chi2)) < SIGNIFICANT
+    if significant:
+        factor = ratio * float(weights.sum()) ** -0.5 / error
+        factor, stretched = max(factor, 1.0), max(factor * _fewer(count - 1, freedom), 1.0)
+    return RunScatter(
+        before=ratio, after=1.0 if significant else ratio, widened=factor, stretched=stretched, by_run=dict(by_run)
+    )
 
 
 def clustered(
@@ -94,6 +62,8 @@ def clustered(
     of_all: Mapping[Key, Estimate],
     freedom: float | Mapping[Any, float],
     logarithmic: Container[Key] = (),
+    *,
+    independent: bool = False,
 ) -> dict[Key, RunScatter]:
     """Each parameter's scatter over runs, of which what one leaves counts as one number.
 
@@ -107,6 +77,7 @@ def clustered(
         of_all: the estimates.
         freedom: degrees of freedom of their intervals; of each, by name.
         logarithmic: columns that are derivatives by a logarithm.
+        independent: whether what a run leaves is white: then an F test of all parameters of each run at once counts too, to first order.
     """
     if len(parts) < _FEWEST:
         return {}
@@ -121,6 +92,7 @@ def clustered(
     )
     errors = np.sqrt((count - 1) / count * (moves**2).sum(axis=0))
     column = {name: k for k, name in enumerate(names)}
+    apart = independent and _differ(scaled)
     for name, e in of_all.items():
         if name not in column or e.value is None or not e.standard_error:
             continue
@@ -128,7 +100,7 @@ def clustered(
         as_logarithm = name in logarithmic
         ratio = error / (e.standard_error / (e.value if as_logarithm else 1.0))
         own = _of(freedom, name)
-        more = ratio > 1 and float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANT
+        more = ratio > 1 and (apart or float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANT)
         values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
             before=ratio,
@@ -141,6 +113,20 @@ def clustered(
     return found
 
 
+def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
+    """Whether runs fitted apart, to first order, leave less of what the fit of all leaves than chance makes them."""
+    rank, explained, left, n = 0, 0.0, 0.0, 0
+    for X, rest in parts:
+        made, _, own, _ = np.linalg.lstsq(X, rest, rcond=1e-9)
+        rank, n = rank + int(own), n + rest.size
+        explained += float(rest @ (X @ made))
+        left += float(np.sum((rest - X @ made) ** 2))
+    more, freedom = rank - parts[0][0].shape[1], n - rank
+    if more < 1 or freedom < 1 or not left > 0:
+        return False
+    return float(fdtrc(more, freedom, explained / more / (left / freedom))) < SIGNIFICANT
+
+
 def _of(freedom: float | Mapping[Any, float], name: Hashable) -> float:
     """The degrees of freedom of one of several, or of all."""
     return freedom[name] if isinstance(freedom, Mapping) else freedom
@@ -149,41 +135,6 @@ def _of(freedom: float | Mapping[Any, float], name: Hashable) -> float:
 def _fewer(most: int, own: float) -> float:
     """How much wider an interval is with no more than so many degrees of freedom."""
     return student(min(most, own)) / student(own)
-
-
-def _compared(run: RunFit[Key], logarithmic: Container[Key], names: Sequence[Key] | None = None) -> RunFit[Key]:
-    """The run with these parameters alone, and logarithms where they are compared; errors no smaller than rounding."""
-    names = run.names if names is None else tuple(names)
-    keep = [run.names.index(name) for name in names]
-    x, C = run.values[keep], run.covariance[np.ix_(keep, keep)]
-    as_logarithm = np.array([name in logarithmic for name in names], dtype=bool)
-    slope = np.where(as_logarithm, x, 1.0)
-    x = np.where(as_logarithm, np.log(np.where(as_logarithm, x, 1.0)), x)
-    C = C / np.outer(slope, slope) + np.diag((_ROUNDING * np.where(as_logarithm, 1.0, x)) ** 2)
-    return run._replace(names=names, values=x, covariance=C)
-
-
-def _together(runs: Sequence[RunFit[Key]]) -> tuple[bool, dict[Key, float]]:
-    """Whether the runs differ significantly in the parameters that all of them show; and errors of these by that."""
-    common = [name for name in runs[0].names if all(name in run.names for run in runs)] if len(runs) > 1 else []
-    if not common:
-        return False, {}
-    p, _, errors = _differ([_compared(run, (), common) for run in runs])
-    return p < SIGNIFICANT, dict(zip(common, errors.tolist(), strict=True))
-
-
-def _differ(runs: Sequence[RunFit[Key]]) -> tuple[float, float, Array]:
-    """Of runs that show the same parameters: probability of their scatter by chance, chi2_red, and errors by it, (p,)."""
-    size, count = np.sqrt(runs[0].covariance.diagonal()), len(runs)
-    x = np.array([run.values / size for run in runs])
-    weights = np.array([np.linalg.pinv(run.covariance / np.outer(size, size), hermitian=True) for run in runs])
-    inner = np.linalg.pinv(weights.sum(axis=0), hermitian=True)
-    off = x - inner @ np.einsum("kpq,kq->p", weights, x)
-    freedom = size.size * (count - 1)
-    chi2 = float(np.einsum("kp,kpq,kq->", off, weights, off)) / freedom
-    moves = np.einsum("pq,kqr,kr->kp", inner, weights, off)
-    errors: Array = size * np.sqrt(count / (count - 1) * np.einsum("kp,kp->p", moves, moves))
-    return float(fdtrc(freedom, sum(run.freedom for run in runs), chi2)), chi2, errors
 
 
 def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], logarithmic: Container[str] = ()) -> Fitted:

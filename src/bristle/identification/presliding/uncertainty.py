@@ -15,7 +15,6 @@ the truth lies.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -36,7 +35,7 @@ from bristle.identification.presliding.stiffness import (
     centred,
     of_loading,
 )
-from bristle.identification.repeats import RunFit, less, scatter_of
+from bristle.identification.repeats import less, scatter_of
 
 SEED = 0
 _LEAST_FREEDOM = 4.0
@@ -126,18 +125,18 @@ def stiffness_scatter(
     """
     by_file = {x.file: [of_loading(own, level.value) for own in loadings if own.file == x.file] for x in loadings}
     solve = by_edges if estimator == "edges" else by_samples
-    quantum, runs = max(loading.quantum for loading in loadings), list[RunFit[str]]()
+    quantum, alone = max(loading.quantum for loading in loadings), dict[str, tuple[float, float, float]]()
     for file, pieces in by_file.items():
         value, error, freedom = solve(pieces)
         if 0 < value < np.inf and 0 < error < np.inf and freedom >= _LEAST_FREEDOM:
             counts = by_phase(pieces, value, quantum)[1] if estimator == "samples" and quantum else 0.0
-            runs.append(RunFit(file, ("sigma_0",), np.array([value]), np.array([[error**2 + counts**2]]), freedom))
+            alone[file] = value, float(np.hypot(error, counts)), freedom
     of_all, own, freedom = solve([piece for pieces in by_file.values() for piece in pieces])
-    given = replace(estimate, value=of_all, standard_error=own)  # without what g0 adds
-    found = scatter_of(runs, {"sigma_0": given}, freedom).get("sigma_0")
+    values, errors, freedoms = np.array(list(alone.values())).reshape(-1, 3).T
+    found = scatter_of(dict(zip(alone, values.tolist(), strict=True)), errors, freedoms, own, freedom)
     if found is None or not estimate.standard_error or not of_all:
         return None
-    share = min(own / estimate.standard_error, 1.0)
+    share = min(own / estimate.standard_error, 1.0)  # without what g0 adds
     return less(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
 
 

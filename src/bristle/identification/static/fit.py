@@ -15,7 +15,7 @@ from bristle.estimation.score_test import Candidate, Fitted, Score, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, RunScatter, StaticFit, Uncertainty
-from bristle.identification.repeats import clustered, scatter_of, widened
+from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.fit_warnings import speeds_of
 from bristle.identification.static.grid import default_range, plain_grid, solve
@@ -23,13 +23,12 @@ from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.solution import StaticSolution, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
-from bristle.identification.static.uncertainty import parts_of_runs, run_fits, three_ways
+from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
 from bristle.model.parameters import (
     Direction,
     ParameterName,
     of_curve,
-    of_load,
     peak_parameters,
     static_fields_of,
     unit,
@@ -109,11 +108,8 @@ def fit_static(
     if not checked.agrees:
         comparisons = replace(comparisons, warnings=(*comparisons.warnings, checked.verdict))
     fits = {d: _static_fit(core, kind, d, where, comparisons, errors) for d in _parts(problem)}
-    if any(of_load(name.name) for name in problem.names):
-        scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom)
-    else:
-        logarithmic = {name for name in core.names if name.name in _LOGARITHMIC}
-        scatter = scatter_of(run_fits(core, runs, v_s_range), core.parameters, core.freedom, logarithmic)
+    logarithmic, alone = {name for name in core.names if name.name in _LOGARITHMIC}, problem.smooth is None
+    scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=alone)
     return _finished(core, fits, scatter), {label: checked}
 
 

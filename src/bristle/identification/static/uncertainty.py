@@ -3,7 +3,7 @@
 The bootstrap draws points anew at the same velocities and fits them again by the whole grid; what is costly to fit goes
 by one step. v_s is stepped by its logarithm: an interval need be neither symmetric nor normal.
 
-And each of several runs fitted apart, for `repeats`.
+And what each of several runs says of it, for `repeats`.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.estimation import interval_comparison
-from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.bootstrap import (
     FEW,
     REFITS,
@@ -25,18 +24,15 @@ from bristle.estimation.bootstrap import (
     linear_refit,
     residual_bootstrap,
 )
-from bristle.estimation.covariance import covariance, seen
-from bristle.estimation.linear import inverse_gram
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Uncertainty
-from bristle.identification.repeats import RunFit
 from bristle.identification.static.batch import Batch
-from bristle.identification.static.grid import Projected, Solution, descended
+from bristle.identification.static.grid import Projected, Solution
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import others
 from bristle.identification.static.shape_search import own_columns
 from bristle.identification.static.solution import StaticSolution
-from bristle.model.parameters import INERTIA, ParameterName, of_curve
+from bristle.model.parameters import ParameterName
 
 SEED = 0
 """Of the bootstrap."""
@@ -44,8 +40,6 @@ MANY = 2_000
 """Points from which on one step does for the bootstrap: errors are then too small for the law to bend within them."""
 _FEW = 8
 """Points beyond the parameters, below which they are few."""
-_WIDE = 0.5
-"""A relative standard error beyond which a run does not show a friction parameter."""
 _DRAWN, _BEYOND = 61, 0.6
 """Values of v_s at which its profile is drawn, and how far beyond its interval, in shares of its logarithmic width."""
 
@@ -211,54 +205,16 @@ def _stepped(
     return drawn, np.sqrt(np.diag(covariance)[: size.size]) / size  # what the shape has beside stands after them
 
 
-def run_fits(
-    core: StaticSolution, runs: Sequence[tuple[str, Regression]], v_s_range: tuple[float, float]
-) -> list[RunFit[ParameterName]]:
-    """Each run fitted apart, with the Stribeck terms of the fit of all and from its v_s, and what it shows.
-
-    Empty where there is one run. Where points stand alone the runs have one variance of residuals: a few points tell
-    little of their own. A parameter with a prior is left out: the runs do not settle it.
-    """
-    if len(runs) < 2:
-        return []
-    peaks = core.problem.peaks
-    posed = [replace(one, peaks=peaks) for _, one in runs]
-    v_s = core.solution.theta[core.solution.theta.size - len(peaks) :].tolist()
-    ends = [descended(one, core.solution, v_s, v_s_range) for one in posed]
-    freedom = sum(one.torque.size - len(one.names) for one in posed)
-    variance = sum(end.cost for end in ends) / max(freedom, 1)
-    found = []
-    for (file, _), one, end in zip(runs, posed, ends, strict=True):
-        free = seen(end.jacobian) & [name not in end.at_bound for name in one.names]
-        widening = inflation(end.residuals) if one.smooth is not None else 1.0
-        matrix, own = covariance(end.jacobian[:, free], end.cost, widening)
-        if one.smooth is None:
-            matrix, own = variance * inverse_gram(end.jacobian[:, free]), max(freedom / len(runs), 1.0)
-        names = [name for name, known in zip(one.names, free.tolist(), strict=True) if known]
-        keep = [
-            k
-            for k, name in enumerate(names)
-            if _shown(name, float(end.theta[free][k]), float(matrix[k, k]), v_s_range)
-            and not (core.problem.priors and name == INERTIA)
-        ]
-        found.append(
-            RunFit(file, tuple(names[k] for k in keep), end.theta[free][keep], matrix[np.ix_(keep, keep)], own)
-        )
-    return [run for run in found if run.names]
-
-
 def parts_of_runs(
     core: StaticSolution, runs: Sequence[tuple[str, Regression]]
 ) -> tuple[list[ParameterName], dict[str, tuple[Array, Array]]]:
-    """The parameters at no bound, and of each run the derivative of its torques by these, (n, p), and what it leaves, (n,)."""
+    """The parameters at no bound, and of each run the derivative of its torques by these, (n, p), by log(v_s), and what it leaves, (n,).
+
+    One that has a prior is none of them: runs do not settle it.
+    """
     posed = {file: replace(one, peaks=core.problem.peaks) for file, one in runs}
-    free = [name not in core.solution.at_bound for name in core.problem.names]
-    theta = core.solution.theta
-    parts = {file: (one.jacobian(theta)[:, free], one.residuals(theta)) for file, one in posed.items()}
-    return [name for name, keep in zip(core.problem.names, free, strict=True) if keep], parts
-
-
-def _shown(name: ParameterName, value: float, variance: float, v_s_range: tuple[float, float]) -> bool:
-    """Whether a run shows a parameter: friction by its size, v_s inside the range searched."""
-    inside = name.name != "v_s" or v_s_range[0] * 1.001 < value < v_s_range[1] / 1.001
-    return inside and (not of_curve(name.name) or variance**0.5 <= _WIDE * abs(value))
+    names, theta = core.problem.names, core.solution.theta
+    free = [k for k, name in enumerate(names) if name not in core.solution.at_bound]
+    slope = np.where(core.problem.logarithmic, theta, 1.0)
+    parts = {file: ((one.jacobian(theta) * slope)[:, free], one.residuals(theta)) for file, one in posed.items()}
+    return [names[k] for k in free], parts
