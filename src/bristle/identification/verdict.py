@@ -37,7 +37,7 @@ _BY_WEIGHT = (
     "position-held stamps-jitter sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
     "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
     "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter runs-move outlier "
-    "stages-differ stage-differs static-without-presliding distrust-moving distrust-stage inertia-doubted "
+    "stages-differ stage-differs distrust-moving distrust-stage inertia-doubted "
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
 """The order in which warnings whose effect is not known are named; all others come after these, as they arose."""
