@@ -58,8 +58,8 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         differs, explained = _differs(joint, opinion, v)
         worse = opinion.held_out > WORSE * max(fit.relative_error or 0.0 for fit in fits)
         apart = differs if differs > max(explained, APART) and not worse else 0.0
-    effects = [100 * NORMAL * np.sqrt(other * (1 - other)) * _offset(joint) / size]
-    effects += [100 * x.effect["torque"] / size for x in value_warnings(joint) if "torque" in x.effect]
+    sides = float(100 * NORMAL * np.sqrt(other * (1 - other)) * _offset(joint) / size)
+    effects = [100 * x.effect["torque"] / size for x in value_warnings(joint) if "torque" in x.effect]
     along = np.concatenate([fit.velocity for fit in fits])
     torque = np.concatenate([fit.measured if isinstance(fit, TrackingFit) else fit.torque for fit in fits])
     acting, _ = known_curve(joint, along)
@@ -68,9 +68,10 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     return Accuracy(
         slowest=float(speeds.min()),
         fastest=float(speeds.max()),
-        band=float(np.linalg.norm([statistical, apart, *effects])),
+        band=float(np.linalg.norm([statistical, apart, sides, *effects])),
         statistical=statistical,
         apart=apart,
+        sides=sides,
         share=share,
         opinion=None if opinion is None else ", ".join(opinion.set_up) or "one friction for both directions",
     )

@@ -182,6 +182,8 @@ class Accuracy:
     """Of friction in the torque that was fitted, both as a root mean square."""
     opinion: str | None = None
     """The set-up that the second opinion took; None where there is none."""
+    sides: Number = 0.0
+    """What it adds that directions were chosen one friction, or each its own: between the two lies an offset."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -4,7 +4,9 @@ from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from typing import NamedTuple
 
-from bristle.findings import CRITICAL, Finding, Severity
+import numpy as np
+
+from bristle.findings import CAUTION, CRITICAL, Finding, Severity
 from bristle.identification.known_joint import Known, Source, chosen, moving_fits
 from bristle.identification.results import Accuracy, Joint
 from bristle.identification.shared_findings import NOT_IDENTIFIABLE, not_shown
@@ -62,14 +64,17 @@ def verdict(joint: Joint) -> Verdict:
     if known is None and not any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint)):
         critical = found[:1] if found and found[0].severity is Severity.CRITICAL else ()
         return Verdict(Trust.DO_NOT_USE, next(iter(critical), _no_curve(joint)))
-    if (found and found[0].severity is Severity.CRITICAL) or (known is not None and not known.band <= joint.need):
-        cause = next((x for x in found if x.code in _CAUSES), None) if found and found[0].code in _SIZES else None
-        return Verdict(Trust.DO_NOT_USE, cause or (found[0] if found or known is None else _uncertain(known)))
+    cause = next((x for x in found if x.code in _CAUSES), None)
+    if found and found[0].severity is Severity.CRITICAL:
+        return Verdict(Trust.DO_NOT_USE, (found[0].code in _SIZES and cause) or found[0])
+    if known is not None and not known.band <= joint.need:
+        return Verdict(Trust.DO_NOT_USE, _largest(known, found[0] if found else None, cause))
     return Verdict(Trust.USE, None)
 
 
 _CAUSES = {
-    "friction-drifts", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left", "position-jumps", "lost-samples",
+    "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
+    "position-jumps", "lost-samples",
     "clipped",
 }  # fmt: skip  # a list of values
 """Codes that say why a fit leaves what it leaves ..."""
@@ -89,18 +94,32 @@ def _no_curve(joint: Joint) -> Finding:
     return Finding("no-curve", CRITICAL, message)
 
 
-def _uncertain(known: Accuracy) -> Finding:
-    """What makes the band wide, where nothing else is said."""
-    if known.apart > known.statistical:
+def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
+    """What makes the band as wide as it is, of what is part of it: the findings of an effect, of which one is given, or else."""
+    others = float(np.linalg.norm([known.statistical, known.apart, known.sides]))
+    effect = float(np.sqrt(max(known.band**2 - others**2, 0.0))) if np.isfinite(others) else 0.0
+    largest = max(effect, known.statistical, known.apart, known.sides)
+    acts = finding is not None and finding.effect.get("torque", 0.0) > 0
+    if finding is not None and acts and effect == largest:
+        return finding
+    if known.apart == largest:
         message = (
             f"A regression without a bristle on the same data ({known.opinion}) gives a friction that is {known.apart:.2g} % off "
             "this one, and explains the torque as well: one of them is wrong. Move slower and faster, both ways, for longer."
         )
         return Finding("opinions-differ", CRITICAL, message, {"apart": known.apart})
+    if known.sides == largest:
+        message = (
+            f"These data do not tell an offset of the torque from friction that differs between the directions, which is {known.sides:.2g} % of "
+            "friction. See whether the torque is zero where nothing loads the joint, or measure at more speeds in both directions."
+        )
+        return Finding("offset-or-friction", CAUTION, message, {"share": known.sides})
     message = (
         "These data tell friction no better. Measure for longer, at more speeds, or with less noise in the torque."
     )
-    return Finding("too-uncertain", CRITICAL, message, {"band": known.band})
+    if finding is not None and acts:  # which makes what the fit leaves, and so the errors, as large
+        return finding
+    return cause or Finding("too-uncertain", CRITICAL, message, {"band": known.band})
 
 
 def value_warnings(joint: Joint) -> tuple[Finding, ...]:
@@ -133,6 +152,7 @@ def _serious(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
             key=lambda x: (
                 x.severity is not Severity.CRITICAL,
                 -x.effect.get("torque", 0.0),
+                -x.effect.get("errors", 0.0),
                 WEIGHTIEST_FIRST.get(x.code, len(WEIGHTIEST_FIRST)),
             ),
         )

@@ -236,7 +236,7 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
             "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
             "below breakaway."
         )
-        edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Finding("yields", CRITICAL, message),))
+        edges = samples = Estimate(value=None, unit=edges.unit, warnings=(Finding("yields", CAUTION, message),))
     return {"printed": printed, "corrected": corrected, "edges": edges, "samples": samples}
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from bristle.data.experiment.schema import FitOptions
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, in_units, unit_of
+from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.fits import Estimate, OtherPoints, StaticFit, Stray
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
@@ -63,7 +63,8 @@ def report_strays(
             "to be faulty."
         )
         numbers = {"direction": side, "most": most, "count": count, "points": _told(named)}
-        warnings.append(Finding("misfit", CRITICAL, message, numbers))
+        left = core.problem.residuals(core.solution.theta)
+        warnings.append(Finding("misfit", CAUTION, message, numbers, {"torque": float(np.sqrt(np.mean(left**2)))}))
     if search.misfit or not named:
         return StrayReport(warnings=tuple(warnings))
     dropped = options.drops_strays and bool(search.left_out)
@@ -86,7 +87,10 @@ def report_strays(
         numbers |= {"other": without, "advice": advice}
         if moved and search.matter:
             message = f"{message} That is more than one standard error of {', '.join(moved)}. {advice.message}"
-            warning = Finding("strays-matter", CRITICAL, message, {**numbers, "moved": moved})
+            posed = replace(core.problem, peaks=second.problem.peaks)
+            apart = posed.residuals(second.solution.theta) - core.problem.residuals(core.solution.theta)
+            effect = {"torque": float(np.sqrt(np.mean(apart**2)))}
+            warning = Finding("strays-matter", CAUTION, message, {**numbers, "moved": moved}, effect)
         else:
             warning = Finding("strays", CAUTION, f"{message} {advice.message}", numbers)
     parts = search.problem.directions
