@@ -17,6 +17,7 @@ from ..simulation.joints import GRIPPER, joint, tracked, unseen, values_of
 
 CRITICAL = Finding("stages-do-not-fit", Severity.CRITICAL, "The stages contradict each other.")
 CAUTION = Finding("not-passive", Severity.CAUTION, "The model can feed energy back in direction +.")
+WORTH = Finding("friction-drifts", Severity.CAUTION, "Friction grows.", effect={"torque": 0.1})
 NOTE = Finding("correlated", Severity.NOTE, "Residuals are correlated.")
 OUT_OF_STEPS = Finding(
     "out-of-steps", Severity.CRITICAL, "The fit reached its limit of iterations before it converged."
@@ -98,7 +99,8 @@ def test_values_that_are_not_identifiable_are_named_once() -> None:
     ("band", "apart", "warnings", "trust", "code"),
     [
         (9.9, 0.0, (CAUTION,), Trust.USE, None),
-        (10.1, 0.0, (CAUTION,), Trust.DO_NOT_USE, "not-passive"),
+        (10.1, 0.0, (CAUTION,), Trust.DO_NOT_USE, "too-uncertain"),
+        (10.1, 0.0, (CAUTION, WORTH), Trust.DO_NOT_USE, "friction-drifts"),
         (10.1, 0.0, (), Trust.DO_NOT_USE, "too-uncertain"),
         (12.0, 11.0, (), Trust.DO_NOT_USE, "opinions-differ"),
         (np.inf, 0.0, (), Trust.DO_NOT_USE, "too-uncertain"),
@@ -108,7 +110,7 @@ def test_values_that_are_not_identifiable_are_named_once() -> None:
 def test_friction_has_to_be_known_as_well_as_it_is_needed(
     band: float, apart: float, warnings: tuple[Finding, ...], trust: Trust, code: str | None
 ) -> None:
-    """The values are used where the band is at most what is asked for, and nothing critical is said; the weightiest finding is the reason."""
+    """The values are used where the band is at most what is asked for, and nothing critical is said; the largest part of the band is the reason."""
     known = Accuracy(slowest=0.1, fastest=1.0, band=band, statistical=5.0, apart=apart, share=1.0, opinion="peak")
     own = replace(joint(whole(*warnings)), accuracy=known)
     found = verdict(own)

@@ -276,27 +276,7 @@ def terms_left_out(core: StaticSolution, kind: JointKind, where: PointInfo) -> l
     rows = candidates(velocity[order], time, position, [name.name for name in names], kind)
     points = [where.segments[k] for k in order] if where.segments else []
     modelled = (problem.torque - core.solution.residuals)[measured][order]
-    return explained(fit, [*rows, *_by_rows(points, modelled), *_falls(velocity[order] if points else np.zeros(0))])[0]
-
-
-def _falls(velocity: Array) -> list[Candidate]:
-    """That points, (n,) rad/s, have less friction at low speed than any law has: they do not slide there."""
-    speed = np.abs(velocity)
-    ends = np.unique(speed[speed > 0])[: speed.size // 4]
-
-    def tell(found: Score, which: int) -> Finding | None:
-        """Where the slowest ones have less."""
-        below, less = float(ends[which]), -float(found.sizes[0])
-        if less <= 0:
-            return None
-        message = (
-            f"At {below:.3g}{unit_of('velocity')} and below friction is {less:.3g}{unit_of('torque')} less than the law that the faster points "
-            f"follow: they do not slide there, or friction falls towards 0, as a regularised law does. Write `segments: {{minimum_velocity: "
-            f"{1.01 * below:.3g}{unit_of('velocity')}}}` to leave them out."
-        )
-        return Finding("falls-at-low-speed", CAUTION, message, {"speed": below, "less": less, "share": found.share})
-
-    return [Candidate(tell, tuple((np.sign(velocity) * (speed <= x))[:, None] for x in ends), is_friction=True)]
+    return explained(fit, [*rows, *_by_rows(points, modelled)])[0]
 
 
 def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:

@@ -12,6 +12,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
 from bristle.estimation.linear import inverse_gram
+from bristle.estimation.score_test import scores
 from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.moving_runs import DIRECTIONS, declared, load_columns, terms_of
 from bristle.identification.static.grid import default_range
@@ -20,12 +21,11 @@ from bristle.identification.static.shape_search import with_best_shape
 from bristle.identification.static.strays import LEVEL, all_but, find_strays, refit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import Direction, ParameterName
 
 _MOST, _NEIGHBOURS, _MOVES = 0.1, 3, 0.01
 """Of the points: more than this are no strays, nor are so many in a row; of the curve: what moves it by less is none of its business."""
-_ASLEEP, _SURE = 0.85, 4.0
-"""Of alpha_0 of faster points, and standard deviations below it: what is slow and has less does not slide."""
+_ASLEEP = 0.85
+"""Of alpha_0 of faster points: what is slow and has less does not slide."""
 
 
 @result
@@ -161,26 +161,27 @@ def _explained(point: Segment, residual: float, n: int) -> bool:
 
 
 def _resting(problem: Regression) -> tuple[int, ...]:
-    """The slowest points of a direction that do not slide: their friction is far below alpha_0 of the faster ones, less than which no law has.
+    """The slowest points, of either direction a third at most, that do not slide: their friction is far below alpha_0 of the faster ones.
 
-    Of a direction they are a third at most.
+    Less than that no law has. By a score test of a step below each speed, of which the best is taken.
     """
-    v, found = problem.velocity, list[int]()
-    ordered = {d: np.flatnonzero(v * sign > 0) for d, sign in DIRECTIONS.items()}
-    slow = {d: k[np.argsort(np.abs(v[k]))][: k.size // 3].tolist() for d, k in ordered.items()}
-    rows = [k for of_direction in slow.values() for k in of_direction]
-    if not rows or v.size - len(rows) <= len(problem.names):
+    speed, sign = np.abs(problem.velocity), np.sign(problem.velocity)
+    ends = np.unique(speed[speed > 0])
+    ends = ends[: ends.size // 3]
+    if not ends.size or speed.size <= len(problem.names) + 2:
         return ()
-    law = refit(problem.rows(all_but(v.size, rows)))
-    _, spread = _from_the_law(problem, rows)
-    values, friction = problem.named(law.theta), problem.friction(law.theta)
-    for d, sign in DIRECTIONS.items():
-        name = ParameterName("alpha_0", Direction(d) if Direction(d) in problem.directions else Direction.BOTH)
-        for k in slow[d] if name in values else ():
-            if not sign * friction[k] < min(_ASLEEP * values[name], values[name] - _SURE * spread[k]):
-                break
-            found.append(k)
-    return tuple(found)
+    theta = refit(problem).theta
+    order = np.argsort(problem.velocity, kind="stable")
+    steps = [(sign * (speed <= x))[order, None] for x in ends]
+    found = scores(problem.jacobian(theta)[order], problem.residuals(theta)[order], steps)
+    best = int(np.argmax([x.share for x in found]))
+    if not (found[best].p * ends.size < LEVEL and found[best].sizes[0] < 0):
+        return ()
+    rows = np.flatnonzero(speed <= ends[best])
+    law = refit(problem.rows(all_but(speed.size, rows.tolist())))
+    levels = [x for name, x in problem.named(law.theta).items() if name.name == "alpha_0"]
+    friction = float(np.mean((sign * problem.friction(law.theta))[rows]))
+    return tuple(rows.tolist()) if friction < _ASLEEP * min(levels, default=0.0) else ()
 
 
 def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> Iterator[Segment]:
