@@ -684,6 +684,22 @@ def test_a_torque_that_drifts_is_named_with_how_far(drift: float) -> None:
         assert d.numbers["how"] == ("grows" if drift > 0 else "falls")
 
 
+@pytest.mark.parametrize("play", [0.0, 5e-4])
+def test_backlash_is_named_with_its_size(play: float) -> None:
+    """A position that runs ahead by half the play in the direction of motion is a caution with the play, within a fifth; without it there is none."""
+    t, inertia = np.arange(0, 20, STEP), 0.01
+    v = 0.5 * np.sin(2 * np.pi * 0.2 * t) + 0.2 * np.sin(2 * np.pi * 0.53 * t + 1)
+    path = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)])
+    torque = rollout(v, STEP, GRIPPER).torque + inertia * np.gradient(v, t)
+    torque += 2e-4 * np.random.default_rng(0).standard_normal(t.size)
+    ahead = path + play / 2 * np.tanh(v / (0.02 * np.abs(v).max()))
+    read = estimate_motion(Record(file="run.csv", time=t, position=ahead, torque=torque), 8.0)
+    problem = replace(dynamic_problem([read], ("both",), ("inertia",), 5, None), cutoff=8.0)
+    start = {**values_of(GRIPPER), INERTIA: inertia}
+    found = fit_tracking(problem, start, "revolute", starts=1).fit.warnings
+    assert [d.numbers["play"] for d in found if d.code == "backlash"] == pytest.approx([play] * (play > 0), rel=0.2)
+
+
 @pytest.mark.parametrize("share", [0.0, 0.2])
 def test_friction_that_grows_with_the_load_is_named(share: float) -> None:
     """Under gravity, friction that is a share of it more is a caution with that share; with gravity alone there is none."""

@@ -5,6 +5,7 @@ another inertia than the one given.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -18,7 +19,7 @@ from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained, score
-from bristle.findings import CAUTION, Finding
+from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, parameters
 from bristle.identification.moving_runs import load_columns
@@ -47,6 +48,10 @@ _TURNS_WORSE, _FEWEST = 2.0, 20
 """... and so many of them may not leave more than so many times what the others do, rms: 1.0 to 1.1 times of clean runs."""
 _PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1
 """Places named, s between two, and their squares beside the largest."""
+_WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)
+"""Of the largest speed: how fast a joint is when it has gone through its backlash."""
+_SMALL = 1e-5
+"""Of the way: a shift of the position that changes the torque in proportion."""
 _PHASE = 0.37
 """Where in a count the joint rests in a draw of what counting does."""
 
@@ -84,6 +89,9 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     if INERTIA not in problem.names:
         inert = _equations(motions, [np.gradient(m.velocity, m.time) for m in motions])
         every.append(Candidate(partial(_inertia, kind), (inert[:, None],)))
+    if problem.cutoff and all(m.position.size for m in motions):
+        shifts = tuple(_shifted(problem, solution.values, torque, width)[:, None] for width in _WIDTHS)
+        every.append(Candidate(_backlash, shifts))
     lacks, left = explained(fit, every)
     return [*lacks, *pattern_left(problem, left / weight[:, 0])]
 
@@ -172,6 +180,34 @@ def _by_load(law: str, found: Score, _: int) -> Finding:
         "else numbers are of the load on average."
     )
     return Finding("friction-by-load", CAUTION, message, {"by": by, "error": error, "share": found.share, "law": law})
+
+
+def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], width: float) -> Array:
+    """What a position that is ahead by one, rad, in the direction of motion does to the equations, (n,): inertia, presliding and sliding.
+
+    It turns within so much of the largest speed. A difference of the modelled torque of each motion, (N,).
+    """
+    top = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    small, motions = _SMALL * max(float(np.ptp(m.position)) for m in problem.motions), []
+    for m in problem.motions:
+        record = Record(file=m.file, time=m.time)
+        cutoff = usable(record, problem.cutoff)
+        behind = small * smoothed(record, -np.tanh(m.velocity / (width * top)), cutoff)
+        inert = np.array([name == INERTIA for name in problem.extra_names], dtype=np.float64)
+        extra = m.extra + derivative(record, behind, 2)[:, None] * inert
+        motions.append(replace(m, velocity=m.velocity + derivative(record, behind, 1), extra=extra))
+    moved = modelled(replace(problem, motions=tuple(motions)), values)
+    return _equations(problem.motions, [(x - T) / small for x, T in zip(moved, torque, strict=True)])
+
+
+def _backlash(found: Score, _: int) -> Finding:
+    twice = 2 * float(found.sizes[0])
+    message = (
+        f"At each reversal the position runs {'ahead' if twice > 0 else 'behind'} by {abs(twice):.2g}{unit_of('position')}, which would explain "
+        f"{100 * found.share:.0f} % of what the fit leaves: backlash, or a flexible coupling, between the encoder and what rubs. Numbers of the "
+        "bristle and the inertia take part of it up; log the position on the side of the friction."
+    )
+    return Finding("backlash", CAUTION, message, {"play": abs(twice), "share": found.share})
 
 
 def _inertia(kind: JointKind, found: Score, _: int) -> Finding:
