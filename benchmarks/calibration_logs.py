@@ -294,6 +294,7 @@ TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend", "unexplained")
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
 DRIFT = ("friction-drifts", "drift-in-order", "drift-over-runs", "torque-drifts-in-runs", "residual-trend")
 OPEN = ("open-cycles",)
+PLAY = ("backlash", "reversals-left")
 STRAYS = ("strays", "strays-matter", "strays-left-out")
 FAULTS: dict[str, Fault] = {
     "torque late": Fault("motion", _late, 0.005, 0.03, ("torque-delayed",)),
@@ -309,7 +310,7 @@ FAULTS: dict[str, Fault] = {
     "offset": Fault("motion", _torque(lambda x, s: x.torque + s), 0.1, 0.5, SIDES),
     "friction by direction": Fault("motion", _directed, 0.1, 0.4, SIDES),
     "friction by load": Fault("motion", _by_load, 0.1, 0.3, (*TERM, "friction-by-load", "other-law")),
-    "backlash": Fault("motion", _position(lambda x, s, _: x.q + s * np.ptp(x.q) * np.tanh(50 * x.v / x.joint.top)), 0.002, 0.01, ("backlash", "reversals-left")),
+    "backlash": Fault("motion", _position(lambda x, s, _: x.q + s * np.ptp(x.q) * np.tanh(50 * x.v / x.joint.top)), 0.002, 0.01, PLAY),
     "encoder slips": Fault("motion", _position(_slips), 0.005, 0.05, ("lost-samples", "position-jumps", "bursts")),
     "ramps: temperature drift": Fault("ramps", _drift, 0.1, 0.4, DRIFT),
     "ramps: offset": Fault("ramps", _torque(lambda x, s: x.torque + s), 0.1, 0.5, SIDES),
