@@ -91,14 +91,12 @@ def test_a_term_that_the_fit_lacks_comes_before_strays(tmp_path: Path) -> None:
         (name,) = {"alpha_3", "quadratic"} & fit.parameters.keys()
         low, high = fit.parameters[name].interval or (0.0, 0.0)
         assert low < share * GRIPPER.alpha_2 / SPEEDS.max() < high
-        first = of({"strays-matter"}, static(experiment(tmp_path / "a", SPEEDS, drag, "fit: {law: paper}\n")))
-        assert {w.numbers["advice"].code for w in first} <= {"term-first"}
     T = torques()
     T[10] += 20 * NOISE
     (then,) = of(
         {"strays", "strays-matter"}, static(experiment(tmp_path / "b", SPEEDS, T, "fit: {set_up: as-written}\n"))
     )
-    assert then.numbers["advice"].code == "to-leave-out"
+    assert "leave `set_up: as-written` out" in then.numbers["advice"]
     assert of({"strays-left-out"}, static(experiment(tmp_path / "b", SPEEDS, T)))
 
 

@@ -57,9 +57,7 @@ from bristle.identification.static.set_up import (
     better_for_motion,
     better_for_points,
     directions_of_points,
-    with_one_advice,
 )
-from bristle.identification.static.stray_report import advised
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
 from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current, of_load
@@ -77,11 +75,6 @@ _NOTHING = 1e-3
 """Of the torque: a Coulomb friction that is less is none."""
 _CHOICES = 2
 """Of a law by moving runs: of the load, and of the peak and terms beside it."""
-_OF_THE_DATA = {
-    "lacks-a-term", "offset-or-friction", "directions-differ", "torque-drifts-in-runs", "friction-by-load",
-    "torque-delayed",
-}  # fmt: skip  # a list of values
-"""Warnings about a fit of moving runs that hold of every fit of them."""
 
 
 def identify_joint(
@@ -277,8 +270,6 @@ def _identified(
             uncertainty=uncertainty,
             progress=progress,
         )
-        step(progress, "trying other set-ups")
-        static, stages = _with_set_up(experiment, training, static, stages, from_points=bool(points))
         static = static if points else beside_moving(static, stages.alone)
     elif measured.slow:
         step(progress, "fitting slow loading")
@@ -351,26 +342,6 @@ def _brakes(values: Mapping[ParameterName, float]) -> bool:
     )
 
 
-def _with_set_up(
-    experiment: Experiment,
-    training: Sequence[Record],
-    static: dict[str, StaticFit],
-    stages: DynamicStages,
-    *,
-    from_points: bool,
-) -> tuple[dict[str, StaticFit], DynamicStages]:
-    """The fits of the moving runs, with the lines of a clearly better set-up among their warnings where there is one."""
-    if not from_points and stages.alone:  # the same data, of which the fit without bristles sees less
-        same = tuple(w for w in stages.alone.warnings if w.code in _OF_THE_DATA)
-        static = {d: replace(fit, warnings=(*fit.warnings, *same)) for d, fit in static.items()}
-    better = better_for_motion(experiment, training) if experiment.fit.predict == "torque" else None
-    if better is None:
-        return static, stages
-    alone, joint = (fit and better.warned(fit) for fit in (stages.alone, stages.joint))
-    warned = static if from_points else {d: better.warned(fit) for d, fit in static.items()}
-    return warned, stages._replace(alone=alone, joint=joint)
-
-
 def _training(measured: Measured) -> tuple[Record, ...]:
     """The moving runs that are fitted.
 
@@ -441,10 +412,7 @@ def _static(
     """Static fits and their cross-checks from the points, or else from the moving runs."""
     training, kinds = measured.moving(hold_out=False), {run.kind for run in measured.runs}
     if points:
-        fits, checks = fit_points(measured, points, timings)
-        better = better_for_points(measured.experiment, points)
-        fits = {d: advised(better.warned(fit) if better else fit) for d, fit in fits.items()}
-        return with_one_advice(fits), checks
+        return fit_points(measured, points, timings)
     if training:
         by_velocity = measured.experiment.fit.predict == "torque"
         held = measured.moving(hold_out=True)

@@ -4,10 +4,10 @@ Friction without a bristle, with columns at a few v_s in place of the Stribeck t
 small solve.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from itertools import combinations
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +16,6 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
-from bristle.findings import CAUTION, Finding
-from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     REGRESSORS,
@@ -51,9 +49,6 @@ _RANK = 1e-10
 """Of the largest eigenvalue: what is below is not told apart."""
 
 
-F = TypeVar("F", StaticFit, TrackingFit)
-
-
 @dataclass(frozen=True, slots=True)
 class SetUp:
     """What a fit takes beside Coulomb, viscous and Stribeck friction."""
@@ -74,44 +69,11 @@ class BetterSetUp:
     error: float
     """The same with this set-up."""
 
-    def warned(self, fit: F) -> F:
-        """The fit, with the lines to change and what they would bring where that is clearly less than it leaves."""
-        if fit.relative_error is None or self.error > _CLEARLY * fit.relative_error:
-            return fit
-        message = (
-            f"Under fit, write {self.lines}: on parts of the data that were held out in turn the relative error then falls "
-            f"from {self.asked_error:.2g} to {self.error:.2g} %."
-        )
-        if any(warning.code == "unexplained" for warning in fit.warnings):
-            advised = (
-                replace(w, message=f"{w.message} {message}") if w.code == "unexplained" else w for w in fit.warnings
-            )
-            return replace(fit, warnings=tuple(advised))
-        numbers = {"lines": self.lines, "asked": self.asked_error, "error": self.error}
-        lacks = Finding("lacks-a-term", CAUTION, f"The fit lacks a term. {message}", numbers)
-        return replace(fit, warnings=(lacks, *filter(_is_other, fit.warnings)))
-
     @property
     def lines(self) -> str:
         """What to write under `fit`, on one line."""
         apart = "directions: separate, " if self.set_up.directions != self.asked.directions else ""
         return f"{apart}{regressor_line(self.set_up.regressors)}"
-
-
-def with_one_advice(fits: Mapping[str, StaticFit]) -> dict[str, StaticFit]:
-    """The fits, of which each has what one of them lacks: a term belongs to the joint; one that predicts parts held out goes before a test's."""
-    lacks = [w for fit in fits.values() for w in fit.warnings if not _is_other(w)]
-    tried = [w for w in lacks if "asked" in w.numbers]
-    given = {}
-    for d, fit in fits.items():
-        own = [w for w in fit.warnings if not _is_other(w)]
-        rest = tuple(filter(_is_other, fit.warnings))
-        given[d] = replace(fit, warnings=(*(tried or own or lacks)[:1], *rest))
-    return given
-
-
-def _is_other(warning: Finding) -> bool:
-    return warning.code != "lacks-a-term"
 
 
 class _Trial(NamedTuple):

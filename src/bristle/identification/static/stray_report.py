@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from bristle.data.experiment.schema import FitOptions
 from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, unit_of
-from bristle.identification.fits import Estimate, OtherPoints, StaticFit, Stray
+from bristle.identification.fits import Estimate, OtherPoints, Stray
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.solution import StaticSolution, solve_static
@@ -81,26 +80,26 @@ def report_strays(
         numbers |= {"other": in_units(other, {})}
         warning = Finding("strays-left-out", CAUTION, message, numbers)
     else:
-        without = Finding("without-strays", NOTE, f"Without: {other}", {"error": error, "now": now})
+        other = f"Without: {other}"
         advice = _advice(search, options)
-        message = f"{message}: {'; '.join(named)}. {without.message}"
-        numbers |= {"other": without, "advice": advice}
+        message = f"{message}: {'; '.join(named)}. {other}"
+        numbers |= {"other": in_units(other, {}), "advice": in_units(advice, {})}
         if moved and search.matter:
-            message = f"{message} That is more than one standard error of {', '.join(moved)}. {advice.message}"
+            message = f"{message} That is more than one standard error of {', '.join(moved)}. {advice}"
             posed = replace(core.problem, peaks=second.problem.peaks)
             apart = posed.residuals(second.solution.theta) - core.problem.residuals(core.solution.theta)
             effect = {"torque": float(np.sqrt(np.mean(apart**2)))}
             warning = Finding("strays-matter", CAUTION, message, {**numbers, "moved": moved}, effect)
         else:
-            warning = Finding("strays", CAUTION, f"{message} {advice.message}", numbers)
+            warning = Finding("strays", CAUTION, f"{message} {advice}", numbers)
     parts = search.problem.directions
     return StrayReport(strays=strays, other={d: _other_points(second, d) for d in parts}, warnings=(*warnings, warning))
 
 
-def _advice(search: PointSearch, options: FitOptions) -> Finding:
+def _advice(search: PointSearch, options: FitOptions) -> str:
     """What to do about strays that are not left out."""
     if not options.drops_strays:
-        return Finding("to-leave-out", NOTE, "To leave out, leave `set_up: as-written` out.")
+        return "To leave out, leave `set_up: as-written` out."
     speed = np.abs([s.velocity for s in search.points])
     side = np.sign([s.velocity for s in search.points])
     own = list(search.strays)
@@ -108,44 +107,11 @@ def _advice(search: PointSearch, options: FitOptions) -> Finding:
     weaker = all(side[k] * search.deviations[k] < 0 for k in own)
     if others.size and weaker and speed[own].max() < others.min():
         slowest = f"{others.min():.3g}{unit_of('velocity')}"
-        message = (
+        return (
             f"They are the slowest, and have less friction than the law: below {slowest} it falls towards 0, as a regularised "
             f"law does, or they do not slide. Write `segments: {{minimum_velocity: {slowest}}}` to leave them out."
         )
-        return Finding("falls-off", NOTE, message, {"speed": float(others.min())})
-    message = "They stay: neighbours, the ends of the range, or more than a tenth of the points are no strays, but show what the law lacks."
-    return Finding("not-strays", NOTE, message)
-
-
-def advised(fit: StaticFit) -> StaticFit:
-    """The fit, whose strays are not to be left out before a term is added that explains more of what it leaves than they do."""
-    explained = [_share(w.numbers) for w in fit.warnings if w.code == "lacks-a-term"]
-    if not explained:
-        return fit
-    return replace(
-        fit,
-        warnings=tuple(
-            _term_first(w)
-            if w.code in {"strays", "strays-matter"} and _share(w.numbers["other"].numbers) < max(explained)
-            else w
-            for w in fit.warnings
-        ),
-    )
-
-
-def _term_first(strays: Finding) -> Finding:
-    """What is said of strays, with other advice."""
-    message = "But a term that the fit lacks explains more than that: add it first (see below); then look which points are still off."
-    first = Finding("term-first", NOTE, message)
-    told = strays.message.removesuffix(strays.numbers["advice"].message)
-    return replace(strays, message=told + first.message, numbers={**strays.numbers, "advice": first})
-
-
-def _share(x: Mapping[str, Any]) -> float:
-    """Of the squares that a fit leaves, what a change of it explains; all where it predicts parts held out, which strays do not make it do."""
-    if "asked" in x:
-        return 1.0
-    return float(x["share"] if "share" in x else 1 - (x["error"] / x["now"]) ** 2)
+    return "They stay: neighbours, the ends of the range, or more than a tenth of the points are no strays, but show what the law lacks."
 
 
 def _points(count: int) -> str:
