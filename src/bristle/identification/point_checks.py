@@ -95,7 +95,7 @@ def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Ite
     What a sine of that size would do to it is the average of the fitted law over the sine.
     """
     phases = np.sin(2 * np.pi * (np.arange(_PHASES) + 0.5) / _PHASES)
-    off = list[tuple[float, float, Segment]]()
+    off = list[tuple[float, Segment]]()
     for d, fit in static.items():
         law, sign = fit.values(), DIRECTIONS.get(d)
         own = [s for s in points if s.swing > _SWINGS * abs(s.velocity) and (sign is None or s.velocity * sign > 0)]
@@ -105,18 +105,17 @@ def _swinging(points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Ite
         speeds = np.hstack([np.abs(v), np.abs(v) + np.sqrt(2) * swing * phases])
         (torque,) = evaluate(functions.steady_torque_function(law.law), speeds, *law)
         moved: Array = torque[:, 1:].mean(axis=1) - torque[:, 0]
-        off += [(float(x) / fit.rms, float(x), s) for s, x in zip(own, np.abs(moved), strict=True) if x > fit.rms]
+        off += [(float(x) / fit.rms, s) for s, x in zip(own, np.abs(moved), strict=True) if x > fit.rms]
     if off:
-        ratio, _, worst = max(off, key=lambda x: x[0])
-        largest = max(s.swing / abs(s.velocity) for *_, s in off)
+        ratio, worst = max(off, key=lambda x: x[0])
+        largest = max(s.swing / abs(s.velocity) for _, s in off)
         message = (
             f"In {len(off)} of {len(points)} holds the velocity swings by up to {100 * largest:.0f} % of its mean (rms) where friction bends with "
             f"speed: the mean torque is then not the friction at the mean speed, and is off by up to {ratio:.2g} times the residuals of the "
             f"fit ({worst.file} {worst.where}). Tune the speed loop, or hold these speeds again."
         )
         numbers = {"count": len(off), "points": len(points), "swing": largest, "ratio": ratio}
-        effect = {"torque": float(np.sqrt(sum(x**2 for _, x, _ in off) / len(points)))}
-        yield Finding("holds-swing", CAUTION, message, {**numbers, "file": worst.file, "where": worst.where}, effect)
+        yield Finding("holds-swing", CAUTION, message, {**numbers, "file": worst.file, "where": worst.where})
 
 
 def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding]:

@@ -85,7 +85,8 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     weighs = [k for k, name in enumerate(names) if name.startswith("gravity")]
     if weighs and all(m.load is None for m in motions):
         load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
-        every.append(Candidate(partial(_by_load, problem.law.name), (_equations(motions, load)[:, None],)))
+        column = _equations(motions, load)[:, None]  # what is known is friction under the load of these runs
+        every.append(Candidate(partial(_by_load, problem.law.name), (column,), is_friction=True))
     if INERTIA not in problem.names:
         inert = _equations(motions, [np.gradient(m.velocity, m.time) for m in motions])
         every.append(Candidate(partial(_inertia, kind), (inert[:, None],)))
