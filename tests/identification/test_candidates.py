@@ -40,8 +40,8 @@ def test_a_planted_trend_or_ripple_is_told(axis: int, code: str, over: str | Non
     """A trend over time or velocity, or a ripple over position, of the size of the noise is told, and nothing else is."""
     rng = np.random.default_rng(3)
     noise, velocity, time, position = rng.normal(size=(4, 200))
-    velocity, position = np.abs(velocity), 0.01 * position
-    signals = (noise, velocity**2 - 3 * velocity, time, position)
+    velocity, position = rng.uniform(0.0, 3.0, 200), 0.01 * position
+    signals = (noise, 2 * velocity**2 - 6 * velocity, time, position)
     shape = np.sin(2 * np.pi * 7 * position / np.ptp(position)) if axis == 3 else signals[axis]
     (said,) = told(noise + 1.2 * shape, velocity, time, position, ["quadratic"])
     assert (said.code, said.numbers.get("over")) == (code, over)

@@ -72,9 +72,9 @@ class Candidate(NamedTuple):
 def score(known: Array, rest: Array, columns: Array, inflated: float = 1.0) -> Score:
     """The test of columns, (n, k), beside known ones, (n, p), on residuals, (n,), in an order in which they may be correlated.
 
-    In directions at right angles b = D'r, whose variances are those of the residuals, or, of many, of the products D r where
-    these are larger, times what autocorrelation makes of them along each, `inflated` at least. mean(b**2 / variance) is F. What is
-    made of others is left out.
+    In directions at right angles b = D'r, whose variances are those of what is left, times what its autocorrelation makes of them
+    along each, `inflated` at least; or, of many, those of the products D r, as there were nothing to explain, where these are larger.
+    mean(b**2 / variance) is F. What is made of others is left out.
     """
     return scores(known, rest, [columns], inflated)[0]
 
@@ -118,13 +118,19 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
     share, rest = min(float(b @ b) / total, 1.0), left - directions @ b
     inverse = np.linalg.pinv(R)
     sizes[own] = inverse @ b / lengths[own]
-    most = np.inf if n >= _MANY else inflation(rest)
+    # noise that is alike everywhere, and noise that differs along the column, and may be correlated there alone
+    most, one = np.inf if n >= _MANY else inflation(rest), float(rest @ rest)
     correlated = np.array([max(min(inflation_along(rest, d), most), inflated) for d in directions.T])
     freedom = (n - p) / float(correlated.max()) - k
     if freedom < 1:
         return Score(sizes, errors, 1.0, share, share * total)
-    uneven = n * np.sum((directions * rest[:, None]) ** 2, axis=0) if n >= _MANY else 0.0
-    variance = np.maximum(float(rest @ rest), uneven) / (n - p - k) * correlated
+    variance = one / (n - p - k) * correlated
+    if n >= _MANY:
+        powers = np.sum(
+            (directions * left[:, None]) ** 2, axis=0
+        )  # as if there were nothing: few equations alone prove nothing
+        uneven = powers * [max(inflation(x), inflated) for x in (directions * rest[:, None]).T]
+        variance = np.maximum(variance, uneven * n / (n - p - k))
     errors[own] = np.sqrt(inverse**2 @ variance) / lengths[own]
     F = float(np.mean(b**2 / np.maximum(variance, 1e-300)))
     return Score(sizes, errors, float(fdtrc(k, freedom, F)), share, share * total)

@@ -39,7 +39,7 @@ _BY_WEIGHT = (
     "position-held stamps-jitter sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
     "rows-not-finite rows-backward rows-repeated points-repeated rows-of-short-segments gaps count-bias counts-bias "
     "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter runs-move outlier "
-    "stages-differ stage-differs distrust-moving distrust-stage inertia-doubted "
+    "stages-differ stage-differs distrust-moving distrust-stage inertia-doubted unseen "
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
 """The order in which warnings whose effect is not known are named; all others come after these, as they arose."""
@@ -74,10 +74,9 @@ def verdict(joint: Joint) -> Verdict:
 
 _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
-    "position-jumps", "lost-samples",
-    "clipped",
+    "position-jumps", "lost-samples", "clipped", "runs-move", "runs-scatter",
 }  # fmt: skip  # a list of values
-"""Codes that say why a fit leaves what it leaves ..."""
+"""Codes that say why a fit leaves what it leaves, or why its errors are as large ..."""
 _SIZES = {"unexplained", "misfit"}
 """... and those that say how much."""
 
