@@ -306,7 +306,7 @@ def consistency(joints: Sequence[Joint]) -> pd.DataFrame:
     rows = [
         (
             joint.name, x.parameter.direction, x.parameter.name, x.stage, *(getattr(x, name) for name in numbers),
-            _unit(joint, x.parameter), x.difference_in_se, x.verdict,
+            unit_of(joint, x.parameter), x.difference_in_se, x.verdict,
         )
         for joint in joints
         for x in joint.consistency
@@ -315,7 +315,8 @@ def consistency(joints: Sequence[Joint]) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys([*numbers, "difference_in_se"], float))
 
 
-def _unit(joint: Joint, name: ParameterName) -> str:
+def unit_of(joint: Joint, name: ParameterName) -> str:
+    """The unit of a parameter of moving runs; empty where they know none of that name."""
     return next((fit.parameters[name].unit for fit in moving_fits(joint).values() if name in fit.parameters), "")
 
 

@@ -1,0 +1,167 @@
+"""What the page shows of presliding runs: sigma_0 by four methods, breakaway and hysteresis."""
+
+import math
+from collections.abc import Iterator, Mapping
+
+from bristle.identification.fits import Presliding, PreslidingFit
+from bristle.identification.results import Joint
+from bristle.model.parameters import unit
+from bristle.page.page import Drawing
+from bristle.page.report import Section, Table
+from bristle.page.said import Said
+from bristle.page.wording import WORK, counted, direction, in_print, measured, number, pretty, sentence
+from bristle.questions.joint_report import tables
+from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
+from bristle.questions.joint_report.sentences import bias, choice, level, median_breakaway, pair
+
+
+def endings(joint: Joint) -> Iterator[tuple[str, Said]]:
+    """Per direction which sigma_0 to use."""
+    for d, fit in (joint.presliding.fits if joint.presliding else {}).items():
+        yield f"presliding {direction(d)}", in_print(choice(fit))
+
+
+def presliding(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> list[Section]:
+    """All of it; empty without presliding runs."""
+    slow = joint.presliding
+    if slow is None:
+        return []
+    return [
+        _stiffness(joint, slow, first=first),
+        Section("", figures=tuple(_figures(slow, figures, first=first)), form="part"),
+        *_amplitudes(joint, slow, first=first),
+        *_breakaway(joint, slow),
+        *_cycles(joint, slow, first=first),
+        Section("As a whole" if slow.warnings else "", findings=slow.warnings, form="part"),
+    ]
+
+
+def _stiffness(joint: Joint, slow: Presliding, *, first: bool) -> Section:
+    """sigma_0 side by side, and each direction in words."""
+    frame = tables.presliding([joint])
+    frame.insert(3, "recommended", frame.pop("recommended"))
+    notes = [
+        "± one standard error. The intervals of (14) and of its inverse allow for any rest position inside a count; a value that "
+        "this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is insensitive to where inside "
+        "a count the joint rests."
+    ] * first
+    if joint.truth:
+        notes.append("True: the value that was simulated. Error: (value − true) / true.")
+    else:
+        frame = frame.drop(columns=["true", "error_percent", "inside"])
+    about = (
+        "While the joint loads slowly from rest, the bristle bends before anything slides: torque / displacement gives its "
+        "stiffness σ₀, by four methods."
+    )
+    missing = "" if slow.fits else "No σ₀: see below for what is missing."
+    return Section(
+        "Stiffness",
+        text="\n\n".join(filter(None, (about * first, missing))),
+        facts=tuple((direction(fit.direction), _said(joint, fit)) for fit in slow.fits.values()),
+        table=Table("presliding", "Stiffness by four methods", part=frame, note=" ".join(notes)),
+        form="part",
+    )
+
+
+def _said(joint: Joint, fit: PreslidingFit) -> tuple[Said, ...]:
+    """One direction in words."""
+    prior = fit.sigma_1
+    damping = "none" if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}"
+    return (
+        f"{in_print(choice(fit))} {counted(len(fit.loadings), 'loading')} and {counted(fit.counts, 'count edge')} crossed.",
+        f"g₀ = {pretty(level(fit, joint.kind))}, from {in_print(fit.level_source)}.",
+        f"Bias of (14) as printed with this encoder: {in_print(bias(fit, joint.kind))}",
+        f"σ₁ of an assumed damping ratio: {damping}.",
+        *prior.warnings,
+    )
+
+
+def _figures(slow: Presliding, figures: Mapping[str, Drawing], *, first: bool) -> Iterator[Drawing]:
+    """The loadings and the closed cycles."""
+    found = "; ".join(
+        f"{direction(d)}: σ₀ = {measured(fit.sigma_0.value, fit.sigma_0.standard_error)} {pretty(fit.sigma_0.unit)}"
+        for d, fit in slow.fits.items()
+        if fit.sigma_0.value is not None
+    )
+    bound = any(math.isinf(fit.level_standard_error) for fit in slow.fits.values())
+    above = " (where it is a lower bound alone, at the one above it with which σ₀ fits the edges best)" if bound else ""
+    how = (
+        " Torque vs displacement of each loading (grey), shifted so that its fitted rest position is at zero; circles: count "
+        "edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of three methods; they "
+        f"level off at g₀{above}, and end with the displacement that was measured."
+    )
+    yield figures["presliding"]._replace(caption=f"{sentence(found)}{how if first else ''}")
+    losses = [x.loss for x in slow.loops]
+    if not losses:
+        return
+    least, most = number(min(losses), 2), number(max(losses), 2)
+    lost = (
+        f"{counted(len(losses), 'closed cycle')} lose {least if least == most else f'{least} to {most}'} {WORK} each."
+    )
+    how = (
+        " Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. Solid: "
+        "regression of torque on displacement; dashed: one over the regression of displacement on torque; dotted: between the "
+        "extremes of the torque. The area is the energy dissipated."
+    )
+    left_out = len(losses) - len(loops_drawn(slow.loops))
+    rest = f" The first {MOST_LOOPS} are drawn; {left_out} more are in the table." if left_out else ""
+    yield figures["hysteresis"]._replace(caption=f"{lost}{how if first else ''}{rest}", data="hysteresis")
+
+
+def _amplitudes(joint: Joint, slow: Presliding, *, first: bool) -> Iterator[Section]:
+    """Stiffness vs amplitude; the unit of stiffness stands above the table, which is narrow so."""
+    frame = tables.stiffness([joint])
+    if frame.empty:
+        return
+    softens = any(warning.code == "softens" for fit in slow.fits.values() for warning in fit.warnings)
+    own = "LuGre's own exponential"
+    found = f"The joint softens by more than {own}." if softens else f"No softening beyond {own} is found."
+    how = (
+        f" Stiffness in {pretty(unit('sigma_0', joint.kind))}, torque / displacement from rest; beside it what "
+        "T = g₀ (1 − exp(−σ₀ y / g₀)) gives from the initial stiffness on."
+    )
+    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
+    headings = {"torque": f"torque ({torque})", "displacement": f"displacement ({position})", "value": "stiffness"}
+    part = frame.drop(columns="sigma_0").rename(columns=headings | {"lugre": "LuGre's own"})
+    yield Section("", text=f"{found}{how if first else ''}", form="part")
+    yield Section(
+        "Stiffness vs amplitude", table=Table("stiffness", "Stiffness vs amplitude", part=part), form="folded"
+    )
+
+
+def _breakaway(joint: Joint, slow: Presliding) -> Iterator[Section]:
+    frame = tables.breakaway([joint])
+    if frame.empty:
+        return
+    headings = {"breakaway": f"torque ({pretty(unit('torque', joint.kind))})", "start": "first sample"}
+    medians = tuple((direction(d), in_print(median_breakaway(e))) for d, e in slow.breakaway.items())
+    yield Section("", facts=medians, form="part")
+    table = Table("breakaway", "Breakaway", part=frame.rename(columns=headings))
+    yield Section("Each breakaway", table=table, form="folded")
+
+
+def _cycles(joint: Joint, slow: Presliding, *, first: bool) -> Iterator[Section]:
+    """Closed cycles, likewise narrow: rows in one column, amplitudes as half of a range."""
+    if not slow.loops:
+        return
+    frame = tables.hysteresis([joint])
+    frame["samples"] = [f"{start}\u2013{stop}" for start, stop in zip(frame["start"], frame["stop"], strict=True)]
+    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
+    columns = {
+        "file": "file",
+        "samples": "samples",
+        "counts": "counts",
+        "torque_amplitude": f"± torque ({torque})",
+        "displacement_amplitude": f"± displacement ({position})",
+        "slope": "regression",
+        "inverse_slope": "inverse",
+        "secant": "secant",
+        "loss": f"loss per cycle ({WORK})",
+    }
+    how = (
+        f"Regression of torque on displacement, inverse regression and secant, in {pretty(unit('sigma_0', joint.kind))}, differ "
+        "because the loop is wide: none of them is σ₀. Amplitudes are half of the range."
+    )
+    yield Section("", text=how if first else "", form="part")
+    table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns))
+    yield Section("Each cycle", table=table, form="folded")
