@@ -49,14 +49,9 @@ def _stiffness(joint: Joint, slow: Presliding, *, first: bool) -> Section:
         notes.append("True: the value that was simulated. Error: (value − true) / true.")
     else:
         frame = frame.drop(columns=["true", "error_percent", "inside"])
-    about = (
-        "While the joint loads slowly from rest, the bristle bends before anything slides: torque / displacement gives its "
-        "stiffness σ₀, by four methods."
-    )
-    missing = "" if slow.fits else "No σ₀: see below for what is missing."
     return Section(
         "Stiffness",
-        text="\n\n".join(filter(None, (about * first, missing))),
+        text="" if slow.fits else "No σ₀: see below for what is missing.",
         facts=tuple((direction(fit.direction), _said(joint, fit)) for fit in slow.fits.values()),
         table=Table("presliding", "Stiffness by four methods", part=frame, note=" ".join(notes)),
         form="part",
@@ -109,24 +104,21 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing], *, first: bool) -
 
 
 def _amplitudes(joint: Joint, slow: Presliding, *, first: bool) -> Iterator[Section]:
-    """Stiffness vs amplitude; the unit of stiffness stands above the table, which is narrow so."""
+    """Stiffness vs amplitude; the unit of stiffness stands below the table, which is narrow so."""
     frame = tables.stiffness([joint])
     if frame.empty:
         return
     softens = any(warning.code == "softens" for fit in slow.fits.values() for warning in fit.warnings)
-    own = "LuGre's own exponential"
-    found = f"The joint softens by more than {own}." if softens else f"No softening beyond {own} is found."
+    found = "the joint softens by more than" if softens else "no softening is found beyond"
     how = (
-        f" Stiffness in {pretty(unit('sigma_0', joint.kind))}, torque / displacement from rest; beside it what "
+        f"Stiffness in {pretty(unit('sigma_0', joint.kind))}, torque / displacement from rest; beside it what "
         "T = g₀ (1 − exp(−σ₀ y / g₀)) gives from the initial stiffness on."
     )
     torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
     headings = {"torque": f"torque ({torque})", "displacement": f"displacement ({position})", "value": "stiffness"}
     part = frame.drop(columns="sigma_0").rename(columns=headings | {"lugre": "LuGre's own"})
-    yield Section("", text=f"{found}{how if first else ''}", form="part")
-    yield Section(
-        "Stiffness vs amplitude", table=Table("stiffness", "Stiffness vs amplitude", part=part), form="folded"
-    )
+    table = Table("stiffness", "Stiffness vs amplitude", part=part, note=how if first else "")
+    yield Section(f"Stiffness vs amplitude: {found} LuGre's own exponential", table=table, form="folded")
 
 
 def _breakaway(joint: Joint, slow: Presliding) -> Iterator[Section]:
@@ -162,6 +154,5 @@ def _cycles(joint: Joint, slow: Presliding, *, first: bool) -> Iterator[Section]
         f"Regression of torque on displacement, inverse regression and secant, in {pretty(unit('sigma_0', joint.kind))}, differ "
         "because the loop is wide: none of them is σ₀. Amplitudes are half of the range."
     )
-    yield Section("", text=how if first else "", form="part")
-    table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns))
+    table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns), note=how if first else "")
     yield Section("Each cycle", table=table, form="folded")

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 from bristle.findings import CAUTION, CRITICAL, NOTE, Severity
 from bristle.identification.known_joint import Known, chosen
@@ -22,6 +22,7 @@ from bristle.questions.joint_report.brief import law_in_force
 from bristle.questions.joint_report.data_sections import data
 from bristle.questions.joint_report.figures import drawings
 from bristle.questions.joint_report.interval_sections import INTRO, intervals
+from bristle.questions.joint_report.method_sections import INTRO as METHOD
 from bristle.questions.joint_report.method_sections import method
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import known_to
@@ -62,55 +63,19 @@ def report(
         own = begun.get(joint.name) or drawings(joint)
         figures[joint.name] = {kind: x._replace(name=f"{known_as[joint.name]}-{x.name}") for kind, x in own.items()}
 
-    def page(
-        file: str,
-        name: str,
-        purpose: str,
-        of_joint: Callable[..., list[Section]],
-        text: str = "",
-        begins: Callable[[Joint], Section] = lambda joint: Section(joint.name),
-    ) -> Page:
+    def page(file: str, name: str, purpose: str, of_joint: Callable[..., list[Section]], text: str = "") -> Page:
         """Each joint that has something for the page, under its name; the first one says how to read the figures."""
         sections: list[Section] = []
         for joint in joints:
             if own := of_joint(joint, figures[joint.name], first=not sections):
-                about = f"{joint.kind}{', SIMULATED data' * joint.simulated}"
-                sections += [replace(begins(joint), about=about, id=f"{known_as[joint.name]}--joint"), *own]
+                about, anchor = f"{joint.kind}{', SIMULATED data' * joint.simulated}", f"{known_as[joint.name]}--joint"
+                sections += [Section(joint.name, about=about, id=anchor), *own]
         return Page(file, name, purpose, tuple(sections), text=text)
 
-    pages = [
-        page(
-            "joints.html",
-            "Joints" if len(joints) > 1 else "Joint",
-            "per joint the parameters, the curve, the warnings, and what to measure next",
-            _of_joint,
-            "Numbers in brackets, as (9), are equations of the paper; the page on the method has them.",
-            _trusted,
-        ),
-        page(
-            "presliding.html",
-            "Presliding",
-            "stiffness, breakaway and hysteresis from slow loading",
-            presliding_sections.presliding,
-        ),
-        page("moving.html", "Moving runs", "all parameters at once", dynamic_sections.moving),
-        page(
-            "checks.html",
-            "Cross-checks",
-            "the same numbers by other routes, and other models",
-            static_sections.checks,
-            "The same numbers by other routes, and whether another model would do.",
-        ),
-        page("uncertainty.html", "Uncertainty", "each interval three ways", intervals, INTRO),
-        Page(
-            "compensation.html",
-            "Compensation",
-            "what the model is worth in a loop, and adaptation: the paper's Figs 2 and 5 to 12, Table 2",
-            templated=compensation,
-        ),
-        page("data.html", "Data", "files, segments and settings", data),
-        method(),
-    ]
+    pages = [page(*x) for x in _PAGES]
+    worth = "what the model is worth in a loop, and adaptation: the paper's Figs 2 and 5 to 12, Table 2"
+    pages[-1:-1] = [Page("compensation.html", "Compensation", worth, templated=compensation)]
+    pages.append(Page("method.html", "Method", "equations, and what the paper leaves open", method(), text=METHOD))
     pages = [x for x in pages if x.sections or x.templated]
     if explored is not None:
         pages.append(
@@ -146,14 +111,8 @@ def report(
     )
 
 
-def _trusted(joint: Joint) -> Section:
-    """Whether to use a joint's values, why not, and what is critical about them."""
-    found = verdict(joint)
-    critical = tuple(x for x in joint.all_warnings() if x.severity is CRITICAL)
-    return Section(joint.name, text=(_mark(joint), *filter(None, (found.reason,))), findings=critical)
-
-
 def _mark(joint: Joint) -> Mark:
+    """Whether to use a joint's values."""
     use = verdict(joint).trust is Trust.USE
     return Mark("use" if use else "do not use", use)
 
@@ -167,7 +126,10 @@ def _of_joint(joint: Joint, figures: _Figures, *, first: bool) -> list[Section]:
         ended.append(("truth", inside))
     drawn = static_sections.curve_and_residuals(joint, figures, first=first) if joint.static else ()
     course = dynamic_sections.course(joint, figures)
+    critical = tuple(x for x in joint.all_warnings() if x.severity is CRITICAL)
+    trusted: tuple[Said, ...] = (_mark(joint), *filter(None, (verdict(joint).reason,)))
     sections = [
+        Section("Critical warnings" if critical else "", text=trusted, findings=critical, form="part"),
         Section("How each fit ended", facts=tuple(ended), form="folded"),
         *static_sections.parameters(joint),
         Section("", figures=(*drawn, *filter(None, (course,))), form="part"),
@@ -273,3 +235,21 @@ def _how_to_read(joints: Sequence[Joint], things: Sequence[Answered]) -> str:
         "torque on runs that were not fitted, relative to its norm."
         f"{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
     )
+
+
+_PAGES: tuple[tuple[Any, ...], ...] = (
+    (
+        "joints.html", "Joints", "per joint the parameters, the curve, the warnings, and what to measure next", _of_joint,
+        "Numbers in brackets, as (9), are equations of the paper; the page on the method has them.",
+    ),
+    (
+        "presliding.html", "Presliding", "stiffness, breakaway and hysteresis from slow loading", presliding_sections.presliding,
+        "While a joint loads slowly from rest, the bristle bends before anything slides: torque / displacement gives its "
+        "stiffness σ₀, by four methods.",
+    ),
+    ("moving.html", "Moving runs", "all parameters at once", dynamic_sections.moving),
+    ("checks.html", "Cross-checks", "the same numbers by other routes, and other models", static_sections.checks),
+    ("uncertainty.html", "Uncertainty", "each interval three ways", intervals, INTRO),
+    ("data.html", "Data", "files, segments and settings", data),
+)  # fmt: skip  # a table
+"""File, name and purpose of each page that goes joint by joint, what makes a joint's sections, and what stands above."""
