@@ -25,11 +25,9 @@ class Table:
 
 
 def shown(frame: "pd.DataFrame") -> Table:
-    """A frame of one joint, without its name and without columns that say nothing."""
-    empty = [
-        c for c in ("warnings", "labels", "joint") if c in frame and (c == "joint" or not frame[c].astype(bool).any())
-    ]
-    frame = frame.drop(columns=empty)
+    """A frame, without the joint's name and without columns that say nothing in any row."""
+    said = frame.notna() & (frame != "")
+    frame = frame.loc[:, [c != "joint" and bool(said[c].any() or frame.empty) for c in frame]]
     rows = frame.astype(object).itertuples(index=False, name=None)
     return Table(columns=tuple(map(str, frame.columns)), rows=tuple(rows))
 

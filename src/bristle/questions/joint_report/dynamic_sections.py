@@ -1,6 +1,6 @@
 """What the pages show of moving runs: both fits side by side, hold-out runs, and what counts added."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 
 import pandas as pd
 
@@ -15,13 +15,6 @@ from bristle.page.wording import FITS, MISSING, counted, in_print, number, prett
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.dynamic_figures import MOST, window
 from bristle.questions.joint_report.sentences import bias_text, biased, pair, reached
-
-
-def endings(joint: Joint) -> Iterator[tuple[str, Said]]:
-    """How each fit of moving runs ended."""
-    for kind, fit in moving_fits(joint).items():
-        error = f"{fit.n} equations, relative error {number(fit.relative_error, 3)} %."
-        yield FITS[kind], f"{in_print(fit.outcome)} {error}"
 
 
 def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:

@@ -1,6 +1,5 @@
 """What the page shows of presliding runs: sigma_0 by four methods, breakaway and hysteresis."""
 
-import math
 from collections.abc import Iterator, Mapping
 
 from bristle.identification.fits import Presliding, PreslidingFit
@@ -13,12 +12,6 @@ from bristle.page.wording import WORK, counted, direction, in_print, measured, n
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
 from bristle.questions.joint_report.sentences import bias, choice, level, median_breakaway, pair
-
-
-def endings(joint: Joint) -> Iterator[tuple[str, Said]]:
-    """Per direction which sigma_0 to use."""
-    for d, fit in (joint.presliding.fits if joint.presliding else {}).items():
-        yield f"presliding {direction(d)}", in_print(choice(fit))
 
 
 def presliding(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> list[Section]:
@@ -47,8 +40,6 @@ def _stiffness(joint: Joint, slow: Presliding, *, first: bool) -> Section:
     ] * first
     if joint.truth:
         notes.append("True: the value that was simulated. Error: (value − true) / true.")
-    else:
-        frame = frame.drop(columns=["true", "error_percent", "inside"])
     return Section(
         "Stiffness",
         text="" if slow.fits else "No σ₀: see below for what is missing.",
@@ -78,12 +69,11 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing], *, first: bool) -
         for d, fit in slow.fits.items()
         if fit.sigma_0.value is not None
     )
-    bound = any(math.isinf(fit.level_standard_error) for fit in slow.fits.values())
-    above = " (where it is a lower bound alone, at the one above it with which σ₀ fits the edges best)" if bound else ""
     how = (
         " Torque vs displacement of each loading (grey), shifted so that its fitted rest position is at zero; circles: count "
         "edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of three methods; they "
-        f"level off at g₀{above}, and end with the displacement that was measured."
+        "level off at g₀ (where it is a lower bound alone, at the one above it with which σ₀ fits the edges best), and end with "
+        "the displacement that was measured."
     )
     yield figures["presliding"]._replace(caption=f"{sentence(found)}{how if first else ''}")
     losses = [x.loss for x in slow.loops]

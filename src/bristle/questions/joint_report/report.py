@@ -6,7 +6,7 @@ from types import MappingProxyType
 from typing import Any, Literal
 
 from bristle.findings import CAUTION, CRITICAL, NOTE, Severity
-from bristle.identification.known_joint import Known, chosen
+from bristle.identification.known_joint import Known, chosen, moving_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -16,7 +16,7 @@ from bristle.page.page import Drawing, Templated
 from bristle.page.plain import in_unit
 from bristle.page.report import Answer, Answered, Cell, Page, Report, Section
 from bristle.page.said import Link, Mark, Said
-from bristle.page.wording import FITS, counted, direction, in_print, in_symbols, measured, pretty, slugs, span
+from bristle.page.wording import FITS, counted, direction, in_print, in_symbols, measured, number, pretty, slugs, span
 from bristle.questions.joint_report import dynamic_sections, presliding_sections, static_sections, tables
 from bristle.questions.joint_report.brief import law_in_force
 from bristle.questions.joint_report.data_sections import data
@@ -25,7 +25,7 @@ from bristle.questions.joint_report.interval_sections import INTRO, intervals
 from bristle.questions.joint_report.method_sections import INTRO as METHOD
 from bristle.questions.joint_report.method_sections import method
 from bristle.questions.joint_report.next_measurements import next_measurements
-from bristle.questions.joint_report.sentences import known_to
+from bristle.questions.joint_report.sentences import choice, known_to
 
 _Figures = Mapping[str, Drawing]
 _NONE = "n.i."
@@ -119,11 +119,21 @@ def _mark(joint: Joint) -> Mark:
 
 def _of_joint(joint: Joint, figures: _Figures, *, first: bool) -> list[Section]:
     """How each fit ended, the parameters, the figures, the warnings, and what to measure next."""
-    ended = [*static_sections.endings(joint), *presliding_sections.endings(joint), *dynamic_sections.endings(joint)]
+    ended: list[tuple[str, Said]] = []
+    for d, fit in joint.static.items():
+        ended.append((direction(d), f"{in_print(fit.outcome)} {_error(fit.n, 'point', fit.relative_error)}"))
+    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
+        ended.append((f"presliding {direction(d)}", in_print(choice(slow))))
+    for kind, moving in moving_fits(joint).items():
+        ended.append((FITS[kind], f"{in_print(moving.outcome)} {_error(moving.n, 'equation', moving.relative_error)}"))
     if joint.torque_scale:
         ended.append(("torque", in_print(joint.torque_scale)))
-    if inside := static_sections.covered(joint):
-        ended.append(("truth", inside))
+    inside = tables.table_1([joint])["inside"].dropna().astype(bool)
+    if len(inside):
+        together = "; misses are not independent: the estimates of one direction come from the same data"
+        more = together if inside.mean() < 0.8 else ""
+        hold = f"{inside.sum()} of {len(inside)} true values lie inside their 95 % intervals{more}."
+        ended.append(("truth", hold))
     drawn = static_sections.curve_and_residuals(joint, figures, first=first) if joint.static else ()
     course = dynamic_sections.course(joint, figures)
     critical = tuple(x for x in joint.all_warnings() if x.severity is CRITICAL)
@@ -147,6 +157,10 @@ def _of_joint(joint: Joint, figures: _Figures, *, first: bool) -> list[Section]:
         Section("What to measure next", text="" if advice else nothing, findings=advice, coded=True, form="part")
     )
     return sections
+
+
+def _error(count: int, of: str, error: float | None) -> str:
+    return "" if error is None else f"{counted(count, of)}, relative error {number(error, 3)} %."
 
 
 def _answer(

@@ -6,13 +6,11 @@ import numpy as np
 import pandas as pd
 
 from bristle.findings import Finding
-from bristle.identification.curve import band
 from bristle.identification.results import Joint
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import of_curve, unit
 from bristle.page.page import Drawing
 from bristle.page.report import Section, Table
-from bristle.page.said import Said
 from bristle.page.style import MOST_POINTS
 from bristle.page.wording import (
     MISSING,
@@ -41,24 +39,6 @@ _LAWS = {
 _MODELS = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
 
 
-def endings(joint: Joint) -> Iterator[tuple[str, Said]]:
-    """How each static fit ended; for simulated data how many intervals hold the truth."""
-    for d, fit in joint.static.items():
-        error = (
-            "" if fit.relative_error is None else f" {fit.n} points, relative error {number(fit.relative_error, 3)} %."
-        )
-        yield direction(d), f"{in_print(fit.outcome)}{error}"
-
-
-def covered(joint: Joint) -> str:
-    """How many intervals hold the value that was simulated; empty where the truth is not known."""
-    inside = tables.table_1([joint])["inside"].dropna()
-    count, total = int(inside.astype(bool).sum()), len(inside)
-    together = "; misses are not independent: the estimates of one direction come from the same data"
-    more = together if count < 0.8 * total else ""
-    return f"{count} of {total} true values lie inside their 95 % intervals{more}." if total else ""
-
-
 def parameters(joint: Joint) -> Iterator[Section]:
     """The parameters by the stage to use, those of static and slow runs alone, and what they depend on."""
     frame = tables.parameters([joint])
@@ -70,14 +50,14 @@ def parameters(joint: Joint) -> Iterator[Section]:
         notes.append(f"{together} They are subtracted from the torque in the figures.")
     title, note = f"Parameters of {joint.name}", " ".join(notes)
     if joint.presliding is None and joint.tracking is None:
-        yield Section("", table=Table("parameters", title, part=_with_truth(joint, own), note=note), form="part")
+        yield Section("", table=Table("parameters", title, part=own, note=note), form="part")
     else:
         best = tables.table_1([joint])
         best.insert(3, "source", best.pop("source"))
-        yield Section("", table=Table("table_1", title, part=_with_truth(joint, best), note=note), form="part")
+        yield Section("", table=Table("table_1", title, part=best, note=note), form="part")
         if joint.tracking is not None and len(own):
             stages = "static and slow" if joint.presliding is not None else "static"
-            alone = Table("", f"Parameters of {joint.name}, by stage", part=_with_truth(joint, own))
+            alone = Table("", f"Parameters of {joint.name}, by stage", part=own)
             yield Section(f"From {stages} runs alone", table=alone, form="folded")
     if joint.assumptions:
         points = counted(len(joint.assumptions), "point")
@@ -86,10 +66,6 @@ def parameters(joint: Joint) -> Iterator[Section]:
             text="\n\n".join(map(in_print, joint.assumptions)),
             form="unfolded" if len(joint.assumptions) <= 3 else "folded",
         )
-
-
-def _with_truth(joint: Joint, frame: pd.DataFrame) -> pd.DataFrame:
-    return frame if joint.truth else frame.drop(columns=["true", "error_percent", "inside"])
 
 
 def curve(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> Drawing:
@@ -101,11 +77,9 @@ def curve(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> Drawi
     )
     caption = [sentence(found)]
     if first:
-        law = "(9)" if joint.law == GAUSSIAN else "the law"
-        banded = any(band(fit.velocity[:1], fit) is not None for d, fit in joint.static.items() if d != "shared")
         caption.append(
             "Points: fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: strays. "
-            f"Lines: {law}{' with its 95 % band' * banded}."
+            f"Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given."
         )
     if curves_to_use(joint):
         caption.append(
@@ -171,8 +145,6 @@ def _grid(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> Itera
     frame = tables.comparison([joint])
     if len(frame):
         with_slip = bool(frame["without_stick_slip"].notna().any())
-        if not with_slip:
-            frame = frame.drop(columns=["without_stick_slip", "without_standard_error"])
         far = f"the plain grid is {number(max(shifts), 2)} standard errors off at most" if shifts else "side by side"
         yield Section(
             f"Plain grid, refined minimum{', without stick-slip' * with_slip}: {far}",
@@ -204,8 +176,8 @@ def _laws(joint: Joint, *, first: bool) -> Iterator[Section]:
     fitted = f"Fitted: {joint.law_name} ({joint.law.title}). On {found.data}, {found.n} samples:"
     yield Section("Which friction law?", text=fitted, form="part")
     yield Section("", findings=(found.sentence,), form="part")
-    frame = _rounded(tables.laws([joint]).drop(columns="data"), "run_left_out", ("rms", "left_out", "run_left_out"))
-    frame["weight"] = (100 * frame["weight"]).round(1)
+    frame = tables.laws([joint]).drop(columns="data")
+    frame["weight"] *= 100
     how = (
         "All on the same points or samples, those that do not belong left out, a Stribeck term in every direction. ΔAICc, "
         "ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Speeds left out: error, relative to the torque, at "
@@ -240,7 +212,6 @@ def _models(joint: Joint, *, first: bool) -> Iterator[Section]:
     for k, x in enumerate(joint.models):
         frame = tables.models([joint])
         own = frame[frame["data"] == x.data].drop(columns=["data", "candidate"])
-        own = _rounded(own, "hold_out", ("rms", "relative_error", "hold_out"))
         independent = "" if x.n == x.effective else f", of which {number(x.effective, 4)} count as independent"
         by: tuple[Finding, ...] = () if x.hold_out_by is None else (x.hold_out_by,)
         more = " ".join(map(in_print, (*by, *x.left_out)))
@@ -252,14 +223,6 @@ def _models(joint: Joint, *, first: bool) -> Iterator[Section]:
             note=how if first and not k else "",
         )
         yield Section("All models", text=more, table=table, form="folded")
-
-
-def _rounded(frame: pd.DataFrame, perhaps: str, names: tuple[str, ...]) -> pd.DataFrame:
-    """A comparison in few digits, without a column that may be empty."""
-    frame = frame.drop(columns=[perhaps] if frame[perhaps].isna().all() else [])
-    for name in {*names} & {*frame}:
-        frame[name] = [float(f"{value:.4g}") for value in frame[name]]
-    return frame.round({"aicc": 1, "bic": 1})
 
 
 def _stages(joint: Joint, *, first: bool) -> Iterator[Section]:
