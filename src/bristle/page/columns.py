@@ -26,8 +26,8 @@ class Table:
 
 def shown(frame: "pd.DataFrame") -> Table:
     """A frame, without the joint's name and without columns that say nothing in any row."""
-    said = frame.notna() & (frame != "")
-    frame = frame.loc[:, [c != "joint" and bool(said[c].any() or frame.empty) for c in frame]]
+    telling = [frame.empty or any(x not in ("", ()) for x in frame[c].dropna()) for c in frame]
+    frame = frame.loc[:, telling].drop(columns="joint", errors="ignore")
     rows = frame.astype(object).itertuples(index=False, name=None)
     return Table(columns=tuple(map(str, frame.columns)), rows=tuple(rows))
 

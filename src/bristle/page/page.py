@@ -90,6 +90,8 @@ class Drawing(NamedTuple):
     """How it is called for a reader who does not see it."""
     caption: str = ""
     """Of a figure in a section of a `Report`."""
+    how: str = ""
+    """How to read it, after the caption; a page says it once."""
     data: str = ""
     """The table that its caption links to, by the name of its file."""
     paper: str = ""

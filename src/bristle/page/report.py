@@ -30,7 +30,7 @@ class Table(NamedTuple):
     part: pd.DataFrame | None = None
     """What the page shows of it; None: all. A column's heading is its name, and a parameter becomes its symbol."""
     note: str = ""
-    """How to read it."""
+    """How to read it; a page says it once."""
 
     @property
     def cells(self) -> Cells:
@@ -207,9 +207,22 @@ class Report:
         figures = drawn(drawings, files, tell)
         common = {**versions(self.seed), "report": self, "figures": figures, "pages": self._menu}
         for page in pages:
-            named = {**common, "here": page}
+            named = {**common, "here": page, "once": _once()}
             if page.templated is not None:
                 own = page.templated
                 yield page.file, own.package, own.template, {**named, **own.context(drawn(own.drawings, files))}
             elif page.file not in self.files:
                 yield page.file, *_TEMPLATE, named
+
+
+def _once() -> Callable[[str], str]:
+    """What passes a text the first time, and nothing from then on."""
+    told = set[str]()
+
+    def once(text: str) -> str:
+        """The text, or nothing."""
+        new = text not in told
+        told.add(text)
+        return text * new
+
+    return once

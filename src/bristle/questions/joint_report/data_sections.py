@@ -12,7 +12,7 @@ from bristle.page.wording import counted, pretty
 from bristle.questions.joint_report import tables
 
 
-def data(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> list[Section]:  # noqa: ARG001  # it has no figure
+def data(joint: Joint, _: Mapping[str, Drawing]) -> list[Section]:
     """All of it."""
     return [*_segments(joint), *_files(joint)]
 

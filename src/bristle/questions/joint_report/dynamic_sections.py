@@ -44,7 +44,7 @@ def _left(joint: Joint, fit: TrackingFit) -> str:
     return sentence(f"the model leaves {rms} RMS, {number(fit.relative_error, 2)} % of the {fit.quantity}")
 
 
-def moving(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> list[Section]:
+def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """All of it; empty without moving runs."""
     if joint.tracking is None:
         return []
@@ -56,7 +56,7 @@ def moving(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> list
         "values; no velocity is needed."
     )
     priors = " The joint fit adds the estimates of the other stages, with their uncertainty."
-    shared = "± one standard error; parameters shared by both directions have no sign." if first else ""
+    shared = "± one standard error; parameters shared by both directions have no sign."
     sections = [
         Section(
             "All parameters at once",

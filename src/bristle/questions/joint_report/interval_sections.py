@@ -20,7 +20,7 @@ INTRO = (
 )
 
 
-def intervals(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> list[Section]:
+def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """A table per fit with each interval in one cell, the scatter of the runs, and a figure per fit."""
     every, by_fit = list(rows(joint)), dict[str, list[tuple[Any, ...]]]()
     for x in every:
@@ -57,15 +57,14 @@ def intervals(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> l
     apart = sum(any(w.code == "intervals-differ" for w in x.three.warnings) for x in every)
     of = f"Of {counted(len(every), 'parameter')} of this joint {apart or 'none'}"
     caption = f"{of} {'has' if apart <= 1 else 'have'} bounds that differ by more than 1.5x."
-    if first:
-        caption += (
-            " Per parameter: change of cost with all others re-optimised, 0 at the minimum and 1 at the 95 % threshold (dotted); "
-            "bootstrap samples (grey); below, the intervals by covariance (top), profile and bootstrap (bottom); dashed: the estimate."
-        )
+    how = (
+        "Per parameter: change of cost with all others re-optimised, 0 at the minimum and 1 at the 95 % threshold (dotted); "
+        "bootstrap samples (grey); below, the intervals by covariance (top), profile and bootstrap (bottom); dashed: the estimate."
+    )
     if held := " and ".join(own.symbol for own in joint.law.peak.own):
         caption += f" The drawn cost holds {held} at its estimate; the profile intervals are over all that the data allow of it."
     drawn = [x for kind, x in figures.items() if kind.startswith("uncertainty-")]
     if drawn:
-        own = tuple(x._replace(caption=caption, data="uncertainty") for x in drawn)
+        own = tuple(x._replace(caption=caption, how=how, data="uncertainty") for x in drawn)
         sections.append(Section("", figures=own, form="part"))
     return sections

@@ -14,22 +14,22 @@ from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_
 from bristle.questions.joint_report.sentences import bias, choice, level, median_breakaway, pair
 
 
-def presliding(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> list[Section]:
+def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """All of it; empty without presliding runs."""
     slow = joint.presliding
     if slow is None:
         return []
     return [
-        _stiffness(joint, slow, first=first),
-        Section("", figures=tuple(_figures(slow, figures, first=first)), form="part"),
-        *_amplitudes(joint, slow, first=first),
+        _stiffness(joint, slow),
+        Section("", figures=tuple(_figures(slow, figures)), form="part"),
+        *_amplitudes(joint, slow),
         *_breakaway(joint, slow),
-        *_cycles(joint, slow, first=first),
+        *_cycles(joint, slow),
         Section("As a whole" if slow.warnings else "", findings=slow.warnings, form="part"),
     ]
 
 
-def _stiffness(joint: Joint, slow: Presliding, *, first: bool) -> Section:
+def _stiffness(joint: Joint, slow: Presliding) -> Section:
     """sigma_0 side by side, and each direction in words."""
     frame = tables.presliding([joint])
     frame.insert(3, "recommended", frame.pop("recommended"))
@@ -37,7 +37,7 @@ def _stiffness(joint: Joint, slow: Presliding, *, first: bool) -> Section:
         "± one standard error. The intervals of (14) and of its inverse allow for any rest position inside a count; a value that "
         "this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is insensitive to where inside "
         "a count the joint rests."
-    ] * first
+    ]
     if joint.truth:
         notes.append("True: the value that was simulated. Error: (value − true) / true.")
     return Section(
@@ -62,7 +62,7 @@ def _said(joint: Joint, fit: PreslidingFit) -> tuple[Said, ...]:
     )
 
 
-def _figures(slow: Presliding, figures: Mapping[str, Drawing], *, first: bool) -> Iterator[Drawing]:
+def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawing]:
     """The loadings and the closed cycles."""
     found = "; ".join(
         f"{direction(d)}: σ₀ = {measured(fit.sigma_0.value, fit.sigma_0.standard_error)} {pretty(fit.sigma_0.unit)}"
@@ -70,12 +70,12 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing], *, first: bool) -
         if fit.sigma_0.value is not None
     )
     how = (
-        " Torque vs displacement of each loading (grey), shifted so that its fitted rest position is at zero; circles: count "
+        "Torque vs displacement of each loading (grey), shifted so that its fitted rest position is at zero; circles: count "
         "edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of three methods; they "
         "level off at g₀ (where it is a lower bound alone, at the one above it with which σ₀ fits the edges best), and end with "
         "the displacement that was measured."
     )
-    yield figures["presliding"]._replace(caption=f"{sentence(found)}{how if first else ''}")
+    yield figures["presliding"]._replace(caption=sentence(found), how=how)
     losses = [x.loss for x in slow.loops]
     if not losses:
         return
@@ -84,16 +84,16 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing], *, first: bool) -
         f"{counted(len(losses), 'closed cycle')} lose {least if least == most else f'{least} to {most}'} {WORK} each."
     )
     how = (
-        " Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. Solid: "
+        "Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. Solid: "
         "regression of torque on displacement; dashed: one over the regression of displacement on torque; dotted: between the "
         "extremes of the torque. The area is the energy dissipated."
     )
     left_out = len(losses) - len(loops_drawn(slow.loops))
     rest = f" The first {MOST_LOOPS} are drawn; {left_out} more are in the table." if left_out else ""
-    yield figures["hysteresis"]._replace(caption=f"{lost}{how if first else ''}{rest}", data="hysteresis")
+    yield figures["hysteresis"]._replace(caption=f"{lost}{rest}", how=how, data="hysteresis")
 
 
-def _amplitudes(joint: Joint, slow: Presliding, *, first: bool) -> Iterator[Section]:
+def _amplitudes(joint: Joint, slow: Presliding) -> Iterator[Section]:
     """Stiffness vs amplitude; the unit of stiffness stands below the table, which is narrow so."""
     frame = tables.stiffness([joint])
     if frame.empty:
@@ -107,7 +107,7 @@ def _amplitudes(joint: Joint, slow: Presliding, *, first: bool) -> Iterator[Sect
     torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
     headings = {"torque": f"torque ({torque})", "displacement": f"displacement ({position})", "value": "stiffness"}
     part = frame.drop(columns="sigma_0").rename(columns=headings | {"lugre": "LuGre's own"})
-    table = Table("stiffness", "Stiffness vs amplitude", part=part, note=how if first else "")
+    table = Table("stiffness", "Stiffness vs amplitude", part=part, note=how)
     yield Section(f"Stiffness vs amplitude: {found} LuGre's own exponential", table=table, form="folded")
 
 
@@ -122,7 +122,7 @@ def _breakaway(joint: Joint, slow: Presliding) -> Iterator[Section]:
     yield Section("Each breakaway", table=table, form="folded")
 
 
-def _cycles(joint: Joint, slow: Presliding, *, first: bool) -> Iterator[Section]:
+def _cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
     """Closed cycles, likewise narrow: rows in one column, amplitudes as half of a range."""
     if not slow.loops:
         return
@@ -144,5 +144,5 @@ def _cycles(joint: Joint, slow: Presliding, *, first: bool) -> Iterator[Section]
         f"Regression of torque on displacement, inverse regression and secant, in {pretty(unit('sigma_0', joint.kind))}, differ "
         "because the loop is wide: none of them is σ₀. Amplitudes are half of the range."
     )
-    table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns), note=how if first else "")
+    table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns), note=how)
     yield Section("Each cycle", table=table, form="folded")

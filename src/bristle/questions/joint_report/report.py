@@ -63,11 +63,13 @@ def report(
         own = begun.get(joint.name) or drawings(joint)
         figures[joint.name] = {kind: x._replace(name=f"{known_as[joint.name]}-{x.name}") for kind, x in own.items()}
 
-    def page(file: str, name: str, purpose: str, of_joint: Callable[..., list[Section]], text: str = "") -> Page:
-        """Each joint that has something for the page, under its name; the first one says how to read the figures."""
+    def page(
+        file: str, name: str, purpose: str, of_joint: Callable[[Joint, _Figures], list[Section]], text: str = ""
+    ) -> Page:
+        """Each joint that has something for the page, under its name."""
         sections: list[Section] = []
         for joint in joints:
-            if own := of_joint(joint, figures[joint.name], first=not sections):
+            if own := of_joint(joint, figures[joint.name]):
                 about, anchor = f"{joint.kind}{', SIMULATED data' * joint.simulated}", f"{known_as[joint.name]}--joint"
                 sections += [Section(joint.name, about=about, id=anchor), *own]
         return Page(file, name, purpose, tuple(sections), text=text)
@@ -94,7 +96,7 @@ def report(
     if found:
         sections.append(Section(", and ".join(found).capitalize(), findings=(*against, *adverse)))
     if "curve" in figures[names[0]]:
-        curve = static_sections.curve(joints[0], figures[names[0]], first=True)
+        curve = static_sections.curve(joints[0], figures[names[0]])
         sections.append(Section("The fit in a picture", figure=curve))
     simulated = "Nothing here was measured on a real joint."
     if not all(joint.simulated for joint in joints):
@@ -117,7 +119,7 @@ def _mark(joint: Joint) -> Mark:
     return Mark("use" if use else "do not use", use)
 
 
-def _of_joint(joint: Joint, figures: _Figures, *, first: bool) -> list[Section]:
+def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
     """How each fit ended, the parameters, the figures, the warnings, and what to measure next."""
     ended: list[tuple[str, Said]] = []
     for d, fit in joint.static.items():
@@ -134,7 +136,7 @@ def _of_joint(joint: Joint, figures: _Figures, *, first: bool) -> list[Section]:
         more = together if inside.mean() < 0.8 else ""
         hold = f"{inside.sum()} of {len(inside)} true values lie inside their 95 % intervals{more}."
         ended.append(("truth", hold))
-    drawn = static_sections.curve_and_residuals(joint, figures, first=first) if joint.static else ()
+    drawn = static_sections.curve_and_residuals(joint, figures) if joint.static else ()
     course = dynamic_sections.course(joint, figures)
     critical = tuple(x for x in joint.all_warnings() if x.severity is CRITICAL)
     trusted: tuple[Said, ...] = (_mark(joint), *filter(None, (verdict(joint).reason,)))

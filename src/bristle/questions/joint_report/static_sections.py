@@ -68,40 +68,38 @@ def parameters(joint: Joint) -> Iterator[Section]:
         )
 
 
-def curve(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> Drawing:
-    """The curve with its points; the first of a report says what all of them draw."""
+def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
+    """The curve with its points."""
     found = "; ".join(
         f"{direction(d)}: the curve leaves {number(fit.relative_error, 2)} % of the torque of {counted(fit.n, 'point')}"
         for d, fit in joint.static.items()
         if d != "shared" and fit.relative_error is not None
     )
     caption = [sentence(found)]
-    if first:
-        caption.append(
-            "Points: fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: strays. "
-            f"Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given."
-        )
     if curves_to_use(joint):
         caption.append(
             "Black, dash-dotted: the law of the values to use, which the fit of all parameters of moving runs gives."
         )
-    if first:
-        caption.append("Below: magnitudes on a logarithmic axis.")
     if any(fit.velocity.size > MOST_POINTS for fit in joint.static.values()):
         caption.append(f"At most {MOST_POINTS} points are drawn per direction.")
-    return figures["curve"]._replace(caption=" ".join(caption), data="points", paper="Fig. 4")
+    how = (
+        "Points: fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: strays. "
+        f"Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given. Below: magnitudes on "
+        "a logarithmic axis."
+    )
+    return figures["curve"]._replace(caption=" ".join(caption), how=how, data="points", paper="Fig. 4")
 
 
-def curve_and_residuals(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> tuple[Drawing, Drawing]:
+def curve_and_residuals(joint: Joint, figures: Mapping[str, Drawing]) -> tuple[Drawing, Drawing]:
     """The curve, and what it leaves of the torque."""
     torque, found = pretty(unit("torque", joint.kind)), []
     for d, fit in joint.static.items():
         if d != "shared" and fit.residuals.size:
             rms, most = float(np.sqrt(np.mean(fit.residuals**2))), float(np.abs(fit.residuals).max())
             found.append(f"{direction(d)}: RMS residual {number(rms, 2)} {torque}, the largest {number(most, 2)}")
-    how = " Measured minus fitted torque vs velocity, and vs position and time where they are known." if first else ""
-    left = figures["residuals"]._replace(caption=f"{sentence('; '.join(found))}{how}", data="points")
-    return curve(joint, figures, first=first), left
+    how = "Measured minus fitted torque vs velocity, and vs position and time where they are known."
+    left = figures["residuals"]._replace(caption=sentence("; ".join(found)), how=how, data="points")
+    return curve(joint, figures), left
 
 
 def hold_out(joint: Joint) -> Iterator[Section]:
@@ -112,18 +110,18 @@ def hold_out(joint: Joint) -> Iterator[Section]:
         yield Section("", table=Table("hold_out", "Held-out runs", part=frame, note=how), form="part")
 
 
-def checks(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> list[Section]:
+def checks(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """The same numbers by other routes, and whether another law or model would do."""
     return [
-        *_grid(joint, figures, first=first),
+        *_grid(joint, figures),
         *_crosscheck(joint),
-        *_laws(joint, first=first),
-        *_models(joint, first=first),
-        *_stages(joint, first=first),
+        *_laws(joint),
+        *_models(joint),
+        *_stages(joint),
     ]
 
 
-def _grid(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> Iterator[Section]:
+def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
     """The cost over v_s, and its minimum beside that of the paper's plain grid."""
     velocity, found, shifts = pretty(unit("v_s", joint.kind)), [], []
     for d, fit in joint.static.items():
@@ -137,11 +135,11 @@ def _grid(joint: Joint, figures: Mapping[str, Drawing], *, first: bool) -> Itera
                 shifts.append(abs(plain - e.value) / e.standard_error)
     if found:
         how = (
-            " The cost Jₛ (10) near its minimum, all other parameters re-optimised; dashed: Jₘᵢₙ (1 + F(0.95; 1, n − p) / "
+            "The cost Jₛ (10) near its minimum, all other parameters re-optimised; dashed: Jₘᵢₙ (1 + F(0.95; 1, n − p) / "
             "(n − p)), the 95 % threshold."
         )
-        caption = f"{sentence('; '.join(found))}{how if first else ''}"
-        yield Section("", figure=figures["profile"]._replace(caption=caption, data="profiles"), form="part")
+        profile = figures["profile"]._replace(caption=sentence("; ".join(found)), how=how, data="profiles")
+        yield Section("", figure=profile, form="part")
     frame = tables.comparison([joint])
     if len(frame):
         with_slip = bool(frame["without_stick_slip"].notna().any())
@@ -169,7 +167,7 @@ def _crosscheck(joint: Joint) -> Iterator[Section]:
         yield Section(title, table=table, form="folded" if check.agrees else "unfolded")
 
 
-def _laws(joint: Joint, *, first: bool) -> Iterator[Section]:
+def _laws(joint: Joint) -> Iterator[Section]:
     found, torque = joint.laws, pretty(unit("torque", joint.kind))
     if found is None:
         return
@@ -184,9 +182,7 @@ def _laws(joint: Joint, *, first: bool) -> Iterator[Section]:
         "five blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law (gaussian) only for one "
         "whose BIC is lower by more than 10 and that predicts the speeds left out better."
     )
-    table = Table(
-        "laws", "Laws", part=frame.rename(columns={**_LAWS, "rms": f"rms ({torque})"}), note=how if first else ""
-    )
+    table = Table("laws", "Laws", part=frame.rename(columns={**_LAWS, "rms": f"rms ({torque})"}), note=how)
     yield Section("All laws", table=table, form="folded")
     rows = []
     for name, x in found.averaged.items():
@@ -200,7 +196,7 @@ def _laws(joint: Joint, *, first: bool) -> Iterator[Section]:
         yield Section("Parameters over all laws that the data allow", table=table, form="folded")
 
 
-def _models(joint: Joint, *, first: bool) -> Iterator[Section]:
+def _models(joint: Joint) -> Iterator[Section]:
     torque = pretty(unit("torque", joint.kind))
     how = (
         "All on the same data. ΔAICc, ΔBIC: difference to the lowest; both weigh the residuals of the independent samples "
@@ -209,7 +205,7 @@ def _models(joint: Joint, *, first: bool) -> Iterator[Section]:
     )
     if joint.models:
         yield Section("Which friction model?", form="part")
-    for k, x in enumerate(joint.models):
+    for x in joint.models:
         frame = tables.models([joint])
         own = frame[frame["data"] == x.data].drop(columns=["data", "candidate"])
         independent = "" if x.n == x.effective else f", of which {number(x.effective, 4)} count as independent"
@@ -220,12 +216,12 @@ def _models(joint: Joint, *, first: bool) -> Iterator[Section]:
             "models",
             "Models",
             part=own.rename(columns={**_MODELS, "rms": f"rms ({torque})"}),
-            note=how if first and not k else "",
+            note=how,
         )
         yield Section("All models", text=more, table=table, form="folded")
 
 
-def _stages(joint: Joint, *, first: bool) -> Iterator[Section]:
+def _stages(joint: Joint) -> Iterator[Section]:
     """Each parameter from its own stage, the moving runs alone and all at once."""
     if not joint.consistency:
         return
@@ -243,5 +239,5 @@ def _stages(joint: Joint, *, first: bool) -> Iterator[Section]:
     )
     frame = pd.DataFrame(rows, columns=columns).astype({"difference": float})
     yield Section("Do the stages agree?", form="part")
-    table = Table("consistency", "Stages compared", part=frame, note=how if first else "")
+    table = Table("consistency", "Stages compared", part=frame, note=how)
     yield Section(in_print(agreement(joint)), table=table, form="folded")
