@@ -1,4 +1,4 @@
-"""One report of any question: the sections that the question builds, as pages, as text for the terminal, and as files."""
+"""One report of any question: the sections that it builds, as pages, as text for the terminal, and as files."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field
@@ -23,7 +23,10 @@ class Table(NamedTuple):
     """A data frame as a CSV file and as a table of the page."""
 
     name: str
-    """Of its file in tables/: lower case letters, digits, - and _. Tables of one name are parts of one frame. Empty: no file."""
+    """Of its file in tables/: lower case letters, digits, - and _. Tables of one name are parts of one frame.
+
+    Empty: there is no file.
+    """
     title: str
     frame: pd.DataFrame | None = None
     """What the file holds; None: what the report's own `tables` have of that name."""

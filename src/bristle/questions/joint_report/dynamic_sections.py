@@ -27,7 +27,8 @@ def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
     stretch = 1 + sum(part.start >= begin for begin in fit.starts_of_runs[1:])
     where = f"segment {stretch} of {count}" if count > 1 else "the run"
     caption = (
-        f"{_left(joint, fit)} Measured {fit.quantity} (wide grey line) and predicted by the {_name(joint)} (thin line), from "
+        f"{_left(joint, fit)} Measured {fit.quantity} (wide grey line) and predicted by the {_name(joint)} (thin "
+        "line), from "
         f"{start} to {end} s of {where}, where the reversals are strongest. Below: measured minus predicted."
     )
     return figures["tracking"]._replace(caption=caption)
@@ -77,11 +78,13 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
         terms = ", inertia and other regressors included" if last.quantity == "torque" else ""
         thinned = f" Evenly thinned to {MOST} points." if last.time.size > MOST else ""
         caption = (
-            f"{_left(joint, last)} Measured {last.quantity} (circles) and what the {_name(joint)} predicts (dots) vs velocity{terms}. "
+            f"{_left(joint, last)} Measured {last.quantity} (circles) and what the {_name(joint)} predicts (dots) vs "
+            f"velocity{terms}. "
             f"Below: measured minus predicted.{thinned}"
         )
         load = (
-            "Measured friction along the motion vs the load that it rises with, in three bands of speed (the slowest quarter "
+            "Measured friction along the motion vs the load that it rises with, in three bands of speed (the slowest "
+            "quarter "
             "left out), each with the model's line in steady sliding at its median speed."
         )
         drawn = figures["tracking-velocity"]._replace(caption=caption), figures["tracking-load"]._replace(caption=load)
@@ -94,7 +97,8 @@ def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
     rms = f"{number(fit.rms, 3)} {pretty(unit(fit.quantity, joint.kind))}"
     windows = f", simulated in {fit.windows} windows" if fit.windows else ""
     said: list[Said] = [
-        f"{in_print(fit.outcome)} Relative error {number(fit.relative_error, 3)} %, rms residual {rms}, {fit.n} samples, "
+        f"{in_print(fit.outcome)} Relative error {number(fit.relative_error, 3)} %, rms residual {rms}, {fit.n} "
+        "samples, "
         f"{counted(len(fit.starts_of_runs), 'segment')}{windows}. {reached(fit)}",
         f"Condition number of the scaled Jacobian: {number(fit.condition, 2)}.",
     ]

@@ -34,8 +34,10 @@ def _stiffness(joint: Joint, slow: Presliding) -> Section:
     frame = tables.presliding([joint])
     frame.insert(3, "recommended", frame.pop("recommended"))
     notes = [
-        "± one standard error. The intervals of (14) and of its inverse allow for any rest position inside a count; a value that "
-        "this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is insensitive to where inside "
+        "± one standard error. The intervals of (14) and of its inverse allow for any rest position inside a count; a "
+        "value that "
+        "this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is insensitive to "
+        "where inside "
         "a count the joint rests."
     ]
     if joint.truth:
@@ -54,7 +56,8 @@ def _said(joint: Joint, fit: PreslidingFit) -> tuple[Said, ...]:
     prior = fit.sigma_1
     damping = "none" if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}"
     return (
-        f"{in_print(choice(fit))} {counted(len(fit.loadings), 'loading')} and {counted(fit.counts, 'count edge')} crossed.",
+        f"{in_print(choice(fit))} {counted(len(fit.loadings), 'loading')} and {counted(fit.counts, 'count edge')} "
+        "crossed.",
         f"g₀ = {pretty(level(fit, joint.kind))}, from {in_print(fit.level_source)}.",
         f"Bias of (14) as printed with this encoder: {in_print(bias(fit, joint.kind))}",
         f"σ₁ of an assumed damping ratio: {damping}.",
@@ -70,9 +73,12 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
         if fit.sigma_0.value is not None
     )
     how = (
-        "Torque vs displacement of each loading (grey), shifted so that its fitted rest position is at zero; circles: count "
-        "edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of three methods; they "
-        "level off at g₀ (where it is a lower bound alone, at the one above it with which σ₀ fits the edges best), and end with "
+        "Torque vs displacement of each loading (grey), shifted so that its fitted rest position is at zero; circles: "
+        "count "
+        "edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of three methods; "
+        "they "
+        "level off at g₀ (where it is a lower bound alone, at the one above it with which σ₀ fits the edges best), and "
+        "end with "
         "the displacement that was measured."
     )
     yield figures["presliding"]._replace(caption=sentence(found), how=how)
@@ -84,8 +90,10 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
         f"{counted(len(losses), 'closed cycle')} lose {least if least == most else f'{least} to {most}'} {WORK} each."
     )
     how = (
-        "Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. Solid: "
-        "regression of torque on displacement; dashed: one over the regression of displacement on torque; dotted: between the "
+        "Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. "
+        "Solid: "
+        "regression of torque on displacement; dashed: one over the regression of displacement on torque; dotted: "
+        "between the "
         "extremes of the torque. The area is the energy dissipated."
     )
     left_out = len(losses) - len(loops_drawn(slow.loops))
@@ -141,7 +149,8 @@ def _cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
         "loss": f"loss per cycle ({WORK})",
     }
     how = (
-        f"Regression of torque on displacement, inverse regression and secant, in {pretty(unit('sigma_0', joint.kind))}, differ "
+        "Regression of torque on displacement, inverse regression and secant, in "
+        f"{pretty(unit('sigma_0', joint.kind))}, differ "
         "because the loop is wide: none of them is σ₀. Amplitudes are half of the range."
     )
     table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns), note=how)

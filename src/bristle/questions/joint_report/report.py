@@ -49,7 +49,7 @@ def report(
         title: what they are called together.
         seed: of whatever random numbers the results rest on; None where there are none.
         compensation: the page of their compensation; None: there is none.
-        explored: the names of the joints on the interactive page, which is explore.html among `files`; None: there is none.
+        explored: the names of the joints on the interactive page, explore.html among `files`; None: there is none.
         begun: by joint what `drawings` gave of it; figures of others begin to be drawn when they are written.
         files: results.json and others, by relative path.
 
@@ -245,9 +245,12 @@ def _how_to_read(joints: Sequence[Joint], things: Sequence[Answered]) -> str:
     linked = any(joint.link_inertia is not None for joint in joints)
     return (
         "Value to use ± one standard error, errors of constants included, and [95 % interval]"
-        f"{'; n.i.: not identifiable from these data' * missing}. {other * other_law}{'All others' if other_law else 'All'} are "
-        f"positive in both directions: α₀ Coulomb, α₁ Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous friction, "
-        "vₛ Stribeck velocity, σ₀ and σ₁ bristle stiffness and damping. Joint fit: of all runs at once. Held out: error of the "
+        f"{'; n.i.: not identifiable from these data' * missing}. "
+        f"{other * other_law}{'All others' if other_law else 'All'} are "
+        f"positive in both directions: α₀ Coulomb, α₁ Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous "
+        "friction, "
+        "vₛ Stribeck velocity, σ₀ and σ₁ bristle stiffness and damping. Joint fit: of all runs at once. Held out: "
+        "error of the "
         "torque on runs that were not fitted, relative to its norm."
         f"{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
     )
@@ -260,7 +263,8 @@ _PAGES: tuple[tuple[Any, ...], ...] = (
     ),
     (
         "presliding.html", "Presliding", "stiffness, breakaway and hysteresis from slow loading", presliding_sections.presliding,
-        "While a joint loads slowly from rest, the bristle bends before anything slides: torque / displacement gives its "
+        "While a joint loads slowly from rest, the bristle bends before anything slides: torque / displacement gives "
+        "its "
         "stiffness σ₀, by four methods.",
     ),
     ("moving.html", "Moving runs", "all parameters at once", dynamic_sections.moving),
@@ -268,4 +272,4 @@ _PAGES: tuple[tuple[Any, ...], ...] = (
     ("uncertainty.html", "Uncertainty", "each interval three ways", intervals, INTRO),
     ("data.html", "Data", "files, segments and settings", data),
 )  # fmt: skip  # a table
-"""File, name and purpose of each page that goes joint by joint, what makes a joint's sections, and what stands above."""
+"""File, name and purpose of each page that goes joint by joint, what makes a joint's sections, and its first line."""

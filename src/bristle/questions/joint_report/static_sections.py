@@ -1,4 +1,4 @@
-"""What the pages show of static fits: parameters and curve, the same by other routes, and which law and model the data want."""
+"""What the pages show of static fits: parameters, curve, the same by other routes, and which law the data want."""
 
 from collections.abc import Iterator, Mapping
 
@@ -83,8 +83,10 @@ def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
     if any(fit.velocity.size > MOST_POINTS for fit in joint.static.values()):
         caption.append(f"At most {MOST_POINTS} points are drawn per direction.")
     how = (
-        "Points: fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: strays. "
-        f"Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given. Below: magnitudes on "
+        "Points: fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: "
+        "strays. "
+        f"Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given. Below: "
+        "magnitudes on "
         "a logarithmic axis."
     )
     return figures["curve"]._replace(caption=" ".join(caption), how=how, data="points", paper="Fig. 4")
@@ -135,7 +137,8 @@ def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
                 shifts.append(abs(plain - e.value) / e.standard_error)
     if found:
         how = (
-            "The cost Jₛ (10) near its minimum, all other parameters re-optimised; dashed: Jₘᵢₙ (1 + F(0.95; 1, n − p) / "
+            "The cost Jₛ (10) near its minimum, all other parameters re-optimised; dashed: Jₘᵢₙ (1 + F(0.95; 1, n − p) "
+            "/ "
             "(n − p)), the 95 % threshold."
         )
         profile = figures["profile"]._replace(caption=sentence("; ".join(found)), how=how, data="profiles")
@@ -177,9 +180,12 @@ def _laws(joint: Joint) -> Iterator[Section]:
     frame = tables.laws([joint]).drop(columns="data")
     frame["weight"] *= 100
     how = (
-        "All on the same points or samples, those that do not belong left out, a Stribeck term in every direction. ΔAICc, "
-        "ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Speeds left out: error, relative to the torque, at "
-        "five blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law (gaussian) only for one "
+        "All on the same points or samples, those that do not belong left out, a Stribeck term in every direction. "
+        "ΔAICc, "
+        "ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Speeds left out: error, relative to the torque, "
+        "at "
+        "five blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law (gaussian) only "
+        "for one "
         "whose BIC is lower by more than 10 and that predicts the speeds left out better."
     )
     table = Table("laws", "Laws", part=frame.rename(columns={**_LAWS, "rms": f"rms ({torque})"}), note=how)
@@ -199,8 +205,10 @@ def _laws(joint: Joint) -> Iterator[Section]:
 def _models(joint: Joint) -> Iterator[Section]:
     torque = pretty(unit("torque", joint.kind))
     how = (
-        "All on the same data. ΔAICc, ΔBIC: difference to the lowest; both weigh the residuals of the independent samples "
-        "against the number of parameters, and lower is better. Stribeck curve: Coulomb, viscous and Stribeck friction, "
+        "All on the same data. ΔAICc, ΔBIC: difference to the lowest; both weigh the residuals of the independent "
+        "samples "
+        "against the number of parameters, and lower is better. Stribeck curve: Coulomb, viscous and Stribeck "
+        "friction, "
         "(9). Recommended: the lowest BIC among the models whose terms the fits above support."
     )
     if joint.models:
@@ -234,7 +242,8 @@ def _stages(joint: Joint) -> Iterator[Section]:
     ]  # fmt: skip  # one row, one line
     columns = ["parameter", "unit", "stage", "stage_value", "tracking_value", "joint_value", "difference", "verdict"]
     how = (
-        "± one standard error. Difference: moving runs alone minus the separate stage, in combined standard errors; chance "
+        "± one standard error. Difference: moving runs alone minus the separate stage, in combined standard errors; "
+        "chance "
         "alone exceeds 2.6 in one case in a hundred."
     )
     frame = pd.DataFrame(rows, columns=columns).astype({"difference": float})
