@@ -34,6 +34,8 @@ BELOW = {
 """Each floor, and those that it may import from, beside itself and the ground. The kit of pages knows no result, least squares no friction."""
 STAGES = {"static", "presliding", "dynamic"}
 """Folders of identification that only `identify.py` puts together."""
+DRAWING = {"report", "sections", "figures"}
+"""How names of files end that make the pages of a question with a report.py."""
 ENTRANCES = {"__init__", "__main__"}
 """Modules of the package itself: they may offer what any floor has."""
 FILES = sorted(SOURCE.rglob("*.py"))
@@ -93,11 +95,11 @@ def test_neighbours_do_not_know_each_other() -> None:
 
 
 def test_results_know_no_report() -> None:
-    """In a question with a report.py no file but that and figures.py imports what draws or makes a page, and nobody imports the report itself."""
+    """In a question with a report.py only that, its sections and figures import what draws or makes a page, and nobody imports the report itself."""
     found: list[tuple[str, object]] = []
     for path, tree in trees().items():
         names = imported(tree)
-        if (path.parent / "report.py").exists() and path.stem not in ("report", "figures"):
+        if (path.parent / "report.py").exists() and path.stem.split("_")[-1] not in DRAWING:
             drawing = {("page", "page"), ("page", "report"), ("page", "style"), (*place(path)[:2], "figures")} & names
             found += (
                 [(path.relative_to(SOURCE).as_posix(), drawing)] if drawing and place(path)[0] == "questions" else []

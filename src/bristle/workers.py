@@ -14,7 +14,7 @@ Share = Callable[..., Iterable[Any]]
 at once, whoever waits for them; functions and parts must be picklable."""
 REPORT = (
     "bristle.api.experiments",
-    "bristle.questions.joint_report.page",
+    "bristle.questions.joint_report.report",
     "bristle.questions.compensation.page",
     "bristle.questions.explorer.page",
 )

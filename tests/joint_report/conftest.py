@@ -1,7 +1,9 @@
 """Joints built by hand from simulated points, so that the report is tested without the pipeline."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,12 @@ from bristle.identification.results import Input, Joint
 from bristle.model.functions import loading_displacement_function, stribeck_shape_function
 from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, unit
 from bristle.model.vectorize import evaluate
+from bristle.page.page import encoded
+from bristle.page.report import Section
+from bristle.page.said import with_places
+from bristle.progress import Progress
+from bristle.questions.joint_report import results_file
+from bristle.questions.joint_report.report import report
 
 NAMES = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 TABLE_1 = {
@@ -41,6 +49,32 @@ AGREE = Finding(
     {"worst": 1e-7, "reached": 7, "starts": 8},
 )
 HOSTILE = """<script>alert("$x$")</script>&amp; 'q' $\\frac{$ --> ]]>"""
+
+
+def write_report(
+    joints: Sequence[Joint],
+    folder: Path,
+    progress: Progress | None = None,
+    *,
+    title: str = "t",
+    files: Mapping[str, bytes] = MappingProxyType({}),
+    mailed: bool = False,
+) -> Path:
+    """The report of joints, with results.json and other files beside it; returns the path of index.html."""
+    files = {"results.json": encoded(results_file.to_json(joints)), **files}
+    return report(joints, title=title, seed=0, files=files).write(folder, progress, mailed=mailed)
+
+
+def sections_of(joint: Joint, file: str) -> dict[str, Section]:
+    """The sections of one page of a joint's report, by their titles; those without one by the title of their table."""
+    (found,) = (page for page in report([joint], title="t", seed=0).pages if page.file == file)
+    return {x.title or (x.table.title if x.table else ""): x for x in found.sections}
+
+
+def listed(joint: Joint) -> dict[str, str]:
+    """What each finding on the page of a joint is about, by its code and by its text."""
+    every = [with_places(x.findings) for x in sections_of(joint, "joints.html").values()]
+    return {key: where for own in every for where, x in own for key in (x.code, str(x))}
 
 
 def fitted(direction: str, seed: int = 0) -> StaticFit:

@@ -8,12 +8,11 @@ from typing import Any
 import pytest
 
 from bristle.identification.results import Joint
-from bristle.questions.joint_report import page, sections
 from bristle.questions.joint_report.next_measurements import next_measurements
 
 from ..pages import page_text, report_text
 from ..sameness import of_kind
-from .conftest import HOSTILE
+from .conftest import HOSTILE, listed, sections_of, write_report
 from .moving import CORRELATED, DIFFER, IPOPT, NOT_SHOWN, UNSEEN, moving, tracked
 
 
@@ -25,27 +24,19 @@ def moved() -> Joint:
 
 def written(joint: Joint, folder: Path) -> str:
     """The pages of a report of one joint."""
-    page.write_report([joint], folder, title="t", seed=0)
+    write_report([joint], folder)
     return report_text(folder)
-
-
-def part(joint: Joint) -> dict[str, Any]:
-    """What the page shows of the joint, without its figures."""
-    drawn: Any = {"": {"stribeck": ""}, joint.name: {}}
-    found: dict[str, Any] = sections.report([joint], "t", 0, drawn, None)["joints"][0]
-    return found
 
 
 def test_section_shows_fits_figures_and_comparison(moved: Joint, tmp_path: Path) -> None:
     """The pages have each fit with its errors and starts, bias that matters and none that does not, hold-outs, verdicts and captions."""
     text = written(moved, tmp_path / "out")
-    section = text[text.index('<section id="gripper-rotation--tracking">') :]
-    section = section[: section.index("</section>")]
+    section = page_text(tmp_path / "out" / "moving.html")
     for words in ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "Initialised at the other stages",
-                  "1701 samples,\n2 segments", "-0.02 N·m/rad (-0.3 standard errors)", "held.csv", str(IPOPT),
+                  "1701 samples, 2 segments", "-0.02 N·m/rad (-0.3 standard errors)", "held.csv", str(IPOPT),
                   "thinned to 400 points"):  # fmt: skip  # words
         assert words in section
-    for words in (str(DIFFER), str(NOT_SHOWN), "from 4.75 to 7.75 s", "segment 2 of 2", "parametric\nbootstrap"):
+    for words in (str(DIFFER), str(NOT_SHOWN), "from 4.75 to 7.75 s", "segment 2 of 2", "parametric bootstrap"):
         assert words in text
     assert "0.0001 N·m/rad" not in section
     captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", section, flags=re.DOTALL)
@@ -55,12 +46,15 @@ def test_section_shows_fits_figures_and_comparison(moved: Joint, tmp_path: Path)
 
 def test_all_parameters_stand_first(moved: Joint, joint: Joint) -> None:
     """The parameters of the joint are all six per direction, and the verdict counts them once; with static fits alone nothing changes."""
-    shown = part(moved)
-    assert len(shown["complete"].rows) == 13
-    assert shown["complete"].columns[:3] == ("direction", "parameter", "source")
-    assert str(shown["summary"]["covered"]).startswith("12 of 12 true values lie inside")
-    assert len(shown["parameters"].rows) == 12
-    assert part(joint)["complete"] is None
+    shown = sections_of(moved, "joints.html")
+    table, alone = shown["Parameters of gripper rotation"].table, shown["From static and slow runs alone"].table
+    assert table is not None
+    assert alone is not None
+    assert len(table.cells.rows) == 13
+    assert table.cells.columns[:3] == ("direction", "parameter", "source")
+    assert dict(shown["How each fit ended"].facts)["truth"] == "12 of 12 true values lie inside their 95 % intervals."
+    assert len(alone.cells.rows) == 12
+    assert "From static and slow runs alone" not in sections_of(joint, "joints.html")
 
 
 def test_a_joint_without_moving_runs_has_no_section(slow: Joint, tmp_path: Path) -> None:
@@ -73,11 +67,10 @@ def test_a_joint_without_moving_runs_has_no_section(slow: Joint, tmp_path: Path)
 
 def test_warnings_are_listed_and_counted(moved: Joint) -> None:
     """Warnings of the fit, of a parameter, and stages that differ stand in the list with what they are about."""
-    shown = part(moved.with_subjects())
-    listed = {str(warning): where for _, own in shown["warnings"] for where, warning in own}
-    assert listed[str(CORRELATED)] == "moving runs"
-    assert listed[str(UNSEEN)] == "moving runs alpha_1-"
-    assert listed[str(DIFFER)] == "static stage and moving runs alpha_0-"
+    found = listed(moved.with_subjects())
+    assert found[str(CORRELATED)] == "moving runs"
+    assert found[str(UNSEEN)] == "moving runs alpha_1-"
+    assert found[str(DIFFER)] == "static stage and moving runs alpha_0-"
 
 
 def test_moving_runs_alone_make_a_report(moved: Joint, tmp_path: Path) -> None:
@@ -119,9 +112,8 @@ def test_a_fit_that_predicts_the_position_says_so(moved: Joint, tmp_path: Path) 
     """Words, unit and captions are those of a simulated position; nothing calls it a torque."""
     changes: dict[str, Any] = {"quantity": "position", "windows": 34, "starts_of_runs": (0,)}
     alone = replace(moved, tracking=tracked(**changes), joint_fit=None, consistency=())
-    text = written(alone, tmp_path / "out")
-    section = text[text.index('<section id="gripper-rotation--tracking">') :]
-    section = section[: section.index("</section>")]
+    written(alone, tmp_path / "out")
+    section = page_text(tmp_path / "out" / "moving.html")
     words = re.sub(r"<svg.*?</svg>", "", section, flags=re.DOTALL)
     for said in (
         "the motor is simulated",

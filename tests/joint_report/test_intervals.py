@@ -20,11 +20,12 @@ from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind
 from bristle.page.wording import MISSING
-from bristle.questions.joint_report import interval_figures, interval_tables, page, results_file
+from bristle.questions.joint_report import interval_figures, interval_tables, results_file
+from bristle.questions.joint_report.report import report
 from bristle.questions.joint_report.text import fit_report
 
 from ..pages import report_text
-from .conftest import TABLE_1
+from .conftest import TABLE_1, sections_of, write_report
 
 UNITS = {"revolute": ("N*m", "N*m", "N*m*s/rad", "rad/s"), "prismatic": ("N", "N", "N*s/m", "m/s")}
 
@@ -101,30 +102,32 @@ def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
         assert frame.empty
         assert list(frame.columns)[:4] == ["joint", "fit", "direction", "parameter"]
     assert interval_figures.figures(slide) == {}
-    assert interval_tables.interval_section(slide)["tables"] == {}
+    assert all(x.file != "uncertainty.html" for x in report([slide], title="t", seed=0).pages)
 
 
 def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path: Path) -> None:
     """An open end is written as infinity, a way that there is not as a dash; nowhere in page, CSV or JSON stands nan or None."""
     none = Finding("no-bootstrap", NOTE, "No bootstrap: <b>few</b> blocks are too few to resample.")
     joint = changed(open_, "alpha_0", bootstrap=None, warnings=(none,))
-    cells = {cell for row in interval_tables.interval_section(joint)["tables"]["static"].rows for cell in row}
+    table = sections_of(joint, "uncertainty.html")["Static"].table
+    assert table is not None
+    cells = {cell for row in table.cells.rows for cell in row}
     assert MISSING in cells
     assert any(str(cell).endswith("∞]") for cell in cells)
-    page.write_report([joint], tmp_path, title="t", seed=0)
+    write_report([joint], tmp_path)
     html = (tmp_path / "uncertainty.html").read_text(encoding="utf-8")
-    (part,) = re.findall(r'<section id="[^"]*-uncertainty">.*?</section>', html, re.DOTALL)
+    part = html[html.index('<section id="wrist--joint">') : html.index('<section id="versions">')]
     text = re.sub(r"<svg.*?</svg>|<img[^>]*>", "", part, flags=re.DOTALL)
     assert not re.search(r"\bnan\b|\bNone\b|\bNaN\b", text)
     assert "∞" in text
     assert "&lt;b&gt;few" in text
     assert "<b>few" not in text
     assert "SIMULATED" in text
-    (table,) = tmp_path.rglob("uncertainty.csv")
-    read = pd.read_csv(table).set_index("parameter")
+    (file,) = tmp_path.rglob("uncertainty.csv")
+    read = pd.read_csv(file).set_index("parameter")
     assert read["profile_upper"]["alpha_1"] == np.inf
     assert read["bootstrap_lower"].isna().to_dict() == dict.fromkeys(read.index, False) | {"alpha_0": True}
-    assert "nan" not in table.read_text(encoding="utf-8").lower()
+    assert "nan" not in file.read_text(encoding="utf-8").lower()
     assert "NaN" not in results_file.to_json([joint])
 
 
@@ -181,7 +184,7 @@ def test_the_scatter_of_runs_stands_in_text_table_and_page(good: Joint, tmp_path
     frame = interval_tables.repeats([joint])
     assert list(frame["file"]) == list(by_run)
     assert frame[["value", "before", "after", "widened"]].iloc[0].tolist() == [0.0190, 2.34, 1.0, 2.34]
-    page.write_report([joint], tmp_path / "out", title="t", seed=0)
+    write_report([joint], tmp_path / "out")
     text = report_text(tmp_path / "out")
     assert "Each run fitted apart" in text
     assert "2.34" in text

@@ -14,21 +14,23 @@ from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import Presliding
 from bristle.identification.results import Joint
 from bristle.page.wording import METHODS
-from bristle.questions.joint_report import page, results_file, sections, sentences, tables
+from bristle.questions.joint_report import results_file, sentences, tables
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.text import fit_report
 
-from ..pages import report_text
+from ..pages import page_text, report_text
 from ..sameness import of_kind
 from .conftest import (
     QUANTUM,
     TABLE_1,
     closed_cycle,
+    listed,
     loaded,
     nothing_seen,
     only,
     outlier,
     slow_fit,
+    write_report,
 )
 
 GOLDEN = Path(__file__).parent / "presliding_report.txt"
@@ -44,7 +46,7 @@ def read(joint: Joint) -> dict[str, Any]:
 
 def written(joint: Joint, folder: Path) -> str:
     """The page of a report of one joint."""
-    page.write_report([joint], folder, title="t", seed=0)
+    write_report([joint], folder)
     return report_text(folder)
 
 
@@ -166,9 +168,8 @@ def test_presliding_report_is_the_golden_file(slow: Joint) -> None:
 
 def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path: Path) -> None:
     """The section names the methods, the one to use, the bias, the level and its source, the prior, the outlier, and why the slopes differ."""
-    text = written(slow, tmp_path / "out")
-    section = text[text.index('<section id="gripper-rotation--presliding">') :]
-    section = section[: section.index("</section>")]
+    written(slow, tmp_path / "out")
+    section = page_text(tmp_path / "out" / "presliding.html")
     for words in (*METHODS.values(), "from encoder transitions; insensitive to where inside a count the joint rests", "-2.4 % where the joint rests",
                   "-51 % on average, with a spread of 28 %",
                   "from the static fit", "of an assumed damping ratio", "median breakaway torque",
@@ -192,12 +193,11 @@ def test_a_joint_without_presliding_runs_has_no_section(joint: Joint, tmp_path: 
 def test_every_warning_is_listed_and_counted(slow: Joint) -> None:
     """Warnings of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about."""
     slow = slow.with_subjects()
-    part = sections.report([slow], "t", 0, {"": {"stribeck": ""}, slow.name: {}}, None)["joints"][0]  # type: ignore[dict-item] # no drawing here
-    listed = {warning.code: where for _, own in part["warnings"] for where, warning in own}
-    assert listed["few-counts"] == "presliding (+)"
-    assert listed["outlier"] == "presliding"
-    assert listed["prior"] == "presliding (+) sigma_1, presliding (−) sigma_1"
-    assert "presliding (+) sigma_0 printed" in listed["whole-count"]
+    found = listed(slow)
+    assert found["few-counts"] == "presliding (+)"
+    assert found["outlier"] == "presliding"
+    assert found["prior"] == "presliding (+) sigma_1, presliding (−) sigma_1"
+    assert "presliding (+) sigma_0 printed" in found["whole-count"]
 
 
 def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> None:

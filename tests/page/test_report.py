@@ -8,9 +8,10 @@ import pytest
 from matplotlib.figure import Figure
 
 from bristle.errors import InputError
-from bristle.findings import CAUTION, NOTE, Finding
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.page.page import Drawing
-from bristle.page.report import Report, Section, Table
+from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, Table
+from bristle.page.said import Link, Mark, with_places
 
 from ..pages import assert_tables_are_named, page_text
 
@@ -126,3 +127,76 @@ def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
 def test_tables_are_by_name() -> None:
     """`frames` has each file's frame, whole."""
     assert {name: len(frame) for name, frame in WHOLE.frames.items()} == {"more": 2, "numbers": 2}
+
+
+def test_pages_share_a_menu_and_a_figure_is_drawn_once(tmp_path: Path) -> None:
+    """Every page links to all in their order and to its own sections; a figure on two pages has one file and two numbers."""
+    curve = drawing()._replace(how="A line.")
+    other = drawing()._replace(name="other", how="A line.")
+    twice = (Section("one", id="one--joint", figures=(curve,)), Section("two", id="two--joint", figures=(other,)))
+    pages = (Page("more.html", "More of it", HOSTILE, twice), Page("raw.html", "Raw", "as it is"))
+    report = replace(
+        WHOLE,
+        sections=(Section("First", figure=curve),),
+        pages=pages,
+        files={"raw.html": b"<p>", "results.json": b"{}"},
+    )
+    told: list[tuple[int, int]] = []
+    report.write(tmp_path / "out", lambda _, done, total: told.append((done, total)), mailed=True)
+    first, more = (page_text(tmp_path / "out" / name) for name in ("index.html", "more.html"))
+    for page in (first, more):
+        links = [page.index(f'<li><a href="{name}"') for name in ("index.html", "more.html", "raw.html")]
+        assert links == sorted(links)
+    assert page_text(tmp_path / "out" / "index.html").count('<a href="results.json">') == 1
+    assert first.count("Figure 1</a>") == more.count("Figure 2</a>") == more.count("Figure 3</a>") == 1
+    assert first.count("A line.") == more.count("A line.") == 1
+    assert '<a href="#one--joint">one</a>' in more
+    assert '<section id="two--joint">' in more
+    assert (tmp_path / "out" / "raw.html").read_bytes() == b"<p>"
+    assert {path.name for path in (tmp_path / "out" / "figures").iterdir()} == {
+        f"{name}.{kind}" for name in ("line", "other") for kind in ("svg", "png", "csv")
+    }
+    assert (tmp_path / "out" / "report.zip").is_file()
+    assert told == [(0, 2), (1, 2), (0, 1)]
+
+
+def test_an_answer_has_verdict_values_and_picture(tmp_path: Path) -> None:
+    """Each thing begins with its name as a link and its verdict; a row has a cell a column, with what stands below; text stays text."""
+    cells = Cell("1.50 ± 0.02", ("[1.46, 1.54]",)), Cell(HOSTILE)
+    found = Finding("strays", CAUTION, HOSTILE)
+    thing = Answered(Link(HOSTILE, "more.html#x"), (Mark("do not use", good=False), found), (("+", cells),), drawing())
+    answer = Answer("dir.", (("alpha_0", "N·m"), ("v_s", "")), (thing,), "curve", "How.")
+    page = page_text(replace(WHOLE, sections=(Section("", answer=answer),)).write(tmp_path / "out"))
+    assert "<script" not in page
+    assert '<span class="mark bad">do not use</span>.' in page
+    assert '<a href="more.html#x">&lt;/p&gt;' in page
+    assert '<td data-label="α₀ (N·m)">1.50 ± 0.02<span class="below">[1.46, 1.54]</span></td>' in page
+    assert 'href="#warning-strays"' in page
+    assert page.count("<svg") == 1
+    assert "<figure" not in page
+
+
+def test_facts_and_findings_say_what_they_are_about(tmp_path: Path) -> None:
+    """A fact follows its name; a finding stands once after all its subjects, and begins with Critical where it is."""
+    found = [
+        Finding("strays", CRITICAL, "Two.", subject=("static", "+")),
+        Finding("strays", CRITICAL, "Two.", subject=("static", "-")),
+        Finding("prior", NOTE, "Three."),
+    ]
+    assert [where for where, _ in with_places(found)] == ["static (+), static (−)", ""]
+    section = Section("Some", facts=(("files", ("two", Link("here", "#x"))),), findings=tuple(found))
+    page = page_text(replace(WHOLE, sections=(section,)).write(tmp_path / "out"))
+    assert '<dt>files</dt><dd>two <a href="#x">here</a></dd>' in page
+    assert page.count("<strong>Critical, static (+), static (−)</strong>: Two.") == 1
+    assert 'href="#warning-prior"' not in page
+    page = page_text(replace(WHOLE, sections=(replace(section, coded=True),)).write(tmp_path / "out"))
+    assert 'href="#warning-prior"' in page
+
+
+def test_a_column_that_says_nothing_is_not_shown() -> None:
+    """What is empty in every row is left out of the page's table, and false is not empty; without rows all columns stay."""
+    frame = pd.DataFrame(
+        {"a": [1, 2], "none": [None, float("nan")], "": ["", ""], "no": [False, False], "said": [(), ()]}
+    )
+    assert Table("t", "T", frame).cells.columns == ("a", "no")
+    assert Table("t", "T", frame[:0]).cells.columns == ("a", "none", "", "no", "said")

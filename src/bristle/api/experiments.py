@@ -1,6 +1,6 @@
 """The questions that a user asks of experiments, and of what was identified from them."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,7 +31,7 @@ from bristle.simulation.joint_loop import asked_parts, of_experiment, of_paper
 from bristle.workers import REPORT, sharing
 
 if TYPE_CHECKING:
-    from bristle.page.page import Rendered
+    from bristle.page.page import Drawing
 
 
 def report(
@@ -66,13 +66,13 @@ def report(
     """
     check_folder(Path(folder), ("results.json",))
     with sharing(workers, *REPORT) as share:
-        from bristle.questions.joint_report.page import begin  # while the processes load it too
+        from bristle.questions.joint_report.figures import drawings  # while the processes load it too
 
-        begun: dict[str, Iterator[Rendered]] = {}
+        begun: dict[str, dict[str, Drawing]] = {}
 
         def draw(joint: Joint) -> None:
             """Have the figures of a joint drawn while others are identified."""
-            begun[joint.name] = begin(joint, share)
+            begun[joint.name] = drawings(joint, share)
 
         results = identified(
             *experiments, uncertainty=uncertainty, need=need, share=share, progress=progress, each=draw

@@ -1,7 +1,9 @@
 """What `identify` returns, and reads back."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -24,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
 
-    from bristle.page.page import Rendered
+    from bristle.page.page import Drawing
     from bristle.questions.explorer.page import Explorer
     from bristle.questions.export.export import Export
 
@@ -206,31 +208,32 @@ def write_results(
     *,
     mailed: bool,
     share: Share = map,
-    begun: Mapping[str, Iterator["Rendered"]] = MappingProxyType({}),
+    begun: Mapping[str, Mapping[str, "Drawing"]] = MappingProxyType({}),
 ) -> Path:
-    """`Results.write`, the drawing shared out; `compensated` and `explored` wait for what those give, `begun` as of `write_report`."""
+    """`Results.write`, the drawing shared out; `compensated` and `explored` wait for what those give, `begun`: what was drawn of each joint."""
+    from bristle.page.page import encoded
     from bristle.questions.compensation.page import section
-    from bristle.questions.joint_report.page import write_report
 
-    def played() -> tuple[str, tuple[str, ...]] | None:
-        """The interactive page, and whose it is."""
-        page = explored()
-        return None if page is None else (page.html, page.joints)
-
-    title = results.joints[0].name if len(results.joints) == 1 else f"{len(results.joints)} joints"
-    return write_report(
+    names = [joint.name for joint in results.joints]
+    files = {"results.json": encoded(results.to_json(folder))}
+    if results.timings:
+        timings = {name: round(seconds, 6) for name, seconds in results.timings.items()}
+        files["timings.json"] = encoded(json.dumps(timings, indent=1) + "\n")
+    compensation = section(compensated(), share) if compensated else None
+    played = explored()
+    if played is not None:
+        files["explore.html"] = encoded(played.html)
+    report = import_module("bristle.questions.joint_report.report").report(
         results.whole_joints(),
-        folder,
-        experiments=results.logs.written(folder),
-        title=title,
+        title=names[0] if len(names) == 1 else f"{len(names)} joints",
         seed=0,
-        timings=results.timings or None,
-        progress=progress,
-        appended=(lambda: section(compensated(), share)) if compensated else None,
+        compensation=compensation,
+        explored=None if played is None else played.joints,
         begun=begun,
-        mailed=mailed,
-        explored=played,
+        files=files,
     )
+    index: Path = report.write(folder, progress, mailed=mailed)
+    return index
 
 
 def read_results(path: Path | str) -> Results:

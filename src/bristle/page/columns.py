@@ -25,11 +25,9 @@ class Table:
 
 
 def shown(frame: "pd.DataFrame") -> Table:
-    """A frame of one joint, without its name and without columns that say nothing."""
-    empty = [
-        c for c in ("warnings", "labels", "joint") if c in frame and (c == "joint" or not frame[c].astype(bool).any())
-    ]
-    frame = frame.drop(columns=empty)
+    """A frame, without the joint's name and without columns that say nothing in any row."""
+    telling = [frame.empty or any(x not in ("", ()) for x in frame[c].dropna()) for c in frame]
+    frame = frame.loc[:, telling].drop(columns="joint", errors="ignore")
     rows = frame.astype(object).itertuples(index=False, name=None)
     return Table(columns=tuple(map(str, frame.columns)), rows=tuple(rows))
 

@@ -26,6 +26,7 @@ from bristle.page.columns import to_csv
 from bristle.page.entries import entries_linked, flagged, warned
 from bristle.page.figure_data import csv_of
 from bristle.page.output_folder import replace_files, write_bytes, zipped
+from bristle.page.said import said, with_places
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
 from bristle.workers import Share
@@ -49,14 +50,11 @@ def figure_kind(path: Path) -> str:
     return kind
 
 
-class Section(NamedTuple):
-    """What one question puts into the report of another as a page of its own, and the files that go with it."""
+class Templated(NamedTuple):
+    """A page that another question makes by a template of its own, and the files that go with it."""
 
-    file: str
     drawings: Mapping[str, "Drawing"]
     """Its figures, by the name that the template has for each."""
-    done: Iterator["Rendered"]
-    """What `rendered` gave of them."""
     context: Callable[[Mapping[str, "Drawn"]], Mapping[str, Any]]
     """Gives what its template names, once they are drawn."""
     package: str
@@ -85,13 +83,23 @@ class Drawing(NamedTuple):
     """A figure to be drawn."""
 
     draw: Callable[[], Figure | None]
-    """Draws it; None: there is nothing to draw. Picklable where processes share it."""
+    """Draws it; None: there is nothing to draw. Picklable where processes share it. What the same call draws is one figure."""
     name: str
     """Of its files in figures/."""
     label: str
     """How it is called for a reader who does not see it."""
     caption: str = ""
     """Of a figure in a section of a `Report`."""
+    how: str = ""
+    """How to read it, after the caption; a page says it once."""
+    data: str = ""
+    """The table that its caption links to, by the name of its file."""
+    paper: str = ""
+    """What the paper calls this figure, as Fig. 4."""
+    simulated: bool = False
+    """Whether the caption begins with SIMULATED data."""
+    done: "Iterator[Rendered] | None" = None
+    """Gives it rendered, where others have begun to; see `begun`."""
 
 
 def write_part(
@@ -131,11 +139,11 @@ def write_page(
     return write_pages(folder, [("index.html", package, template, context)], files)
 
 
-Page = tuple[str, str, str, Mapping[str, Any]]
+Filled = tuple[str, str, str, Mapping[str, Any]]
 """The name of its file, the package whose template it is, the template, and what that names."""
 
 
-def write_pages(folder: Path, pages: Iterable[Page], files: Mapping[str, bytes], *, mailed: bool = False) -> Path:
+def write_pages(folder: Path, pages: Iterable[Filled], files: Mapping[str, bytes], *, mailed: bool = False) -> Path:
     """Write pages, whose figures are numbered through, and the files beside them; returns the path of index.html.
 
     What makes the pages may add files. `mailed`: all of it as report.zip in the folder as well. Raises as `write_page`.
@@ -160,32 +168,27 @@ Rendered = tuple[bytes, bytes, bytes] | None
 """A figure as SVG and PNG, and its data as CSV; None: there is nothing to draw."""
 
 
-def rendered(drawings: Iterable[Drawing], share: Share = map) -> Iterator[Rendered]:
-    """Figures, drawn and rendered by whoever shares the work, in their order."""
-    return iter(share(_rendered, [drawing.draw for drawing in drawings]))
+def begun(drawing: Drawing, share: Share = map) -> Drawing:
+    """A figure that whoever shares the work begins to draw and to render now."""
+    return drawing._replace(done=iter(share(_rendered, [drawing.draw])))
 
 
 def drawn(
-    drawings: Mapping[str, Drawing],
-    files: dict[str, bytes],
-    done: Iterator[Rendered] | None = None,
-    tell: Callable[[str], None] = lambda _: None,
-) -> dict[str, Drawn]:
+    drawings: Mapping[Any, Drawing], files: dict[str, bytes], tell: Callable[[str], None] = lambda _: None
+) -> dict[Any, Drawn]:
     """Figures rendered into `files`, and as elements of the page; without those of which there is nothing to draw.
 
     Where joints are called so that another figure has the name already, it gets a number.
 
     Args:
-        drawings: by the name that a template has for each.
+        drawings: by what the page looks them up.
         files: by relative path.
-        done: what `rendered` gave of them; None: they are rendered here.
         tell: told of each by its label.
     """
-    done = rendered(drawings.values()) if done is None else done
-    found: dict[str, Drawn] = {}
+    found: dict[Any, Drawn] = {}
     for key, drawing in drawings.items():
         tell(f"drawing {drawing.label}")
-        forms = next(done)
+        forms = next(drawing.done or begun(drawing).done or iter(()))
         if forms is not None:
             name = free(drawing.name, lambda tried: f"figures/{tried}.svg" in files)
             files.update(
@@ -219,7 +222,8 @@ def _environment(package: str, number: Callable[[], int]) -> Environment:
     )
     environment.filters |= {
         "cell": _cell, "cell_kind": lambda column: _KINDS.get(column, ""), "heading": lambda column: _HEADINGS.get(column, column),
-        "direction": wording.direction, "symbol": symbol_html, "warned": warned, "flagged": flagged, "entries": entries_linked,
+        "direction": wording.direction, "symbol": symbol_html, "plain_symbol": wording.symbol,
+        "warned": warned, "flagged": flagged, "said": said, "with_places": with_places, "entries": entries_linked,
     }  # fmt: skip  # a table of names
     environment.globals["next_figure"] = number
     environment.globals |= _script()
@@ -308,6 +312,8 @@ def _cell(value: Any, column: str) -> str | Markup:
         return "yes" if value else "no"
     if value is None:
         return wording.MISSING
+    if isinstance(value, tuple):
+        return Markup("<br>").join(map(flagged, value))
     if isinstance(value, float):
         return wording.number(value, _DIGITS.get(column, 5))
     if column == "parameter":

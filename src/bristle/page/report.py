@@ -1,7 +1,8 @@
-"""One report of any question: the sections that the question builds, as a page, as text for the terminal, and as files."""
+"""One report of any question: the sections that it builds, as pages, as text for the terminal, and as files."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -10,8 +11,10 @@ import pandas as pd
 from bristle.findings import Finding
 from bristle.page.columns import Table as Cells
 from bristle.page.columns import shown
-from bristle.page.page import Drawing, drawn, html, tables_of, versions, write_page
+from bristle.page.page import Drawing, Filled, Templated, drawn, html, tables_of, versions, write_pages
+from bristle.page.said import Link, Said
 from bristle.page.wording import printable, slugs
+from bristle.progress import Progress, step, teller
 
 _TEMPLATE = "bristle.page", "report.html"
 
@@ -20,43 +23,120 @@ class Table(NamedTuple):
     """A data frame as a CSV file and as a table of the page."""
 
     name: str
-    """Of its file in tables/: lower case letters, digits, - and _. Tables of one name are parts of one frame."""
+    """Of its file in tables/: lower case letters, digits, - and _. Tables of one name are parts of one frame.
+
+    Empty: there is no file.
+    """
     title: str
-    frame: pd.DataFrame
-    """What the file holds."""
+    frame: pd.DataFrame | None = None
+    """What the file holds; None: what the report's own `tables` have of that name."""
     part: pd.DataFrame | None = None
     """What the page shows of it; None: all. A column's heading is its name, and a parameter becomes its symbol."""
     note: str = ""
-    """How to read it."""
+    """How to read it; a page says it once."""
 
     @property
     def cells(self) -> Cells:
         """Columns and rows of the page's table."""
-        return shown(self.frame if self.part is None else self.part)
+        return shown(next(x for x in (self.part, self.frame, pd.DataFrame()) if x is not None))
+
+
+class Cell(NamedTuple):
+    """A value in an answer."""
+
+    value: str
+    below: tuple[str, ...] = ()
+    """Small lines under it, as its interval."""
+
+
+class Answered(NamedTuple):
+    """What an answer says of one thing."""
+
+    name: Link
+    line: tuple[Said, ...]
+    rows: tuple[tuple[str, tuple[Cell, ...]], ...]
+    """Each begins with what it is of, as a direction."""
+    picture: Drawing | None = None
+    """A small one beside the rows."""
+
+
+class Answer(NamedTuple):
+    """The values that a report gives, thing by thing, with what to think of them: its first screen."""
+
+    of: str
+    """What a row is of."""
+    columns: tuple[tuple[str, str], ...]
+    """Parameter and unit; no unit where the things differ in it."""
+    things: tuple[Answered, ...]
+    picture: str = ""
+    """The heading of the pictures; empty: there are none."""
+    note: str = ""
+    """How to read it."""
 
 
 @dataclass(frozen=True, slots=True)
 class Section:
     """One thought of a report. It knows no other section and no HTML; what it lacks is left out.
 
-    The page shows title, text, findings, figure and table, in this order.
+    The page shows title, text, facts, findings, answer, figures and table, in this order.
     """
 
     title: str
     """Without one the findings are in bold: the answer of the report."""
     _: KW_ONLY
-    text: str = ""
-    """Paragraphs, with an empty line between them."""
+    about: str = ""
+    """Beside the title, smaller."""
+    text: str | tuple[Said, ...] = ""
+    """Paragraphs, with an empty line between them; or the parts of one."""
+    facts: tuple[tuple[str, Said | tuple[Said, ...]], ...] = ()
+    """Lines, each after what it is about."""
     findings: tuple[Finding, ...] = ()
+    """Each stands once, after its subjects. A note has no link to its code, unless they are `coded`."""
+    coded: bool = False
+    answer: Answer | None = None
     figure: Drawing | None = None
     """Its caption begins with a sentence that says what it shows, with a number."""
+    figures: tuple[Drawing, ...] = ()
+    """Several, side by side where there is room."""
     table: Table | None = None
     lines: tuple[str, ...] | None = None
     """What the terminal prints of it; None: its findings."""
     turn: int = 0
     """The terminal prints small numbers first, and equal ones in the order of the page: there a conclusion comes last."""
-    form: Literal["section", "part", "folded"] = "section"
-    """A part has a smaller heading, as it belongs to the section above; what is folded opens with a click on its title."""
+    form: Literal["section", "part", "folded", "unfolded"] = "section"
+    """A part has a smaller heading, as it belongs to the section above; what is folded opens with a click on its title, and
+    what is unfolded closes with one."""
+    id: str = ""
+    """What links from other pages call it; empty: a name after its title."""
+
+    @property
+    def drawings(self) -> tuple[Drawing, ...]:
+        """All that is to be drawn for it."""
+        small = (x.picture for x in self.answer.things) if self.answer else ()
+        return tuple(x for x in (*small, self.figure, *self.figures) if x is not None)
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A further page of a report. Without sections it is one of the report's files."""
+
+    file: str
+    name: str
+    """In the menu, and its heading."""
+    purpose: str
+    """What it is for, in half a sentence."""
+    sections: tuple[Section, ...] = ()
+    _: KW_ONLY
+    text: str = ""
+    """Below its heading."""
+    templated: Templated | None = None
+    """Makes it in place of sections."""
+
+    @property
+    def heads(self) -> dict[str, Section]:
+        """Its sections by their ids."""
+        names = slugs([section.title for section in self.sections])
+        return {x.id or f"{name}--section": x for name, x in zip(names, self.sections, strict=True)}
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,20 +145,26 @@ class Report:
 
     title: str
     sections: tuple[Section, ...]
+    """Of its first page."""
     _: KW_ONLY
     about: str
     """What the report is about, in a sentence."""
+    pages: tuple[Page, ...] = ()
+    """Further ones, in the order of the menu."""
     simulated: str = ""
     """What of it is SIMULATED, in a sentence; empty: nothing."""
     seed: int | None = None
     """Of the random numbers, where there are any."""
     tables: Mapping[str, pd.DataFrame] = field(default_factory=dict)
-    """Frames that become files and are not on the page, by name."""
+    """Frames that become files, and are on a page at most in part, by name."""
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    """Others beside the pages, by relative path."""
 
     @property
     def frames(self) -> dict[str, pd.DataFrame]:
         """Every table, by the name of its file."""
-        return dict(self.tables) | {s.table.name: s.table.frame for s in self.sections if s.table is not None}
+        every = (x.table for page in self._menu for x in page.sections if x.table is not None)
+        return dict(self.tables) | {x.name: x.frame for x in every if x.name and x.frame is not None}
 
     def text(self) -> str:
         """What the command prints: lines without control characters."""
@@ -88,19 +174,58 @@ class Report:
         return "\n".join(map(printable, lines))
 
     def html(self) -> str:
-        """The page. Its figures are part of it; its links to files need those that `write` puts beside it."""
-        return html(*_TEMPLATE, self._named({}))
+        """The first page. Its figures are part of it; its links to files need those that `write` puts beside it."""
+        ((_, package, template, named),) = self._filled(self._menu[:1], {}, lambda _: None)
+        return html(package, template, named)
 
-    def write(self, folder: Path | str) -> Path:
-        """Write index.html, figures/ (SVG, PNG and CSV) and tables/ (CSV); returns the path of index.html.
+    def write(self, folder: Path | str, progress: Progress | None = None, *, mailed: bool = False) -> Path:
+        """Write index.html and the other pages, figures/ (SVG, PNG and CSV) and tables/ (CSV); returns the path of index.html.
 
-        Only what bristle made in the folder is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
+        The same report gives the same bytes. Only what bristle made in the folder is replaced. Raises InputError where the
+        folder cannot be used, with nothing half-written.
+
+        Args:
+            folder: made where it does not exist.
+            progress: called with what is being done, how many steps are done, and how many there are.
+            mailed: whether all of it is written as report.zip in the folder as well.
         """
-        files = tables_of(self.frames)
-        return write_page(Path(folder), *_TEMPLATE, self._named(files), files)
+        files = {**tables_of(self.frames), **self.files}
+        drawings = {x.draw for page in self._menu for section in page.sections for x in section.drawings}
+        tell = teller(progress, len(drawings))
+        filled = list(self._filled(self._menu, files, tell))
+        step(progress, "writing the report")
+        return write_pages(Path(folder), filled, files, mailed=mailed)
 
-    def _named(self, files: dict[str, bytes]) -> dict[str, Any]:
-        """What the template names. Figures are rendered, into `files` as well."""
-        sections = dict(zip(slugs([section.title for section in self.sections]), self.sections, strict=True))
-        figures = drawn({slug: s.figure for slug, s in sections.items() if s.figure is not None}, files)
-        return {**versions(self.seed), "report": self, "sections": sections, "figures": figures}
+    @property
+    def _menu(self) -> tuple[Page, ...]:
+        return Page("index.html", "Answer", "", self.sections), *self.pages
+
+    def _filled(
+        self, pages: tuple[Page, ...], files: dict[str, bytes], tell: Callable[[str], None]
+    ) -> Iterator[Filled]:
+        """Each page with its template and what that names. Figures are rendered, each once, into `files` as well."""
+        drawings = dict[Any, Drawing]()
+        for x in chain.from_iterable(section.drawings for page in pages for section in page.sections):
+            drawings.setdefault(x.draw, x)
+        figures = drawn(drawings, files, tell)
+        common = {**versions(self.seed), "report": self, "figures": figures, "pages": self._menu}
+        for page in pages:
+            named = {**common, "here": page, "once": _once()}
+            if page.templated is not None:
+                own = page.templated
+                yield page.file, own.package, own.template, {**named, **own.context(drawn(own.drawings, files))}
+            elif page.file not in self.files:
+                yield page.file, *_TEMPLATE, named
+
+
+def _once() -> Callable[[str], str]:
+    """What passes a text the first time, and nothing from then on."""
+    told = set[str]()
+
+    def once(text: str) -> str:
+        """The text, or nothing."""
+        new = text not in told
+        told.add(text)
+        return text * new
+
+    return once

@@ -140,6 +140,11 @@ def counted(count: int, thing: str) -> str:
     return f"{count} {thing}{'' if count == 1 else 's'}"
 
 
+def sentence(text: str) -> str:
+    """What a caption finds, as its first sentence: with a capital and a full stop; nothing of nothing."""
+    return f"{text[0].upper()}{text[1:]}." if text else ""
+
+
 def printable(text: str) -> str:
     """Text without control characters and lone surrogates, which neither SVG nor UTF-8 can hold."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)

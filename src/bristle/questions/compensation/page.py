@@ -13,7 +13,7 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import SEED
 from bristle.model.parameters import unit
 from bristle.page.columns import Table, shown
-from bristle.page.page import Drawing, Drawn, Section, drawn, rendered, tables_of, versions, write_page
+from bristle.page.page import Drawing, Drawn, Templated, begun, drawn, tables_of, versions, write_page
 from bristle.page.wording import in_print, number, pretty, symbol
 from bristle.questions.compensation import figures, paper_experiments, tables
 from bristle.questions.compensation.replay import Replay
@@ -32,20 +32,14 @@ def write_adaptation(study: Study, folder: Path) -> Path:
     """Write the compensated joint as a page of its own: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_page`."""
     files = tables_of(tables.all_tables(study))
     figures = drawn(drawings(study), files)
-    names = [loop.name for loop in study.loops]
-    title = names[0] if len(names) == 1 else f"{len(names)} joints"
-    named = {"title": title, "simulated": study.loops[0].simulated, **versions(SEED), **_compensation(study, figures)}
-    return write_page(folder, _PACKAGE, "adapt.html", named, files)
+    return write_page(folder, _PACKAGE, "adapt.html", {**versions(SEED), **_compensation(study, figures)}, files)
 
 
-def section(study: Study, share: Share = map) -> Section:
+def section(study: Study, share: Share = map) -> Templated:
     """The compensated joint as a page of the embedded report, its figures drawn by whoever shares the work."""
-    figures = drawings(study)
-    return Section(
-        file="compensation.html",
-        drawings=figures,
-        done=rendered(figures.values(), share),
-        context=lambda drawn: {"simulated": study.loops[0].simulated, **_compensation(study, drawn)},
+    return Templated(
+        drawings={name: begun(x, share) for name, x in drawings(study).items()},
+        context=partial(_compensation, study),
         package=_PACKAGE,
         template="adapt.html",
         files=tables_of(tables.all_tables(study)),
@@ -100,7 +94,10 @@ def _adverse(study: Study) -> Iterator[Finding]:
 
 def _compensation(study: Study, figures: Mapping[str, Drawn]) -> dict[str, Any]:
     """What the template of the compensated joint names."""
-    return {"compensation": context(study) | {"figures": figures}}
+    names = [loop.name for loop in study.loops]
+    title = names[0] if len(names) == 1 else f"{len(names)} joints"
+    shown = context(study) | {"figures": figures}
+    return {"title": title, "simulated": study.loops[0].simulated, "compensation": shown}
 
 
 def drawings(study: Study) -> dict[str, Drawing]:

@@ -1,7 +1,7 @@
 """Every interval three ways - covariance, profile, bootstrap - as one table; and how the runs scatter beside them."""
 
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import pandas as pd
 
@@ -9,9 +9,8 @@ from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
-from bristle.page.columns import Table, shown
 from bristle.page.plain import columns, interval
-from bristle.page.wording import FITS, number, printable, span
+from bristle.page.wording import FITS, printable
 
 WAYS = ("covariance", "profile", "bootstrap")
 
@@ -79,7 +78,7 @@ def repeats(joints: Sequence[Joint]) -> pd.DataFrame:
     found = [
         (joint.name, kind, d, name, file, value, x.before, x.after, x.widened)
         for joint in joints
-        for kind, d, name, x in _scatter(joint)
+        for kind, d, name, x in scatter(joint)
         for file, value in x.by_run.items()
     ]
     numbers = ["value", "before", "after", "widened"]
@@ -87,7 +86,7 @@ def repeats(joints: Sequence[Joint]) -> pd.DataFrame:
     return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(numbers, float))
 
 
-def _scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
+def scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
     """Fit, direction and parameter, and how far it scatters over the runs."""
     for d, static in joint.static.items():
         yield from (("static", d, name, x) for name, x in static.repeats.items())
@@ -95,36 +94,3 @@ def _scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
         yield from (("presliding", d, name, x) for name, x in slow.repeats.items())
     for kind, moving in moving_fits(joint).items():
         yield from ((kind, n.direction, n.name, x) for n, x in moving.repeats.items())
-
-
-def _repeats_shown(joint: Joint) -> Table:
-    """A row per parameter: scatter before and after widening, and the runs' estimates in one cell."""
-    cells = [
-        (
-            FITS.get(kind, kind),
-            str(ParameterName(name, Direction(d))),
-            number(x.before, 3),
-            number(x.after, 3),
-            f"{x.widened:.3g}",
-            ", ".join(number(value) for value in x.by_run.values()),
-        )
-        for kind, d, name, x in _scatter(joint)
-    ]
-    return Table(columns=("fit", "parameter", "before", "after", "error times", "each run"), rows=tuple(cells))
-
-
-def interval_section(joint: Joint) -> dict[str, Any]:
-    """What the template names: a table per fit with each interval in one cell, by the fit's name, and which fits have none."""
-    columns = ["parameter", "value", *WAYS, "unit", "warnings"]
-    found: dict[str, list[tuple[Any, ...]]] = {}
-    for x in rows(joint):
-        name = str(ParameterName(x.parameter, Direction(x.direction)))
-        ends = (span(getattr(x.three, way)) for way in WAYS)
-        cells = (name, x.estimate.value, *ends, x.estimate.unit, " ".join(map(str, x.three.warnings)))
-        found.setdefault(FITS.get(x.fit, x.fit), []).append(cells)
-    tables = {fit: shown(pd.DataFrame(own, columns=columns)) for fit, own in found.items()}
-    return {
-        "tables": tables,
-        "repeats": _repeats_shown(joint),
-        "missing": [FITS[kind] for kind, fit in moving_fits(joint).items() if not fit.uncertainty],
-    }

@@ -1,7 +1,6 @@
 """What is said of moving runs and of presliding, in sentences that page and text share."""
 
 import math
-from collections.abc import Iterable
 
 from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
@@ -88,11 +87,6 @@ def agreement(joint: Joint) -> str | None:
         f"{agreed} of {len(known)} parameters agree between their own stage and the moving data; "
         f"the largest difference is {known[largest]:.2g} standard errors ({largest}){more}."
     )
-
-
-def distinct(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Each once, as terminal and page count them."""
-    return tuple(dict.fromkeys(warnings))
 
 
 def critical(joint: Joint) -> dict[Finding, list[tuple[str, ...]]]:

@@ -1,13 +1,13 @@
 """Results as tables: each function makes one DataFrame, which the page shows and `tables/*.csv` holds."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from bristle.identification.fits import Estimate, StaticFit
+from bristle.identification.fits import PreslidingFit, StaticFit
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName, unit
@@ -24,14 +24,12 @@ def parameters(joints: Sequence[Joint]) -> pd.DataFrame:
 
 def inputs(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per file: rows, dropped, sha256, labels, notes."""
-    return pd.DataFrame(
-        [
-            (joint.name, x.file, x.rows, x.dropped, x.sha256, _labels(x.labels), " ".join(map(str, x.notes)))
-            for joint in joints
-            for x in joint.inputs
-        ],
-        columns=["joint", "file", "rows", "dropped", "sha256", "labels", "notes"],
+    rows = (
+        (joint.name, x.file, x.rows, x.dropped, x.sha256, _labels(x.labels), " ".join(map(str, x.notes)))
+        for joint in joints
+        for x in joint.inputs
     )
+    return _framed(rows, ("joint", "file", "rows", "dropped", "sha256", "labels", "notes"))
 
 
 def segments(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -39,59 +37,56 @@ def segments(joints: Sequence[Joint]) -> pd.DataFrame:
 
     `where` is its place in the file; `start` and `stop` are its first sample and one past the last, from 0.
     """
-    return pd.DataFrame(
-        [
-            (
-                joint.name, s.file, s.where, s.start, s.stop, s.velocity, s.torque, s.standard_error, s.accepted, s.stick_slip,
-                " ".join(map(str, s.reasons)), " ".join(map(str, s.warnings)), _labels(s.labels),
-            )
-            for joint in joints
-            for s in joint.segments
-        ],
-        columns=[
-            "joint", "file", "where", "start", "stop", "velocity", "torque", "standard_error", "accepted", "stick_slip",
-            "reasons", "warnings", "labels",
-        ],
-    ).astype({"standard_error": float, "accepted": bool, "stick_slip": bool})  # fmt: skip  # one name per line would hide the table's shape
+    own = ("file", "where", "start", "stop", "velocity", "torque", "standard_error", "accepted", "stick_slip")
+    rows = (
+        (joint.name, *_fields(s, own), *(" ".join(map(str, x)) for x in (s.reasons, s.warnings)), _labels(s.labels))
+        for joint in joints
+        for s in joint.segments
+    )
+    columns = ("joint", *own, "reasons", "warnings", "labels")
+    return _framed(rows, columns, ("standard_error",), ("accepted", "stick_slip"))
 
 
 def _labels(labels: Any) -> str:
     return ", ".join(f"{name} {value}" for name, value in labels.items())
 
 
+def _fields(x: object, names: Iterable[str]) -> tuple[Any, ...]:
+    return tuple(getattr(x, name) for name in names)
+
+
+def _framed(
+    rows: Iterable[tuple[Any, ...]], columns: Sequence[str], numbers: Sequence[str] = (), flags: Sequence[str] = ()
+) -> pd.DataFrame:
+    """Rows as a frame, of which some columns are numbers, or true and false, whatever is missing in them."""
+    frame = pd.DataFrame(list(rows), columns=list(columns))
+    return frame.astype({**dict.fromkeys(numbers, float), **dict.fromkeys(flags, bool)})
+
+
 def comparison(joints: Sequence[Joint]) -> pd.DataFrame:
     """The paper's plain grid, the refined minimum and the fit without stick-slip points, side by side."""
-    rows = [
-        (
-            joint.name, d, name, e.unit, fit.plain_grid.get(name), e.value, e.standard_error,
-            *_without(fit, name),
-        )
-        for joint in joints
-        for d, fit in joint.static.items()
-        for name, e in fit.parameters.items()
-    ]  # fmt: skip  # as in `segments`
-    numbers = ["plain_grid", "refined", "standard_error", "without_stick_slip", "without_standard_error"]
-    frame = pd.DataFrame(rows, columns=["joint", "direction", "parameter", "unit", *numbers])
-    return frame.astype(dict.fromkeys(numbers, float))
-
-
-def _without(fit: StaticFit, name: str) -> tuple[float | None, float | None]:
-    other = fit.without_stick_slip.get(name)
-    return (None, None) if other is None else (other.value, other.standard_error)
+    rows = []
+    for joint in joints:
+        for d, fit in joint.static.items():
+            for name, e in fit.parameters.items():
+                other = fit.without_stick_slip.get(name)
+                without = (None, None) if other is None else (other.value, other.standard_error)
+                known = fit.plain_grid.get(name), e.value, e.standard_error
+                rows.append((joint.name, d, name, e.unit, *known, *without))
+    numbers = ("plain_grid", "refined", "standard_error", "without_stick_slip", "without_standard_error")
+    return _framed(rows, ("joint", "direction", "parameter", "unit", *numbers), numbers)
 
 
 def crosscheck(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per parameter: the full nonlinear fit's value, the grid's, and their difference in standard errors."""
-    rows = [
+    rows = (
         (joint.name, d, name.within(d), _refined(joint, d, name), full, check.difference_in_se.get(name))
         for joint in joints
         for d, check in joint.crosscheck.items()
         for name, full in check.parameters.items()
-    ]
-    numbers = ["grid", "full", "difference_in_se"]
-    return pd.DataFrame(rows, columns=["joint", "direction", "parameter", *numbers]).astype(
-        dict.fromkeys(numbers, float)
     )
+    numbers = ("grid", "full", "difference_in_se")
+    return _framed(rows, ("joint", "direction", "parameter", *numbers), numbers)
 
 
 def _refined(joint: Joint, direction: str, name: ParameterName) -> float | None:
@@ -103,93 +98,60 @@ def _refined(joint: Joint, direction: str, name: ParameterName) -> float | None:
 
 def hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
-    return pd.DataFrame(
-        [
-            (joint.name, d, h.file, h.relative_error, fit.relative_error)
-            for joint in joints
-            for d, fit in joint.static.items()
-            for h in fit.hold_out
-        ],
-        columns=["joint", "direction", "file", "relative_error", "relative_error_of_fit"],
+    rows = (
+        (joint.name, d, h.file, h.relative_error, fit.relative_error)
+        for joint in joints
+        for d, fit in joint.static.items()
+        for h in fit.hold_out
     )
+    return _framed(rows, ("joint", "direction", "file", "relative_error", "relative_error_of_fit"))
 
 
 def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
     """sigma_0 by each method, side by side, with the truth where the data are simulated; `recommended` marks the one to use."""
-    rows = [
-        (
-            joint.name,
-            d,
-            method,
-            e.value,
-            e.unit,
-            e.standard_error,
-            e.systematic,
-            *(e.interval or (None, None)),
-            method == fit.recommended,
-        )
-        for joint in joints
-        if joint.presliding
-        for d, fit in joint.presliding.fits.items()
-        for method, e in methods(fit).items()
-    ]
-    numbers = ["value", "standard_error", "systematic", "lower", "upper"]
-    columns = ["joint", "direction", "method", "value", "unit", *numbers[1:], "recommended"]
-    frame = pd.DataFrame(rows, columns=columns).astype({**dict.fromkeys(numbers, float), "recommended": bool})
+    rows = []
+    for joint, d, fit in _slow_fits(joints):
+        for method, e in methods(fit).items():
+            known = e.value, e.unit, e.standard_error, e.systematic, *(e.interval or (None, None))
+            rows.append((joint.name, d, method, *known, method == fit.recommended))
+    errors = ("standard_error", "systematic", "lower", "upper")
+    columns = ("joint", "direction", "method", "value", "unit", *errors, "recommended")
+    frame = _framed(rows, columns, ("value", *errors), ("recommended",))
     return with_truth(declared(frame).assign(parameter="sigma_0"), joints).drop(columns="parameter")
+
+
+def _slow_fits(joints: Sequence[Joint]) -> Iterator[tuple[Joint, str, PreslidingFit]]:
+    for joint in joints:
+        yield from ((joint, d, fit) for d, fit in (joint.presliding.fits if joint.presliding else {}).items())
 
 
 def hysteresis(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per closed cycle: where, half the ranges of torque and displacement, work lost, secant, slope, inverse slope, counts."""
-    columns = [
-        "file",
-        "start",
-        "stop",
-        "torque_amplitude",
-        "displacement_amplitude",
-        "loss",
-        "secant",
-        "slope",
-        "inverse_slope",
-        "counts",
-    ]
-    rows = [
-        (joint.name, *(getattr(x, name) for name in columns))
-        for joint in joints
-        if joint.presliding
-        for x in joint.presliding.loops
-    ]
-    slopes = ["secant", "slope", "inverse_slope"]
-    return pd.DataFrame(rows, columns=["joint", *columns]).astype(dict.fromkeys(slopes, float))
+    slopes = ("secant", "slope", "inverse_slope")
+    own = ("file", "start", "stop", "torque_amplitude", "displacement_amplitude", "loss", *slopes, "counts")
+    rows = ((joint.name, *_fields(x, own)) for joint in joints if joint.presliding for x in joint.presliding.loops)
+    return _framed(rows, ("joint", *own), slopes)
 
 
 def stiffness(joints: Sequence[Joint]) -> pd.DataFrame:
     """Stiffness against amplitude: initial and secants of each direction, beside what LuGre's own exponential gives from the initial one on."""
-    columns = ["kind", "torque", "displacement", "value", "standard_error", "lugre", "sigma_0"]
-    rows = [
-        (joint.name, d, *(getattr(x, name) for name in columns))
-        for joint in joints
-        if joint.presliding
-        for d, fit in joint.presliding.fits.items()
-        for x in fit.amplitudes
-    ]
-    return pd.DataFrame(rows, columns=["joint", "direction", *columns]).astype(dict.fromkeys(columns[1:], float))
+    numbers = ("torque", "displacement", "value", "standard_error", "lugre", "sigma_0")
+    rows = (
+        (joint.name, d, x.kind, *_fields(x, numbers)) for joint, d, fit in _slow_fits(joints) for x in fit.amplitudes
+    )
+    return _framed(rows, ("joint", "direction", "kind", *numbers), numbers)
 
 
 def breakaway(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per loading that broke away: where it began, its torque, and how far that is from the median of its direction, percent."""
-    columns = ["joint", "direction", "file", "start", "breakaway", "from_median_percent"]
-    rows = [
-        (joint.name, x.direction, x.file, x.start, x.breakaway, _from_median(x.breakaway, medians.get(x.direction)))
-        for joint in joints
-        if joint.presliding and (medians := joint.presliding.breakaway) is not None
-        for x in joint.presliding.breakaways
-    ]
-    return pd.DataFrame(rows, columns=columns)
-
-
-def _from_median(torque: float | None, median: Estimate | None) -> float:
-    return 100 * (torque / median.value - 1) if torque is not None and median and median.value else np.nan
+    rows = []
+    for joint, slow in ((x, x.presliding) for x in joints if x.presliding):
+        medians = {d: e.value for d, e in slow.breakaway.items()}
+        for x in slow.breakaways:
+            median = medians.get(x.direction)
+            off = 100 * (x.breakaway / median - 1) if x.breakaway is not None and median else np.nan
+            rows.append((joint.name, x.direction, x.file, x.start, x.breakaway, off))
+    return _framed(rows, ("joint", "direction", "file", "start", "breakaway", "from_median_percent"))
 
 
 def points(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -223,46 +185,23 @@ def profiles(joints: Sequence[Joint]) -> pd.DataFrame:
         )
         for v_s, cost in zip(x.tolist(), y.tolist(), strict=True)
     ]
-    return pd.DataFrame(rows, columns=["joint", "direction", "grid", "v_s", "cost"])
+    return _framed(rows, ("joint", "direction", "grid", "v_s", "cost"))
 
 
 def models(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per joint, data and model: parameters, rms, relative error, AICc and BIC above the lowest, hold-out error, which to use."""
-    columns = [
-        "model",
-        "directions",
-        "parameters",
-        "rms",
-        "relative_error",
-        "aicc",
-        "bic",
-        "hold_out",
-        "candidate",
-        "recommended",
-    ]
-    rows = [
-        (joint.name, x.data, *(getattr(row, name) for name in columns))
-        for joint in joints
-        for x in joint.models
-        for row in x.rows
-    ]
-    frame = pd.DataFrame(rows, columns=["joint", "data", *columns])
-    numbers = ["rms", "relative_error", "aicc", "bic", "hold_out"]
-    return frame.astype({**dict.fromkeys(numbers, float), "candidate": bool, "recommended": bool})
+    numbers, flags = ("rms", "relative_error", "aicc", "bic", "hold_out"), ("candidate", "recommended")
+    own = ("model", "directions", "parameters", *numbers, *flags)
+    rows = ((joint.name, x.data, *_fields(row, own)) for joint in joints for x in joint.models for row in x.rows)
+    return _framed(rows, ("joint", "data", *own), numbers, flags)
 
 
 def laws(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per joint and law: parameters, rms, AICc and BIC above the lowest, errors at speeds and runs left out, weight, which one."""
-    numbers = ["rms", "aicc", "bic", "left_out", "run_left_out", "weight"]
-    columns = ["law", "parameters", *numbers, "in_force", "chosen"]
-    rows = [
-        (joint.name, joint.laws.data, *(getattr(row, name) for name in columns))
-        for joint in joints
-        if joint.laws is not None
-        for row in joint.laws.rows
-    ]
-    frame = pd.DataFrame(rows, columns=["joint", "data", *columns])
-    return frame.astype({**dict.fromkeys(numbers, float), "in_force": bool, "chosen": bool})
+    numbers, flags = ("rms", "aicc", "bic", "left_out", "run_left_out", "weight"), ("in_force", "chosen")
+    own = ("law", "parameters", *numbers, *flags)
+    rows = ((joint.name, x.data, *_fields(row, own)) for joint in joints if (x := joint.laws) for row in x.rows)
+    return _framed(rows, ("joint", "data", *own), numbers, flags)
 
 
 def table_1(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -274,48 +213,42 @@ def table_1(joints: Sequence[Joint]) -> pd.DataFrame:
 
 def tracking(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per fit and parameter, with the truth where the data are simulated, and what encoder counts had added."""
-    numbers = ["value", "standard_error", "systematic", "lower", "upper", "count_bias"]
-    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *numbers[1:]]
-    rows = [
-        (
-            joint.name, kind, name.direction, name.name, e.value, e.unit, e.standard_error, e.systematic,
-            *(e.interval or (None, None)), fit.count_bias.get(name),
-        )
-        for joint in joints
-        for kind, fit in moving_fits(joint).items()
-        for name, e in fit.parameters.items()
-    ]  # fmt: skip  # one row, one line
-    frame = pd.DataFrame(rows, columns=columns).astype(dict.fromkeys(numbers, float))
+    rows = []
+    for joint in joints:
+        for kind, fit in moving_fits(joint).items():
+            for name, e in fit.parameters.items():
+                known = e.value, e.unit, e.standard_error, e.systematic, *(e.interval or (None, None))
+                rows.append((joint.name, kind, name.direction, name.name, *known, fit.count_bias.get(name)))
+    errors = ("standard_error", "systematic", "lower", "upper", "count_bias")
+    frame = _framed(rows, ("joint", "fit", "direction", "parameter", "value", "unit", *errors), ("value", *errors))
     return with_truth(declared(frame), joints)
 
 
 def tracking_hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per fit and hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
-    rows = [
+    rows = (
         (joint.name, kind, held.file, held.relative_error, fit.relative_error)
         for joint in joints
         for kind, fit in moving_fits(joint).items()
         for held in fit.hold_out
-    ]
-    return pd.DataFrame(rows, columns=["joint", "fit", "file", "relative_error", "relative_error_of_fit"])
+    )
+    return _framed(rows, ("joint", "fit", "file", "relative_error", "relative_error_of_fit"))
 
 
 def consistency(joints: Sequence[Joint]) -> pd.DataFrame:
-    """One row per parameter that a stage of its own knows: that stage, the moving runs alone, the joint fit, and what follows."""
-    numbers = ["stage_value", "stage_error", "tracking_value", "tracking_error", "joint_value", "joint_error"]
-    rows = [
-        (
-            joint.name, x.parameter.direction, x.parameter.name, x.stage, *(getattr(x, name) for name in numbers),
-            _unit(joint, x.parameter), x.difference_in_se, x.verdict,
-        )
-        for joint in joints
-        for x in joint.consistency
-    ]  # fmt: skip  # as above
-    columns = ["joint", "direction", "parameter", "stage", *numbers, "unit", "difference_in_se", "verdict"]
-    return pd.DataFrame(rows, columns=columns).astype(dict.fromkeys([*numbers, "difference_in_se"], float))
+    """One row per parameter that a stage of its own knows: that stage, the moving runs, the joint fit, and what follows."""
+    numbers = ("stage_value", "stage_error", "tracking_value", "tracking_error", "joint_value", "joint_error")
+    rows = []
+    for joint in joints:
+        for x in joint.consistency:
+            found = (*_fields(x, numbers), unit_of(joint, x.parameter), x.difference_in_se, x.verdict)
+            rows.append((joint.name, x.parameter.direction, x.parameter.name, x.stage, *found))
+    columns = ("joint", "direction", "parameter", "stage", *numbers, "unit", "difference_in_se", "verdict")
+    return _framed(rows, columns, (*numbers, "difference_in_se"))
 
 
-def _unit(joint: Joint, name: ParameterName) -> str:
+def unit_of(joint: Joint, name: ParameterName) -> str:
+    """The unit of a parameter of moving runs; empty where they know none of that name."""
     return next((fit.parameters[name].unit for fit in moving_fits(joint).values() if name in fit.parameters), "")
 
 

@@ -1,0 +1,38 @@
+"""The figures of a joint."""
+
+from collections.abc import Callable
+from functools import partial
+
+from matplotlib.figure import Figure
+
+from bristle.identification.results import Joint
+from bristle.page.page import Drawing, begun
+from bristle.questions.joint_report import dynamic_figures, interval_figures, presliding_figures, static_figures
+from bristle.workers import Share
+
+DRAW: dict[str, Callable[[Joint], Figure | None]] = {
+    "small": static_figures.small_figure,
+    "curve": static_figures.curve_figure,
+    "profile": static_figures.profile_figure,
+    "residuals": static_figures.residuals_figure,
+    "presliding": presliding_figures.presliding_figure,
+    "hysteresis": presliding_figures.hysteresis_figure,
+    "tracking": dynamic_figures.course_figure,
+    "tracking-velocity": dynamic_figures.velocity_figure,
+    "tracking-load": dynamic_figures.load_figure,
+}
+_OF_STATIC = ("small", "curve")
+"""Those that there are of a static fit alone; others draw nothing where there is nothing to draw."""
+
+
+def drawings(joint: Joint, share: Share = map) -> dict[str, Drawing]:
+    """Each by its kind, which is its name here, without a caption; whoever shares the work begins to draw."""
+    found = {
+        kind: Drawing(partial(draw, joint), kind, f"{kind.replace('-', ' over ')} of {joint.name}")
+        for kind, draw in DRAW.items()
+        if joint.static or kind not in _OF_STATIC
+    }
+    for fit, draw_intervals in interval_figures.figures(joint).items():
+        kind = f"uncertainty-{fit}"
+        found[kind] = Drawing(draw_intervals, kind, f"intervals of {joint.name}, {fit}")
+    return {kind: begun(x._replace(simulated=joint.simulated), share) for kind, x in found.items()}

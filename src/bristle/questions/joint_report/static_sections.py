@@ -1,0 +1,252 @@
+"""What the pages show of static fits: parameters, curve, the same by other routes, and which law the data want."""
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+import pandas as pd
+
+from bristle.findings import Finding
+from bristle.identification.results import Joint
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.parameters import of_curve, unit
+from bristle.page.page import Drawing
+from bristle.page.report import Section, Table
+from bristle.page.style import MOST_POINTS
+from bristle.page.wording import (
+    MISSING,
+    counted,
+    direction,
+    in_print,
+    measured,
+    number,
+    pretty,
+    sentence,
+    span,
+)
+from bristle.questions.joint_report import tables
+from bristle.questions.joint_report.sentences import agreement
+from bristle.questions.joint_report.static_figures import curves_to_use
+
+_LAWS = {
+    "aicc": "ΔAICc",
+    "bic": "ΔBIC",
+    "left_out": "speeds left out (%)",
+    "run_left_out": "runs left out (%)",
+    "weight": "weight (%)",
+    "in_force": "fitted?",
+    "chosen": "chosen?",
+}
+_MODELS = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
+
+
+def parameters(joint: Joint) -> Iterator[Section]:
+    """The parameters by the stage to use, those of static and slow runs alone, and what they depend on."""
+    frame = tables.parameters([joint])
+    own = frame[frame["source"].isin(["static", "presliding"])].drop(columns="source")
+    extra = sorted({name for fit in joint.static.values() for name in fit.parameters if not of_curve(name)})
+    notes = ["True: the value that was simulated; inside: whether the 95 % interval covers it."] * bool(joint.truth)
+    if extra:
+        together = f"Fitted together with friction: {', '.join(extra)}."
+        notes.append(f"{together} They are subtracted from the torque in the figures.")
+    title, note = f"Parameters of {joint.name}", " ".join(notes)
+    if joint.presliding is None and joint.tracking is None:
+        yield Section("", table=Table("parameters", title, part=own, note=note), form="part")
+    else:
+        best = tables.table_1([joint])
+        best.insert(3, "source", best.pop("source"))
+        yield Section("", table=Table("table_1", title, part=best, note=note), form="part")
+        if joint.tracking is not None and len(own):
+            stages = "static and slow" if joint.presliding is not None else "static"
+            alone = Table("", f"Parameters of {joint.name}, by stage", part=own)
+            yield Section(f"From {stages} runs alone", table=alone, form="folded")
+    if joint.assumptions:
+        points = counted(len(joint.assumptions), "point")
+        yield Section(
+            f"Assumed, not measured: {points} that the parameters depend on",
+            text="\n\n".join(map(in_print, joint.assumptions)),
+            form="unfolded" if len(joint.assumptions) <= 3 else "folded",
+        )
+
+
+def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
+    """The curve with its points."""
+    found = "; ".join(
+        f"{direction(d)}: the curve leaves {number(fit.relative_error, 2)} % of the torque of {counted(fit.n, 'point')}"
+        for d, fit in joint.static.items()
+        if d != "shared" and fit.relative_error is not None
+    )
+    caption = [sentence(found)]
+    if curves_to_use(joint):
+        caption.append(
+            "Black, dash-dotted: the law of the values to use, which the fit of all parameters of moving runs gives."
+        )
+    if any(fit.velocity.size > MOST_POINTS for fit in joint.static.values()):
+        caption.append(f"At most {MOST_POINTS} points are drawn per direction.")
+    how = (
+        "Points: fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: "
+        "strays. "
+        f"Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given. Below: "
+        "magnitudes on "
+        "a logarithmic axis."
+    )
+    return figures["curve"]._replace(caption=" ".join(caption), how=how, data="points", paper="Fig. 4")
+
+
+def curve_and_residuals(joint: Joint, figures: Mapping[str, Drawing]) -> tuple[Drawing, Drawing]:
+    """The curve, and what it leaves of the torque."""
+    torque, found = pretty(unit("torque", joint.kind)), []
+    for d, fit in joint.static.items():
+        if d != "shared" and fit.residuals.size:
+            rms, most = float(np.sqrt(np.mean(fit.residuals**2))), float(np.abs(fit.residuals).max())
+            found.append(f"{direction(d)}: RMS residual {number(rms, 2)} {torque}, the largest {number(most, 2)}")
+    how = "Measured minus fitted torque vs velocity, and vs position and time where they are known."
+    left = figures["residuals"]._replace(caption=sentence("; ".join(found)), how=how, data="points")
+    return curve(joint, figures), left
+
+
+def hold_out(joint: Joint) -> Iterator[Section]:
+    """The error on runs that were not fitted."""
+    frame = tables.hold_out([joint])
+    if len(frame):
+        how = "Relative error: 100 · ‖measured − predicted‖ / ‖measured‖ on runs that were not fitted."
+        yield Section("", table=Table("hold_out", "Held-out runs", part=frame, note=how), form="part")
+
+
+def checks(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
+    """The same numbers by other routes, and whether another law or model would do."""
+    return [
+        *_grid(joint, figures),
+        *_crosscheck(joint),
+        *_laws(joint),
+        *_models(joint),
+        *_stages(joint),
+    ]
+
+
+def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
+    """The cost over v_s, and its minimum beside that of the paper's plain grid."""
+    velocity, found, shifts = pretty(unit("v_s", joint.kind)), [], []
+    for d, fit in joint.static.items():
+        v_s = fit.parameters.get("v_s")
+        if fit.profile is not None and v_s is not None:
+            ends = "" if v_s.interval is None else f", below its 95 % threshold over {span(v_s.interval)}"
+            best = number(fit.profile.best, 3)
+            found.append(f"{direction(d)}: the cost is lowest at vₛ = {best} {velocity}{ends}")
+        for name, e in fit.parameters.items():
+            if (plain := fit.plain_grid.get(name)) is not None and e.value is not None and e.standard_error:
+                shifts.append(abs(plain - e.value) / e.standard_error)
+    if found:
+        how = (
+            "The cost Jₛ (10) near its minimum, all other parameters re-optimised; dashed: Jₘᵢₙ (1 + F(0.95; 1, n − p) "
+            "/ "
+            "(n − p)), the 95 % threshold."
+        )
+        profile = figures["profile"]._replace(caption=sentence("; ".join(found)), how=how, data="profiles")
+        yield Section("", figure=profile, form="part")
+    frame = tables.comparison([joint])
+    if len(frame):
+        with_slip = bool(frame["without_stick_slip"].notna().any())
+        far = f"the plain grid is {number(max(shifts), 2)} standard errors off at most" if shifts else "side by side"
+        yield Section(
+            f"Plain grid, refined minimum{', without stick-slip' * with_slip}: {far}",
+            table=Table("comparison", "Ways to fit the same points", part=frame),
+            form="folded",
+        )
+
+
+def _crosscheck(joint: Joint) -> Iterator[Section]:
+    if joint.crosscheck:
+        yield Section("Full nonlinear fit", form="part")
+    frame = tables.crosscheck([joint])
+    for d, check in joint.crosscheck.items():
+        costs = f"Cost: grid {number(check.cost_grid, 5)}, full fit {number(check.cost_full, 5)}"
+        table = Table(
+            "crosscheck",
+            "Grid and full fit",
+            part=frame[frame["direction"] == d].drop(columns="direction"),
+            note=f"{costs}; {check.reached} of {check.starts} starts reached the lowest.",
+        )
+        title = f"{direction(d)}: {in_print(check.verdict)}"
+        yield Section(title, table=table, form="folded" if check.agrees else "unfolded")
+
+
+def _laws(joint: Joint) -> Iterator[Section]:
+    found, torque = joint.laws, pretty(unit("torque", joint.kind))
+    if found is None:
+        return
+    fitted = f"Fitted: {joint.law_name} ({joint.law.title}). On {found.data}, {found.n} samples:"
+    yield Section("Which friction law?", text=fitted, form="part")
+    yield Section("", findings=(found.sentence,), form="part")
+    frame = tables.laws([joint]).drop(columns="data")
+    frame["weight"] *= 100
+    how = (
+        "All on the same points or samples, those that do not belong left out, a Stribeck term in every direction. "
+        "ΔAICc, "
+        "ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Speeds left out: error, relative to the torque, "
+        "at "
+        "five blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law (gaussian) only "
+        "for one "
+        "whose BIC is lower by more than 10 and that predicts the speeds left out better."
+    )
+    table = Table("laws", "Laws", part=frame.rename(columns={**_LAWS, "rms": f"rms ({torque})"}), note=how)
+    yield Section("All laws", table=table, form="folded")
+    rows = []
+    for name, x in found.averaged.items():
+        fit = joint.static.get(name.direction)
+        own = None if fit is None else fit.parameters.get(name.name)
+        value = f"{measured(x.value, x.standard_error)} {pretty(unit(name.name, joint.kind))}"
+        rows.append((str(name), value, span(x.interval), MISSING if own is None else span(own.interval)))
+    if rows:
+        columns = ["parameter", "over all laws", "95 % interval", "given the fitted law"]
+        table = Table("", "Averaged by their weights", part=pd.DataFrame(rows, columns=columns))
+        yield Section("Parameters over all laws that the data allow", table=table, form="folded")
+
+
+def _models(joint: Joint) -> Iterator[Section]:
+    torque = pretty(unit("torque", joint.kind))
+    how = (
+        "All on the same data. ΔAICc, ΔBIC: difference to the lowest; both weigh the residuals of the independent "
+        "samples "
+        "against the number of parameters, and lower is better. Stribeck curve: Coulomb, viscous and Stribeck "
+        "friction, "
+        "(9). Recommended: the lowest BIC among the models whose terms the fits above support."
+    )
+    if joint.models:
+        yield Section("Which friction model?", form="part")
+    for x in joint.models:
+        frame = tables.models([joint])
+        own = frame[frame["data"] == x.data].drop(columns=["data", "candidate"])
+        independent = "" if x.n == x.effective else f", of which {number(x.effective, 4)} count as independent"
+        by: tuple[Finding, ...] = () if x.hold_out_by is None else (x.hold_out_by,)
+        more = " ".join(map(in_print, (*by, *x.left_out)))
+        yield Section("", text=f"On {x.data}, {x.n} samples{independent}:", findings=(x.sentence,), form="part")
+        table = Table(
+            "models",
+            "Models",
+            part=own.rename(columns={**_MODELS, "rms": f"rms ({torque})"}),
+            note=how,
+        )
+        yield Section("All models", text=more, table=table, form="folded")
+
+
+def _stages(joint: Joint) -> Iterator[Section]:
+    """Each parameter from its own stage, the moving runs alone and all at once."""
+    if not joint.consistency:
+        return
+    rows = [
+        (
+            str(x.parameter), tables.unit_of(joint, x.parameter), x.stage, measured(x.stage_value, x.stage_error),
+            measured(x.tracking_value, x.tracking_error), measured(x.joint_value, x.joint_error), x.difference_in_se, in_print(x.verdict),
+        )
+        for x in joint.consistency
+    ]  # fmt: skip  # one row, one line
+    columns = ["parameter", "unit", "stage", "stage_value", "tracking_value", "joint_value", "difference", "verdict"]
+    how = (
+        "± one standard error. Difference: moving runs alone minus the separate stage, in combined standard errors; "
+        "chance "
+        "alone exceeds 2.6 in one case in a hundred."
+    )
+    frame = pd.DataFrame(rows, columns=columns).astype({"difference": float})
+    yield Section("Do the stages agree?", form="part")
+    table = Table("consistency", "Stages compared", part=frame, note=how)
+    yield Section(in_print(agreement(joint)), table=table, form="folded")
