@@ -287,6 +287,22 @@ def test_pieces_of_a_settling_edge_are_no_points_of_their_own() -> None:
         assert len(accepted(find_segments(record, Thresholds()))) == 1
 
 
+@pytest.mark.parametrize(("settling", "off"), [(0.3, 0.001), (0.5, 0.003), (1.0, None)])
+def test_a_hold_that_settles_slowly_is_its_end(settling: float, off: float | None) -> None:
+    """Of four seconds in which the torque settles, the end is the point, and right; there is none where it never does."""
+    time = np.arange(0, 6, 1 / RATE)
+    v = np.interp(time, [0, 0.9, 1, 5, 5.1, 6], [0, 0, 0.05, 0.05, 0, 0])
+    settles = np.where(time > 1, 1 - np.exp((1 - time) / settling), 0.0)
+    for seed in range(10):
+        noise = np.random.default_rng(seed).normal(size=(2, time.size))
+        torque = friction(v) * settles + 0.2 * NOISE * noise[1]
+        record = Record(file="slow.csv", time=time, velocity=v + 1e-4 * noise[0], torque=torque)
+        found = accepted(find_segments(record, Thresholds()))
+        assert len(found) == (off is not None)
+        for s in found:
+            assert s.torque == pytest.approx(friction(np.array([0.05]))[0], rel=off)
+
+
 @pytest.mark.parametrize("name", ["triangle", "sine", "drift", "short hold", "rest", "stick-slip", "staircase"])
 def test_what_a_reason_proposes_answers_it(name: str) -> None:
     """A threshold that a reason proposes can be set, and when it is, that reason is gone; a way from one speed to another is told none."""

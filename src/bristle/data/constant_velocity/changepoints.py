@@ -26,6 +26,8 @@ _COLUMNS = 64
 _CONSTANT = 0.05
 """Swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion,
 not less noise."""
+_SETTLING = 4.0
+"""Standard errors by which the halves of a plateau differ whose torque still settles."""
 _TRIMS = 64
 """Parts of a plateau of which the first may be dropped."""
 _PRIOR = 4.0
@@ -41,6 +43,8 @@ class CandidateSpan:
     plateau: bool
     score: float = 0.0
     """Samples explained as motion at constant velocity; fewer the more the velocity swings."""
+    cut: int = 0
+    """Samples that were cut off its beginning, while its torque settled."""
 
 
 def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[CandidateSpan]:
@@ -179,13 +183,26 @@ def _without_edges(velocity: Array, plateaus: list[CandidateSpan]) -> list[Candi
 def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
     """A plateau from where its mean torque has the least standard error, in its first quarter.
 
-    The marginal standard error rule (White, 1997).
+    The marginal standard error rule (White, 1997). Where the halves of what is left differ, the torque still settles, as that of a bristle
+    does over several of its deflections: then in the first three quarters.
     """
     length = max((s.stop - s.start) // _TRIMS, 1)
     count = (s.stop - s.start) // length
     t = torque[s.start : s.start + count * length].reshape(count, length).mean(axis=1)
-    errors = [float(np.var(t[d:])) / (count - d) for d in range(count // 4 + 1)]
-    return replace(s, start=s.start + length * int(np.argmin(errors)))
+    first = 0
+    for most in (count // 4, 3 * count // 4):
+        errors = [float(np.var(t[d:])) / (count - d) for d in range(most + 1)]
+        first = int(np.argmin(errors))
+        halves = np.array_split(t[first:], 2)
+        apart = abs(float(halves[0].mean() - halves[1].mean()))
+        noise = (
+            float(np.sqrt(sum(np.var(x, ddof=1) / x.size for x in halves)))
+            if min(x.size for x in halves) > 1
+            else np.inf
+        )
+        if apart <= _SETTLING * noise:
+            break
+    return replace(s, start=s.start + length * first, cut=length * first)
 
 
 def _score(u: Array, v: Array) -> float:

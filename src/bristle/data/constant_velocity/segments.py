@@ -145,18 +145,19 @@ def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSp
     """For each candidate, the plateau that it is the beginning or end of.
 
     That is at least three times as long, at the same speed within 10 %, and reached from the candidate, in a third of
-    its length, without ever leaving that speed.
+    its length, without ever leaving that speed; what was cut off its own beginning, while its torque settled, is part of it.
     """
     means = [float(np.mean(velocity[s.start : s.stop])) for s in cut]
     owner: list[CandidateSpan | None] = [None] * len(cut)
     for j, plateau in enumerate(cut):
-        reach = (plateau.stop - plateau.start) / 3
+        began = plateau.start - plateau.cut
+        reach = (plateau.stop - began) / 3
         for way in (-1, 1):
             k = j + way
             while plateau.plateau and 0 <= k < len(cut) and abs(means[k] - means[j]) <= 0.1 * abs(means[j]):
                 s, before = cut[k], cut[k - way]
                 touches = s.stop == before.start or s.start == before.stop
-                away = plateau.start - s.start if way < 0 else s.stop - plateau.stop
+                away = began - s.start if way < 0 else s.stop - plateau.stop
                 if not touches or away > reach:
                     break
                 owner[k], k = plateau, k + way
