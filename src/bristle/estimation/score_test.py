@@ -56,6 +56,8 @@ class Fitted(NamedTuple):
     """Which of the unknowns are of friction, (p,), bool."""
     friction: float
     """Its rms."""
+    weight: Array = np.ones(1)
+    """What the equations are multiplied by in the fit, (n,), or one for all."""
 
 
 class Candidate(NamedTuple):
@@ -63,8 +65,8 @@ class Candidate(NamedTuple):
 
     tell: Callable[[Score, int], Finding | None]
     """What is said of it where it explains what is left, and by which of its alternatives; None: it is refused."""
-    columns: tuple[Array, ...]
-    """Its alternatives, of which the best is taken, (n, k) each, in the unit of the residuals."""
+    columns: Sequence[Array]
+    """Its alternatives, of which the best is taken, (n, k) each, in the unit of the residuals, without weights."""
     is_friction: bool = False
     """Whether what it explains is friction too."""
 
@@ -151,9 +153,9 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> tuple[list[Findin
         total = total or now
         best: tuple[float, Candidate, int, Score] | None = None
         for candidate in waiting:
-            which = _best(basis, left, candidate.columns)
-            found = _score(basis, left, candidate.columns[which])
-            k = candidate.columns[which].shape[1] + 2 * (len(candidate.columns) > 1)
+            which = _best(basis, left, fit.weight, candidate.columns)
+            columns = fit.weight[:, None] * candidate.columns[which]
+            found, k = _score(basis, left, columns), columns.shape[1] + 2 * (len(candidate.columns) > 1)
             bic = n * np.log1p(-min(found.share, 1 - 1e-12)) + k * np.log(n)
             if found.p * tried < LEVEL and found.share * now > LEAST * total and (best is None or bic < best[0]):
                 best = bic, candidate, which, found
@@ -163,23 +165,24 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> tuple[list[Findin
         waiting = [x for x in waiting if x is not candidate]
         finding = candidate.tell(found, which)
         if finding is not None:
-            basis = _basis(np.hstack([basis, candidate.columns[which]]))
+            basis = _basis(np.hstack([basis, fit.weight[:, None] * candidate.columns[which]]))
             findings.append(_with_effect(fit, candidate, which, found, finding))
 
 
-def _best(basis: Array, left: Array, columns: Sequence[Array]) -> int:
-    """Which of several columns, (n, k) each, explain most beside a basis."""
-    if len(columns) == 1:
-        return 0
-    C = np.stack(columns)
-    C = C - basis @ (basis.T @ C)
-    gram, moment = np.swapaxes(C, 1, 2) @ C, np.swapaxes(C, 1, 2) @ left
-    return int(np.argmax(np.einsum("mk,mkl,ml->m", moment, np.linalg.pinv(gram, hermitian=True), moment)))
+def _best(basis: Array, left: Array, weight: Array, columns: Sequence[Array]) -> int:
+    """Which of several columns, (n, k) each, explain most beside a basis; one after the other, for they may be many."""
+    found = []
+    for c in columns if len(columns) > 1 else ():
+        beside = weight[:, None] * c
+        beside = beside - basis @ (basis.T @ beside)
+        moment = beside.T @ left
+        found.append(float(moment @ np.linalg.pinv(beside.T @ beside, hermitian=True) @ moment))
+    return int(np.argmax(found)) if found else 0
 
 
 def _with_effect(fit: Fitted, candidate: Candidate, which: int, found: Score, finding: Finding) -> Finding:
     """The finding, with what it would change, which is a note where that is little."""
-    added = candidate.columns[which] @ found.sizes
+    added = fit.weight * (candidate.columns[which] @ found.sizes)
     moved = moved_by(fit.known, added)
     friction = fit.known[:, fit.of_friction] @ moved[fit.of_friction]
     changed = (added if candidate.is_friction else 0.0) - friction

@@ -49,12 +49,25 @@ def candidates(
         if not (both and over == "velocity"):  # what is even in velocity is a difference of the directions
             rows.append(Candidate(_trend(over), (_centred([s, s * s]),), is_friction=over == "velocity"))
     if "position" in scaled:
-        reach = float(np.ptp(position))
-        phases = [2 * np.pi * k * (position - position.min()) / reach for k in range(1, min(n // 4, _HARMONICS) + 1)]
-        rows.append(
-            Candidate(_ripple(reach, parameters, kind), tuple(_centred([np.cos(x), np.sin(x)]) for x in phases))
-        )
+        waves = _Waves(position, min(n // 4, _HARMONICS))
+        rows.append(Candidate(_ripple(waves.reach, parameters, kind), waves))
     return rows
+
+
+class _Waves(Sequence[Array]):
+    """Cosine and sine of so many harmonics of the range of positions, rad, (n,): made when they are asked for, (n, 2) each."""
+
+    def __init__(self, position: Array, count: int) -> None:
+        self.reach, self.turns, self.most = float(np.ptp(position)), 2 * np.pi * (position - position.min()), count
+
+    def __len__(self) -> int:
+        return self.most
+
+    def __getitem__(self, k: Any) -> Any:
+        if not k < self.most:
+            raise IndexError
+        phase = (k + 1) * self.turns / self.reach
+        return _centred([np.cos(phase), np.sin(phase)])
 
 
 def _centred(columns: Sequence[Array]) -> Array:

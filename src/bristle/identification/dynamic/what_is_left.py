@@ -69,15 +69,12 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     of = [isinstance(n, ParameterName) and of_friction(n.name) for n in solution.names]
     size = float(np.sqrt(np.mean(_equations(motions, friction) ** 2)))
     known, rest = known_and_left(problem, solution)
-    fit = Fitted(known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size)
+    weight = np.repeat([m.weight for m in motions], [m.size for m in motions])
+    fit = Fitted(known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size, weight)
 
-    # rows of any fit, weighed as the equations are, then those of a motion
+    # rows of any fit, then those of a motion
     names = [name.name for name in problem.extra_names]
-    weight = np.repeat([m.weight for m in motions], [m.size for m in motions])[:, None]
-    every = [
-        x._replace(columns=tuple(weight * c for c in x.columns))
-        for x in candidates(problem.velocity, problem.time, problem.position, names, kind)
-    ]
+    every = candidates(problem.velocity, problem.time, problem.position, names, kind)
     late = _equations(motions, [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)])
     every.append(Candidate(partial(_delay, problem, solution, fit, late), (late[:, None],)))
     grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
@@ -94,7 +91,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
         shifts = tuple(_shifted(problem, solution.values, torque, width)[:, None] for width in _WIDTHS)
         every.append(Candidate(_backlash, shifts))
     lacks, left = explained(fit, every)
-    return [*lacks, *pattern_left(problem, left / weight[:, 0])]
+    return [*lacks, *pattern_left(problem, left / weight)]
 
 
 def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
@@ -125,8 +122,8 @@ def _delay(
     well; and what only some equations ask for is no delay.
     """
     far = _far_from_reversals(problem, solution)
-    apart = score(fit.known[far], fit.rest[far], column[far, None])
-    made = _made_by_counts(problem, solution)
+    apart = score(fit.known[far], fit.rest[far], (fit.weight * column)[far, None])
+    made = fit.weight**2 * _made_by_counts(problem, solution)
     (whole, error), (beyond, its_error) = (
         _without_counts(x, made[rows]) for x, rows in ((found, slice(None)), (apart, far))
     )
@@ -290,8 +287,8 @@ def _count_noise(motion: Motion, count: float, cutoff: float) -> Array:
 
 
 def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
-    """A column per motion, (N,) each, as the fit's equations see it, (n,)."""
-    return np.concatenate([m.weighted(c) for m, c in zip(motions, columns, strict=True)])
+    """A column per motion, (N,) each, as the fit's equations see it, without their weights, (n,)."""
+    return np.concatenate([m.smoothed(c) for m, c in zip(motions, columns, strict=True)])
 
 
 def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:
