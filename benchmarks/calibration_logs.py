@@ -294,12 +294,13 @@ TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend", "unexplained")
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
 DRIFT = ("friction-drifts", "drift-in-order", "drift-over-runs", "torque-drifts-in-runs", "residual-trend")
 OPEN = ("open-cycles",)
+CLIPPED = ("clipped", "clipped-left-out")
 PLAY = ("backlash", "reversals-left")
 STRAYS = ("strays", "strays-matter", "strays-left-out")
 FAULTS: dict[str, Fault] = {
     "torque late": Fault("motion", _late, 0.005, 0.03, ("torque-delayed",)),
     "torque through a slow filter": Fault("motion", _filtered, 3, 15, ("torque-delayed", "reversals-left")),
-    "torque clipped": Fault("motion", _clipped, 0.5, 0.8, ("clipped",)),
+    "torque clipped": Fault("motion", _clipped, 0.5, 0.8, CLIPPED),
     "torque of few bits": Fault("motion", _torque(lambda x, s: np.round(x.torque / s) * s), 0.1, 0.4, ("torque-coarse",)),
     "dead zone": Fault("motion", _torque(lambda x, s: np.sign(x.torque) * np.maximum(np.abs(x.torque) - s, 0)), 0.1, 0.4, ("dead-zone",)),
     "spikes": Fault("motion", _spikes, 3, 20, ("bursts",)),
@@ -315,11 +316,11 @@ FAULTS: dict[str, Fault] = {
     "ramps: temperature drift": Fault("ramps", _drift, 0.1, 0.4, DRIFT),
     "ramps: offset": Fault("ramps", _torque(lambda x, s: x.torque + s), 0.1, 0.5, SIDES),
     "ramps: strays": Fault("ramps", _strays, 0.2, 0.5, STRAYS),
-    "ramps: torque clipped": Fault("ramps", _clipped, 0.6, 0.85, ("clipped",)),
+    "ramps: torque clipped": Fault("ramps", _clipped, 0.6, 0.85, CLIPPED),
     "ramps: drag": Fault("ramps", _drag, 0.2, 1, TERM),
     "ramps: gravity": Fault("ramps", _torque(lambda x, s: x.torque + s * np.sin(x.q)), 0.3, 2, (*TERM, "residual-ripple", "torques-doubted")),
     "points: strays": Fault("points", _strays, 0.2, 0.5, STRAYS),
-    "points: torque clipped": Fault("points", _clipped, 0.6, 0.85, ("clipped",)),
+    "points: torque clipped": Fault("points", _clipped, 0.6, 0.85, CLIPPED),
     "points: offset": Fault("points", _torque(lambda x, s: x.torque + s), 0.1, 0.5, SIDES),
     "points: drag": Fault("points", _drag, 0.2, 1, TERM),
     "points: some that do not slide": Fault("points", _resting, 0.3, 0.7, STRAYS),

@@ -4,8 +4,6 @@ from collections.abc import Iterable, Iterator
 from enum import StrEnum
 from typing import NamedTuple
 
-import numpy as np
-
 from bristle.findings import CAUTION, CRITICAL, Finding, Severity
 from bristle.identification.known_joint import Known, Source, chosen, moving_fits
 from bristle.identification.results import Accuracy, Joint
@@ -74,7 +72,7 @@ def verdict(joint: Joint) -> Verdict:
 
 _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
-    "position-jumps", "lost-samples", "clipped", "runs-move", "runs-scatter",
+    "position-jumps", "lost-samples", "clipped", "clipped-left-out", "runs-move", "runs-scatter",
 }  # fmt: skip  # a list of values
 """Codes that say why a fit leaves what it leaves, or why its errors are as large ..."""
 _SIZES = {"unexplained", "misfit"}
@@ -94,12 +92,12 @@ def _no_curve(joint: Joint) -> Finding:
 
 
 def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
-    """What makes the band as wide as it is, of what is part of it: the findings of an effect, of which one is given, or else."""
-    others = float(np.linalg.norm([known.statistical, known.apart, known.sides]))
-    effect = float(np.sqrt(max(known.band**2 - others**2, 0.0))) if np.isfinite(others) else 0.0
-    largest = max(effect, known.statistical, known.apart, known.sides)
+    """What makes the band as wide as it is: that directions may be alike or not, the finding of the largest effect, or another part."""
+    largest = max(known.statistical, known.apart, known.sides)
     acts = finding is not None and finding.effect.get("torque", 0.0) > 0
-    if finding is not None and acts and effect == largest:
+    if (
+        finding is not None and acts and known.sides != largest
+    ):  # what is lacking makes errors large, and opinions differ
         return finding
     if known.apart == largest:
         message = (
@@ -116,8 +114,6 @@ def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) ->
     message = (
         "These data tell friction no better. Measure for longer, at more speeds, or with less noise in the torque."
     )
-    if finding is not None and acts:  # which makes what the fit leaves, and so the errors, as large
-        return finding
     return cause or Finding("too-uncertain", CRITICAL, message, {"band": known.band})
 
 
