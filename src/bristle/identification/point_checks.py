@@ -8,7 +8,7 @@ from scipy.special import stdtr
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
-from bristle.findings import CAUTION, Finding, in_direction
+from bristle.findings import CAUTION, Finding, in_direction, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS
@@ -69,10 +69,10 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     chance = 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) if error else 1.0
     if chance > level_of_test or across < 2 * scatter:
         return
-    numbers = {"slope": mean, "across": across, "share": across / level}
+    numbers, T = {"slope": mean, "across": across, "share": across / level}, unit_of("torque")
     if not in_order:
         message = (
-            f"The torque drifts within the holds, by {mean:+.2g} per second and {across:.3g} from first to last ({100 * across / level:.0f} % of the "
+            f"The torque drifts within the holds, by {mean:+.2g}{T} per second and {across:.3g}{T} from first to last ({100 * across / level:.0f} % of the "
             "torque): it depends on time or temperature, and the points scatter by it. Warm up, and repeat the first speeds at the end."
         )
         yield Finding("drift-over-runs", CAUTION, message, numbers, {"torque": across})
@@ -80,8 +80,8 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     first = next(iter(in_order))
     direction, way = first if len(in_order) == 1 else "both", "rises" if in_order[first] > 0 else "falls"
     message = (
-        f"Speed {way} with the order of the runs{in_direction(direction)} while the torque drifts within them ({mean:+.2g} per second, "
-        f"{across:.3g} from first to last, {100 * across / level:.0f} % of the torque): drift and speed cannot be told apart. Warm up, and take "
+        f"Speed {way} with the order of the runs{in_direction(direction)} while the torque drifts within them ({mean:+.2g}{T} per second, "
+        f"{across:.3g}{T} from first to last, {100 * across / level:.0f} % of the torque): drift and speed cannot be told apart. Warm up, and take "
         "the speeds in random order."
     )
     yield Finding(

@@ -1,5 +1,6 @@
 """The short fit report: of each joint the values to use, whether to trust them and why not, and what it is warned of."""
 
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from math import inf, isfinite
 from typing import NamedTuple
@@ -73,6 +74,14 @@ def _chosen(joint: Joint) -> Iterator[str]:
     left_out = sum(w.numbers["count"] for w in value_warnings(joint) if w.code == "strays-left-out")
     if left_out:
         yield f"  points: {left_out} off the law of the others left out (fit.set_up: as-written keeps them)"
+    fits = [fit for fit in value_fits(joint) if not isinstance(fit, TrackingFit)]
+    resting = sum(
+        w.numbers["count"]
+        for w in dict.fromkeys(w for fit in fits for w in fit.warnings)
+        if w.code == "resting-left-out"
+    )
+    if resting:
+        yield f"  points: {resting} that did not slide left out (bristle inspect lists them)"
 
 
 class _Given(NamedTuple):
@@ -180,7 +189,7 @@ def _rest(joint: Joint, reason: Finding | None) -> Iterator[str]:
         room -= len(lines)
         del more[0]
     if more or others:
-        codes = ", ".join(dict.fromkeys(x.code for x in more))
+        codes = ", ".join(code if n == 1 else f"{code} {n} times" for code, n in Counter(x.code for x in more).items())
         told = [f"{counted(len(more), 'more finding')} about these values ({codes})"] * bool(more)
         told += [f"{counted(others, 'finding')} about other fits and segments"] * bool(others)
         yield from wrapped([f"  {' and '.join(told)}: --full"])
