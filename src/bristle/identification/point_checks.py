@@ -72,8 +72,9 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     numbers, T = {"slope": mean, "across": across, "share": across / level}, unit_of("torque")
     if not in_order:
         message = (
-            f"The torque drifts within the holds, by {mean:+.2g}{T} per second and {across:.3g}{T} from first to last ({100 * across / level:.0f} % of the "
-            "torque): it depends on time or temperature, and the points scatter by it. Warm up, and repeat the first speeds at the end."
+            f"The torque drifts within the holds, by {mean:+.2g}{T} per second and {across:.3g}{T} from first to last ("
+            f"{100 * across / level:.0f} % of the torque): it depends on time or temperature, and the points scatter by it. Warm up, and repeat "
+            "the first speeds at the end."
         )
         yield Finding("drift-over-runs", CAUTION, message, numbers, {"torque": across})
         return
