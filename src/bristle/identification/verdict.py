@@ -62,19 +62,21 @@ def verdict(joint: Joint) -> Verdict:
     if known is None and not any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint)):
         critical = found[:1] if found and found[0].severity is Severity.CRITICAL else ()
         return Verdict(Trust.DO_NOT_USE, next(iter(critical), _no_curve(joint)))
-    cause = next((x for x in found if x.code in _CAUSES), None)
+    cause, wide = (next((x for x in found if x.code in codes), None) for codes in (_CAUSES, _CAUSES | _WIDENS))
     if found and found[0].severity is Severity.CRITICAL:
         return Verdict(Trust.DO_NOT_USE, (found[0].code in _SIZES and cause) or found[0])
     if known is not None and not known.band <= joint.need:
-        return Verdict(Trust.DO_NOT_USE, _largest(known, found[0] if found else None, cause))
+        return Verdict(Trust.DO_NOT_USE, _largest(known, found[0] if found else None, wide))
     return Verdict(Trust.USE, None)
 
 
 _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
-    "position-jumps", "lost-samples", "clipped", "clipped-left-out", "runs-move", "runs-scatter",
+    "position-jumps", "lost-samples", "clipped",
 }  # fmt: skip  # a list of values
-"""Codes that say why a fit leaves what it leaves, or why its errors are as large ..."""
+"""Codes that say why a fit leaves what it leaves ..."""
+_WIDENS = {"clipped-left-out", "runs-move", "runs-scatter"}
+"""... or why its errors are as large ..."""
 _SIZES = {"unexplained", "misfit"}
 """... and those that say how much."""
 
