@@ -71,7 +71,7 @@ def verdict(joint: Joint) -> Verdict:
 
 
 _CAUSES = {
-    "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
+    "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left", "backlash",
     "position-jumps", "lost-samples", "clipped",
 }  # fmt: skip  # a list of values
 """Codes that say why a fit leaves what it leaves ..."""
