@@ -68,9 +68,6 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
         except BaseException as error:
             for child in set(active_children()) - others:
                 child.terminate()
-                child.join()
-            # What a worker had half written ends there: the thread that reads it would wait for the rest for ever.
-            pool._result_queue._writer.close()  # type: ignore[attr-defined]
             pool.shutdown(cancel_futures=True)
             if isinstance(error, BrokenProcessPool):
                 raise OSError(
