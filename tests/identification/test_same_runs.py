@@ -51,3 +51,5 @@ def test_a_poorer_law_of_the_same_runs_says_so_and_warns_of_nothing() -> None:
     alpha_0 = lugre.parameters[parse("alpha_0")]
     blind = replace(lugre, parameters={parse("alpha_0"): replace(alpha_0, value=None)})
     assert beside_moving(static, blind) == beside_moving(static, None) == static
+    nothing = {"both": replace(static["both"], relative_error=None)}
+    assert beside_moving(nothing, lugre) == nothing

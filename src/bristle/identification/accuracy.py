@@ -12,14 +12,13 @@ from bristle.identification.results import Accuracy, Joint
 from bristle.identification.second_opinion import SLOWEST, SecondOpinion, of_motion, of_points
 from bristle.identification.systematic import NORMAL
 from bristle.identification.verdict import value_warnings
-from bristle.model.parameters import SIGNED, Direction, ParameterName
+from bristle.model.parameters import SIGNED, ParameterName, in_direction
 
 SPEEDS, LEAST = 60, 0.02
 """Of a motion in each direction: at how many speeds the curve is looked at, the least as a share of the greatest."""
 BIASED = 1.5
 """Times what the errors tell: filters, counts, settling and the choice of a set-up bend a curve too. Set on one half of the simulated joints of
 `benchmarks/calibration.py`, so that 93 % of clean curves lie within the band."""
-_PEAK = ParameterName("alpha_1", Direction.BOTH)
 APART = 5.0
 """Percent of friction: a second opinion that differs by less differs by nothing."""
 WORSE = 2.0
@@ -61,7 +60,7 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         apart = differs if differs > max(explained, APART) and not worse else 0.0
     sides = float(100 * NORMAL * np.sqrt(other * (1 - other)) * _offset(joint) / size)
     effects = [100 * x.effect["torque"] / size for x in value_warnings(joint) if "torque" in x.effect]
-    effects += [100 * _withheld(fit, v, friction) / size for fit in fits if isinstance(fit, TrackingFit)]
+    effects += [100 * _withheld(fit, v) / size for fit in fits if isinstance(fit, TrackingFit)]
     along = np.concatenate([fit.velocity for fit in fits])
     torque = np.concatenate([fit.measured if isinstance(fit, TrackingFit) else fit.torque for fit in fits])
     acting, _ = known_curve(joint, along)
@@ -79,15 +78,15 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     )
 
 
-def _withheld(fit: TrackingFit, v: Array, friction: Array) -> float:
-    """How far the curve at some velocities, (n,), is from the one that was fitted, N*m, rms: a peak that is not claimed, and was in the fit."""
-    fitted = friction.copy()
+def _withheld(fit: TrackingFit, v: Array) -> float:
+    """A peak that is not claimed, and was in the fit, at some velocities, (n,): what the curve lacks of the one that was fitted, N*m, rms."""
+    lacks = np.zeros(v.size)
     for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
-        own, claimed = fit.values(d), fit.parameters.get(ParameterName("alpha_1", d)) or fit.parameters.get(_PEAK)
+        own, claimed = fit.values(d), in_direction(fit.parameters, "alpha_1", d)
         if own is not None and claimed is not None and claimed.value is None:
-            without = own.stribeck._replace(alpha_1=0.0)
-            fitted[side] += curve(v[side], own.stribeck) - curve(v[side], without)
-    return _rms(fitted - friction)
+            peak = own.stribeck
+            lacks[side] = curve(v[side], peak) - curve(v[side], peak._replace(alpha_1=0.0))
+    return _rms(lacks)
 
 
 def _offset(joint: Joint) -> float:

@@ -4,6 +4,7 @@ A row is columns, a code, a sentence, and what to do.
 """
 
 from collections.abc import Collection, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -38,7 +39,7 @@ def candidates(
         possible = name != "gravity" or ("position" in scaled and not slides(kind) and swings([position]))
         if possible and set(parameters).isdisjoint(REGRESSORS[name].names):
             columns = np.stack(list(load_columns((name,), signals.__getitem__, n).values()), axis=1)
-            rows.append(Candidate(_regressor(name, parameters), (columns,), is_friction=name == "quadratic"))
+            rows.append(Candidate(partial(_regressor, name, parameters), (columns,), is_friction=name == "quadratic"))
     both = velocity.min() < 0 < velocity.max()
     if both:
         rows.append(Candidate(_directions, (np.stack([np.ones(n), np.abs(velocity)], axis=1),), is_friction=True))
@@ -47,10 +48,10 @@ def candidates(
         rows.append(Candidate(_wear, (change,), is_friction=True))
     for over, s in scaled.items():
         if not (both and over == "velocity"):  # what is even in velocity is a difference of the directions
-            rows.append(Candidate(_trend(over), (_centred([s, s * s]),), is_friction=over == "velocity"))
+            rows.append(Candidate(partial(_trend, over), (_centred([s, s * s]),), is_friction=over == "velocity"))
     if "position" in scaled:
         waves = _Waves(position, min(n // 4, _HARMONICS))
-        rows.append(Candidate(_ripple(waves.reach, parameters, kind), waves))
+        rows.append(Candidate(partial(_ripple, waves.reach, parameters, kind), waves))
     return rows
 
 
@@ -77,12 +78,9 @@ def _centred(columns: Sequence[Array]) -> Array:
     return centred
 
 
-def _trend(over: str) -> Any:
-    def tell(found: Score, _: int) -> Finding:
-        message = f"Residuals show a trend vs {over} (p = {found.p:.1g}), which explains {100 * found.share:.0f} % of their variance."
-        return Finding("residual-trend", CAUTION, message, {"over": over, "p": found.p, "share": found.share})
-
-    return tell
+def _trend(over: str, found: Score, _: int) -> Finding:
+    message = f"Residuals show a trend vs {over} (p = {found.p:.1g}), which explains {100 * found.share:.0f} % of their variance."
+    return Finding("residual-trend", CAUTION, message, {"over": over, "p": found.p, "share": found.share})
 
 
 def _directions(found: Score, _: int) -> Finding:
@@ -105,30 +103,23 @@ def _wear(found: Score, _: int) -> Finding:
     return Finding("friction-drifts", CAUTION, message, numbers, {"torque": abs(change)})
 
 
-def _regressor(name: str, parameters: Collection[str]) -> Any:
-    def tell(found: Score, _: int) -> Finding:
-        lines = regressor_line((name,), parameters)
-        message = (
-            f"The fit lacks a term. Under fit, write {lines}: beside all that is fitted it explains {100 * found.share:.0f} % of the "
-            "squares that the fit leaves (to first order)."
-        )
-        return Finding("lacks-a-term", CAUTION, message, {"lines": lines, "share": found.share})
-
-    return tell
+def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> Finding:
+    lines = regressor_line((name,), parameters)
+    message = (
+        f"The fit lacks a term. Under fit, write {lines}: beside all that is fitted it explains {100 * found.share:.0f} % of the squares "
+        "that the fit leaves (to first order)."
+    )
+    return Finding("lacks-a-term", CAUTION, message, {"lines": lines, "share": found.share})
 
 
-def _ripple(reach: float, parameters: Collection[str], kind: JointKind) -> Any:
+def _ripple(reach: float, parameters: Collection[str], kind: JointKind, found: Score, which: int) -> Finding:
     """Of a period that is a whole share of all positions, rad; with the lines that would fit it, where it is an order that is not fitted."""
-
-    def tell(found: Score, which: int) -> Finding:
-        period = reach / (which + 1)
-        order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}
-        asked = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"
-        message = (
-            f"Residuals show a ripple vs position of period {period:.3g}{unit_of('position')} (p = {found.p:.1g}), which explains "
-            f"{100 * found.share:.0f} % of their variance."
-            f"{f' If motor or gear repeat so, write {asked} under fit.' if order and order not in fitted else ''}"
-        )
-        return Finding("residual-ripple", CAUTION, message, {"period": period, "p": found.p, "share": found.share})
-
-    return tell
+    period = reach / (which + 1)
+    order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}
+    asked = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"
+    message = (
+        f"Residuals show a ripple vs position of period {period:.3g}{unit_of('position')} (p = {found.p:.1g}), which explains "
+        f"{100 * found.share:.0f} % of their variance."
+        f"{f' If motor or gear repeat so, write {asked} under fit.' if order and order not in fitted else ''}"
+    )
+    return Finding("residual-ripple", CAUTION, message, {"period": period, "p": found.p, "share": found.share})

@@ -1,4 +1,4 @@
-"""What the points of constant velocity show together: a torque that drifts, in the order of speed or not; an offset, or friction that differs."""
+"""What the points of constant velocity show together: a torque that drifts, in the order of speed or not, holds that swing, copies."""
 
 from collections.abc import Iterator, Mapping, Sequence
 

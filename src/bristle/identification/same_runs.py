@@ -11,15 +11,17 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     """The static fits of moving runs; where the fit of all parameters of the same runs knows their friction, their outcome says so.
 
     A static law is LuGre's with a bristle that does not bend: the poorer model of the same runs, whose errors do not know what
-    presliding does to it. One fit gives a joint's values; what is said of the other is then no reason to doubt them.
+    presliding does to it. One fit gives a joint's values; what is said of the other is then no reason to doubt them. One that
+    estimated nothing says why, as before.
     """
-    known = moving and any(name.name == "alpha_0" and e.value is not None for name, e in moving.parameters.items())
-    return {d: _superseded(fit, moving) if known and moving else fit for d, fit in static.items()}
+    if moving is None or all(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0"):
+        return dict(static)
+    return {d: fit if fit.relative_error is None else _superseded(fit, moving) for d, fit in static.items()}
 
 
 def _superseded(fit: StaticFit, moving: TrackingFit) -> StaticFit:
     message = (
-        f"Without presliding, of which its errors know nothing: the relative error is {fit.relative_error or 0.0:.2g} %, and "
+        f"Without presliding, of which its errors know nothing: the relative error is {fit.relative_error:.2g} %, and "
         f"{moving.relative_error:.2g} % with it. Use the fit of all parameters of the moving runs, not these numbers."
     )
     numbers = {"error": fit.relative_error, "other": moving.relative_error}

@@ -50,8 +50,8 @@ _REPEATED = {
 def verdict(joint: Joint) -> Verdict:
     """Whether to use the values that `chosen` names: not where friction is known less well than is needed, or something critical is said.
 
-    The reason is the weightiest finding about them. Where none has a value, of all that there is. Notes are no reason, and
-    neither are findings about a fit that no value comes from.
+    The reason is the weightiest critical finding about them, or else what makes the band as wide. Where none has a value, the
+    weightiest of all that there is. Notes are no reason, and neither are findings about a fit that no value comes from.
     """
     found = value_warnings(joint)
     if all(row.estimate.value is None for row in chosen(joint)):
@@ -71,8 +71,8 @@ def verdict(joint: Joint) -> Verdict:
 
 
 _CAUSES = {
-    "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left", "backlash",
-    "position-jumps", "lost-samples", "clipped",
+    "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts",
+    "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped",
 }  # fmt: skip  # a list of values
 """Codes that say why a fit leaves what it leaves ..."""
 _WIDENS = {"clipped-left-out", "runs-move", "runs-scatter"}
@@ -96,10 +96,8 @@ def _no_curve(joint: Joint) -> Finding:
 def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
     """What makes the band as wide as it is: that directions may be alike or not, the finding of the largest effect, or another part."""
     largest = max(known.statistical, known.apart, known.sides)
-    acts = finding is not None and finding.effect.get("torque", 0.0) > 0
-    if (
-        finding is not None and acts and known.sides != largest
-    ):  # what is lacking makes errors large, and opinions differ
+    # what is lacking makes errors large, and opinions differ
+    if finding is not None and finding.effect.get("torque", 0.0) > 0 and known.sides != largest:
         return finding
     if known.apart == largest:
         message = (

@@ -1,7 +1,7 @@
 """What a fit of moving runs leaves: terms that it lacks (`score_test`), and what no column explains.
 
 Rows of a motion beside those of any fit: a torque logged early or late, one that drifts, friction that rises with load,
-another inertia than the one given.
+another inertia than the one given, backlash.
 """
 
 from collections.abc import Sequence

@@ -134,6 +134,7 @@ def _one_bound(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
         return dict(estimates)
 
     def weakest(w: Finding) -> Finding:
+        """One of the warnings."""
         named = w.code == "within-noise"
         return _within_noise(w.numbers["edges"], ends[0], w.numbers["unit"]) if named else w
 
