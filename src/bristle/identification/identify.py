@@ -96,47 +96,39 @@ def identify_joint(
     Raises InputError where no run can be fitted, saying which threshold ate what.
     """
     asked = measured.experiment.fit.law
-    identified = partial(
-        _identified, timings=timings, asked_law=asked, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
-    )
+    identified = partial(_identified, timings=timings, asked_law=asked, progress=progress)
     auto = measured.experiment.fit.directions == "auto"
-    bic: dict[str, float] = {}
+    bic, compared, models = dict[str, float](), None, tuple[ModelComparison, ...]()
     if auto and (points := measured.points(hold_out=False)):
-        found = directions_of_points(measured.experiment, points)
-        bic = {APART: found["separate"], SYMMETRIC: found["symmetric"]} if found else {}
+        of_each = directions_of_points(measured.experiment, points)
+        bic = {APART: of_each["separate"], SYMMETRIC: of_each["symmetric"]} if of_each else {}
         measured = _with_directions(measured, "symmetric" if bic and bic[SYMMETRIC] <= bic[APART] else "separate")
     elif auto:
         measured = _with_directions(measured)
     measured, told = _with_regressors(measured)
     measured, laws = _with_law(with_periods(measured))
-    joint = identified(measured, laws)
-    measured, joint, delay = _on_time(measured, joint, partial(identified, laws=laws))
+    under = laws
+    joint = identified(measured, under)
+    measured, joint, delay = _on_time(measured, joint, partial(identified, laws=under))
     told |= delay
     if auto and not bic:
-        bic = {row.directions: row.bic for data in joint.models for row in data.rows if row.model == LUGRE}
+        compared, models = measured, _models(measured, joint, timings)
+        bic = {row.directions: row.bic for data in models for row in data.rows if row.model == LUGRE}
         if bic.get(APART, np.inf) < bic.get(SYMMETRIC, -np.inf) - _CLEARLY:
             sided = _with_directions(measured, "separate")
-            each = identified(sided, laws)
+            each = identified(sided, under, near=joint.tracking)
             bic[APART] = _as_two(each, bic[APART])
             measured, joint = (sided, each) if np.isfinite(bic[APART]) else (measured, joint)
     if wider := _wider(measured, joint.tracking):
-        measured, joint = wider, identified(wider, laws)
+        measured, joint = wider, identified(wider, under, near=joint.tracking)
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
-        laws = laws_of_motion(measured, joint.tracking)
-        if laws is not None and (term := term_that_pays(measured.experiment.fit, laws)) is not None:
-            more, under = with_law(measured, term), laws.under(term)
-            again = identified(more, under)
-            brakes = again.tracking is not None and _brakes(again.tracking.known)
-            measured, joint, laws = (more, again, under) if brakes else (measured, joint, laws)
-        for _ in range(_CHOICES if asked == AUTO else 0):
-            if laws is None or laws.chosen.in_force or joint.tracking is None:
-                break
-            measured, laws = with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
-            joint = identified(measured, laws)
-            if measured.experiment.fit.load and joint.tracking is not None:  # which peak and terms beside the load
-                laws = laws_of_motion(measured, joint.tracking) or laws
-        joint = replace(joint, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
+        measured, joint, laws, under = _law_of_motion(measured, joint, identified)
+    if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
+        joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
+    step(progress, "comparing friction models")
+    models = models if measured is compared else _models(measured, joint, timings)
+    joint = replace(joint, models=models, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
     joint, other = replace(joint, settings={**joint.settings, **told}), 0.0
     if {APART, SYMMETRIC} <= bic.keys():
         apart = measured.experiment.fit.directions == "separate"
@@ -145,8 +137,29 @@ def identify_joint(
     return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
 
 
+def _law_of_motion(
+    measured: Measured, joint: Joint, identified: Callable[..., Joint]
+) -> tuple[Measured, Joint, LawComparison | None, LawComparison | None]:
+    """Moving runs under the law that they choose: what was measured under it, what that tells, and the laws side by side now and then."""
+    asked, under = measured.experiment.fit.law, None
+    laws = None if joint.tracking is None else laws_of_motion(measured, joint.tracking)
+    if laws is not None and (term := term_that_pays(measured.experiment.fit, laws)) is not None:
+        more, found = with_law(measured, term), laws.under(term)
+        again = identified(more, found, near=joint.tracking)
+        if again.tracking is not None and _brakes(again.tracking.known):
+            measured, joint, laws, under = more, again, found, found
+    for _ in range(_CHOICES if asked == AUTO else 0):
+        if laws is None or laws.chosen.in_force or joint.tracking is None:
+            break
+        measured, under = with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
+        joint, laws = identified(measured, under, near=joint.tracking), under
+        if measured.experiment.fit.load and joint.tracking is not None:  # which peak and terms beside the load
+            laws = laws_of_motion(measured, joint.tracking) or laws
+    return measured, joint, laws, under
+
+
 def _on_time(
-    measured: Measured, joint: Joint, identified: Callable[[Measured], Joint]
+    measured: Measured, joint: Joint, identified: Callable[..., Joint]
 ) -> tuple[Measured, Joint, dict[str, str]]:
     """Moving runs whose torque was logged late or early, without that, identified anew, and what is said of it; else as they were.
 
@@ -157,7 +170,7 @@ def _on_time(
         more = _delay(measured, joint)
         more = more if abs(late + more) < _LATEST else 0.0
         shifted = in_time(measured, more) if more else measured
-        again = identified(shifted) if more else joint
+        again = identified(shifted, near=joint.tracking) if more else joint
         if not more or again.moving is None or joint.moving is None or again.moving.rms > _LESS * joint.moving.rms:
             break
         measured, joint, late = shifted, again, late + more
@@ -246,14 +259,18 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
 def _identified(
     measured: Measured,
     laws: LawComparison | None,
+    near: TrackingFit | None = None,
     *,
     timings: dict[str, float] | None,
     asked_law: str,
-    crosscheck: bool,
-    uncertainty: bool,
+    crosscheck: bool = False,
+    uncertainty: bool = False,
     progress: Progress | None,
 ) -> Joint:
-    """The same under one law, which `laws` may have chosen on the points."""
+    """The same under one law, which `laws` may have chosen on the points, without models side by side.
+
+    `near` is a fit of the same runs, seen otherwise: theirs begins there.
+    """
     experiment, training = measured.experiment, _training(measured)
     points = measured.points(hold_out=False)
     step(progress, "fitting friction vs velocity")
@@ -262,13 +279,7 @@ def _identified(
     if training:
         step(progress, "fitting the moving runs")
         stages = _moving(
-            measured,
-            static,
-            timings,
-            static_is_apart=bool(points),
-            crosscheck=crosscheck,
-            uncertainty=uncertainty,
-            progress=progress,
+            measured, static, near, timings, crosscheck=crosscheck, uncertainty=uncertainty, progress=progress
         )
         static = static if points else beside_moving(static, stages.alone)
     elif measured.slow:
@@ -277,7 +288,6 @@ def _identified(
     if asked_law == AUTO:
         static = with_averages(static, laws)
         stages = stages._replace(alone=with_averages_of_motion(stages.alone, laws))
-    step(progress, "comparing friction models")
     return Joint(
         name=experiment.joint.name,
         kind=experiment.joint.kind,
@@ -289,9 +299,7 @@ def _identified(
         tracking=stages.alone,
         joint_fit=stages.joint,
         consistency=stages.consistency,
-        models=_models(measured, points, static, stages.alone, timings),
-        laws=laws,
-        warnings=(*law_warnings(laws), *_joint_warnings(measured, points, static)),
+        warnings=_joint_warnings(measured, points, static),
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         torque_constant=measured.torque_constant,
@@ -369,9 +377,9 @@ def _training(measured: Measured) -> tuple[Record, ...]:
 def _moving(
     measured: Measured,
     static: Mapping[str, StaticFit],
+    near: TrackingFit | None,
     timings: dict[str, float] | None,
     *,
-    static_is_apart: bool,
     crosscheck: bool,
     uncertainty: bool,
     progress: Progress | None,
@@ -387,7 +395,8 @@ def _moving(
         measured.moving(hold_out=True),
         static,
         partial(_presliding, experiment, measured.slow) if measured.slow else None,
-        static_is_apart=static_is_apart,
+        near,
+        static_is_apart=bool(measured.points(hold_out=False)),
         crosscheck=crosscheck,
         uncertainty=uncertainty,
         progress=progress,
@@ -422,14 +431,9 @@ def _static(
     return {}, {}
 
 
-def _models(
-    measured: Measured,
-    points: Sequence[Segment],
-    static: Mapping[str, StaticFit],
-    alone: TrackingFit | None,
-    timings: dict[str, float] | None,
-) -> tuple[ModelComparison, ...]:
+def _models(measured: Measured, joint: Joint, timings: dict[str, float] | None) -> tuple[ModelComparison, ...]:
     """Friction models side by side, on the points and on the moving runs."""
+    points, static, alone = measured.points(hold_out=False), joint.static, joint.tracking
     experiment, started = measured.experiment, perf_counter()
     comparisons: list[ModelComparison | None] = []
     if points:

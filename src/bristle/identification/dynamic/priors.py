@@ -21,10 +21,10 @@ from bristle.identification.dynamic.encoder_bias import between_counts, without_
 from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
-from bristle.identification.dynamic.starts import solve_dynamic
+from bristle.identification.dynamic.starts import carried, solve_dynamic
 from bristle.identification.dynamic.systematic import shifts_of
 from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, with_three_ways
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, without_deflections
+from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, with_deflections, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import clustered, widened, with_priors_beside
@@ -49,6 +49,8 @@ _SURER = 1.5
 """Times: one stage knows a parameter better than another if its error is smaller by this."""
 _SURE = 3
 """Starts where other runs tell the static parameters: then the first one is near."""
+_NEAR = 2
+"""Starts where a fit of the same runs, seen otherwise, tells all of them."""
 _WORSE = 1.5
 """Times the relative error of the moving runs alone, beyond which the joint fit is doubted."""
 _BENDS = 0.01
@@ -79,6 +81,7 @@ def fit_with_priors(
     held: Sequence[Record],
     static: Mapping[str, StaticFit],
     load: Load | None,
+    near: TrackingFit | None = None,
     *,
     static_is_apart: bool,
     crosscheck: bool = False,
@@ -93,6 +96,7 @@ def fit_with_priors(
         held: hold-out runs.
         static: the static fits.
         load: makes the presliding stage from fits that tell g0; None where there are no such runs.
+        near: a fit of the same runs, with another filter, delay or law, where theirs begins.
         static_is_apart: whether the static fits rest on other data than these runs.
         crosscheck: whether to solve the problem by CasADi and IPOPT as well, which takes long.
         uncertainty: whether to give each parameter its intervals three ways, by profile and bootstrap too.
@@ -127,7 +131,10 @@ def fit_with_priors(
     slow = load(static) if load and static_is_apart else None
     problem, start = posed_and_start(experiment, moving, records, static, slow)
     tests = [(r.file, pose([r], problem.fixed)) for r in held]
-    solved, profiles = fitted(problem, (_SURE if static_is_apart else STARTS) if by_torque else 1)
+    sure = _NEAR if near is not None else _SURE if static_is_apart else STARTS
+    solved, profiles = fitted(
+        problem, sure if by_torque else 1, *([] if near is None else [_from(problem, near, start)])
+    )
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
     fit, freedom = solved.fit, dict(zip(solved.solution.names, solved.solution.freedoms.tolist(), strict=True))
@@ -177,6 +184,13 @@ def posed_and_start(
     none = [d for d in whole.directions if found.get(ParameterName("alpha_1", d)) == 0]
     peak = {ParameterName(name, d) for d in none for name in peak_parameters(whole.law)} & found.keys()
     return _output_error_problem(experiment, moving, records, fixed), found | {name: start[name] for name in peak}
+
+
+def _from(problem: DynamicProblem, near: TrackingFit, start: Values) -> Values:
+    """Where a fit of the same runs ended, and a start where it tells nothing."""
+    known = {name: e.value for name, e in near.parameters.items() if e.value is not None}
+    told = {name: x for name, x in carried(problem, known).items() if x and name in start}
+    return with_deflections(problem, {**start, **told})
 
 
 def _crosschecked(solved: DynamicSolution) -> DynamicSolution:

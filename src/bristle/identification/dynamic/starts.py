@@ -34,7 +34,7 @@ def solve_dynamic(
     """The lowest minimum from several starts, and the covariance there.
 
     Of two directions that each have their friction, one set for both is found from several starts first, about an
-    offset: it has half the unknowns, and where it ends is a start for the two. Where a direction has no Stribeck term in
+    offset: it has half the unknowns, and where it ends is a start for the two, unless `others` are known. Where a direction has no Stribeck term in
     the end, or one within its error, and the residuals ask for one, it is given the one that they ask for: without it
     its v_s, and so its alpha_1, has no slope to follow.
 
@@ -46,7 +46,7 @@ def solve_dynamic(
             "tell the errors by how they differ: measure longer"
         )
     first, random = with_deflections(problem, start), list[Values]()
-    if starts > 1 and len(problem.directions) == len(SIGNED) and problem.quantity == "torque":
+    if starts > 1 and not others and len(problem.directions) == len(SIGNED) and problem.quantity == "torque":
         one = _of_both(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), starts, seed, progress=progress)
         both = carried(problem, {**one.fixed, **without_deflections(found.values)})
@@ -102,8 +102,8 @@ def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> di
     if _OFFSET in problem.extra_names and Coulomb[0] in known and _OFFSET not in known:
         out[_OFFSET] = (known[Coulomb[0]] - known[Coulomb[1]]) / 2
     for name, sign in zip(Coulomb, DIRECTIONS.values(), strict=True):
-        if name in out and name not in known:
-            both = known[name._replace(direction=Direction.BOTH)]
+        both = known.get(name._replace(direction=Direction.BOTH))
+        if name in out and name not in known and both is not None:
             out[name] = max(out[name] + sign * known.get(_OFFSET, 0.0), 1e-3 * both)
     return out
 

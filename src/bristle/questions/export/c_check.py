@@ -112,12 +112,13 @@ def motion(joint: ExportedJoint) -> dict[str, Array]:
 
 def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[str, Array]) -> Array:
     """What the compensator in Python makes of it from rest, N*m, (n,)."""
-    running = RunningCompensator(compensator, numbers_of(joint), rises=joint.rises)
+    rises = joint.rises
+    running = RunningCompensator(compensator, numbers_of(joint), rises=rises)
     motion = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
     rows = np.array([inputs[name] for name in (*motion, "motor_torque", "link_torque")]).T.tolist()
     return np.array(
         [
-            running.step(h, (y_ref, v_ref, a_ref), y, v, (tau_m, tau_l) if joint.rises else None)
+            running.step(h, (y_ref, v_ref, a_ref), y, v, (tau_m, tau_l) if rises else None)
             for h, y_ref, v_ref, a_ref, y, v, tau_m, tau_l in rows
         ]
     )
