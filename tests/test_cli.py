@@ -375,6 +375,7 @@ def test_units_far_off_are_fitted_without_a_word(tmp_path: Path, column: int, fa
     assert len(ran.said) == (1 if column == 0 else 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "options",
     [
@@ -800,6 +801,7 @@ def test_warnings_about_signals_count(tmp_path: Path) -> None:
     assert "`unit: rpm` under signals.velocity" in ran.words
 
 
+@pytest.mark.slow
 def test_a_reader_that_closes_the_pipe_is_no_defect(tmp_path: Path) -> None:
     """`bristle identify ... | head -0` ends without a word and with exit code 0, and what it was to write is written."""
     path = write(tmp_path, FEW)
@@ -865,6 +867,7 @@ def test_nothing_is_written_where_the_output_is_full(
     assert tree(tmp_path) == before
 
 
+@pytest.mark.slow
 def test_a_full_output_of_the_system_is_met_as_well(tmp_path: Path) -> None:
     """A file that takes no byte, as a full disk: exit code 2 and one sentence of every command, help and version too, and nothing is written."""
     path = write(tmp_path, FEW)
@@ -897,6 +900,7 @@ def test_closed_streams_are_no_defect(tmp_path: Path, closed: str) -> None:
     assert "Traceback" not in ran.stdout + ran.stderr
 
 
+@pytest.mark.slow
 def test_an_encoding_without_greek_stops_nothing(tmp_path: Path) -> None:
     """Names that the terminal's encoding lacks are escaped on it, in an error as well; what is written is the same as ever."""
     path = write(tmp_path, FEW, joint="αρθρο")

@@ -63,6 +63,7 @@ def test_a_terminal_shows_the_step(folder: Path, command: tuple[str, ...], steps
     assert [name for name in steps if name in text] == list(steps)
 
 
+@pytest.mark.slow
 def test_nothing_changes_without_a_terminal(folder: Path) -> None:
     """Into a pipe a command writes its result and no bar."""
     command = [sys.executable, "-c", "from bristle.__main__ import main; main()", "identify", "e.yaml"]

@@ -136,6 +136,7 @@ ASKED: dict[str, Ask] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_motions")
 @pytest.mark.parametrize("question", ASKED)
 def test_questions_of_what_was_read_are_answered_as_before(

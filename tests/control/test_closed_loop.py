@@ -69,7 +69,9 @@ def test_compensation_lowers_the_error_as_fig_8_has_it(name: str, without: float
     assert fed / bare == pytest.approx(ratio, rel=0.1)
 
 
-@pytest.mark.parametrize("name", list(edro.TABLE_1))
+@pytest.mark.parametrize(
+    "name", [pytest.param(x, marks=pytest.mark.slow) if k else x for k, x in enumerate(edro.TABLE_1)]
+)
 def test_the_fast_simulator_agrees_with_a_stiff_solver(name: str) -> None:
     """Over 20 s, with both directions in use and the controller held at 1 kHz, exact steps and CVODES differ by less than 1e-4 rad."""
     fast, stiff = (simulate(LoopOptions(), [case(name)], sine(20.0, 0.5), H, stiff=which) for which in (False, True))

@@ -24,7 +24,7 @@ def lagging(name: str, lag: float) -> Case:
 
 
 @pytest.mark.parametrize("lag", [2e-4, 2e-3, 2e-2])
-@pytest.mark.parametrize("name", ["gripper rotation", "base rotation"])
+@pytest.mark.parametrize("name", ["gripper rotation", pytest.param("base rotation", marks=pytest.mark.slow)])
 def test_the_lagging_current_agrees_with_a_stiff_solver(name: str, lag: float) -> None:
     """Over 6 s at 1 kHz exact steps and CVODES differ by less than 1e-4 rad for L / R far below, about and far above the period.
 

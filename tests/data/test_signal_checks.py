@@ -61,6 +61,7 @@ def checked(record: Record, kind: RunKind = "tracking", cutoff: float = 100.0, *
     return check_signals(estimate_motion(record, cutoff), kind, given_signals, Context())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["sines", "trapezia", "ramps"])
 def test_clean_records_are_left_alone(kind: str) -> None:
     """Of a hundred clean records of each motion, with and without a logged velocity, at most one has any warning."""

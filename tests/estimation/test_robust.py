@@ -126,6 +126,7 @@ def test_values_that_are_equal_have_no_spread() -> None:
         assert np.max(found.mean) == pytest.approx(0.3, rel=1e-15)
 
 
+@pytest.mark.slow
 def test_one_of_few_is_told_by_the_others() -> None:
     """Of 15 normal values the farthest has a p-value below 1/20 of 1/15 in about one case in twenty by the others' mean and spread."""
     rng, called = np.random.default_rng(6), 0

@@ -151,6 +151,7 @@ def test_what_was_exported_is_read_back_to_the_last_bit(handed: Handed, tmp_path
     assert write_json(joints, ASK).content == artefact.content
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=60)
 @given(made())
 def test_any_joint_comes_back(joint: ExportedJoint) -> None:

@@ -474,6 +474,7 @@ def test_a_motion_that_is_not_finite_is_discarded(handed: Handed, capsys: pytest
     assert "[DISCARD] fmi2DoStep: the motion from 0 s on is not finite" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 @needs_gcc
 @pytest.mark.parametrize("name", HOSTILE, ids=[ascii(x)[:20] for x in HOSTILE])
 def test_hostile_names_stay_harmless(name: str, handed: Handed, tmp_path: Path) -> None:

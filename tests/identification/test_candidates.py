@@ -95,6 +95,7 @@ def test_a_ripple_says_which_lines_to_write() -> None:
     assert "write regressors: [cogging], orders: [11] under fit" in str(per_metre)
 
 
+@pytest.mark.slow
 def test_noise_alone_is_rarely_told() -> None:
     """White and correlated residuals without a trend give a warning in no more than 3 % of cases, as the 1 % of the correction promises."""
     rng = np.random.default_rng(4)

@@ -78,6 +78,7 @@ def test_a_delay_is_left_as_written(tmp_path: Path) -> None:
     assert "torque-delayed" in {w.code for w in joint.tracking.warnings}
 
 
+@pytest.mark.slow
 def test_drag_is_taken(tmp_path: Path) -> None:
     """Drag is in the law where the torque has it, its coefficient comes back, and the line says so; a clean joint keeps the paper's law."""
     _, _, v, _ = motion()

@@ -555,7 +555,9 @@ def test_a_zero_gradient_is_an_error() -> None:
         minimise(lambda _: (np.ones(3), np.full((3, 1), 1e200)), np.zeros(1), *box)
 
 
-@pytest.mark.parametrize("p", [GRIPPER, Pair(GRIPPER, OTHER)], ids=["one set", "pair"])
+@pytest.mark.parametrize(
+    "p", [GRIPPER, pytest.param(Pair(GRIPPER, OTHER), marks=pytest.mark.slow)], ids=["one set", "pair"]
+)
 def test_ipopt_finds_the_same(p: Lugre[float] | Pair[float]) -> None:
     """The same problem as one CasADi chain solved by IPOPT ends at the same cost, with every parameter within a tenth of its standard error."""
     run = record(p, 3e-4, velocity=motion(3.0)[1])

@@ -32,6 +32,7 @@ def points(velocity: Array, torque: Array, stick_slip: NDArray[np.bool_] | None 
     return fit_static(from_points(velocity, torque, ("+",)), FitOptions(), "revolute", where)[0]["+"]
 
 
+@pytest.mark.slow
 def test_intervals_cover_the_truth_as_often_as_they_say(gripper: Lugre[float], speeds: Array) -> None:
     """95 % intervals cover each true parameter in 95 % of 300 repetitions, within three binomial deviations; `benchmarks/coverage.py` does 1000."""
     rng = np.random.default_rng(0)

@@ -166,6 +166,7 @@ def test_with_few_speeds_below_v_s_a_skewed_or_open_profile_is_said() -> None:
     assert said >= 0.9 * kept
 
 
+@pytest.mark.slow
 def test_at_a_bound_the_intervals_are_one_sided() -> None:
     """Without viscous friction its estimate is zero at times: intervals from zero up, and one sentence that says so."""
     hits = 0

@@ -71,6 +71,7 @@ def test_without_noise_the_truth_is_found(name: str) -> None:
         assert e.value == pytest.approx(getattr(p, parameter), rel=1e-4), parameter
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["exponential", "lorentzian+quadratic", "free-exponent"])
 def test_intervals_hold_the_truth(name: str) -> None:
     """Of 40 noisy sets a law's 95 % intervals hold the truth in 85 to 100 %, parameter by parameter (of 400: benchmarks/laws.py)."""

@@ -258,6 +258,7 @@ def test_compensation_sees_the_load() -> None:
     assert unloaded > 2 * left
 
 
+@pytest.mark.slow
 def test_friction_that_is_part_of_its_load() -> None:
     """A level that rises with the motor's torque, friction included, is the one at which both agree; at a coefficient of 1 there is none."""
     file, plain = geared("paper")
@@ -299,6 +300,7 @@ SPOILT: list[tuple[dict[str, float], str]] = [
 """Coefficients in the place of those that were fitted, and what is said of them."""
 
 
+@pytest.mark.slow
 def test_results_with_another_load_are_refused(tmp_path: Path) -> None:
     """Coefficients that were edited into those of no load, or of two: one sentence, not a page without them."""
     _, results = geared_results("paper+link-load", 0.1, EXACT)

@@ -88,6 +88,7 @@ def test_a_stray_is_found_in_the_last_row_too() -> None:
     assert find_strays(with_strays(12_000, np.array([0, 11_999]))).rows == (11_999, 0)
 
 
+@pytest.mark.slow
 def test_of_many_strays_fifty_are_named_and_the_others_counted() -> None:
     """Sixty strays of 1500 points: their count is said, fifty are named, the rest is a number; the fit without all of them is that of the others."""
     rows = np.arange(10, 1500, 25)

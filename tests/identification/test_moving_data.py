@@ -220,6 +220,7 @@ def test_hold_out_is_judged_and_never_fitted() -> None:
     assert fit.hold_out[0].relative_error == pytest.approx(by_hand, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_low_pass_that_takes_motion_is_widened(monkeypatch: pytest.MonkeyPatch) -> None:
     """Where spectra would cut the motion off, the fit goes through the widest filter that leaves no more, and is right; a good one stays."""
     t = np.arange(0, 12, 0.002)

@@ -74,6 +74,7 @@ def point_warnings_of(folder: Path, record: Record) -> list[Finding]:
     return list(point_warnings(measured(folder, runs, (segments,)), kept, fits(NOISE / np.sqrt(600))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drift", [-0.1, 0.3])
 def test_a_drift_in_the_order_of_speed_is_said(tmp_path: Path, drift: float) -> None:
     """Runs that go from slow to fast, or back, while the torque drifts: with the drift's sign and size; none in random order."""
@@ -228,6 +229,7 @@ def test_a_constant_between_the_directions_is_an_offset_or_friction(offset: floa
             assert "cannot tell" in str(said)
 
 
+@pytest.mark.slow
 def test_an_offset_is_not_said_of_what_is_none() -> None:
     """Of 300 clean sets at most two have that warning, and none where the viscous friction differs."""
     assert sum(bool(directions(seed, 0.0)) for seed in range(300)) <= 2

@@ -6,7 +6,7 @@ import json
 import os
 import re
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import combinations
@@ -875,30 +875,36 @@ COMPARED: dict[str, Spoil] = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("what", [*REFUSED, *COMPARED])
-def test_any_numbers_are_compared_or_refused(sessions: tuple[Path, Path], tmp_path: Path, what: str) -> None:
-    """Numbers beyond all measure, in one session and in both: a result and a page with 0, or one short sentence with 2 and no page; no warning."""
+def told(what: str, sessions: tuple[Path, Path], folder: Path) -> Iterator[str]:
+    """What is wrong about the answers to a document that one session, and both, are spoilt to."""
     names = []
     for k, path in enumerate(sessions):
         document = json.loads(path.read_text(encoding="utf-8"))
         (REFUSED[what][0] if what in REFUSED else COMPARED[what])(document["joints"][HOSTILE])
-        names.append(tmp_path / f"{k}.json")
+        names.append(folder / f"{k}.json")
         names[-1].write_text(json.dumps(document), encoding="utf-8")
     for pair in (names, (sessions[0], names[1])):
-        code, out, said = run("compare", *pair, "-o", tmp_path / "out")
+        code, out, said = run("compare", *pair, "-o", folder / "out")
         if what in REFUSED:
-            assert (code, len(said)) == (2, 1)
-            assert REFUSED[what][1] in said[0]
-            assert said[0].endswith("expected a results.json that bristle wrote")
-            assert len(said[0]) < 600
-            assert not (tmp_path / "out").exists()
+            sentence = said[0] if len(said) == 1 else ""
+            whole = sentence.endswith("expected a results.json that bristle wrote") and len(sentence) < 600
+            right = code == 2 and REFUSED[what][1] in sentence and whole and not (folder / "out").exists()
         elif what in {"unknown unit", "no unit"} and pair is not names:
-            assert (code, len(said)) == (2, 1)
+            right = (code, len(said)) == (2, 1)
         else:
-            assert (code, said) == (0, [])
-            assert "nan" not in out
-            assert (tmp_path / "out" / "index.html").is_file()
+            right = (code, said) == (0, []) and "nan" not in out and (folder / "out" / "index.html").is_file()
+        if not right:
+            yield f"{what}, {'both' if pair is names else 'one'}: {code}, {said}, {out[:200]}"
+
+
+@pytest.mark.slow
+def test_any_numbers_are_compared_or_refused(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+    """Numbers beyond all measure, in one session and in both: a result and a page with 0, or one short sentence with 2 and no page; no warning."""
+    wrong = []
+    for k, what in enumerate([*REFUSED, *COMPARED]):
+        (tmp_path / str(k)).mkdir()
+        wrong += told(what, sessions, tmp_path / str(k))
+    assert not wrong, "\n".join(wrong)
 
 
 def test_other_documents_are_refused(sessions: tuple[Path, Path], tmp_path: Path) -> None:
