@@ -123,7 +123,7 @@ def identify_joint(
         measured, joint = wider, identified(wider, under, near=joint.tracking)
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
-        measured, joint, laws, under = _law_of_motion(measured, joint, identified)
+        measured, joint, laws, under = _law_of_motion(measured, joint, asked, identified)
     if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
         joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
     step(progress, "comparing friction models")
@@ -138,10 +138,10 @@ def identify_joint(
 
 
 def _law_of_motion(
-    measured: Measured, joint: Joint, identified: Callable[..., Joint]
+    measured: Measured, joint: Joint, asked: str, identified: Callable[..., Joint]
 ) -> tuple[Measured, Joint, LawComparison | None, LawComparison | None]:
     """Moving runs under the law that they choose: what was measured under it, what that tells, and the laws side by side now and then."""
-    asked, under = measured.experiment.fit.law, None
+    under: LawComparison | None = None
     laws = None if joint.tracking is None else laws_of_motion(measured, joint.tracking)
     if laws is not None and (term := term_that_pays(measured.experiment.fit, laws)) is not None:
         more, found = with_law(measured, term), laws.under(term)
