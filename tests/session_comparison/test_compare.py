@@ -900,7 +900,7 @@ def told(what: str, sessions: tuple[Path, Path], folder: Path) -> Iterator[str]:
 @pytest.mark.slow
 def test_any_numbers_are_compared_or_refused(sessions: tuple[Path, Path], tmp_path: Path) -> None:
     """Numbers beyond all measure, in one session and in both: a result and a page with 0, or one short sentence with 2 and no page; no warning."""
-    wrong = []
+    wrong = list[str]()
     for k, what in enumerate([*REFUSED, *COMPARED]):
         (tmp_path / str(k)).mkdir()
         wrong += told(what, sessions, tmp_path / str(k))
