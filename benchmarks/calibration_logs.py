@@ -194,10 +194,11 @@ def slow(joint: Joint, rng: Rng) -> Log:
     t = np.arange(int(2 * seconds * rate)) / rate
     g0 = [p.alpha_0 + p.alpha_1 for p in joint.pair]
     load = 0.85 * min(g0) * np.interp((t / seconds) % 1, [0, 0.25, 0.5, 0.75, 1], [0, 1, 0, -1, 0])
-    dT = np.diff(load, prepend=0.0)
-    s = np.sign(dT)
-    stiff = np.where(load >= 0, joint.pair.positive.sigma_0, joint.pair.negative.sigma_0)
-    q = np.cumsum(dT / (stiff * (1 - s * load / np.where(s > 0, g0[0], g0[1]))))
+    before = np.append(0.0, load[:-1])
+    s = np.sign(load - before)
+    stiff = np.where(load + before >= 0, joint.pair.positive.sigma_0, joint.pair.negative.sigma_0)
+    level = np.where(s > 0, g0[0], g0[1])
+    q = np.cumsum(s * level / stiff * (np.log1p(-s * before / level) - np.log1p(-s * load / level)))  # exact
     log = Log(joint, "slow", t, q, np.gradient(q, t), load, rate=rate, bits=bits, noise=noise, beside=beside)
     return replace(_logged(log, rng), speeds=beside.speeds)
 

@@ -188,11 +188,13 @@ def test_an_outlier_among_breakaways_is_named() -> None:
     assert result.fits["+"].level_source.code in {"of-breakaway", "of-one-breakaway"}
 
 
-def test_without_a_level_g0_is_a_lower_bound() -> None:
-    """Below breakaway and with no other run, g0 is a lower bound, said with what to add; sigma_0's interval holds the truth."""
-    result = identify_presliding([run(1e-5, 0.5)], {}, None, FitOptions(), 1e-5, "revolute")
+@pytest.mark.parametrize("level", [0.0, 0.7, 0.86])
+def test_without_a_peak_g0_is_a_lower_bound(level: float) -> None:
+    """Below breakaway g0 is at least what was held, and at least an alpha_0 that is known without a peak; sigma_0's interval holds the truth."""
+    known = {"+": LEVEL._replace(value=level * G0, standard_error=np.inf)} if level else {}
+    result = identify_presliding([run(1e-5, 0.5)], known, None, FitOptions(), 1e-5, "revolute")
     fit = result.fits["+"]
-    assert fit.level == pytest.approx(0.85 * G0, rel=1e-3)
+    assert fit.level == pytest.approx(max(level, 0.85) * G0, rel=1e-3)
     assert fit.level in [warning.numbers["held"] for warning in fit.warnings if warning.code == "g0-at-least"]
     assert fit.sigma_0.interval is not None
     assert fit.sigma_0.interval[0] <= GRIPPER.sigma_0 <= fit.sigma_0.interval[1]

@@ -18,6 +18,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, GONE
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.accuracy import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
@@ -459,7 +460,8 @@ def _presliding(
     experiment: Experiment, slow: Sequence[Record], fit: Mapping[str, StaticFit] | TrackingFit
 ) -> Presliding:
     """sigma_0 and sigma_1 from the slow runs, with g0 from the static fits, or from a fit of moving runs."""
-    levels = {d: level for d in DIRECTIONS if (level := _breakaway_torque(fit, d)) is not None}
+    as_asked = experiment.fit.model == "coulomb-viscous"
+    levels = {d: level for d in DIRECTIONS if (level := _breakaway_torque(fit, d, without_peak=as_asked)) is not None}
     J, of_file = experiment.inertia, Finding("of-experiment-file", NOTE, "the experiment file")
     known = None if J is None else KnownValue(J.value, J.standard_error or 0.0, of_file)
     return identify_presliding(
@@ -467,10 +469,13 @@ def _presliding(
     )
 
 
-def _breakaway_torque(fits: Mapping[str, StaticFit] | TrackingFit, direction: str) -> KnownValue | None:
+def _breakaway_torque(
+    fits: Mapping[str, StaticFit] | TrackingFit, direction: str, *, without_peak: bool
+) -> KnownValue | None:
     """g0 = alpha_0 + alpha_1 of a direction, with the error that their covariance gives.
 
-    alpha_0 alone where no Stribeck term was seen.
+    Where no Stribeck term was seen alpha_0 is a lower bound of it, for a peak below the slowest speed is not seen; it is g0 itself
+    where the experiment says that there is none.
     """
     moving = isinstance(fits, TrackingFit)
     fit = fits if isinstance(fits, TrackingFit) else fits.get(direction) or fits.get("both")
@@ -495,6 +500,8 @@ def _breakaway_torque(fits: Mapping[str, StaticFit] | TrackingFit, direction: st
         source = Finding("of-moving-runs-without-peak", NOTE, message)
     else:
         source = Finding("of-static-fit-without-peak", NOTE, "alpha_0 of the static fit, which shows no peak")
+    if len(terms) == 1 and not without_peak:
+        value, error = max(value - student(np.inf) * error, 0.0), np.inf
     constants = dict.fromkeys(c for key in terms for c in estimates[key].shifts)
     shifts = {c: sum(estimates[key].shifts.get(c, 0.0) for key in terms) for c in constants}
     return KnownValue(value, error, source, shifts)

@@ -106,7 +106,8 @@ def fit_tracking(
     """
     problem, solution, dropped, shown = _settled(problem, start, starts, seed, others, progress)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    estimates = _all_estimates(problem, solution, kind, dropped, shown)
+    left = what_is_left(problem, solution, kind)
+    estimates = _all_estimates(problem, solution, kind, dropped, shown, left)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
@@ -117,7 +118,7 @@ def fit_tracking(
         *(unexplained(rows, problem.extent) if torque else ()),
         *_below_zero(estimates.get(INERTIA)),
         *_shape_held(problem),
-        *what_is_left(problem, solution, kind),
+        *left,
         *(offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom) if torque else ()),
         *loads_alike(problem, solution),
         *_warnings(solution, rows, unseen),
@@ -209,6 +210,7 @@ def _all_estimates(
     kind: Kind,
     dropped: Mapping[ParameterName, Finding],
     shown: set[ParameterName],
+    left: Sequence[Finding],
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value.
 
@@ -231,7 +233,7 @@ def _all_estimates(
         estimates = warned(estimates, dict.fromkeys(estimates, few))
     doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
     estimates = warned(estimates, doubts)
-    estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
+    estimates = warned(estimates, bristle_doubts(problem, solution, estimates, left))
     bent = [name for name, why in dropped.items() if why.code == "unseen-bend"]
     message = "If v_s lies beyond these speeds, this is alpha_0 + alpha_1: only their sum is identifiable."
     only_sum = Finding("only-sum-seen", CAUTION, message)

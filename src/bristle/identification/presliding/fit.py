@@ -93,7 +93,10 @@ def identify_presliding(
     creep = 0.0 if options.breakaway_displacement else _CREEP
     for direction in sorted({loading.direction for loading in loadings}):
         own = [x for x in loadings if x.direction == direction]
-        level = levels.get(direction) or _from_breakaway(breakaway, direction, max(x.held for x in own), creep)
+        held = max(x.held for x in own)
+        level = levels.get(direction)
+        if level is None or (level.is_bound and (held > level.value or breakaway)):
+            level = _from_breakaway(breakaway, direction, held, creep)
         fits[direction] = fit_presliding(own, level, inertia, kind)
     cycles = [find_loops(r, r.cutoff, resolution) for r in records]
     loops = tuple(loop for closed, _ in cycles for loop in closed)
@@ -175,10 +178,10 @@ def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:
     if by_bend.most < np.inf:
         bend = f", from {by_bend.value:.4g}{of} to {by_bend.most:.4g}{of} by the bend of LuGre's loading curve"
     message = (
-        f"No run breaks away{in_direction(direction)}: g0 is at least {level.value:.3g}{of}{bend}, and the interval of "
-        "sigma_0 allows for every such g0; add ramp runs, or load up to breakaway once."
+        f"No run breaks away{in_direction(direction)}: g0 is at least {level.value:.3g}{of} ({level.source.message}){bend}, and the "
+        "interval of sigma_0 allows for every such g0; add slower ramp runs, or load up to breakaway once."
     )
-    numbers = {"direction": direction, "held": level.value, "bend": in_units(bend, {})}
+    numbers = {"direction": direction, "held": level.value, "source": level.source, "bend": in_units(bend, {})}
     return Finding("g0-at-least", CAUTION, message, numbers)
 
 
@@ -278,7 +281,7 @@ def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: flo
             value, half = torque * (1 + creep / 2), torque * creep / 2
             shifts = {constant: by * (1 + creep / 2) for constant, by in breakaway[d].shifts.items()}
             return KnownValue(value, float(np.hypot(error or _SINGLE * value, half)), source, shifts)
-    source = Finding("of-largest-held", CAUTION, "the largest torque held: no run breaks away")
+    source = Finding("of-largest-held", CAUTION, "the largest torque held")
     return KnownValue(held, float("inf"), source)
 
 
