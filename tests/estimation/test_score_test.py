@@ -56,8 +56,8 @@ def test_what_explains_most_is_told_first_and_what_it_makes_is_not_told() -> Non
             lambda *_: None if refused else Finding(code, CAUTION, code), (column[:, None],), is_friction=True
         )
 
-    found, left = explained(fit, [row("alike", alike), row("other", other), row("cause", cause)])
+    found, left, _ = explained(fit, [row("alike", alike), row("other", other), row("cause", cause)])
     assert [x.code for x in found] == ["cause", "other"]
     assert np.std(left) == pytest.approx(0.1, rel=0.1)
-    found, _ = explained(fit, [row("alike", alike), row("cause", cause, refused=True)])
+    found, *_ = explained(fit, [row("alike", alike), row("cause", cause, refused=True)])
     assert [x.code for x in found] == ["alike"]

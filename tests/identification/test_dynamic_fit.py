@@ -690,7 +690,7 @@ def test_a_torque_that_drifts_is_named_with_how_far(drift: float) -> None:
 def test_backlash_is_named_with_its_size(play: float) -> None:
     """A position that runs ahead by half the play in the direction of motion is a caution with the play, within a fifth; without it there is none.
 
-    It makes a bristle of its own, which is not claimed.
+    What it moves each parameter by is in its interval, which holds the truth.
     """
     t, inertia = np.arange(0, 20, STEP), 0.01
     v = 0.5 * np.sin(2 * np.pi * 0.2 * t) + 0.2 * np.sin(2 * np.pi * 0.53 * t + 1)
@@ -704,9 +704,9 @@ def test_backlash_is_named_with_its_size(play: float) -> None:
     found = fit_tracking(problem, start, "revolute", starts=1).fit
     played = [d.numbers["play"] for d in found.warnings if d.code == "backlash"]
     assert played == pytest.approx([play] * (play > 0), rel=0.2)
-    why = {d.code for name in ("sigma_0", "sigma_1") for d in found.parameters[parse(name)].warnings}
-    assert ("unseen-turns" in why) == (play > 0)
-    assert (found.parameters[parse("sigma_0")].value is None) == (play > 0)
+    for name, true in {**values_of(GRIPPER), INERTIA: inertia}.items():
+        low, high = found.parameters[name].interval or (0.0, np.inf)
+        assert low < true < high
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2])
@@ -750,11 +750,11 @@ def test_the_halves_of_a_record_are_compared_in_any_unit() -> None:
     both = replace(run, torque=np.where(np.arange(v.size) < v.size // 2, run.torque, softer.torque))
     solved = fit_tracking(posed(both, decimation=5), values_of(GRIPPER), "revolute", starts=1)
     minimum, estimates = solved.solution.minimum, solved.fit.parameters
-    told = bristle_doubts(solved.problem, solved.solution, estimates, ())
+    told = bristle_doubts(solved.problem, solved.solution, estimates)
     assert "unseen-halves" in {d.code for d in told.values()}
     for size in (1e-170, 1e-3, 1e100):
         other = solved.solution._replace(minimum=minimum._replace(jacobian=size * minimum.jacobian))
-        again = bristle_doubts(solved.problem, other, estimates, ())
+        again = bristle_doubts(solved.problem, other, estimates)
         assert {name: d.code for name, d in again.items()} == {name: d.code for name, d in told.items()}
         for name, d in told.items():
             if d.code == "unseen-halves":

@@ -239,3 +239,16 @@ def test_a_low_pass_that_takes_motion_is_widened(monkeypatch: pytest.MonkeyPatch
     off = [abs(fit.params["alpha_0"] / law.alpha_0 - 1) for fit in (usual, widened, asked)]
     assert max(off[:2]) < 0.001, off
     assert off[2] > 0.01, off
+
+
+def test_short_stretches_between_gaps_are_left_out(tmp_path: Path) -> None:
+    """A run of which rows are lost is fitted by the stretches that its filter fits into, the others counted, and finds the friction."""
+    file = moving_file(tmp_path)
+    file.write_text(file.read_text().replace("long.csv, short.csv", "long.csv"))
+    rows = np.loadtxt(tmp_path / "long.csv", delimiter=",", skiprows=1)
+    lost = np.r_[3000:3100, 3120:3200, 6000:6050, 6200:6300]
+    np.savetxt(tmp_path / "long.csv", np.delete(rows, lost, axis=0), delimiter=",", header="t,v,T", comments="")
+    joint = identify_joint(measure(file))
+    assert joint.inputs[0].dropped == 20 + 150
+    low, high = joint.tracking.parameters[ParameterName.parse("alpha_0")].interval  # type: ignore[union-attr, misc]
+    assert low < 0.25 < high

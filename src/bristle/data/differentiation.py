@@ -38,7 +38,7 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
 
     Raises InputError where there is neither position nor velocity, or no segment is long enough.
     """
-    record = _without_short_segments(record)
+    record = without_short_segments(record)
     values = record.position if record.velocity is None else record.velocity
     if values is None:
         raise InputError(f"{record.file}: neither position nor velocity; name one of them under signals")
@@ -177,12 +177,13 @@ def without_rests(record: Record) -> Record:
     )
 
 
-def _without_short_segments(record: Record) -> Record:
+def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: str = "differentiated") -> Record:
+    """The record without its segments between gaps that have fewer samples. Raises InputError where all have."""
     segments = between_gaps(record)
-    long = [s for s in segments if s.stop - s.start >= SHORTEST]
+    long = [s for s in segments if s.stop - s.start >= shortest]
     if not long:
         raise InputError(
-            f"{record.file}: no segment between gaps has {SHORTEST} samples, too few to differentiate; log velocity, or raise cleaning.gap"
+            f"{record.file}: no segment between gaps has {shortest} samples, too few to be {for_what}; log longer, or raise cleaning.gap"
         )
     if len(long) == len(segments):
         return record
@@ -190,8 +191,8 @@ def _without_short_segments(record: Record) -> Record:
     def said(lost: int) -> Finding:
         """That rows are lost."""
         message = (
-            f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {SHORTEST} samples, "
-            "which cannot be differentiated."
+            f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {shortest} samples, "
+            f"which cannot be {for_what}."
         )
         return Finding("rows-of-short-segments", CAUTION, message, {"rows": lost})
 
@@ -206,6 +207,7 @@ def _kept(record: Record, long: list[slice], said: Callable[[int], Finding]) -> 
         for name in ("time", "position", "velocity", "torque", "voltage", "acceleration", "link_torque", "lines")
         if (values := getattr(record, name)) is not None
     }
+    signals["torque_shifts"] = {name: shift[kept] for name, shift in record.torque_shifts.items()}
     lost = record.time.size - kept.size
     lengths = [s.stop - s.start for s in long]
     starts = (0, *(int(k) for k in np.cumsum(lengths)[:-1]))

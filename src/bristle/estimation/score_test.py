@@ -138,15 +138,25 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
     return Score(sizes, errors, float(fdtrc(k, freedom, F)), share, share * total)
 
 
-def explained(fit: Fitted, candidates: Sequence[Candidate]) -> tuple[list[Finding], Array]:
-    """What the candidates explain of what a fit leaves, one after the other, beside those before; and what they leave, (n,).
+class Explained(NamedTuple):
+    """What candidates explain of what a fit leaves."""
+
+    findings: list[Finding]
+    left: Array
+    """What they leave, (n,)."""
+    errors: Array
+    """Standard errors of the unknowns, (p,), with how far each would move with what was found."""
+
+
+def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
+    """What the candidates explain of what a fit leaves, one after the other, beside those before.
 
     Each time the one that BIC likes best of those that are significant, corrected for all that were tried, and explain
     enough. The `effect` of a finding is what adding it would change: the friction, rms, under `torque`, and the parameter that moves
     farthest, in its standard errors, under `errors`. A finding that changes neither is a note.
     """
     n, waiting, basis = fit.rest.size, list(candidates), _basis(fit.known)
-    tried, total, findings = sum(len(x.columns) for x in waiting), 0.0, list[Finding]()
+    tried, total, findings, errors = sum(len(x.columns) for x in waiting), 0.0, list[Finding](), fit.errors
     while True:
         left = fit.rest - basis @ (basis.T @ fit.rest)
         now = float(left @ left)
@@ -160,13 +170,16 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> tuple[list[Findin
             if found.p * tried < LEVEL and found.share * now > LEAST * total and (best is None or bic < best[0]):
                 best = bic, candidate, which, found
         if best is None:
-            return findings, left
+            return Explained(findings, left, errors)
         _, candidate, which, found = best
         waiting = [x for x in waiting if x is not candidate]
         finding = candidate.tell(found, which)
         if finding is not None:
             basis = _basis(np.hstack([basis, fit.weight[:, None] * candidate.columns[which]]))
-            findings.append(_with_effect(fit, candidate, which, found, finding))
+            added = fit.weight * (candidate.columns[which] @ found.sizes)
+            moved = moved_by(fit.known, added)
+            errors = np.hypot(errors, moved)
+            findings.append(_with_effect(fit, added, moved, finding, is_friction=candidate.is_friction))
 
 
 def _best(basis: Array, left: Array, weight: Array, columns: Sequence[Array]) -> int:
@@ -180,12 +193,10 @@ def _best(basis: Array, left: Array, weight: Array, columns: Sequence[Array]) ->
     return int(np.argmax(found)) if found else 0
 
 
-def _with_effect(fit: Fitted, candidate: Candidate, which: int, found: Score, finding: Finding) -> Finding:
-    """The finding, with what it would change, which is a note where that is little."""
-    added = fit.weight * (candidate.columns[which] @ found.sizes)
-    moved = moved_by(fit.known, added)
+def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, is_friction: bool) -> Finding:
+    """The finding, with what adding this to the model, (n,), which moves the unknowns, (p,), would change; a note where that is little."""
     friction = fit.known[:, fit.of_friction] @ moved[fit.of_friction]
-    changed = (added if candidate.is_friction else 0.0) - friction
+    changed = (added if is_friction else 0.0) - friction
     torque = float(np.sqrt(np.mean(np.square(changed))))
     errors = float(np.max(np.abs(moved) / np.maximum(fit.errors, 1e-300), initial=0.0))
     little = max(torque, finding.effect.get("torque", 0.0)) < MATTERS * fit.friction and errors < 1

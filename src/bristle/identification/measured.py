@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
-from bristle.data.differentiation import estimate_motion, usable
+from bristle.data.differentiation import estimate_motion, usable, without_short_segments
 from bristle.data.experiment.load import Experiment, Run, in_amperes, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
@@ -19,7 +19,7 @@ from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError, short, short_list
 from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.fits import Estimate
-from bristle.identification.moving_runs import ONE_RATE, load_columns, longest_decimation, needed, terms_of
+from bristle.identification.moving_runs import ONE_RATE, load_columns, longest_decimation, needed, terms_of, transient
 from bristle.identification.static.points import PointSearch, point_regressors, search_points, without_strays
 
 if TYPE_CHECKING:
@@ -133,10 +133,19 @@ def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment
             replace(run, record=_through(run.record, widest)) if run.kind == "tracking" and run.hold_out else run
             for run in runs
         )
-    if experiment.fit.decimation is not None or not moving:
-        return _asking(experiment, decimation=experiment.fit.decimation or 1), runs
-    longest = min(int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for r in moving)
-    return _asking(experiment, decimation=longest_decimation(decimation(fitted or moving), longest)), runs
+    every = experiment.fit.decimation or 1
+    if experiment.fit.decimation is None and moving:
+        longest = min(int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for r in moving)
+        every = longest_decimation(decimation(fitted or moving), longest)
+    runs = tuple(replace(x, record=_decimable(x.record, every)) if x.kind == "tracking" else x for x in runs)
+    return _asking(experiment, decimation=every), runs
+
+
+def _decimable(record: Record, decimation: int) -> Record:
+    """A moving run without what lies between two gaps that its decimation filter does not fit into, unless that is all."""
+    shortest = transient(record.decimation(decimation)) + 1
+    fits = np.diff([*record.starts, record.time.size]).max() >= shortest
+    return without_short_segments(record, shortest, "decimated") if fits and record.velocity is not None else record
 
 
 def _through(record: Record, cutoff: float) -> Record:

@@ -330,7 +330,7 @@ def decimator(
     samples = int(lengths.sum())
     if decimation == 1:
         return _without(sparse.csr_array(sparse.eye_array(samples, format="csr")), unknown), 0
-    kernel, half = _kernel(decimation, _KERNEL_TAIL), _kernel(decimation).size // 2
+    kernel, half = _kernel(decimation, _KERNEL_TAIL), transient(decimation) // 2
     ends = np.cumsum(lengths)
     pairs = zip(ends - lengths, ends, strict=True)
     centres = np.concatenate([np.arange(start + half, stop - half, decimation) for start, stop in pairs])
@@ -353,8 +353,12 @@ def _without(smooth: sparse.csr_array, unknown: NDArray[np.bool_] | None) -> spa
 
 def longest_decimation(usual: int, samples: int) -> int:
     """The largest decimation, at most the usual one, whose transients take at most a fifth of so many samples between gaps."""
-    fitting = (d for d in range(usual, 1, -1) if samples > _ENDS * (_kernel(d).size - 1))
-    return next(fitting, 1)
+    return next((d for d in range(usual, 1, -1) if samples > _ENDS * transient(d)), 1)
+
+
+def transient(decimation: int) -> int:
+    """Samples that the decimation filter costs a segment, which has to be longer."""
+    return 0 if decimation == 1 else _kernel(decimation).size - 1
 
 
 def _kernel(decimation: int, tail: float = _DIED_OUT) -> Array:

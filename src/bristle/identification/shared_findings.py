@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from bristle.findings import CAUTION, Finding, unit_of
 
 UNRESOLVED = frozenset({
-    "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves", "unseen-turns",
+    "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
     "unseen-companion", "unseen-in-counts", "unseen-biased", "unseen-too-few",
 })  # fmt: skip  # a list of values
 """Kinds that leave no interval either: what was fitted is not what the parameter means."""

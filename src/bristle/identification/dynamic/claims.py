@@ -4,7 +4,7 @@ The Stribeck term where it is significant; sigma_0 and sigma_1 where presliding 
 numbers, and not the bristle's.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby, pairwise
 
@@ -30,9 +30,7 @@ _NOTHING = 1e-8
 """Share of its column that a half must have, to say anything of a parameter."""
 _INFLATED = 10.0
 """A variance inflation beyond which two parameters are told apart badly."""
-_BRISTLE = ("sigma_0", "sigma_1")
-_OF_REVERSALS = frozenset({"backlash", "reversals-left", "delay-or-presliding"})
-"""Codes of what a fit leaves about reversals, which a bristle takes part of up."""
+BRISTLE = ("sigma_0", "sigma_1")
 _COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}
 """What means nothing without another parameter, and without which."""
 
@@ -97,35 +95,23 @@ def bristle_doubts(
     problem: DynamicProblem,
     solution: MultistartSolution[Unknown],
     estimates: Mapping[ParameterName, Estimate],
-    left: Sequence[Finding],
 ) -> dict[ParameterName, Finding]:
     """Why a sigma_0 or sigma_1 is not identifiable, by name; one that has a prior of its own stands.
 
     The deflection g0 / sigma_0 has to be larger than an encoder count, for every sigma_0 of its interval and with no
     alpha_1 that is none itself, and to be passed in five samples after a reversal, as a median over those after which
-    it is passed at all; what is left (`what_is_left`) may be nothing about reversals; the two halves of the record have to
-    agree on both parameters at 1 %, to first order.
+    it is passed at all; the two halves of the record have to agree on both parameters at 1 %, to first order.
     """
     differ = _halves_differ(problem, solution)
-    turns = next((_turns(f.code) for f in left if f.code in _OF_REVERSALS), None)
     doubts: dict[ParameterName, Finding] = {}
     for direction in problem.directions:
-        names = [ParameterName(name, direction) for name in _BRISTLE]
+        names = [ParameterName(name, direction) for name in BRISTLE]
         reason = _unresolved(problem, solution, direction, estimates)
         for name in names:
-            why = reason or turns or differ.get(name)
+            why = reason or differ.get(name)
             if why is not None and name in estimates and name not in problem.with_prior:
                 doubts[name] = why
     return doubts
-
-
-def _turns(code: str) -> Finding:
-    """That what is left about reversals is no bristle's."""
-    message = (
-        f"Not identifiable from this motion: how the joint turns is not what a bristle makes of it alone ({code}), and what was "
-        "fitted stands for that as well; slow loading from rest (experiment: presliding) would show it."
-    )
-    return Finding("unseen-turns", CAUTION, message, {"code": code})
 
 
 def _unresolved(
@@ -240,7 +226,7 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
     J = J / np.where(largest > 0, largest, 1.0)  # how far apart in standard errors is the same in any unit
     parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
     looked_at = {
-        name: k for name, k in parameters.items() if name.name in _BRISTLE and solution.scaled_errors[k] < np.inf
+        name: k for name, k in parameters.items() if name.name in BRISTLE and solution.scaled_errors[k] < np.inf
     }
     freedom = n / solution.widening**2 - 2 * len(parameters)
     if freedom < 1 or not looked_at:

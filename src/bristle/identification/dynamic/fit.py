@@ -107,7 +107,7 @@ def fit_tracking(
     problem, solution, dropped, shown = _settled(problem, start, starts, seed, others, progress)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
     left = what_is_left(problem, solution, kind)
-    estimates = _all_estimates(problem, solution, kind, dropped, shown, left)
+    estimates = _all_estimates(problem, solution, kind, dropped, shown, left.errors)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
@@ -118,7 +118,7 @@ def fit_tracking(
         *(unexplained(rows, problem.extent) if torque else ()),
         *_below_zero(estimates.get(INERTIA)),
         *_shape_held(problem),
-        *left,
+        *left.findings,
         *(offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom) if torque else ()),
         *loads_alike(problem, solution),
         *_warnings(solution, rows, unseen),
@@ -210,13 +210,13 @@ def _all_estimates(
     kind: Kind,
     dropped: Mapping[ParameterName, Finding],
     shown: set[ParameterName],
-    left: Sequence[Finding],
+    errors: Array,
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value.
 
     None has where the fit did not converge, or leaves more than there was.
     """
-    estimates = _estimates(solution, kind)
+    estimates = _estimates(solution._replace(scaled_errors=errors), kind)
     estimates |= {name: _refused(name, kind, why) for name, why in dropped.items()}
     if not solution.minimum.converged or _percent(equations_left(problem, solution), problem) > _NOTHING:
         message = "Not estimated: the fit did not converge, or leaves more than was measured."
@@ -233,7 +233,7 @@ def _all_estimates(
         estimates = warned(estimates, dict.fromkeys(estimates, few))
     doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
     estimates = warned(estimates, doubts)
-    estimates = warned(estimates, bristle_doubts(problem, solution, estimates, left))
+    estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
     bent = [name for name, why in dropped.items() if why.code == "unseen-bend"]
     message = "If v_s lies beyond these speeds, this is alpha_0 + alpha_1: only their sum is identifiable."
     only_sum = Finding("only-sum-seen", CAUTION, message)

@@ -7,6 +7,7 @@ another inertia than the one given, backlash.
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained, score
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.candidates import candidates
+from bristle.identification.dynamic.claims import BRISTLE
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, parameters
 from bristle.identification.moving_runs import load_columns
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, of_friction, unit
@@ -56,10 +58,20 @@ _PHASE = 0.37
 """Where in a count the joint rests in a draw of what counting does."""
 
 
-def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> list[Finding]:
+class Left(NamedTuple):
+    """What a fit leaves."""
+
+    findings: list[Finding]
+    errors: Array
+    """Scaled standard errors of its unknowns, (p,), with how far what was found moves each, and as much larger of the bristle as
+    more is left about reversals."""
+
+
+def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> Left:
     """What a fit lacks, to first order, and patterns of what it leaves that nothing tried explains; of a predicted torque alone."""
+    errors = solution.scaled_errors.copy()
     if problem.quantity != "torque":
-        return []
+        return Left([], errors)
     motions = problem.motions
     values: Values = {**problem.fixed, **solution.values}
     extra = np.array([values[name] for name in problem.extra_names])
@@ -90,8 +102,12 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     if problem.cutoff and all(m.position.size for m in motions):
         shifts = tuple(_shifted(problem, solution.values, torque, width)[:, None] for width in _WIDTHS)
         every.append(Candidate(_backlash, shifts))
-    lacks, left = explained(fit, every)
-    return [*lacks, *pattern_left(problem, left / weight)]
+    lacks = explained(fit, every)
+    patterns = pattern_left(problem, lacks.left / weight)
+    errors[seen] = lacks.errors
+    worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
+    errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
+    return Left([*lacks.findings, *patterns], errors)
 
 
 def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:

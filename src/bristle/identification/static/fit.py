@@ -276,7 +276,7 @@ def terms_left_out(core: StaticSolution, kind: JointKind, where: PointInfo) -> l
     rows = candidates(velocity[order], time, position, [name.name for name in names], kind)
     points = [where.segments[k] for k in order] if where.segments else []
     modelled = (problem.torque - core.solution.residuals)[measured][order]
-    return explained(fit, [*rows, *_by_rows(points, modelled)])[0]
+    return explained(fit, [*rows, *_by_rows(points, modelled)]).findings
 
 
 def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:
