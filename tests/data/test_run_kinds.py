@@ -83,6 +83,16 @@ def test_slow_loading_until_it_slides_both_ways_is_presliding() -> None:
     assert kind(log(rate, np.gradient(q) * rate, q, T)) == "presliding"
 
 
+def test_short_strokes_that_slide_are_tracking() -> None:
+    """A motion of several sines within 15 mrad, seven times as far as the bristle bends, goes with its direction more than with its position."""
+    t = np.arange(0, 30, 2e-3)
+    sines = np.sin(2 * np.pi * np.array([[0.3], [0.9], [2.1]]) * t)
+    q = np.minimum(t / 2, 1) ** 3 * (np.array([0.012, 0.004, 0.0015]) @ sines)
+    v = np.gradient(q, t)
+    T = rollout(v, 2e-3, Lugre(1.2, 0.5, 0.8, 0.05, 900.0, 6.0)).torque + 0.06 * np.gradient(v, t)
+    assert kind(log(500.0, v, q, T, velocity=False)) == "tracking"
+
+
 def test_slow_turns_are_no_slow_loading() -> None:
     """A joint that slides for a moment at each of some speeds takes half a second to turn, and slides all the same."""
     speeds = np.ravel([(x, -x) for x in np.geomspace(0.008, 0.3, 8)])

@@ -162,15 +162,20 @@ def _until_unloaded(record: Record, loading: Loading) -> tuple[int, int]:
 
 
 def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
-    """Whether position and torque go together in the stretches that load; each begins anew, where the joint slid to."""
+    """Whether the torque goes with the position in the stretches that load, more than with the direction of motion, as that of a joint that slides.
+
+    Each begins anew, where the joint slid to.
+    """
     if record.position is None or record.torque is None or np.count_nonzero(loaded) < 2:
         return False
     bounds = np.flatnonzero(np.diff(loaded, prepend=False, append=False)).reshape(-1, 2)
-    q, T = (
+    direction = np.sign(np.zeros(loaded.size) if record.velocity is None else record.velocity)
+    q, side, T = (
         np.concatenate([x[start:stop] - x[start:stop].mean() for start, stop in bounds])
-        for x in (record.position, record.torque)
+        for x in (record.position, direction, record.torque)
     )
-    return float(q @ T) > _SPRING * float(np.sqrt((q @ q) * (T @ T)))
+    with_q, with_side = (float(x @ T) / max(float(np.linalg.norm(x)), 1e-300) for x in (q, side))
+    return with_q > max(_SPRING * float(np.linalg.norm(T)), with_side)
 
 
 def _breaks_away(record: Record, loadings: Sequence[Loading], loaded: NDArray[np.bool_]) -> NDArray[np.bool_]:
