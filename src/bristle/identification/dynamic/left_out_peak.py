@@ -74,7 +74,7 @@ def _peaks(problem: DynamicProblem, solution: MultistartSolution[Unknown], direc
     fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
     fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
     values = {name: value for name, value in solution.values.items() if name != v_s}
-    weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
+    weight = problem.weight
     speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * fastest
     columns = np.zeros((solution.minimum.residuals.size, _SPEEDS))
     for k, speed in enumerate(speeds.tolist()):
