@@ -51,7 +51,12 @@ def with_periods(measured: Measured) -> Measured:
     asked = [name for name in PERIODIC if name in (experiment.fit.regressors or ())]
     if not asked:
         return measured
-    most = _resolved(experiment, training)
+    # the highest order of which a typical step between two equations covers no more than half a period
+    every = experiment.fit.every
+    moved = [np.abs(np.diff(r.position[:: r.decimation(every)])) for r in training if r.position is not None]
+    steps = np.concatenate([np.zeros(0), *moved])
+    whole, turn = turn_of(experiment.joint.kind)
+    most = int(whole / 2 / float(np.median(steps[steps > 0]))) if steps.any() else np.iinfo(np.int64).max
     if isinstance(experiment.fit.orders, tuple):
         too_fine = [k for k in experiment.fit.orders if k > most]
         if too_fine:
@@ -60,7 +65,6 @@ def with_periods(measured: Measured) -> Measured:
                 "equations of the moving runs: leave it out, lower fit.decimation, or measure slower"
             )
         return measured
-    _, turn = turn_of(experiment.joint.kind)
     left = _of_motion(experiment, training, asked, most) if training else _of_points(measured, asked)
     orders, tried, last = shown_orders(*left), len(left.columns), max(left.columns, default=0)
     found = with_options(measured, orders=orders)
@@ -111,16 +115,6 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
             break
         chosen.remove(last)
     return tuple(sorted(chosen))
-
-
-def _resolved(experiment: Experiment, records: Sequence[Record]) -> int:
-    """The highest order of which a typical step between two equations of some runs covers no more than half a period."""
-    every = experiment.fit.every
-    steps = np.concatenate(
-        [np.zeros(0), *(np.abs(np.diff(r.position[:: r.decimation(every)])) for r in records if r.position is not None)]
-    )
-    typical = float(np.median(steps[steps > 0])) if steps.any() else 0.0
-    return int(turn_of(experiment.joint.kind)[0] / 2 / typical) if typical else np.iinfo(np.int64).max
 
 
 def _tried(experiment: Experiment, positions: Array, most: int) -> range:
