@@ -93,10 +93,7 @@ def _withheld(fit: TrackingFit, v: Array) -> float:
 
 
 def _offset(joint: Joint) -> float:
-    """The torque, N*m, that is an offset where one friction is of both directions, or half of what their levels differ by.
-
-    0 beside gravity, which an offset is part of.
-    """
+    """The torque that is an offset, or half of what the levels of two directions differ by, N*m; 0 beside gravity, which an offset is part of."""
     values = {row.parameter: row.estimate.value or 0.0 for row in chosen(joint)}
     plus, minus = (values.get(ParameterName("alpha_0", d), 0.0) for d in SIGNED)
     if any(name.name == "gravity_cos" for name in values):

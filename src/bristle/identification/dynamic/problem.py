@@ -338,10 +338,7 @@ def equation_error(
 
 
 def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[ParameterName, ...]]:
-    """By how much the level rises along a motion, N*m, and the derivatives of that, (1 + k, N); and by which parameters these are.
-
-    None, and none, where it does not rise.
-    """
+    """The rise of the level along a motion, N*m, and its derivatives, (1 + k, N), and by which parameters; None, and none, where it stays."""
     load = motion.load
     if load is None:
         return None, ()
