@@ -50,8 +50,7 @@ DRAWS = 60
 """Joints drawn from the covariance of the identified parameters."""
 SEED = 0
 DEFLECTION = 1e-3
-"""Where nothing shows the bristle's stiffness: its deflection in slow sliding is this share of how far the joint goes.
-"""
+"""Where nothing shows the bristle's stiffness: its deflection in slow sliding, as a share of how far the joint goes."""
 INERTIAL = 0.1
 """Torque of the largest acceleration where no inertia is known, as a share of alpha_0."""
 _MOST_MOVED = 5.0
@@ -183,10 +182,7 @@ def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownJoint:
-    """What is known of one joint's friction, as one model.
-
-    A law is of one stage, since alpha_0 of one and alpha_1 of another are none.
-    """
+    """What is known of one joint's friction, as one model, whose law is of one stage."""
 
     name: str
     law: Law = GAUSSIAN
@@ -200,19 +196,13 @@ class KnownJoint:
 
     @property
     def directions(self) -> tuple[Direction, ...]:
-        """`both` where one law is of both directions, else those of + and - of which a law is known.
-
-        There is none where no law is known.
-        """
+        """`both` where one law is of both directions, else those of + and - of which a law is known, which may be none."""
         law = {d for name, d in (*self.estimates, *self.given) if of_curve(name)}
         ways = (Direction.BOTH,) if law == {Direction.BOTH} else SIGNED
         return tuple(d for d in ways if self.has_law(d))
 
     def has_law(self, direction: Direction) -> bool:
-        """Whether the friction vs velocity is known in a direction.
-
-        None without Coulomb friction is a law for a bristle.
-        """
+        """Whether the friction vs velocity is known in a direction; none without Coulomb friction is a law for a bristle."""
         values = self.values(direction)
         return values.keys() >= set(static_fields_of(self.law)) and values["alpha_0"] > 0
 
@@ -233,10 +223,7 @@ class KnownJoint:
         return tuple(name for name in names if (e := self.estimate(name, direction)) is None or e.value is None)
 
     def values(self, direction: Direction) -> dict[str, float]:
-        """What a direction's LuGre parameters are: estimated, given, or as they were held.
-
-        A law without a peak is as in `without_peak`.
-        """
+        """A direction's LuGre parameters, SI: estimated, given, or as they were held; a law without a peak is as in `without_peak`."""
         fields = fields_of(self.law)
         values = {name: e.value for name in fields if (e := self.estimate(name, direction)) is not None}
         for fixed in (self.given, self.held):
@@ -318,8 +305,7 @@ def as_identified(joint: Joint) -> KnownJoint:
 def whole(joint: Joint) -> KnownJoint:
     """What is known of a joint that can be compensated.
 
-    Raises InputError where nothing is known of the friction vs velocity in a direction, or of the bristle without a
-    moving run.
+    Raises InputError where the friction vs velocity is not known in a direction, or nothing of the bristle without a moving run.
     """
     known = known_joint(joint)
     remedy = "; a compensator needs a tracking run, or ramp and presliding runs in both directions"

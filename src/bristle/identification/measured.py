@@ -26,8 +26,6 @@ if TYPE_CHECKING:
 
 _STILL = 1e-12
 """Of the fastest point: a slower one is at rest, and its velocity rounding."""
-
-
 _ROUNDING = 1e-12
 """Of a position: what unwrapping makes of it."""
 
@@ -210,11 +208,11 @@ def nothing_to_fit(measured: Measured) -> str:
     """Why no run can be fitted, one sentence."""
     experiment = measured.experiment
     pairs = zip(measured.runs, measured.segments, strict=True)
-    training = [(run, candidates) for run, candidates in pairs if run.kind in {"ramp", "points"} and not run.hold_out]
+    training = [(run.record, found) for run, found in pairs if run.kind in {"ramp", "points"} and not run.hold_out]
     if not training:
         return f"{experiment.path.name}: no run to fit (hold-out runs are never fitted); add one under runs"
-    every = tuple(s for _, candidates in training for s in candidates)
-    return nothing_left(every, tuple(run.record for run, _ in training), experiment.segments)
+    records, candidates = zip(*training, strict=True)
+    return nothing_left(tuple(s for found in candidates for s in found), records, experiment.segments)
 
 
 def refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
@@ -298,21 +296,19 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
     if velocity is None or torque is None:
         raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
     moving = np.abs(velocity) > _STILL * np.abs(velocity).max(initial=0.0)
-    fast = np.abs(velocity) >= (slowest or 0.0)
     clipped = at_limits(record, "points")
 
-    def against(k: int) -> tuple[Finding, ...]:
-        """Why a point is rejected."""
+    reasons: list[tuple[Finding, ...]] = []
+    for k, speed in enumerate(np.abs(velocity).tolist()):
         if not moving[k]:
             message = "At rest: friction at zero velocity is not a function of velocity; remove such rows."
-            return (Finding("point-at-rest", NOTE, message),)
-        if not fast[k]:
-            speed = abs(float(velocity[k]))
+            reasons.append((Finding("point-at-rest", NOTE, message),))
+        elif speed < (slowest or 0.0):
             message = f"Slower than segments.minimum_velocity: {speed:.3g}{unit_of('velocity')}, and {slowest:.3g}{unit_of('velocity')} is required."
-            return (Finding("point-too-slow", NOTE, message, {"speed": speed, "least": slowest}),)
-        return (Finding("saturated", NOTE, "Its torque is at the largest of the file: clipped."),) if clipped[k] else ()
-
-    reasons = [against(k) for k in range(velocity.size)]
+            reasons.append((Finding("point-too-slow", NOTE, message, {"speed": speed, "least": slowest}),))
+        else:
+            message = "Its torque is at the largest of the file: clipped."
+            reasons.append((Finding("saturated", NOTE, message),) if clipped[k] else ())
     return tuple(
         Segment(
             file=record.file,

@@ -148,10 +148,8 @@ def _counted(record: Record, torque: Array, resolution: float, phase: float) -> 
     position = np.asarray(record.position)
     if resolution:
         position = np.asarray(quantise(position + phase * resolution, resolution)).ravel()
-    return replace(
-        estimate_motion(replace(record, position=position, velocity=None, acceleration=None), record.cutoff),
-        torque=torque,
-    )
+    bare = replace(record, position=position, velocity=None, acceleration=None)
+    return replace(estimate_motion(bare, record.cutoff), torque=torque)
 
 
 def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> dict[ParameterName, Finding]:

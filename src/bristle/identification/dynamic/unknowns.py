@@ -51,10 +51,7 @@ _MOST = 10.0
 def fit(
     problem: DynamicProblem, start: Values, most: int = 60, enough: float = 0.0
 ) -> tuple[dict[Unknown, float], Minimum]:
-    """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
-
-    `enough` as in `minimise`. Raises InputError as that does.
-    """
+    """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns; `enough` and InputError as of `minimise`."""
     posed, minimum = solved(problem, start, most, enough=enough)
     return posed.unknowns.values(minimum.x), minimum
 
@@ -94,10 +91,7 @@ def _thinned(motion: Motion, first: int) -> Motion:
 def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum that ran out of steps, brought to its end by more of them, of simulated positions by windows that settle by themselves.
-
-    It is kept where it is lower. One of too few equations stays as it is.
-    """
+    """A minimum that ran out of steps, brought to its end, of simulated positions by windows that settle by themselves, where that is lower."""
     if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
         return posed, minimum
     values = posed.unknowns.values(minimum.x)
