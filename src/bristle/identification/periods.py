@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
@@ -31,17 +30,6 @@ _SIGNIFICANT = 0.01
 """Of any of the orders tried, in clean data."""
 
 
-class _Left(NamedTuple):
-    """What a fit without cogging and ripple leaves of n equations."""
-
-    known: Array
-    """Derivatives by all that is fitted, (n, p)."""
-    rest: Array
-    """N*m, (n,)."""
-    columns: Mapping[int, Array]
-    """Of each order that is tried, (n, k)."""
-
-
 def with_periods(measured: Measured) -> Measured:
     """The same with the orders of cogging and ripple that the data show, where the experiment asks for those, and a note of them.
 
@@ -65,12 +53,12 @@ def with_periods(measured: Measured) -> Measured:
                 "equations of the moving runs: leave it out, lower fit.decimation, or measure slower"
             )
         return measured
-    left = _of_motion(experiment, training, asked, most) if training else _of_points(measured, asked)
-    orders, tried, last = shown_orders(*left), len(left.columns), max(left.columns, default=0)
+    known, rest, columns = _of_motion(experiment, training, asked, most) if training else _of_points(measured, asked)
+    orders, tried, last = shown_orders(known, rest, columns), len(columns), max(columns, default=0)
     found = with_options(measured, orders=orders)
     numbers = {"tried": tried, "last": last, "turn": turn}
     if orders:
-        first, named = min(left.columns), ", ".join(map(str, orders))
+        first, named = min(columns), ", ".join(map(str, orders))
         message = (
             f"Of {tried} orders, from {first} to {last} per {turn}, {named} explain more of what the fit without them leaves "
             "than chance does (F tests at 1 %, corrected for all orders tried): they are fitted. To keep them, write "
@@ -123,20 +111,22 @@ def _tried(experiment: Experiment, positions: Array, most: int) -> range:
     return range(max(int(np.ceil(turn / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)
 
 
-def _of_motion(experiment: Experiment, records: Sequence[Record], asked: Sequence[str], most: int) -> _Left:
-    """What the fit of all parameters leaves of moving runs."""
+def _of_motion(
+    experiment: Experiment, records: Sequence[Record], asked: Sequence[str], most: int
+) -> tuple[Array, Array, dict[int, Array]]:
+    """Of the fit of moving runs the derivatives by all parameters, (n, p), what it leaves, N*m, (n,), and columns of each order tried, (n, k)."""
     problem, start = posed_and_start(experiment, directions(experiment, records), records, {}, None)
     solution = solve_dynamic(problem, start, STARTS, SEED)
     tried = _tried(experiment, problem.position, most)
     columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
-    return _Left(*known_and_left(problem, solution), columns)
+    return *known_and_left(problem, solution), columns
 
 
-def _of_points(measured: Measured, asked: Sequence[str]) -> _Left:
-    """What the fit of points at constant velocity leaves: half as many orders as points are tried."""
+def _of_points(measured: Measured, asked: Sequence[str]) -> tuple[Array, Array, dict[int, Array]]:
+    """The same of the fit of points at constant velocity: half as many orders as points are tried."""
     experiment, kept = measured.experiment, measured.points(hold_out=False)
     if not kept:
-        return _Left(np.zeros((0, 0)), np.zeros(0), {})
+        return np.zeros((0, 0)), np.zeros(0), {}
     (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
     law = experiment.fit.friction
     problem = points_problem(points, sides, point_regressors(experiment), law)
@@ -152,8 +142,5 @@ def _of_points(measured: Measured, asked: Sequence[str]) -> _Left:
     whole = points_problem([placed[s.place] for s in points], sides, every, law)
     width = 2 * len(asked)
     columns = whole.linear[:, whole.linear.shape[1] - width * len(tried) :]
-    return _Left(
-        problem.jacobian(theta),
-        problem.residuals(theta),
-        {k: columns[:, width * j : width * (j + 1)] for j, k in enumerate(tried)},
-    )
+    by_order = {k: columns[:, width * j : width * (j + 1)] for j, k in enumerate(tried)}
+    return problem.jacobian(theta), problem.residuals(theta), by_order

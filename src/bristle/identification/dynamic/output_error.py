@@ -70,6 +70,7 @@ class Simulated:
         windows = [m for m in problem.motions if isinstance(m, Window)]
         directions, fields, states = problem.directions, fields_of(self.law), problem.initial_states
         every, pair = _every(windows, known), len(directions) == 2
+        middle = (np.arange(every) + 0.5) / every  # of the steps of the plant between two samples
         friction = [known[ParameterName(name, d)] for d in (directions if pair else directions * 2) for name in fields]
         p = np.array([*friction, *(known.get(name, 0.0) for name in _LOADS), self.motor.k_t, self.motor.R])
         alike: dict[int, list[int]] = {}
@@ -79,7 +80,9 @@ class Simulated:
         for size, chosen in alike.items():  # windows of one length go in one call
             x0 = np.array([[known[InitialState(name, k)] for name in states] for k in chosen]).T
             start = np.vstack([x0, np.repeat(np.eye(3, 3 + _free(self.law)).T.reshape(-1, 1), len(chosen), axis=1)])
-            inputs = np.concatenate([_inputs(windows[k], every) for k in chosen], axis=1)
+            drives = [w.drive[:-1, None] + np.diff(w.drive)[:, None] * middle for w in (windows[k] for k in chosen)]
+            steps = [np.repeat(windows[k].step / every, every) for k in chosen]
+            inputs = np.vstack([np.concatenate([x.ravel() for x in drives]), np.concatenate(steps)])
             ends = _chain((size - 1) * every, every, self.current, self.law, len(chosen))(start, inputs, p)
             for k, first, rows in zip(chosen, start.T, np.split(np.asarray(ends), len(chosen), axis=1), strict=True):
                 whole = np.concatenate([first[::3, None], rows], axis=1)
@@ -185,31 +188,9 @@ def _every(windows: Sequence[Window], known: Values) -> int:
     return every  # seldom another one from step to step of the fit
 
 
-def _inputs(window: Window, every: int) -> Array:
-    """Drive and length of every step of the plant, (2, steps)."""
-    middle = (np.arange(every) + 0.5) / every
-    drive = window.drive[:-1, None] + np.diff(window.drive)[:, None] * middle
-    return np.vstack([drive.ravel(), np.repeat(window.step / every, every)])
-
-
 def _free(of: Law) -> int:
     """How many parameters the state is differentiated by: a pair of sets, and the loads."""
     return 2 * len(fields_of(of)) + len(LOADS)
-
-
-@lru_cache(maxsize=4)
-def _step(current: Current, of: Law) -> ca.Function:
-    """((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h."""
-    x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _free(of) + 2)
-    count = 2 * len(fields_of(of))
-    sets, (J, *loads, k_t, R) = ca.vertsplit(p[:count]), ca.vertsplit(p[count:])
-    drive, h = ca.vertsplit(u)
-    state = State(*ca.vertsplit(x))
-    middle = state.position + h / 2 * state.velocity
-    _, *terms = law.load_terms(middle, state.velocity, 0.0, 0.0).values()
-    load = -sum(parameter * term for parameter, term in zip(loads, terms, strict=True))
-    new = plant_step(state, drive, load, h, pair_of(sets, of), Motor(k_t, R, 0.0, J), current)
-    return ca.Function("plant", [x, u, p], [ca.vertcat(*new)], {"cse": True})
 
 
 @lru_cache(maxsize=16)
@@ -219,10 +200,17 @@ def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> c
     Of all these, y at every sample but the first. (the start: y, v, z and their derivatives, column by column; the
     steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on for each window.
     """
-    free = _free(of)
+    free, count = _free(of), 2 * len(fields_of(of))
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", free + 2)
     by = ca.SX.sym("by", 3, 3 + free)
-    new = _step(current, of)(x, u, p)
+    # ((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h
+    sets, (J, *loads, k_t, R) = ca.vertsplit(p[:count]), ca.vertsplit(p[count:])
+    drive, h = ca.vertsplit(u)
+    state = State(*ca.vertsplit(x))
+    middle = state.position + h / 2 * state.velocity
+    _, *terms = law.load_terms(middle, state.velocity, 0.0, 0.0).values()
+    load = -sum(parameter * term for parameter, term in zip(loads, terms, strict=True))
+    new = ca.vertcat(*plant_step(state, drive, load, h, pair_of(sets, of), Motor(k_t, R, 0.0, J), current))
     source = ca.horzcat(ca.SX(3, 3), ca.jacobian(new, p)[:, :free])
     moved = ca.densify(ca.jacobian(new, x) @ by + source)
     both = ca.Function("both", [ca.vertcat(x, ca.vec(by)), u, p], [ca.vertcat(new, ca.vec(moved))], {"cse": True})
