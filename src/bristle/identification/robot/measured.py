@@ -217,15 +217,22 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
     if urdf is None:
         return []
     joint = urdf.joint(name)
-    q = np.concatenate([np.asarray(r.record.position) for r in runs if r.record.position is not None] or [np.zeros(0)])
-    v = np.concatenate([np.asarray(r.record.velocity) for r in runs if r.record.velocity is not None] or [np.zeros(0)])
-    found = []
+    signals = ([getattr(run.record, name) for run in runs] for name in ("position", "velocity", "torque"))
+    q, v, T = (np.concatenate([np.zeros(0), *(x for x in logged if x is not None)]) for logged in signals)
+    found, beyond = [], list[tuple[str, Array, float, float]]()
     if q.size and (q.min() < joint.lower - _BEYOND or q.max() > joint.upper + _BEYOND):
-        found.append(_beyond("position", q, (joint.lower, joint.upper)))
+        beyond.append(("position", q, joint.lower, joint.upper))
     if v.size and np.quantile(np.abs(v), 0.999) > joint.velocity * (1 + _BEYOND):
-        found.append(_beyond("velocity", v, (-joint.velocity, joint.velocity)))
-    T = np.concatenate([np.abs(r.record.torque) for r in runs if r.record.torque is not None] or [np.zeros(0)])
-    if T.size and not in_amperes and (most := float(np.quantile(T, 0.999))) > _PEAK * joint.effort:
+        beyond.append(("velocity", v, -joint.velocity, joint.velocity))
+    for signal, logged, lowest, highest in beyond:
+        of, low, high = unit_of(signal), float(logged.min()), float(logged.max())
+        message = (
+            f"The {signal} runs from {low:.3g} to {high:.3g}{of}; the URDF allows {lowest:.3g} to {highest:.3g}{of}: check the "
+            "order of the joints, units and the URDF."
+        )
+        named = {"signal": signal, "low": low, "high": high, "least": lowest, "most": highest}
+        found.append(Finding("beyond-urdf", CAUTION, message, named))
+    if T.size and not in_amperes and (most := float(np.quantile(np.abs(T), 0.999))) > _PEAK * joint.effort:
         of = unit("torque", joint.kind)
         reached = f"The torque reaches {most:.3g} {of}, and the URDF allows {joint.effort:.3g} {of}: check the"
         numbers = {"most": most, "limit": joint.effort, "unit": of}
@@ -236,18 +243,6 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
             message = f"{reached} torque constant, the gear and the URDF."
             found.append(Finding("effort-beyond", CAUTION, message, numbers))
     return found
-
-
-def _beyond(signal: str, logged: Array, limits: tuple[float, float]) -> Finding:
-    """That a signal leaves the limits of the URDF."""
-    (least, most), of = limits, unit_of(signal)
-    low, high = float(logged.min()), float(logged.max())
-    message = (
-        f"The {signal} runs from {low:.3g} to {high:.3g}{of}; the URDF allows {least:.3g} to {most:.3g}{of}: check the "
-        "order of the joints, units and the URDF."
-    )
-    numbers = {"signal": signal, "low": low, "high": high, "least": least, "most": most}
-    return Finding("beyond-urdf", CAUTION, message, numbers)
 
 
 def _of_all(
