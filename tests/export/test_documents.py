@@ -205,9 +205,8 @@ def spoilt(text: str) -> dict[str, str]:
         "got fastest = 0": changed(text, fastest=0.0),
         "is there twice": json.dumps({**document, "joints": document["joints"] * 2}),
         "valid number": changed(text, fastest="1"),
-        "NaN is no JSON": text.replace(error, "NaN"),
-        "beyond every number": text.replace(error, "1e999"),
-        "key 'name' is given twice": text.replace('"name"', '"name": "x", "name"', 1),
+        "Out of range float": text.replace(error, "NaN"),
+        "not JSON compliant": text.replace(error, "1e999"),
         "more than 1000000": "[" + "," * 1_000_001 + "]",
         "line 1 column 1": "",
         "recursion": "[" * 100_000,
@@ -216,7 +215,7 @@ def spoilt(text: str) -> dict[str, str]:
     }  # fmt: skip  # a table
 
 
-WHYS = tuple(range(16))
+WHYS = tuple(range(15))
 
 
 @pytest.mark.parametrize("k", WHYS)

@@ -12,7 +12,7 @@ import pytest
 
 from bristle.estimation.interval_comparison import they_differ
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.document import document_of, joints_of
+from bristle.identification.document import document_of, joints_of, parsed, validated, with_samples
 from bristle.identification.results import Joint, adapter
 from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.joint_report import results_file
@@ -118,7 +118,7 @@ def test_the_file_is_the_result(slow: Joint, moved: Joint) -> None:
     """Read back by the classes that wrote it, every value, name and warning is that of the joint, to the last digit; written again it is the same."""
     for joint in (slow, moved):
         text = results_file.to_json([joint])
-        (read,) = joints_of(adapter().validate_json(text, strict=True))
+        (read,) = joints_of(validated(with_samples(parsed(text)), adapter()))
         assert list(leaves(read)) == list(leaves(joint))
         assert results_file.to_json([read]) == text
         assert not read.static["+"].covariance.flags.writeable
@@ -144,7 +144,7 @@ def test_a_warning_is_written_as_a_value_and_read_back(slide: Joint) -> None:
     }  # fmt: skip  # one value
     older = text.replace("results/3", "results/2").replace('"code"', '"kind"').replace('"message"', '"text"')
     before = next(
-        iter(document_of(older.replace('"intervals-differ"', '"INTERVALS_DIFFER"')).joints.values())
+        iter(document_of(parsed(older.replace('"intervals-differ"', '"INTERVALS_DIFFER"'))).joints.values())
     ).warnings[0]
     assert (before.code, before.severity, str(before)) == (said.code, said.severity, str(said))
 

@@ -12,7 +12,7 @@ from bristle.api.logs import JointLogs
 from bristle.api.sources import path_of, source_text
 from bristle.errors import InputError, short, short_list
 from bristle.findings import Finding, Severity
-from bristle.identification.document import document_of, joints_of, reading
+from bristle.identification.document import document_of, joints_of, reading, with_samples
 from bristle.identification.joint_model import JointModel
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
@@ -251,8 +251,8 @@ def read_results(path: Path | str) -> Results:
     Raises InputError in one sentence where the file is no results file, and OSError where it cannot be read.
     """
     path = path_of(path, "the path of a results.json")
-    with reading(path) as text:
-        document = document_of(text)
+    with reading(path) as found:
+        document = document_of(with_samples(found))
         joints = joints_of(document)
         session_of(joints)  # which refuses numbers that are none
         texts = tuple(source_text(x, path.parent) for x in document.experiments)

@@ -5,7 +5,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.identification.curve import curve, known_curve
-from bristle.identification.fits import TrackingFit
+from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Accuracy, Joint
@@ -33,7 +33,14 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     of friction that is not one. `other` is the probability that directions which were chosen one friction for are two, or the
     other way round: between the two, friction differs by the offset. None where no friction vs velocity is known.
     """
-    v = _speeds(joint)
+    # velocities that were measured: of the points, or a grid over those of a motion in each direction
+    fits = value_fits(joint)
+    along = np.concatenate([np.zeros(0), *(fit.velocity for fit in fits)])
+    if any(isinstance(fit, StaticFit) and fit.segments for fit in fits):
+        v = np.unique(along[along != 0])
+    else:
+        tops = (along.max(initial=0.0), along.min(initial=0.0))
+        v = np.concatenate([np.zeros(0), *(np.linspace(LEAST, 1, SPEEDS) * top for top in tops if top)])
     if not v.size:
         return None
     try:
@@ -44,15 +51,13 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     size = _rms(friction)
     if not size:
         return None
-    fits = value_fits(joint)
     statistical = 100 * BIASED * _rms(np.where(np.isfinite(half), half, np.inf)) / size
 
     # the second opinion, from what the values come from: points at constant velocity, else moving runs
-    opinion, apart = None, 0.0
-    if any(isinstance(fit, TrackingFit) for fit in fits) or not measured.points(hold_out=False):
+    apart, points = 0.0, measured.points(hold_out=False)
+    if any(isinstance(fit, TrackingFit) for fit in fits) or not points:
         opinion = of_motion(measured.moving(hold_out=False))
     else:
-        points = measured.points(hold_out=False)
         opinion = of_points(np.array([s.velocity for s in points]), np.array([s.torque for s in points]))
     if opinion is not None:
         differs, explained = _differs(joint, opinion, v)
@@ -61,14 +66,12 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
     sides = float(100 * NORMAL * np.sqrt(other * (1 - other)) * _offset(joint) / size)
     effects = [100 * x.effect["torque"] / size for x in value_warnings(joint) if "torque" in x.effect]
     effects += [100 * _withheld(fit, v) / size for fit in fits if isinstance(fit, TrackingFit)]
-    along = np.concatenate([fit.velocity for fit in fits])
     torque = np.concatenate([fit.measured if isinstance(fit, TrackingFit) else fit.torque for fit in fits])
     acting, _ = known_curve(joint, along)
     share = _rms(acting[np.isfinite(acting)]) / (_rms(torque) or 1.0)
-    speeds = np.abs(v)
     return Accuracy(
-        slowest=float(speeds.min()),
-        fastest=float(speeds.max()),
+        slowest=float(np.abs(v).min()),
+        fastest=float(np.abs(v).max()),
         band=float(np.linalg.norm([statistical, apart, sides, *effects])),
         statistical=statistical,
         apart=apart,
@@ -90,10 +93,7 @@ def _withheld(fit: TrackingFit, v: Array) -> float:
 
 
 def _offset(joint: Joint) -> float:
-    """The torque, N*m, that is an offset where one friction is of both directions, or half of what their levels differ by.
-
-    0 beside gravity, which an offset is part of.
-    """
+    """The torque that is an offset, or half of what the levels of two directions differ by, N*m; 0 beside gravity, which an offset is part of."""
     values = {row.parameter: row.estimate.value or 0.0 for row in chosen(joint)}
     plus, minus = (values.get(ParameterName("alpha_0", d), 0.0) for d in SIGNED)
     if any(name.name == "gravity_cos" for name in values):
@@ -115,18 +115,6 @@ def _differs(joint: Joint, opinion: SecondOpinion, v: Array) -> tuple[float, flo
         half, error = np.hypot(half, half_back) / 2, np.hypot(error, error_back) / 2
     known, size = np.isfinite(f), _rms(f[np.isfinite(f)]) or np.inf
     return 100 * _rms((f - other)[known]) / size, 100 * _rms(np.hypot(half, NORMAL * error)[known]) / size
-
-
-def _speeds(joint: Joint) -> Array:
-    """Velocities that were measured, rad/s: of the points, or a grid over those of a motion in each direction."""
-    fits = value_fits(joint)
-    moving = next((fit for fit in fits if isinstance(fit, TrackingFit)), None)
-    velocity = moving.velocity if moving else np.concatenate([np.zeros(0), *(fit.velocity for fit in fits)])
-    from_points = not moving and any(fit.segments for fit in fits if not isinstance(fit, TrackingFit))
-    if from_points:
-        return np.unique(velocity[velocity != 0])
-    tops = (velocity.max(initial=0.0), velocity.min(initial=0.0))
-    return np.concatenate([np.zeros(0), *(np.linspace(LEAST, 1, SPEEDS) * top for top in tops if top)])
 
 
 def _rms(x: Array) -> float:

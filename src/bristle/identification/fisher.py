@@ -68,10 +68,7 @@ class Information:
 
 
 def names_of(p: Lugre[float] | Pair[float]) -> tuple[ParameterName, ...]:
-    """What is estimated of one set, which is of both directions, or of a pair.
-
-    Those of the positive set, then those of the negative one.
-    """
+    """What is estimated of one set, which is of both directions, or of a pair, the positive set first."""
     directions = (Direction.BOTH,) if isinstance(p, Lugre) else SIGNED
     return tuple(ParameterName(name, d) for d in directions for name in estimated_of(p.law))
 
@@ -105,16 +102,9 @@ def static_jacobian(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[fl
 
 
 def static_information(velocity: Array, p: Lugre[float] | Stribeck[float] | Pair[float], noise: float | Array) -> Array:
-    """Information of torques in steady sliding at planned velocities.
+    """Information F of torques in steady sliding at planned velocities, rad/s, (n,), none of them zero; (p, p) as in `static_jacobian`.
 
-    Args:
-        velocity: rad/s, (n,); none of them zero.
-        p: one set for both directions, or a pair; sigma_0 and sigma_1 do not matter.
-        noise: standard deviation of a torque, N*m, > 0, one or (n,).
-
-    Returns:
-        F, (4, 4) in the order of `Stribeck`, or (8, 8) for a pair, the positive set first; of another law as many as
-        `static_estimated_of` has.
+    `noise` is the standard deviation of a torque, N*m, > 0, one or (n,).
     """
     return gram(static_jacobian(velocity, p), noise)
 
@@ -154,10 +144,7 @@ def motion_information(
 
 
 def cleared(derivatives: Array) -> Array:
-    """Derivatives without what `rollout_jacobian` adds to a source so that it does not become a denormal number.
-
-    What is nothing is zero.
-    """
+    """Derivatives of any shape, zero where they are nothing but what `rollout_jacobian` adds against denormal numbers."""
     return np.where(np.abs(derivatives) < _NOTHING, 0.0, derivatives)
 
 
@@ -168,10 +155,7 @@ def gram(jacobian: Array, noise: float | Array) -> Array:
 
 
 def covariance(matrix: Array) -> tuple[Array, Array]:
-    """Standard errors (p,) and the correlation (p, p) of estimates with information F, (p, p).
-
-    An error is infinite where nothing is seen.
-    """
+    """Standard errors (p,), infinite where nothing is seen, and the correlation (p, p) of estimates with information F, (p, p)."""
     if not np.isfinite(matrix).all():  # beyond what numbers hold: nothing is said
         return np.full(len(matrix), np.inf), np.eye(len(matrix))
     size = np.sqrt(np.diag(matrix))
@@ -206,9 +190,6 @@ def unseen_directions(matrix: Array, names: Sequence[object]) -> tuple[Finding, 
 
 
 def _scaled(matrix: Array, size: Array) -> Array:
-    """F with each parameter in units of the error that it had were all others known.
-
-    1 on the diagonal, 0 where nothing is seen.
-    """
+    """F with each parameter in units of the error that it had were all others known: 1 on the diagonal, 0 where nothing is seen."""
     unit = np.where(size > 0, size, 1.0)
     return matrix / unit[:, None] / unit

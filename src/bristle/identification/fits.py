@@ -77,13 +77,11 @@ class Uncertainty:
     covariance: Interval | None
     """By Student's t from the exact Jacobian, widened for correlated residuals."""
     profile: Interval | None
-    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical
-    bound."""
+    """Where the cost, minimised over all else, stays below its threshold; an open side is infinite, or the physical bound."""
     bootstrap: Interval | None
     """From fits of resampled data."""
     curve: Array = field(default_factory=lambda: np.zeros((2, 0)), metadata=unwritten("2", "k"))
-    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 0 at the estimate, 1
-    at the interval's ends."""
+    """Values of the parameter, ascending, and (cost - least) / (threshold - least) there, (2, k): 1 at the interval's ends."""
     draws: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("b"))
     """The parameter in resampled data, (b,)."""
     warnings: tuple[Finding, ...] = ()
@@ -164,8 +162,7 @@ class RunScatter:
     after: Number
     """The same by those errors as they are widened."""
     widened: Number
-    """What the standard error of the fit of all runs is multiplied by; 1 where the runs scatter no more than by chance,
-    or that fit knows of it."""
+    """What the standard error of the fit of all runs is multiplied by; 1 where the runs scatter by chance alone, or that fit knows of it."""
     stretched: Number
     """The same of its 95 % interval: with Student's t of one degree of freedom less than there are runs."""
     by_run: Mapping[str, Number]
@@ -303,8 +300,7 @@ class PreslidingFit:
     counts: int
     """Count edges crossed in all loadings."""
     bias_on_edge: Number
-    """Relative bias of (14) with this encoder where rest lies on a count edge; like the next two nan without an encoder
-    count and a sigma_0."""
+    """Relative bias of (14) where rest lies on a count edge; like the next two nan without an encoder count and a sigma_0."""
     bias_mean: Number
     """Its mean over rest positions anywhere in the count."""
     bias_spread: Number
@@ -369,8 +365,7 @@ class TrackingFit:
     fixed: Mapping[ParameterName, Number] = field(default_factory=dict)
     """With what the others were fitted, of parameters that were given, or that the motion does not show."""
     count_bias: Mapping[ParameterName, Number] = field(default_factory=dict)
-    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked
-    at."""
+    """What encoder counts were found to add to each parameter, and has been taken off; empty where that was not looked at."""
     crosscheck: Crosscheck | None = None
     """The same problem by CasADi and IPOPT."""
     time: Array = field(default_factory=lambda: np.zeros(0), metadata=unwritten("n"))
@@ -404,11 +399,7 @@ class TrackingFit:
         return {**self.fixed, **{name: e.value for name, e in self.parameters.items() if e.value is not None}}
 
     def values(self, direction: str) -> Lugre[float] | None:
-        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed.
-
-        None where there is none.
-        """
-        known = self.known
-        one = lugre_of(self.law)
+        """The set of a direction (`+`, `-`, `both`), what is not identifiable as it was fixed; None where there is none."""
+        known, one = self.known, lugre_of(self.law)
         values = [x for name in one._fields if (x := in_direction(known, name, direction)) is not None]
         return one(*values) if len(values) == len(one._fields) else None

@@ -11,9 +11,8 @@ from math import inf, isclose
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from bristle.arrays import Array, Interval
+from bristle.arrays import Interval
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
 from bristle.findings import CAUTION, Finding
@@ -51,8 +50,7 @@ DRAWS = 60
 """Joints drawn from the covariance of the identified parameters."""
 SEED = 0
 DEFLECTION = 1e-3
-"""Where nothing shows the bristle's stiffness: its deflection in slow sliding is this share of how far the joint goes.
-"""
+"""Where nothing shows the bristle's stiffness: its deflection in slow sliding, as a share of how far the joint goes."""
 INERTIAL = 0.1
 """Torque of the largest acceleration where no inertia is known, as a share of alpha_0."""
 _MOST_MOVED = 5.0
@@ -85,7 +83,7 @@ def moving_fits(joint: Joint) -> dict[Source, TrackingFit]:
 
 
 def stage_estimates(joint: Joint) -> Iterator[Known]:
-    """The static parameters of each direction, then its sigma_0 by the recommended method and its sigma_1."""
+    """The static parameters of each direction, its sigma_0 by the recommended method and its sigma_1; last the torque constant of a robot."""
     slow = joint.presliding.fits if joint.presliding else {}
     for d in dict.fromkeys((*joint.static, *slow)):
         if d in joint.static:
@@ -94,11 +92,6 @@ def stage_estimates(joint: Joint) -> Iterator[Known]:
         if d in slow:
             bristle = {"sigma_0": slow[d].sigma_0, "sigma_1": slow[d].sigma_1}
             yield from (Known(Source.PRESLIDING, ParameterName(name, Direction(d)), e) for name, e in bristle.items())
-    yield from _constants(joint)
-
-
-def _constants(joint: Joint) -> Iterator[Known]:
-    """The torque constant, where it was looked for."""
     if joint.torque_constant is not None:
         yield Known(Source.TRACKING, ParameterName("torque_constant", Direction.SHARED), joint.torque_constant)
 
@@ -115,32 +108,35 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
     the order of `Lugre`; what is shared comes last. One that has no value stands for itself only where no stage has
     one.
     """
-    best: dict[ParameterName, Known] = {}
-
-    def keep(row: Known) -> None:
-        """Take a row where none with a value is known yet."""
-        before = best.get(row.parameter)
-        if before is None or (before.estimate.value is None and row.estimate.value is not None):
-            best[row.parameter] = row
-
     moving = [row for source in reversed(moving_fits(joint)) for row in moving_estimates(joint, source)]
     shown = {(row.parameter.name, row.parameter.direction) for row in moving if row.estimate.value is not None}
     curves = {d for name, d in shown if name == "alpha_0"}
     staged = list(stage_estimates(joint))
     static = {row.parameter.direction for row in staged if row.parameter.name == "alpha_0"}
+    # a shape that a motion does not show it took from a stage
+    fitted = {FASTEST, *(row.parameter.name for row in moving)}
+    rows = []
     for row in moving:
         name, d = row.parameter
         if not of_curve(name) or _within(d, curves) or not _within(d, static):
-            keep(row)
-    fitted = {
-        FASTEST,
-        *(row.parameter.name for row in moving),
-    }  # a shape that a motion does not show it took from a stage
+            rows.append(row)
     for row in staged:
         name, d = row.parameter
-        if not (_within(d, curves if name in fitted and of_curve(name) else {own for n, own in shown if n == name})):
-            keep(row)
-    return tuple(sorted(best.values(), key=_place))
+        if not _within(d, curves if name in fitted and of_curve(name) else {own for n, own in shown if n == name}):
+            rows.append(row)
+    best: dict[ParameterName, Known] = {}
+    for row in rows:
+        before = best.get(row.parameter)
+        if before is None or (before.estimate.value is None and row.estimate.value is not None):
+            best[row.parameter] = row
+    order = {name: k for k, name in enumerate((*Lugre._fields, *sorted(friction_names())))}
+    ways = list(Direction)
+    return tuple(
+        sorted(
+            best.values(),
+            key=lambda row: (ways.index(row.parameter.direction), order.get(row.parameter.name, len(order))),
+        )
+    )
 
 
 def _within(direction: Direction, known: Collection[Direction]) -> bool:
@@ -184,18 +180,9 @@ def value_fits(joint: Joint) -> tuple[StaticFit | TrackingFit, ...]:
     return tuple(joint.static.values()) if Source.STATIC in sources else ()
 
 
-def _place(row: Known) -> tuple[int, int]:
-    name, direction = row.parameter
-    order = (*Lugre._fields, *sorted(friction_names()))
-    return list(Direction).index(direction), order.index(name) if name in order else len(order)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KnownJoint:
-    """What is known of one joint's friction, as one model.
-
-    A law is of one stage, since alpha_0 of one and alpha_1 of another are none.
-    """
+    """What is known of one joint's friction, as one model, whose law is of one stage."""
 
     name: str
     law: Law = GAUSSIAN
@@ -209,19 +196,13 @@ class KnownJoint:
 
     @property
     def directions(self) -> tuple[Direction, ...]:
-        """`both` where one law is of both directions, else those of + and - of which a law is known.
-
-        There is none where no law is known.
-        """
+        """`both` where one law is of both directions, else those of + and - of which a law is known, which may be none."""
         law = {d for name, d in (*self.estimates, *self.given) if of_curve(name)}
         ways = (Direction.BOTH,) if law == {Direction.BOTH} else SIGNED
         return tuple(d for d in ways if self.has_law(d))
 
     def has_law(self, direction: Direction) -> bool:
-        """Whether the friction vs velocity is known in a direction.
-
-        None without Coulomb friction is a law for a bristle.
-        """
+        """Whether the friction vs velocity is known in a direction; none without Coulomb friction is a law for a bristle."""
         values = self.values(direction)
         return values.keys() >= set(static_fields_of(self.law)) and values["alpha_0"] > 0
 
@@ -242,10 +223,7 @@ class KnownJoint:
         return tuple(name for name in names if (e := self.estimate(name, direction)) is None or e.value is None)
 
     def values(self, direction: Direction) -> dict[str, float]:
-        """What a direction's LuGre parameters are: estimated, given, or as they were held.
-
-        A law without a peak is as in `without_peak`.
-        """
+        """A direction's LuGre parameters, SI: estimated, given, or as they were held; a law without a peak is as in `without_peak`."""
         fields = fields_of(self.law)
         values = {name: e.value for name in fields if (e := self.estimate(name, direction)) is not None}
         for fixed in (self.given, self.held):
@@ -327,8 +305,7 @@ def as_identified(joint: Joint) -> KnownJoint:
 def whole(joint: Joint) -> KnownJoint:
     """What is known of a joint that can be compensated.
 
-    Raises InputError where nothing is known of the friction vs velocity in a direction, or of the bristle without a
-    moving run.
+    Raises InputError where the friction vs velocity is not known in a direction, or nothing of the bristle without a moving run.
     """
     known = known_joint(joint)
     remedy = "; a compensator needs a tracking run, or ramp and presliding runs in both directions"
@@ -374,81 +351,49 @@ def assumed_damping(sigma_0: float, J: float) -> float:
     return float(evaluate(functions.presliding_damping_function(), sigma_0, J, DAMPING_RATIO)[0])
 
 
-class _Moves(NamedTuple):
-    """How far the parameters of the fit of moving runs are drawn from their estimates; the positive ones by their logarithms."""
-
-    names: tuple[ParameterName, ...]
-    centre: Array
-    """(p,)."""
-    positive: NDArray[np.bool_]
-    """(p,)."""
-    statistical: Array
-    """By their covariance, (DRAWS, p)."""
-    systematic: Array
-    """By errors of constants, (DRAWS, p)."""
-
-
-def draws_of(joint: Joint, known: KnownJoint, travel: float, J: float) -> tuple[tuple[Pair[float], float], ...]:
+def draws_of(
+    joint: Joint, known: KnownJoint, travel: float, J: float, *, statistical: bool = True
+) -> tuple[tuple[Pair[float], float], ...]:
     """Joints from the covariance of the fit of moving runs and errors of constants, each with its inertia.
 
-    There are none without such a fit.
+    What is positive is drawn by its logarithm. There are none without such a fit, or without what they would scatter by.
 
     Args:
         joint: identified.
         known: what is known of it.
         travel: as in `KnownJoint.filled`.
         J: inertia where that was not fitted, kg*m**2.
+        statistical: False: by errors of constants alone.
     """
-    moves = _moves(joint)
-    return () if moves is None else _drawn(moves, moves.statistical + moves.systematic, joint, known, travel, J)
-
-
-def draws_by_constants(
-    joint: Joint, known: KnownJoint, travel: float, J: float
-) -> tuple[tuple[Pair[float], float], ...]:
-    """`draws_of` by errors of constants alone; none where there are no such errors."""
-    moves = _moves(joint)
-    return (
-        () if moves is None or not moves.systematic.any() else _drawn(moves, moves.systematic, joint, known, travel, J)
-    )
-
-
-def _moves(joint: Joint) -> _Moves | None:
     fit = joint.moving
-    if fit is None:
-        return None
-    values = {name: e.value for name, e in fit.parameters.items() if e.value is not None}
-    names = tuple(name for name in fit.names if name in values)
-    if not names:
-        return None
+    shown = {} if fit is None else {name: e for name, e in fit.parameters.items() if e.value is not None}
+    names = [] if fit is None else [name for name in fit.names if name in shown]
+    if fit is None or not names:
+        return ()
     rows = [fit.names.index(name) for name in names]
-    centre = np.array([values[name] for name in names])
+    centre = np.array([shown[name].value for name in names], dtype=float)
     positive = np.array([is_positive(name.name) for name in names]) & (centre > 0)
     chain = np.where(positive, 1 / np.where(positive, centre, 1.0), 1.0)
     covariance = fit.covariance[np.ix_(rows, rows)] * np.outer(chain, chain)
     if not np.isfinite(covariance).all():
-        return None
+        return ()
     rng = np.random.default_rng(SEED)
-    statistical = rng.multivariate_normal(np.zeros(len(names)), covariance, DRAWS, method="eigh")
-    systematic = np.zeros(statistical.shape)
-    for constant in dict.fromkeys(c for name in names for c in fit.parameters[name].shifts):
-        shift = np.array([fit.parameters[name].shifts.get(constant, 0.0) for name in names])
-        systematic += rng.standard_normal((DRAWS, 1)) * (shift * chain)
-    return _Moves(names, centre, positive, statistical, systematic)
-
-
-def _drawn(
-    moves: _Moves, moved: Array, joint: Joint, known: KnownJoint, travel: float, J: float
-) -> tuple[tuple[Pair[float], float], ...]:
-    """The joints whose parameters are moved by so much, (DRAWS, p)."""
-    shown = joint.moving.parameters if joint.moving else {}
-    least = np.array([least_of(name.name) if of_curve(name.name) else 0.0 for name in moves.names])
+    scattered = rng.multivariate_normal(np.zeros(len(names)), covariance, DRAWS, method="eigh")
+    moved = np.zeros(scattered.shape)
+    for constant in dict.fromkeys(c for name in names for c in shown[name].shifts):
+        shift = np.array([shown[name].shifts.get(constant, 0.0) for name in names])
+        moved += rng.standard_normal((DRAWS, 1)) * (shift * chain)
+    if statistical:
+        moved += scattered
+    elif not moved.any():
+        return ()
+    least = np.array([least_of(name.name) if of_curve(name.name) else 0.0 for name in names])
     with np.errstate(over="ignore"):
-        by_factor = moves.centre * np.exp(np.clip(moved, -_MOST_MOVED, _MOST_MOVED))
-        drawn = np.where(moves.positive, by_factor, np.maximum(moves.centre + moved, least))
+        by_factor = centre * np.exp(np.clip(moved, -_MOST_MOVED, _MOST_MOVED))
+        drawn = np.where(positive, by_factor, np.maximum(centre + moved, least))
     joints = []
     for draw in drawn.tolist():
-        sample = dict(zip(moves.names, draw, strict=True))
+        sample = dict(zip(names, draw, strict=True))
         estimates = {name: replace(shown[name], value=x) for name, x in sample.items()}
         own = sample.get(INERTIA)
         inertia = own + (joint.link_inertia or 0.0) if own else J

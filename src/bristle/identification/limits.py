@@ -63,26 +63,68 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
 
     Raises InputError where declared limits leave no speed to choose, or no time.
     """
-    asked = measured.experiment.plan
+    asked, kind = measured.experiment.plan, measured.experiment.joint.kind
     points = [s for s in measured.points(hold_out=False) if not s.stick_slip]
     assumed = list[Finding]()
     slowest, velocity = _constant_speeds(measured, np.abs([s.velocity for s in points]), assumed)
     hold = asked.hold
-    if hold is None:
-        hold = _rounded(_hold(measured))
-        numbers, told = {"value": hold, "unit": "s"}, f"Averaged over: {hold:g} s"
+    if hold is None:  # the median duration of the accepted segments
+        steps = {run.record.file: run.record.step for run in measured.runs if run.kind == "ramp"}
+        spans = [(s.stop - s.start) * steps[s.file] for s in measured.points(hold_out=False) if s.file in steps]
+        hold = _rounded(float(np.clip(np.median(spans), *_HOLDS)) if spans else HOLD)
+        message = (
+            f"Averaged over: {hold:g} s, {'the usual hold so far' if points else 'a guess'}; set plan.hold to override."
+        )
+        numbers: dict[str, float | str] = {"value": hold, "unit": "s"}
         if points:
-            message = f"{told}, the usual hold so far; set plan.hold to override."
             assumed.append(Finding("limit-hold", NOTE, message, numbers))
         else:
-            message = f"{told}, a guess; set plan.hold to override."
             assumed.append(Finding("limit-hold-guessed", CAUTION, message, numbers))
+
+    position, of = asked.position or measured.positions, unit("position", kind)
+    if position is None:
+        high = velocity * 1.5 * hold
+        message = f"Positions: 0 to {high:.3g} {of}, which the fastest hold needs: no run has positions; set plan.position to override."
+        assumed.append(Finding("limit-positions-guessed", CAUTION, message, {"high": high, "unit": of}))
+        position = 0.0, _rounded(high)
+    elif asked.position is None:
+        message = (
+            f"Positions: {position[0]:.3g} to {position[1]:.3g} {of}, as far as the measured runs went, in their coordinates; "
+            "set plan.position to override."
+        )
+        assumed.append(Finding("limit-positions", NOTE, message, {"low": position[0], "high": position[1], "unit": of}))
+
+    acceleration, of = asked.acceleration, unit("acceleration", kind)
+    if acceleration is None:
+        seen = _largest(measured.runs, "acceleration")
+        acceleration = _rounded(seen or velocity / _REACH)
+        numbers = {"value": acceleration, "unit": of, "seconds": _REACH}
+        how = "the largest measured" if seen else f"{_REACH:g} s from rest to the fastest speed"
+        message = f"Largest acceleration: {acceleration:g} {of}, {how}; set plan.acceleration to override."
+        if seen:
+            assumed.append(Finding("limit-acceleration", NOTE, message, numbers))
+        else:
+            assumed.append(Finding("limit-acceleration-guessed", CAUTION, message, numbers))
+
+    torque, of = asked.torque, unit("torque", kind)
+    if torque is None:
+        torque = _rounded(_largest(measured.runs, "torque"))
+        message = f"Largest torque: {torque:g} {of}, the largest measured; set plan.torque to override."
+        assumed.append(Finding("limit-torque", NOTE, message, {"value": torque, "unit": of}))
+    links = 0.0 if in_current(kind) else _largest(measured.runs, "link_torque")
+    if torque and links:  # what they ask for is not there for friction and inertia
+        message = (
+            f"Of the torque limit {links:.3g} {of} are kept for the links, the most that they asked for in these runs; the other "
+            "joints are planned to rest."
+        )
+        assumed.append(Finding("limit-links", NOTE, message, {"links": links, "unit": of}))
+        torque = max(torque - links, _LEAST_LEFT * torque)
     limits = Limits(
-        position=asked.position or _span(measured, velocity * 1.5 * hold, assumed),
+        position=position,
         slowest=slowest,
         velocity=velocity,
-        acceleration=_acceleration(measured, velocity, assumed),
-        torque=_torque(measured, assumed),
+        acceleration=acceleration,
+        torque=torque or np.inf,
         time=asked.time,
         hold=hold,
         frequency=asked.frequency or FREQUENCY,
@@ -97,42 +139,6 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
 def _rounded(seen: float) -> float:
     """To three digits, as what is assumed is said."""
     return float(f"{seen:.3g}")
-
-
-def _acceleration(measured: Measured, velocity: float, assumed: list[Finding]) -> float:
-    """As declared, or the largest measured, or one that reaches a velocity (rad/s) in a guessed time, rad/s**2."""
-    declared = measured.experiment.plan.acceleration
-    if declared is not None:
-        return declared
-    seen, of = _largest(measured.runs, "acceleration"), unit("acceleration", measured.experiment.joint.kind)
-    value = _rounded(seen or velocity / _REACH)
-    numbers, told = {"value": value, "unit": of, "seconds": _REACH}, f"Largest acceleration: {value:g} {of}"
-    if seen:
-        message = f"{told}, the largest measured; set plan.acceleration to override."
-        assumed.append(Finding("limit-acceleration", NOTE, message, numbers))
-    else:
-        message = f"{told}, {_REACH:g} s from rest to the fastest speed; set plan.acceleration to override."
-        assumed.append(Finding("limit-acceleration-guessed", CAUTION, message, numbers))
-    return value
-
-
-def _torque(measured: Measured, assumed: list[Finding]) -> float:
-    """What the drive has for friction and inertia, N*m: of a robot's joint less than its limit, by what the links ask for; inf: not known."""
-    kind, whole = measured.experiment.joint.kind, measured.experiment.plan.torque
-    of = unit("torque", kind)
-    if whole is None:
-        whole = _rounded(_largest(measured.runs, "torque"))
-        message = f"Largest torque: {whole:g} {of}, the largest measured; set plan.torque to override."
-        assumed.append(Finding("limit-torque", NOTE, message, {"value": whole, "unit": of}))
-    links = 0.0 if in_current(kind) else _largest(measured.runs, "link_torque")
-    if not whole or not links:
-        return whole or np.inf
-    message = (
-        f"Of the torque limit {links:.3g} {of} are kept for the links, the most that they asked for in these runs; the other "
-        "joints are planned to rest."
-    )
-    assumed.append(Finding("limit-links", NOTE, message, {"links": links, "unit": of}))
-    return max(whole - links, _LEAST_LEFT * whole)
 
 
 def _constant_speeds(measured: Measured, speeds: Array, assumed: list[Finding]) -> tuple[float, float]:
@@ -196,26 +202,3 @@ def _largest(runs: tuple[Run, ...], signal: str) -> float:
     """Of a signal's magnitude in all runs, rare peaks apart; 0 where no run has it."""
     signals = [np.abs(values) for run in runs if (values := getattr(run.record, signal)) is not None and values.size]
     return max((float(np.percentile(x, _RARE)) for x in signals), default=0.0)
-
-
-def _hold(measured: Measured) -> float:
-    """Median duration of the accepted segments, s."""
-    steps = {run.record.file: run.record.step for run in measured.runs if run.kind == "ramp"}
-    spans = [(s.stop - s.start) * steps[s.file] for s in measured.points(hold_out=False) if s.file in steps]
-    return float(np.clip(np.median(spans), *_HOLDS)) if spans else HOLD
-
-
-def _span(measured: Measured, wanted: float, assumed: list[Finding]) -> tuple[float, float]:
-    """From the lowest to the highest position of all runs, or as far as the fastest hold asks for where no run has positions."""
-    q, positions = unit("position", measured.experiment.joint.kind), measured.positions
-    if positions is None:
-        message = f"Positions: 0 to {wanted:.3g} {q}, which the fastest hold needs: no run has positions; set plan.position to override."
-        assumed.append(Finding("limit-positions-guessed", CAUTION, message, {"high": wanted, "unit": q}))
-        return 0.0, float(f"{wanted:.3g}")
-    low, high = positions
-    message = (
-        f"Positions: {low:.3g} to {high:.3g} {q}, as far as the measured runs went, in their coordinates; "
-        "set plan.position to override."
-    )
-    assumed.append(Finding("limit-positions", NOTE, message, {"low": low, "high": high, "unit": q}))
-    return low, high

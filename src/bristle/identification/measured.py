@@ -1,12 +1,11 @@
 """What an experiment measured: its runs, read and cut into segments where the velocity is constant."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
@@ -27,8 +26,6 @@ if TYPE_CHECKING:
 
 _STILL = 1e-12
 """Of the fastest point: a slower one is at rest, and its velocity rounding."""
-
-
 _ROUNDING = 1e-12
 """Of a position: what unwrapping makes of it."""
 
@@ -123,29 +120,46 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
 
 
 def _filtered(experiment: Experiment, runs: tuple[Run, ...]) -> tuple[Experiment, tuple[Run, ...]]:
-    """With the decimation that the fitted moving runs need, and others through their low pass, where none is asked for."""
-    runs = _beside_the_slowest(runs)
-    moving = [run.record for run in runs if run.kind == "tracking"]
+    """With the decimation that the fitted moving runs need, and others through their low pass, where none is asked for.
+
+    How much faster than the slowest each moving run was sampled its notes then say.
+    """
+    slowest = max((r for r in _records(runs) if r.time.size > 1), key=lambda r: r.step, default=None)
+
+    def beside_slowest(record: Record) -> Record:
+        if slowest is None or not (ratio := slowest.step / record.step) > ONE_RATE or record.oversampled != 1:
+            return record
+        message = f"Sampled {ratio:.3g} times as fast as {slowest.file}: it is decimated by so much more, for equations as far apart."
+        note = Finding("sampled-faster", NOTE, message, {"ratio": ratio, "slowest": slowest.file})
+        return replace(record, oversampled=ratio, notes=(*record.notes, note))
+
+    runs = _changed(runs, beside_slowest)
     fitted = [run.record for run in runs if run.kind == "tracking" and not run.hold_out]
     if fitted and experiment.fit.position_cutoff is None:
         widest = max(r.cutoff for r in fitted)
-        runs = tuple(
-            replace(run, record=_through(run.record, widest)) if run.kind == "tracking" and run.hold_out else run
-            for run in runs
-        )
-    every = experiment.fit.decimation or 1
+        runs = tuple(_changed((run,), lambda r: _through(r, widest))[0] if run.hold_out else run for run in runs)
+    every, moving = experiment.fit.decimation or 1, _records(runs)
     if experiment.fit.decimation is None and moving:
         longest = min(int(np.diff([*r.starts, r.time.size]).max() / r.oversampled) for r in moving)
         every = longest_decimation(decimation(fitted or moving), longest)
-    runs = tuple(replace(x, record=_decimable(x.record, every)) if x.kind == "tracking" else x for x in runs)
-    return _asking(experiment, decimation=every), runs
+
+    def decimable(record: Record) -> Record:
+        """Without what lies between two gaps that the decimation filter does not fit into, unless that is all."""
+        shortest = transient(record.decimation(every)) + 1
+        fits = np.diff([*record.starts, record.time.size]).max() >= shortest
+        return without_short_segments(record, shortest, "decimated") if fits and record.velocity is not None else record
+
+    return _asking(experiment, decimation=every), _changed(runs, decimable)
 
 
-def _decimable(record: Record, decimation: int) -> Record:
-    """A moving run without what lies between two gaps that its decimation filter does not fit into, unless that is all."""
-    shortest = transient(record.decimation(decimation)) + 1
-    fits = np.diff([*record.starts, record.time.size]).max() >= shortest
-    return without_short_segments(record, shortest, "decimated") if fits and record.velocity is not None else record
+def _records(runs: Sequence[Run]) -> list[Record]:
+    """Of the moving runs."""
+    return [run.record for run in runs if run.kind == "tracking"]
+
+
+def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[Run, ...]:
+    """The runs, of which the moving ones have other records."""
+    return tuple(replace(run, record=change(run.record)) if run.kind == "tracking" else run for run in runs)
 
 
 def _through(record: Record, cutoff: float) -> Record:
@@ -157,50 +171,22 @@ def _through(record: Record, cutoff: float) -> Record:
 
 def through_wider(measured: Measured, factor: float) -> Measured:
     """The same with the low pass of every moving run so many times as wide, and the decimation as it is."""
-    runs = tuple(
-        replace(run, record=_through(run.record, usable(run.record, factor * run.record.cutoff)))
-        if run.kind == "tracking"
-        else run
-        for run in measured.runs
-    )
+    runs = _changed(measured.runs, lambda r: _through(r, usable(r, factor * r.cutoff)))
     return replace(measured, runs=runs)
 
 
 def in_time(measured: Measured, late: float) -> Measured:
-    """The same with the torque of every moving run as it was logged so much later, s."""
+    """The same with the torque of every moving run as it was logged so much later, s; beyond its end the last value stays."""
 
     def earlier(record: Record) -> Record:
-        """Of one run; beyond its end the last value stays."""
-
         def moved(x: Array) -> Array:
-            """A signal, (n,)."""
             return np.interp(record.time + late, record.time, x)
 
         torque, voltage = (None if x is None else moved(x) for x in (record.torque, record.voltage))
         shifts = {name: moved(x) for name, x in record.torque_shifts.items()}
         return replace(record, torque=torque, voltage=voltage, torque_shifts=shifts)
 
-    runs = (replace(run, record=earlier(run.record)) if run.kind == "tracking" else run for run in measured.runs)
-    return replace(measured, runs=tuple(runs))
-
-
-def _beside_the_slowest(runs: tuple[Run, ...]) -> tuple[Run, ...]:
-    """With how much faster than the slowest each moving run was sampled, which its notes then say."""
-    moving = [run.record for run in runs if run.kind == "tracking" and run.record.time.size > 1]
-    if not moving:
-        return runs
-    slowest = max(moving, key=lambda record: record.step)
-
-    def told(run: Run) -> Run:
-        """The run, where it is faster with the note."""
-        ratio = slowest.step / run.record.step
-        if run.kind != "tracking" or not ratio > ONE_RATE or run.record.oversampled != 1:
-            return run
-        message = f"Sampled {ratio:.3g} times as fast as {slowest.file}: it is decimated by so much more, for equations as far apart."
-        note = Finding("sampled-faster", NOTE, message, {"ratio": ratio, "slowest": slowest.file})
-        return replace(run, record=replace(run.record, oversampled=ratio, notes=(*run.record.notes, note)))
-
-    return tuple(map(told, runs))
+    return replace(measured, runs=_changed(measured.runs, earlier))
 
 
 def with_law(measured: Measured, law: str) -> Measured:
@@ -229,11 +215,11 @@ def nothing_to_fit(measured: Measured) -> str:
     """Why no run can be fitted, one sentence."""
     experiment = measured.experiment
     pairs = zip(measured.runs, measured.segments, strict=True)
-    training = [(run, candidates) for run, candidates in pairs if run.kind in {"ramp", "points"} and not run.hold_out]
+    training = [(run.record, found) for run, found in pairs if run.kind in {"ramp", "points"} and not run.hold_out]
     if not training:
         return f"{experiment.path.name}: no run to fit (hold-out runs are never fitted); add one under runs"
-    every = tuple(s for _, candidates in training for s in candidates)
-    return nothing_left(every, tuple(run.record for run, _ in training), experiment.segments)
+    records, candidates = zip(*training, strict=True)
+    return nothing_left(tuple(s for found in candidates for s in found), records, experiment.segments)
 
 
 def refuse_repeated(experiment: Experiment, runs: Sequence[Run]) -> None:
@@ -256,25 +242,30 @@ def _overlap(a: Record, b: Record) -> bool:
     _, of_a, of_b = np.intersect1d(*rows, return_indices=True)
     if not of_a.size:
         return False
-    estimated = a.velocity_estimated or b.velocity_estimated
-    names = ["torque" if a.voltage is None else "voltage", *([] if estimated else ["velocity"])]
-    pairs = [(getattr(a, name), getattr(b, name)) for name in names]
-    measured = [(x[of_a], y[of_b]) for x, y in pairs if x is not None and y is not None]
-    alike = len(measured) == len(pairs) and all(np.array_equal(x, y) for x, y in measured)
-    return alike and _moves_alike(a.position, b.position, of_a, of_b)
-
-
-def _moves_alike(a: Array | None, b: Array | None, of_a: NDArray[np.intp], of_b: NDArray[np.intp]) -> bool:
-    """Whether two positions are one in the rows that they share, but for the turn in which each begins."""
-    if a is None or b is None:
-        return (a is None) == (b is None)
-    x, y = a[of_a] - a[of_a[0]], b[of_b] - b[of_b[0]]
-    return bool(np.abs(x - y).max() <= _ROUNDING * max(np.abs(a).max(), np.abs(b).max()))
+    names = ["torque" if a.voltage is None else "voltage"]
+    names += [] if a.velocity_estimated or b.velocity_estimated else ["velocity"]
+    for name in names:
+        x, y = getattr(a, name), getattr(b, name)
+        if x is None or y is None or not np.array_equal(x[of_a], y[of_b]):
+            return False
+    p, q = a.position, b.position
+    if p is None or q is None:
+        return (p is None) == (q is None)
+    apart = (p[of_a] - p[of_a[0]]) - (q[of_b] - q[of_b[0]])  # but for the turn in which each begins
+    return bool(np.abs(apart).max() <= _ROUNDING * max(np.abs(p).max(), np.abs(q).max()))
 
 
 def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segment, ...], ...]:
     """The candidates of each run, those rejected that `fit.exclude` names. Raises InputError where it names none."""
-    segments = [list(_segments(experiment, run)) for run in runs]
+    segments: list[list[Segment]] = []
+    for run in runs:
+        found: tuple[Segment, ...] = ()
+        if run.kind == "ramp":
+            found = find_segments(run.record, experiment.segments, experiment.encoder_resolution)
+            found = with_loads(run.record, found, ("gravity", *point_regressors(experiment)))
+        elif run.kind == "points":
+            found = _given_points(run.record, experiment.segments.minimum_velocity)
+        segments.append(list(found))
     for number, excluded in enumerate(experiment.fit.exclude, 1):
         first, last = excluded.rows
         named = [
@@ -295,13 +286,6 @@ def _included(experiment: Experiment, runs: Sequence[Run]) -> tuple[tuple[Segmen
     return tuple(map(tuple, segments))
 
 
-def _segments(experiment: Experiment, run: Run) -> tuple[Segment, ...]:
-    if run.kind == "ramp":
-        found = find_segments(run.record, experiment.segments, experiment.encoder_resolution)
-        return with_loads(run.record, found, ("gravity", *point_regressors(experiment)))
-    return _given_points(run.record, experiment.segments.minimum_velocity) if run.kind == "points" else ()
-
-
 def with_loads(record: Record, segments: tuple[Segment, ...], asked: Sequence[str]) -> tuple[Segment, ...]:
     """The segments with what terms of the position are on average while the joint passes: over a long hold not what they are in its middle."""
     q = record.position
@@ -319,21 +303,19 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
     if velocity is None or torque is None:
         raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
     moving = np.abs(velocity) > _STILL * np.abs(velocity).max(initial=0.0)
-    fast = np.abs(velocity) >= (slowest or 0.0)
     clipped = at_limits(record, "points")
 
-    def against(k: int) -> tuple[Finding, ...]:
-        """Why a point is rejected."""
+    reasons: list[tuple[Finding, ...]] = []
+    for k, speed in enumerate(np.abs(velocity).tolist()):
         if not moving[k]:
             message = "At rest: friction at zero velocity is not a function of velocity; remove such rows."
-            return (Finding("point-at-rest", NOTE, message),)
-        if not fast[k]:
-            speed = abs(float(velocity[k]))
+            reasons.append((Finding("point-at-rest", NOTE, message),))
+        elif speed < (slowest or 0.0):
             message = f"Slower than segments.minimum_velocity: {speed:.3g}{unit_of('velocity')}, and {slowest:.3g}{unit_of('velocity')} is required."
-            return (Finding("point-too-slow", NOTE, message, {"speed": speed, "least": slowest}),)
-        return (Finding("saturated", NOTE, "Its torque is at the largest of the file: clipped."),) if clipped[k] else ()
-
-    reasons = [against(k) for k in range(velocity.size)]
+            reasons.append((Finding("point-too-slow", NOTE, message, {"speed": speed, "least": slowest}),))
+        else:
+            message = "Its torque is at the largest of the file: clipped."
+            reasons.append((Finding("saturated", NOTE, message),) if clipped[k] else ())
     return tuple(
         Segment(
             file=record.file,

@@ -4,6 +4,7 @@ Directions, regressors, inertia, the decimation filter, and what is refused befo
 """
 
 from collections.abc import Callable, Collection, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -150,17 +151,11 @@ def load_columns(regressors: Sequence[str], signal: Callable[[str], Array], n: i
     }
     for regressor in regressors:
         if regressor.startswith(PERIODIC) and (names := terms_of(regressor).names):
-            columns |= zip(names, _periodic_columns(regressor, *signals[:2]), strict=True)
+            stem, _, order = regressor.removesuffix(_PER_METRE).partition("_")
+            rate = int(order) * (2 * np.pi if regressor.endswith(_PER_METRE) else 1.0)
+            waves = evaluate(periodic_terms_function(), *signals[:2], rate)
+            columns |= zip(names, waves[:2] if stem == "cogging" else waves[2:], strict=True)
     return columns
-
-
-def _periodic_columns(regressor: str, position: Array, velocity: Array) -> tuple[Array, ...]:
-    """The two columns (`law.periodic_terms`) of cogging or ripple of an order, each (n,)."""
-    bare = regressor.removesuffix(_PER_METRE)
-    stem, _, order = bare.partition("_")
-    rate = int(order) * (1.0 if bare == regressor else 2 * np.pi)
-    columns = evaluate(periodic_terms_function(), position, velocity, rate)
-    return columns[:2] if stem == "cogging" else columns[2:]
 
 
 def regressor_line(names: Collection[str], parameters: Collection[str] = ()) -> str:
@@ -251,7 +246,14 @@ def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> N
     Where that is the velocity's fault, whose sign is not that of the position, the sentence says so.
     """
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
-    others = np.concatenate([_motion(r) for r in records])
+
+    def signal(record: Record, name: str) -> Array:
+        values: Array | None = getattr(record, name)
+        return np.zeros(record.time.size) if values is None else values
+
+    # acceleration, gravity by the position and a robot's link torque, as far as they are known
+    motions = (load_columns(("inertia", "gravity", "links"), partial(signal, r), r.time.size) for r in records)
+    others = np.concatenate([np.column_stack(list(columns.values())) for columns in motions])
     if others[:, -1].any():  # what the links of a robot ask for outweighs friction, and has any sign
         basis = np.column_stack([np.sign(velocity), velocity, others])
         torque = torque - others[:, -1] * np.linalg.lstsq(basis, torque, rcond=None)[0][-1]
@@ -259,18 +261,6 @@ def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> N
     if turned and float(velocity @ torque) < 0:  # the torque goes with the position: it is the velocity that is wrong
         raise InputError(f"{experiment.path.name}: {turned[0]}")
     refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole", others)
-
-
-def _motion(record: Record) -> Array:
-    """Acceleration, gravity by the position and a robot's link torque, as far as they are known, (n, 4)."""
-    n = record.time.size
-
-    def signal(name: str) -> Array:
-        """Zeros where it is not known, (n,)."""
-        values: Array | None = getattr(record, name)
-        return np.zeros(n) if values is None else values
-
-    return np.column_stack(list(load_columns(("inertia", "gravity", "links"), signal, n).values()))
 
 
 def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, ...]:
@@ -304,18 +294,15 @@ def known_torque(record: Record, inertia: float | None, regressors: Sequence[str
     None where there is none. Raises InputError where a known inertia leaves nothing of the measured torque.
     """
     links = None if "links" in regressors else record.link_torque
-    own = None if inertia is None else _inertial(record, inertia)
-    return links if own is None else own if links is None else own + links
-
-
-def _inertial(record: Record, inertia: float) -> Array:
+    if inertia is None:
+        return links
     torque = inertia * needed(record, "acceleration")
     own, measured = float(np.abs(torque).max()), float(np.abs(needed(record, "torque")).max())
     if own > _DROWNS * measured > 0:
         raise InputError(
             f"{record.file}: an inertia of {inertia:.3g} takes {own:.3g} off a torque of {measured:.3g} at most (SI); check its unit"
         )
-    return torque
+    return torque if links is None else torque + links
 
 
 def decimator(

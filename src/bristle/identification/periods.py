@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtri
@@ -31,17 +30,6 @@ _SIGNIFICANT = 0.01
 """Of any of the orders tried, in clean data."""
 
 
-class _Left(NamedTuple):
-    """What a fit without cogging and ripple leaves of n equations."""
-
-    known: Array
-    """Derivatives by all that is fitted, (n, p)."""
-    rest: Array
-    """N*m, (n,)."""
-    columns: Mapping[int, Array]
-    """Of each order that is tried, (n, k)."""
-
-
 def with_periods(measured: Measured) -> Measured:
     """The same with the orders of cogging and ripple that the data show, where the experiment asks for those, and a note of them.
 
@@ -51,7 +39,12 @@ def with_periods(measured: Measured) -> Measured:
     asked = [name for name in PERIODIC if name in (experiment.fit.regressors or ())]
     if not asked:
         return measured
-    most = _resolved(experiment, training)
+    # the highest order of which a typical step between two equations covers no more than half a period
+    every = experiment.fit.every
+    moved = [np.abs(np.diff(r.position[:: r.decimation(every)])) for r in training if r.position is not None]
+    steps = np.concatenate([np.zeros(0), *moved])
+    whole, turn = turn_of(experiment.joint.kind)
+    most = int(whole / 2 / float(np.median(steps[steps > 0]))) if steps.any() else np.iinfo(np.int64).max
     if isinstance(experiment.fit.orders, tuple):
         too_fine = [k for k in experiment.fit.orders if k > most]
         if too_fine:
@@ -60,13 +53,12 @@ def with_periods(measured: Measured) -> Measured:
                 "equations of the moving runs: leave it out, lower fit.decimation, or measure slower"
             )
         return measured
-    _, turn = turn_of(experiment.joint.kind)
-    left = _of_motion(experiment, training, asked, most) if training else _of_points(measured, asked)
-    orders, tried, last = shown_orders(*left), len(left.columns), max(left.columns, default=0)
+    known, rest, columns = _of_motion(experiment, training, asked, most) if training else _of_points(measured, asked)
+    orders, tried, last = shown_orders(known, rest, columns), len(columns), max(columns, default=0)
     found = with_options(measured, orders=orders)
     numbers = {"tried": tried, "last": last, "turn": turn}
     if orders:
-        first, named = min(left.columns), ", ".join(map(str, orders))
+        first, named = min(columns), ", ".join(map(str, orders))
         message = (
             f"Of {tried} orders, from {first} to {last} per {turn}, {named} explain more of what the fit without them leaves "
             "than chance does (F tests at 1 %, corrected for all orders tried): they are fitted. To keep them, write "
@@ -113,36 +105,28 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
     return tuple(sorted(chosen))
 
 
-def _resolved(experiment: Experiment, records: Sequence[Record]) -> int:
-    """The highest order of which a typical step between two equations of some runs covers no more than half a period."""
-    every = experiment.fit.every
-    steps = np.concatenate(
-        [np.zeros(0), *(np.abs(np.diff(r.position[:: r.decimation(every)])) for r in records if r.position is not None)]
-    )
-    typical = float(np.median(steps[steps > 0])) if steps.any() else 0.0
-    return int(turn_of(experiment.joint.kind)[0] / 2 / typical) if typical else np.iinfo(np.int64).max
-
-
 def _tried(experiment: Experiment, positions: Array, most: int) -> range:
     """The orders of which the positions hold a period, up to a highest one."""
     (turn, _), reach = turn_of(experiment.joint.kind), float(np.ptp(positions))
     return range(max(int(np.ceil(turn / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)
 
 
-def _of_motion(experiment: Experiment, records: Sequence[Record], asked: Sequence[str], most: int) -> _Left:
-    """What the fit of all parameters leaves of moving runs."""
+def _of_motion(
+    experiment: Experiment, records: Sequence[Record], asked: Sequence[str], most: int
+) -> tuple[Array, Array, dict[int, Array]]:
+    """Of the fit of moving runs the derivatives by all parameters, (n, p), what it leaves, N*m, (n,), and columns of each order tried, (n, k)."""
     problem, start = posed_and_start(experiment, directions(experiment, records), records, {}, None)
     solution = solve_dynamic(problem, start, STARTS, SEED)
     tried = _tried(experiment, problem.position, most)
     columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
-    return _Left(*known_and_left(problem, solution), columns)
+    return *known_and_left(problem, solution), columns
 
 
-def _of_points(measured: Measured, asked: Sequence[str]) -> _Left:
-    """What the fit of points at constant velocity leaves: half as many orders as points are tried."""
+def _of_points(measured: Measured, asked: Sequence[str]) -> tuple[Array, Array, dict[int, Array]]:
+    """The same of the fit of points at constant velocity: half as many orders as points are tried."""
     experiment, kept = measured.experiment, measured.points(hold_out=False)
     if not kept:
-        return _Left(np.zeros((0, 0)), np.zeros(0), {})
+        return np.zeros((0, 0)), np.zeros(0), {}
     (sides, points), *_ = groups(experiment, kept)  # what is shared comes from one solve
     law = experiment.fit.friction
     problem = points_problem(points, sides, point_regressors(experiment), law)
@@ -158,8 +142,5 @@ def _of_points(measured: Measured, asked: Sequence[str]) -> _Left:
     whole = points_problem([placed[s.place] for s in points], sides, every, law)
     width = 2 * len(asked)
     columns = whole.linear[:, whole.linear.shape[1] - width * len(tried) :]
-    return _Left(
-        problem.jacobian(theta),
-        problem.residuals(theta),
-        {k: columns[:, width * j : width * (j + 1)] for j, k in enumerate(tried)},
-    )
+    by_order = {k: columns[:, width * j : width * (j + 1)] for j, k in enumerate(tried)}
+    return problem.jacobian(theta), problem.residuals(theta), by_order

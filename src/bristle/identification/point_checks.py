@@ -29,8 +29,6 @@ _PHASES = 16
 """Of a sine, for the average over it."""
 _IN_ORDER = 0.9
 """Rank correlation of speed and order from which they cannot be told apart."""
-
-
 _SETTLES = 6
 """The first of so many parts of a segment may still be settling."""
 
@@ -53,18 +51,33 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
 
 def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: float) -> Iterator[Finding]:
     """Torque that drifts within the holds, by a t test of their slopes, and whether speed rises or falls with their order."""
-    orders = {d: _order([abs(s.velocity) for s in points if s.velocity * sign > 0]) for d, sign in DIRECTIONS.items()}
-    in_order = {d: x for d, x in orders.items() if abs(x) > _IN_ORDER}
     if not points:
         return
-    slopes, durations = np.array([_slope(records[s.file], s) for s in points]).T
+    in_order = dict[str, float]()  # rank correlation of speeds with their order
+    for d, sign in DIRECTIONS.items():
+        speeds = [abs(s.velocity) for s in points if s.velocity * sign > 0]
+        ranks = np.argsort(np.argsort(speeds))
+        order = float(np.corrcoef(ranks, np.arange(len(speeds)))[0, 1]) if len(speeds) >= _ENOUGH else 0.0
+        in_order |= {d: order} if abs(order) > _IN_ORDER else {}
+    # slope of the torque along the motion, N*m/s, the beginning of each apart, which may be settling; and durations, s
+    slopes, durations = np.zeros((2, len(points)))
+    for k, s in enumerate(points):
+        record, part = records[s.file], slice(s.start + (s.stop - s.start) // _SETTLES, s.stop)
+        torque = np.zeros(0) if record.torque is None else record.torque
+        time = record.time[part] - record.time[part].mean()
+        slopes[k] = float(time @ torque[part]) / (float(time @ time) or 1.0) * float(np.sign(s.velocity))
+        durations[k] = np.ptp(time)
     level = float(np.median(np.abs([s.torque for s in points])))
     if not level or np.count_nonzero(durations) < _ENOUGH:
         return
     weight = durations**3 / np.sum(durations**3)  # the variance of a slope falls with the third power of its length
     mean = float(weight @ slopes)
     error = float(np.sqrt(weight**2 @ (slopes - mean) ** 2 / (1 - weight.max())))
-    across = abs(mean) * _elapsed(points, durations)
+    times = [s.time for s in points if s.time is not None]
+    one = len({s.file for s in points}) == 1 and len(times) == len(points)
+    across = abs(mean) * (
+        max(times) - min(times) if one else float(durations.sum())
+    )  # from the first point to the last
     level_of_test = _IN_DOUBT if in_order else _RARE
     chance = 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) if error else 1.0
     if chance > level_of_test or across < 2 * scatter:
@@ -134,26 +147,3 @@ def _repeated(measured: Measured, points: Sequence[Segment]) -> Iterator[Finding
             )
             numbers = {"count": copies.size, "points": len(own), "file": file, "where": where, "factor": factor}
             yield Finding("points-repeated", CAUTION, message, numbers)
-
-
-def _order(speeds: Sequence[float]) -> float:
-    """Rank correlation of speeds with their order; 0 where there are too few."""
-    if len(speeds) < _ENOUGH:
-        return 0.0
-    return float(np.corrcoef(np.argsort(np.argsort(speeds)), np.arange(len(speeds)))[0, 1])
-
-
-def _slope(record: Record, segment: Segment) -> tuple[float, float]:
-    """Slope of the torque along the motion in a segment, N*m/s, its beginning apart, which may be settling; and its duration, s."""
-    torque = np.zeros(0) if record.torque is None else record.torque
-    part = slice(segment.start + (segment.stop - segment.start) // _SETTLES, segment.stop)
-    time = record.time[part] - record.time[part].mean()
-    slope = float(time @ torque[part]) / (float(time @ time) or 1.0)
-    return slope * float(np.sign(segment.velocity)), float(np.ptp(time))
-
-
-def _elapsed(points: Sequence[Segment], durations: Array) -> float:
-    """From the first to the last point, s; of several runs, as far as they hold points."""
-    times = [s.time for s in points if s.time is not None]
-    one = len({s.file for s in points}) == 1 and len(times) == len(points)
-    return max(times) - min(times) if one else float(durations.sum())

@@ -1,5 +1,6 @@
 """The set-up that logs ask for: which experiment each is of, which regressors pay, whether the directions differ."""
 
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -8,19 +9,18 @@ import numpy as np
 import yaml
 
 from bristle.data.experiment.draft import Draft, DraftedRun, Told, draft_experiment
-from bristle.data.experiment.load import Experiment, Run, experiment_of, read_runs
+from bristle.data.experiment.load import experiment_of, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.draft import draft_robot
 from bristle.data.robot.robot_file import robot_of
-from bristle.data.run_kinds import Stretches, kinds_of, stretches
+from bristle.data.run_kinds import kinds_of, stretches
 from bristle.findings import Severity
-from bristle.identification.measured import Measured, measure
+from bristle.identification.measured import measure
 from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
 from bristle.identification.robot.measured import against_urdf
 from bristle.identification.static.runs import refuse_opposing_points
 from bristle.identification.static.set_up import (
-    BetterSetUp,
     better_for_motion,
     better_for_points,
     proposed_for_motion,
@@ -63,8 +63,15 @@ def draft_of_logs(
         unsorted = experiment_of(draft.text([DraftedRun(_ANY)] * len(files)), path)
         read = read_runs(unsorted)
         tell("constant velocities, slow loading, other motion")
-        runs, sentences = _sorted(draft, unsorted, read)
-        said += sentences
+        found = [(run.record.file, stretches(run.record, unsorted.joint.kind)) for run in read]
+        kinds = kinds_of(found)
+        runs = [DraftedRun(kind, f"{does}") for kind, (_, does) in zip(kinds, found, strict=True)]
+        said.append(f"experiment: {_counted(kinds)}, by what the signals do")
+        said += [
+            f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
+            for file, kind, (_, does) in zip(draft.files, kinds, found, strict=True)
+            if does.unused(kind) > (_BETWEEN if kind == "ramp" else _MIXED)
+        ]
     tell("regressors and directions")
     fit, why = _fit(draft, runs, path)
     return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
@@ -82,20 +89,6 @@ def _of_robot(urdf: Path, logs: Sequence[Path], told: Told, folder: Path | None)
     return text, (*said, *(f"{', '.join(names)}: {sentence}" for sentence, names in against.items()))
 
 
-def _sorted(draft: Draft, experiment: Experiment, read: Sequence[Run]) -> tuple[list[DraftedRun], list[str]]:
-    """What each log is of, and sentences on that."""
-    found = _stretches(experiment, read)
-    kinds = kinds_of(found)
-    runs, said = [], []
-    for file, kind, (_, does) in zip(draft.files, kinds, found, strict=True):
-        runs.append(DraftedRun(kind, f"{does}"))
-        if does.unused(kind) > (_BETWEEN if kind == "ramp" else _MIXED):
-            said.append(
-                f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
-            )
-    return runs, [f"experiment: {_counted(kinds)}, by what the signals do", *said]
-
-
 def completed(path: Path) -> tuple[str, str]:
     """The text of an experiment file with what its runs ask for, and a sentence that says what was added, and why.
 
@@ -105,28 +98,19 @@ def completed(path: Path) -> tuple[str, str]:
     """
     text, kinds = _with_kinds(read_text(path), path)
     asked = experiment_of(text, path)
-    better = _asked_for(measure(asked))
+    measured = measure(asked)
+    points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
+    better = better_for_points(measured.experiment, points) if points else None
+    if better is None and moving and measured.experiment.fit.predict == "torque":
+        better = better_for_motion(measured.experiment, moving)
     if better is None:
-        return (
-            text,
-            f"{kinds or 'nothing added: '}no regressor, nor other directions, would explain these runs clearly better",
-        )
+        why = "no regressor, nor other directions, would explain these runs clearly better"
+        return text, f"{kinds or 'nothing added: '}{why}"
     has_fit = "fit" in asked.model_fields_set
     line = f"# under fit: {better.lines}" if has_fit else f"fit: {{{better.lines}}}"
     why = f"relative error {better.asked_error:.2g} -> {better.error:.2g} % on parts held out in turn"
     done = "to be written" if has_fit else "added"
     return f"{text.rstrip()}\n\n{line}   # {why}\n", f"{kinds}{done} under fit: {better.lines}; {why}"
-
-
-def _asked_for(measured: Measured) -> BetterSetUp | None:
-    experiment, points = measured.experiment, measured.points(hold_out=False)
-    moving = measured.moving(hold_out=False)
-    better = better_for_points(experiment, points) if points else None
-    return better or (better_for_motion(experiment, moving) if moving and experiment.fit.predict == "torque" else None)
-
-
-def _stretches(experiment: Experiment, runs: Sequence[Run]) -> list[tuple[str, Stretches]]:
-    return [(run.record.file, stretches(run.record, experiment.joint.kind)) for run in runs]
 
 
 def _counted(kinds: Sequence[str]) -> str:
@@ -139,10 +123,8 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     if moving:
         refuse_opposing_runs(measured.experiment, moving)
-    proposals = [
-        *([proposed_for_points(points)] if points else []),
-        *([proposed_for_motion(measured.experiment, moving)] if moving else []),
-    ]
+    proposals = [proposed_for_points(points) if points else None]
+    proposals += [proposed_for_motion(measured.experiment, moving) if moving else None]
     known = [proposal for proposal in proposals if proposal is not None]
     if points and not any("gravity" in x.set_up.regressors for x in known):
         refuse_opposing_points(measured.experiment, points, ("offset",))
@@ -153,52 +135,38 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
     pays = {name for x in known for name in x.set_up.regressors} - {"offset"}
     lines = f"directions: {sided}"
     lines += f", {regressor_line(pays)}" if pays or moving else ""
-    why = f"relative error on parts held out in turn {', '.join(map(_errors, known))}"
+    none = "above 100 %: too few points to tell, so the plainest is taken"
+    errors = (
+        f"{f'{x.error:.2g} %' if x.error < _NOTHING else none} (the plainest set-up: {x.asked_error:.2g} %)"
+        for x in known
+    )
+    why = f"relative error on parts held out in turn {', '.join(errors)}"
     return f"fit: {{{lines}}}   # {why}", f"fit: {lines}; {why}"
 
 
-def _errors(x: BetterSetUp) -> str:
-    """The error of a set-up beside the plainest, where that tells anything."""
-    error = (
-        f"{x.error:.2g} %" if x.error < _NOTHING else "above 100 %: too few points to tell, so the plainest is taken"
-    )
-    return f"{error} (the plainest set-up: {x.asked_error:.2g} %)"
-
-
 def _with_kinds(text: str, path: Path) -> tuple[str, str]:
-    """The text with `experiment` in each run that lacks it, and a sentence on them, empty where none does."""
+    """The text with `experiment` in each run that lacks it, what most of its files are of, and a sentence on them, empty where none does."""
     data = parse(text, str(path))
     entries = data.get("runs")
     runs = entries if isinstance(entries, list) else []
     lacking = [k for k, run in enumerate(runs) if isinstance(run, dict) and run and "experiment" not in run]
     if not lacking:
         return text, ""
-    places = _places(text)
-    kinds = {k: _kind_of_entry({**data, "runs": [runs[k]]}, path) for k in lacking}
-    for k in reversed(lacking):
-        at, after = places[k]
-        text = f"{text[:at]}experiment: {kinds[k]}{after}{text[at:]}"
-    return text, f"experiment: {_counted(list(kinds.values()))}, by what the signals do; "
-
-
-def _kind_of_entry(data: dict[str, Any], path: Path) -> RunKind:
-    """What most files of one entry under runs are of."""
-    (entry,) = data["runs"]
-    signals = (x for x in (data.get("signals"), entry.get("signals")) if isinstance(x, dict))
-    kind: RunKind = _ANY if any(x.get("time") for x in signals) else "points"
-    given = yaml.safe_dump({**data, "runs": [{**entry, "experiment": kind}]}, sort_keys=False)
-    experiment = experiment_of(given, path)
-    if kind == "points":
-        return kind
-    kinds = kinds_of(_stretches(experiment, read_runs(experiment)))
-    return max(kinds, key=kinds.count)
-
-
-def _places(text: str) -> list[tuple[int, str]]:
-    """Where the first key of each run stands in the text, and what follows a key that is put before it."""
     root: Any = yaml.compose(text, Loader=yaml.SafeLoader)
-    (runs,) = (value for key, value in root.value if key.value == "runs")
-    return [
-        (run.value[0][0].start_mark.index, ", " if run.flow_style else "\n" + " " * run.value[0][0].start_mark.column)
-        for run in runs.value
-    ]
+    (places,) = (value.value for key, value in root.value if key.value == "runs")
+    kinds: list[RunKind] = []
+    for k in reversed(lacking):
+        signals = (x for x in (data.get("signals"), runs[k].get("signals")) if isinstance(x, dict))
+        kind: RunKind = _ANY if any(x.get("time") for x in signals) else "points"
+        given = yaml.safe_dump({**data, "runs": [{**runs[k], "experiment": kind}]}, sort_keys=False)
+        experiment = experiment_of(given, path)
+        if kind != "points":
+            read = read_runs(experiment)
+            every = kinds_of([(run.record.file, stretches(run.record, experiment.joint.kind)) for run in read])
+            kind = Counter(every).most_common(1)[0][0]
+        kinds.insert(0, kind)
+        # before the first key of the run
+        mark = places[k].value[0][0].start_mark
+        after = ", " if places[k].flow_style else "\n" + " " * mark.column
+        text = f"{text[: mark.index]}experiment: {kind}{after}{text[mark.index :]}"
+    return text, f"experiment: {_counted(kinds)}, by what the signals do; "

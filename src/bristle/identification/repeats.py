@@ -99,7 +99,7 @@ def clustered(
         error, move = float(errors[column[name]]), moves[:, column[name]]
         as_logarithm = name in logarithmic
         ratio = error / (e.standard_error / (e.value if as_logarithm else 1.0))
-        own = _of(freedom, name)
+        own = freedom[name] if isinstance(freedom, Mapping) else freedom
         more = ratio > 1 and (apart or float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANT)
         values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
@@ -125,11 +125,6 @@ def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
     if more < 1 or freedom < 1 or not left > 0:
         return False
     return float(fdtrc(more, freedom, explained / more / (left / freedom))) < SIGNIFICANT
-
-
-def _of(freedom: float | Mapping[Any, float], name: Hashable) -> float:
-    """The degrees of freedom of one of several, or of all."""
-    return freedom[name] if isinstance(freedom, Mapping) else freedom
 
 
 def _fewer(most: int, own: float) -> float:
@@ -186,7 +181,8 @@ def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = Fals
 
 def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
     """The estimate with its error and interval as the runs scatter, and the caution."""
-    runs, freedom, farthest = len(x.by_run), len(x.by_run) - 1, _farthest(x.by_run)
+    runs, freedom, middle = len(x.by_run), len(x.by_run) - 1, float(np.median(list(x.by_run.values())))
+    farthest = max(x.by_run, key=lambda file: abs(x.by_run[file] - middle))
     degrees = f"{freedom} degree{'' if freedom == 1 else 's'} of freedom"
     numbers = {"runs": runs, "widened": x.widened, "freedom": freedom, "farthest": farthest}
     if x.clustered:
@@ -210,12 +206,6 @@ def wider_estimate(e: Estimate, x: RunScatter, spread: Spread) -> Estimate:
         interval=_spread_pair(e.interval, spread),
         warnings=(*_spread_warnings(e.warnings, spread), why),
     )
-
-
-def _farthest(by_run: Mapping[str, float]) -> str:
-    """The run farthest from the median."""
-    middle = float(np.median(list(by_run.values())))
-    return max(by_run, key=lambda file: abs(by_run[file] - middle))
 
 
 def wider_three(three: Uncertainty, spread: Spread) -> Uncertainty:

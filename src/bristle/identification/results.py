@@ -229,8 +229,7 @@ class Joint:
     torque_constant: Estimate | None = None
     """N*m/A, as the links of a robot tell it; None where it was not looked for."""
     link_inertia: float | None = None
-    """What the joint of a robot accelerates of its links, on average over its runs, kg*m**2: beside the inertia of its fits, which is then the
-    rotor's."""
+    """What the joint of a robot accelerates of its links, on average over its runs, kg*m**2; the inertia of its fits is then the rotor's."""
     truth: Mapping[str, LugreByName] = field(default_factory=dict)
     """The true parameters, where the data are simulated."""
     simulated: bool = False
@@ -242,10 +241,9 @@ class Joint:
 
     def __repr__(self) -> str:
         """In a line: what there is, not every number of it."""
-        fits = (*(f"static {d}" for d in self.static), *(["presliding"] if self.presliding else []))
-        return (
-            f"Joint({self.name!r}: {', '.join((*fits, *(['moving runs'] if self.moving else []))) or 'nothing fitted'})"
-        )
+        fits = [f"static {d}" for d in self.static]
+        fits += [what for what, fit in (("presliding", self.presliding), ("moving runs", self.moving)) if fit]
+        return f"Joint({self.name!r}: {', '.join(fits) or 'nothing fitted'})"
 
     @property
     def law(self) -> Law:
@@ -261,10 +259,7 @@ class Joint:
 
     @property
     def moving(self) -> TrackingFit | None:
-        """The fit of moving runs to use.
-
-        The joint fit where there is one, else that of the moving runs alone, else None.
-        """
+        """The fit of moving runs to use: the joint fit where there is one, else that of the moving runs alone, else None."""
         return self.joint_fit or self.tracking
 
     def _moving_fits(self) -> Iterator[TrackingFit]:
@@ -280,20 +275,14 @@ class Joint:
     def uncertain_constants(self) -> tuple[str, ...]:
         """The constants whose errors are in the estimates, as they print."""
         scale = self.torque_scale
-        known = scale is not None and scale.code == "torque-uncertain"
-        return tuple(map(str, scale.numbers["constants"])) if scale and known else ()
+        return tuple(map(str, scale.numbers["constants"])) if scale and scale.code == "torque-uncertain" else ()
 
     def fit_warnings(self) -> Iterator[Finding]:
         """Those about the joint, its presliding runs, and each of its fits as a whole."""
-        yield from self.warnings
-        slow = self.presliding
-        for fit in (
-            *self.static.values(),
-            *filter(None, (slow,)),
-            *(slow.fits.values() if slow else ()),
-            *self._moving_fits(),
-        ):
-            yield from fit.warnings
+        yield from (*self.warnings, *(warning for fit in self.static.values() for warning in fit.warnings))
+        if slow := self.presliding:
+            yield from (*slow.warnings, *(warning for fit in slow.fits.values() for warning in fit.warnings))
+        yield from (warning for fit in self._moving_fits() for warning in fit.warnings)
 
     def all_warnings(self) -> Iterator[Finding]:
         """Those about the joint, then about each stage, its fits and their estimates; stages that differ; then those about kept segments."""

@@ -16,16 +16,16 @@ def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -
     """
     if moving is None or all(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0"):
         return dict(static)
-    return {d: fit if fit.relative_error is None else _superseded(fit, moving) for d, fit in static.items()}
-
-
-def _superseded(fit: StaticFit, moving: TrackingFit) -> StaticFit:
-    message = (
-        f"Without presliding, of which its errors know nothing: the relative error is {fit.relative_error:.2g} %, and "
-        f"{moving.relative_error:.2g} % with it. Use the fit of all parameters of the moving runs, not these numbers."
-    )
-    numbers = {"error": fit.relative_error, "other": moving.relative_error}
-    return replace(fit, outcome=Finding("static-superseded", NOTE, message, numbers), warnings=())
+    found = dict(static)
+    for d, fit in static.items():
+        if fit.relative_error is not None:
+            message = (
+                f"Without presliding, of which its errors know nothing: the relative error is {fit.relative_error:.2g} %, and "
+                f"{moving.relative_error:.2g} % with it. Use the fit of all parameters of the moving runs, not these numbers."
+            )
+            numbers = {"error": fit.relative_error, "other": moving.relative_error}
+            found[d] = replace(fit, outcome=Finding("static-superseded", NOTE, message, numbers), warnings=())
+    return found
 
 
 def is_superseded(fit: StaticFit) -> bool:

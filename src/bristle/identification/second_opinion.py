@@ -129,7 +129,12 @@ def _opinion(data: _Data) -> SecondOpinion | None:
         and (both or not {"separate", "offset"} & {*choice})
         and (data.q is not None or "gravity" not in choice)
     ]
-    best = min(SHARES, key=lambda share: _left(data, ("separate", "peak") if both else ("peak",), share * top))
+
+    def left_by_peak(share: float) -> float:
+        names, X = _columns(data, ("separate", "peak") if both else ("peak",), share * top)
+        return float(np.median(np.abs(data.torque - X @ _solve(names, X, data.torque))))
+
+    best = min(SHARES, key=left_by_peak)
     tried = []
     for set_up in ladder:
         names, X = _columns(data, set_up, best * top)
@@ -140,7 +145,8 @@ def _opinion(data: _Data) -> SecondOpinion | None:
             out = data.block == k
             theta = _solve(names, X[~out], data.torque[~out])
             left.append(data.torque[out] - X[out] @ theta)
-        tried.append((set_up, np.array([float(np.mean(np.minimum(np.abs(x), _scale(left)) ** 2)) for x in left])))
+        stray = 5 * 1.4826 * float(np.median(np.abs(np.concatenate(left)))) or np.inf
+        tried.append((set_up, np.array([float(np.mean(np.minimum(np.abs(x), stray) ** 2)) for x in left])))
     if not tried:
         return None
     _, least = min(tried, key=lambda x: float(x[1].mean()))
@@ -165,11 +171,6 @@ def _opinion(data: _Data) -> SecondOpinion | None:
     )
 
 
-def _scale(left: Sequence[Array]) -> float:
-    """Beyond which a residual counts as a stray."""
-    return 5 * 1.4826 * float(np.median(np.abs(np.concatenate(left)))) or np.inf
-
-
 def _columns(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[list[str], Array]:
     columns = friction_columns(data.v, set_up, v_s)
     columns |= {} if data.a is None else {"inertia": data.a}
@@ -177,12 +178,6 @@ def _columns(data: _Data, set_up: Sequence[str], v_s: float) -> tuple[list[str],
     if data.q is not None and "gravity" in set_up:
         columns |= {"gravity_sin": np.sin(data.q), "gravity_cos": np.cos(data.q)}
     return list(columns), np.stack(list(columns.values()), axis=1)
-
-
-def _left(data: _Data, set_up: Sequence[str], v_s: float) -> float:
-    """What a set-up leaves of the torque, N*m, as a median."""
-    names, X = _columns(data, set_up, v_s)
-    return float(np.median(np.abs(data.torque - X @ _solve(names, X, data.torque))))
 
 
 def _solve(names: Sequence[str], X: Array, y: Array) -> Array:

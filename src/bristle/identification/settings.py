@@ -50,15 +50,11 @@ def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Recor
                 f"low pass of {low_pass}, {f'one sample in {fit.every}' if fit.every > 1 else 'every sample'} ({by})"
             )
         if fit.predict == "position":
-            settings |= {
-                "moving runs": f"the motor simulated in windows of {HORIZON:g} s, and its position averaged over {fit.every} samples; "
+            settings["moving runs"] = (
+                f"the motor simulated in windows of {HORIZON:g} s, and its position averaged over {fit.every} samples; "
                 "position filter and decimation serve the start alone"
-            }
-        if experiment.inertia is not None:
-            known = experiment.inertia
-            settings["inertia"] = (
-                f"{known.value:g} (fixed)"
-                if not known.standard_error
-                else f"{known.value:g} +/- {known.standard_error:g} (prior)"
             )
+        if (known := experiment.inertia) is not None:
+            error = known.standard_error
+            settings["inertia"] = f"{known.value:g} {f'+/- {error:g} (prior)' if error else '(fixed)'}"
     return settings

@@ -69,7 +69,7 @@ def shifted_three(three: Uncertainty, e: Estimate, least: float = 0.0) -> Uncert
 def all_shifted(parameters: Mapping[Key, Estimate], shifts: Mapping[str, Mapping[Key, float]]) -> dict[Key, Estimate]:
     """`shifted` of the estimates of a fit; `shifts` by constant and parameter, of which one that stays may be missing."""
     return {
-        name: shifted(e, {constant: by.get(name, 0.0) for constant, by in shifts.items()}, least_of(_bare(name)))
+        name: shifted(e, {constant: by.get(name, 0.0) for constant, by in shifts.items()}, _least(name))
         for name, e in parameters.items()
     }
 
@@ -77,12 +77,9 @@ def all_shifted(parameters: Mapping[Key, Estimate], shifts: Mapping[str, Mapping
 def with_systematic(fit: Fitted, shifts: Mapping[str, Mapping[Any, float]]) -> Fitted:
     """The fit with what errors of constants do to each parameter, in all its intervals; `shifts` as in `all_shifted`."""
     parameters = all_shifted(fit.parameters, shifts)
-    uncertainty = {
-        name: shifted_three(x, parameters[name], least_of(_bare(name))) for name, x in fit.uncertainty.items()
-    }
+    uncertainty = {name: shifted_three(x, parameters[name], _least(name)) for name, x in fit.uncertainty.items()}
     return replace(fit, parameters=parameters, uncertainty=uncertainty)
 
 
-def _bare(name: object) -> str:
-    """The name without its direction."""
-    return str(getattr(name, "name", name))
+def _least(name: object) -> float:
+    return least_of(str(getattr(name, "name", name)))

@@ -1,6 +1,6 @@
 """Whether to use what was identified of a joint, decided by the kinds and severities of what is said about the values to use."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -60,8 +60,15 @@ def verdict(joint: Joint) -> Verdict:
         return Verdict(Trust.DO_NOT_USE, why[0] if why else None)
     known = joint.accuracy
     if known is None and not any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint)):
+        none = any(row.parameter.name == "alpha_0" and row.estimate.value == 0 for row in chosen(joint))
+        message = (
+            "Coulomb friction comes out as nothing: an offset, viscous friction or another term takes up what is measured, and these "
+            "data do not tell them apart. Move at several speeds, both ways, or leave a term out under fit.regressors."
+            if none
+            else "No run slides: the stiffness alone may be used. Move at several speeds, both ways."
+        )
         critical = found[:1] if found and found[0].severity is Severity.CRITICAL else ()
-        return Verdict(Trust.DO_NOT_USE, next(iter(critical), _no_curve(joint)))
+        return Verdict(Trust.DO_NOT_USE, next(iter(critical), Finding("no-curve", CRITICAL, message)))
     cause, wide = (next((x for x in found if x.code in codes), None) for codes in (_CAUSES, _CAUSES | _WIDENS))
     if found and found[0].severity is Severity.CRITICAL:
         return Verdict(Trust.DO_NOT_USE, (found[0].code in _SIZES and cause) or found[0])
@@ -79,18 +86,6 @@ _WIDENS = {"clipped-left-out", "runs-move", "runs-scatter"}
 """... or why its errors are as large ..."""
 _SIZES = {"unexplained", "misfit"}
 """... and those that say how much."""
-
-
-def _no_curve(joint: Joint) -> Finding:
-    """That no Coulomb friction is known: none comes out, or no run slides."""
-    none = any(row.parameter.name == "alpha_0" and row.estimate.value == 0 for row in chosen(joint))
-    message = (
-        "Coulomb friction comes out as nothing: an offset, viscous friction or another term takes up what is measured, and these data do not tell "
-        "them apart. Move at several speeds, both ways, or leave a term out under fit.regressors."
-        if none
-        else "No run slides: the stiffness alone may be used. Move at several speeds, both ways."
-    )
-    return Finding("no-curve", CRITICAL, message)
 
 
 def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
@@ -118,8 +113,19 @@ def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) ->
 
 
 def value_warnings(joint: Joint) -> tuple[Finding, ...]:
-    """What is critical or calls for caution about the values that `chosen` names, each once, the weightiest first."""
-    return _serious(_about_values(joint))
+    """What is critical or calls for caution about the values that `chosen` names, each once, the weightiest first.
+
+    It is about the joint as a whole, the fits that values come from, each value, and those that a motion does not show.
+    """
+    rows = chosen(joint)
+    unseen = [
+        row for row in rows if row.estimate.value is None and NOT_IDENTIFIABLE & {x.code for x in row.estimate.warnings}
+    ]
+    fits = dict.fromkeys(_fit_of(row) for row in rows if row.estimate.value is not None)
+    of_fits = (x for fit in fits for part in _of_fit(joint, *fit) for x in part if x.code not in _REPEATED)
+    lost = not_shown(row.parameter for row in unseen) if unseen else ()
+    of_values = (x for row in rows if row not in unseen for x in row.estimate.warnings if x.code not in _REPEATED)
+    return _serious((*joint.warnings, *of_fits, *lost, *of_values))
 
 
 def row_warnings(joint: Joint, row: Known) -> tuple[Finding, ...]:
@@ -140,36 +146,13 @@ def other_warnings(joint: Joint) -> tuple[Finding, ...]:
 
 
 def _serious(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
-    distinct = dict.fromkeys(x for x in warnings if x.severity is not Severity.NOTE)
-    return tuple(
-        sorted(
-            distinct,
-            key=lambda x: (
-                x.severity is not Severity.CRITICAL,
-                -x.effect.get("torque", 0.0),
-                -x.effect.get("errors", 0.0),
-                WEIGHTIEST_FIRST.get(x.code, len(WEIGHTIEST_FIRST)),
-            ),
-        )
-    )
+    """What is no note, each once: what is critical first, then by effect, then by weight."""
 
+    def place(x: Finding) -> tuple[float, ...]:
+        effects = (-x.effect.get(of, 0.0) for of in ("torque", "errors"))
+        return x.severity is not Severity.CRITICAL, *effects, WEIGHTIEST_FIRST.get(x.code, len(WEIGHTIEST_FIRST))
 
-def _about_values(joint: Joint) -> Iterator[Finding]:
-    """About the joint as a whole, the fits that values come from, each value, and those that a motion does not show."""
-    rows = chosen(joint)
-    yield from joint.warnings
-    for part in dict.fromkeys(_fit_of(row) for row in rows if row.estimate.value is not None):
-        yield from (warning for warning in _about_fit(joint, *part) if warning.code not in _REPEATED)
-    unseen = [row for row in rows if row.estimate.value is None and _kinds(row) & NOT_IDENTIFIABLE]
-    if unseen:
-        yield from not_shown(row.parameter for row in unseen)
-    for row in rows:
-        if row not in unseen:
-            yield from (warning for warning in row.estimate.warnings if warning.code not in _REPEATED)
-
-
-def _kinds(row: Known) -> set[str]:
-    return {warning.code for warning in row.estimate.warnings}
+    return tuple(sorted(dict.fromkeys(x for x in warnings if x.severity is not Severity.NOTE), key=place))
 
 
 def _fit_of(row: Known) -> tuple[Source, str]:
@@ -178,26 +161,14 @@ def _fit_of(row: Known) -> tuple[Source, str]:
     return row.source, str(row.parameter.direction) if by_direction else ""
 
 
-def _about_fit(joint: Joint, source: Source, direction: str) -> Iterator[Finding]:
-    for part in _of_fit(joint, source, direction):
-        yield from part
-
-
 _Said = tuple[Finding, ...]
 
 
 def _of_fit(joint: Joint, source: Source, direction: str) -> tuple[_Said, _Said, _Said]:
     """How it ended, what is said of it as a whole, and whether a second route agrees."""
-    if source is Source.STATIC:
-        fit = joint.static[direction]
-        return (
-            (fit.outcome,),
-            fit.warnings,
-            tuple(check.verdict for d, check in joint.crosscheck.items() if d == direction),
-        )
     if source is Source.PRESLIDING and joint.presliding is not None:
         return (), (*joint.presliding.fits[direction].warnings, *joint.presliding.warnings), ()
     moving = moving_fits(joint).get(source)
-    if moving is None:
-        return (), (), ()
-    return (moving.outcome,), moving.warnings, () if moving.crosscheck is None else (moving.crosscheck.verdict,)
+    fit = joint.static[direction] if source is Source.STATIC else moving
+    check = joint.crosscheck.get(direction) if moving is None else moving.crosscheck
+    return ((), (), ()) if fit is None else ((fit.outcome,), fit.warnings, (check.verdict,) if check else ())

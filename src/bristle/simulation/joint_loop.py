@@ -18,7 +18,6 @@ from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import (
     DEFLECTION,
-    draws_by_constants,
     draws_of,
     inertia_of,
     rises_of,
@@ -295,7 +294,7 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         assumed.append(Finding("systematic-drawn", NOTE, message))
     loop = JointLoop(
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
-        draws=draws_of(joint, known, travel, J), draws_by_constants=draws_by_constants(joint, known, travel, J),
+        draws=draws_of(joint, known, travel, J), draws_by_constants=draws_of(joint, known, travel, J, statistical=False),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
         start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), diagnostic_law=diagnostic_law,
     )  # fmt: skip  # a list of values

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation.ipopt import SecondRoute, compared, ends, natural, solver
+from bristle.estimation.ipopt import compared, ends, natural, solver
 from bristle.findings import CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Values
@@ -30,48 +30,43 @@ differently."""
 _OPTIONS = {"tol": 1e-9, "max_iter": 150, "hessian_approximation": "limited-memory", "limited_memory_max_history": 20}
 
 
-def check_tracking(solved: DynamicSolution, starts: int = STARTS, seed: int = _SEED) -> Crosscheck:
-    """The same problem by IPOPT, from starts about the answer.
+def check_tracking(solved: DynamicSolution) -> Crosscheck:
+    """The same problem by IPOPT, from a start about the answer: costs, differences in the fit's standard errors, and a verdict.
 
-    Costs, parameters in the fit's standard errors, and a verdict.
-
-    Args:
-        solved: the fit, before anything is taken off for encoder counts.
-        starts: >= 1.
-        seed: of the starts.
+    `solved` is the fit before anything is taken off for encoder counts.
     """
     posed, values = solved.solution.posed, solved.values
     unknowns, best = posed.unknowns, solved.solution.minimum.cost
     x = ca.MX.sym("x", len(unknowns.names))
     whole = solver("moving", x, _cost(solved, x) / (best or 1.0), **_OPTIONS)
-    rng = np.random.default_rng(seed)
-    away = ({n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()} for _ in range(starts))
+    rng = np.random.default_rng(_SEED)
+    away = ({n: v * (1 + _APART * rng.uniform(-1, 1)) for n, v in values.items()} for _ in range(STARTS))
     begun = [np.clip(unknowns.scaled(one), unknowns.lower, unknowns.upper) for one in away]
     ended = ends(whole, unknowns, begun)
     costs = [float(np.sum(posed.evaluate(end)[0] ** 2)) for end in ended]
     errors = {name: e.standard_error for name, e in solved.fit.parameters.items()}
     other = compared(values, best, errors, [unknowns.values(end) for end in ended], costs, _SAME * best)
     known = {name: other.parameters[name] for name in other.difference_in_se}
-    return Crosscheck(**other._replace(parameters=known)._asdict(), verdict=_verdict(other, best, starts))
-
-
-def _verdict(other: SecondRoute[ParameterName], best: float, starts: int) -> Finding:
-    """Whether IPOPT ended where the fit did, whose cost is `best`."""
     lowest, reached = other.cost_full, other.reached
-    share = f"{reached} of {starts} IPOPT starts reached"
+    share = f"{reached} of {STARTS} IPOPT starts reached"
+    against = f"({lowest:.6g} against {best:.6g})"
+    numbers: dict[str, float] = {"lowest": lowest, "cost": best, "reached": reached, "starts": STARTS}
     if other.agrees:
         message = (
             "Gauss-Newton on the rollout and IPOPT on the full simulation agree: the largest difference is "
             f"{other.worst:.2g} standard errors. {share} the lowest cost."
         )
-        return Finding("ipopt-agrees", NOTE, message, {"worst": other.worst, "reached": reached, "starts": starts})
-    costs = f"({lowest:.6g} against {best:.6g})"
-    numbers = {"lowest": lowest, "cost": best, "reached": reached, "starts": starts}
-    if lowest < best:
-        message = f"IPOPT found a lower cost {costs}: do not use this fit. {share} the lowest cost."
-        return Finding("ipopt-lower", CRITICAL, message, numbers)
-    message = f"IPOPT did not reach as low a cost {costs}, so it does not confirm the fit. {share} its lowest cost."
-    return Finding("ipopt-higher", NOTE, message, numbers)
+        numbers = {"worst": other.worst, "reached": reached, "starts": STARTS}
+        verdict = Finding("ipopt-agrees", NOTE, message, numbers)
+    elif lowest < best:
+        message = f"IPOPT found a lower cost {against}: do not use this fit. {share} the lowest cost."
+        verdict = Finding("ipopt-lower", CRITICAL, message, numbers)
+    else:
+        message = (
+            f"IPOPT did not reach as low a cost {against}, so it does not confirm the fit. {share} its lowest cost."
+        )
+        verdict = Finding("ipopt-higher", NOTE, message, numbers)
+    return Crosscheck(**other._replace(parameters=known)._asdict(), verdict=verdict)
 
 
 def _cost(solved: DynamicSolution, x: ca.MX) -> ca.MX:

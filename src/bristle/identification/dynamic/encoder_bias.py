@@ -69,7 +69,9 @@ def without_count_bias(
     rng = np.random.default_rng(_SEED)
     true = [between_counts(r, resolution) for r in records]
     smooth = pose(true, solved.problem.fixed)
-    ratio = _worse(solved, smooth)
+    # root mean square residuals of the smooth motion over those of the readings, both at the estimate
+    left, right = (float(np.linalg.norm(residuals(x, solved.values)[0])) for x in (smooth, solved.problem))
+    ratio = left / max(right, 1e-300)
     if ratio > _LOST:
         return _of_counts(solved, ratio)
     torque = np.concatenate(modelled(smooth, solved.values))
@@ -96,7 +98,11 @@ def without_count_bias(
     uncounted, *ends = ends
     bias = np.mean(ends, axis=0) - np.array(uncounted)
     by_name = {name: both for name, *both in zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)}
-    return _judged(solved, _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name)))
+    judged = _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name))
+    # verdicts that need no data are about the values without the bias
+    lost = {name: e for name, e in judged.parameters.items() if e.value is None}
+    rest = (w for w in judged.warnings if w.code not in OF_PHYSICS)
+    return replace(judged, warnings=(*rest, *physics(solved.problem, {**solved.values, **judged.known}, lost)))
 
 
 def between_counts(record: Record, resolution: float) -> Record:
@@ -108,24 +114,16 @@ def between_counts(record: Record, resolution: float) -> Record:
     """
     if record.position is None:
         return record
-    position, used = np.asarray(record.position), record.cutoff
-    lower = used / _LADDER
-    while lower * record.step > LOWEST and _off(record, position, lower) <= resolution / np.sqrt(12):
-        used, lower = lower, lower / _LADDER
-    smooth = smoothed(record, position, used)
+    position = np.asarray(record.position)
+    smooth, lower = smoothed(record, position, record.cutoff), record.cutoff / _LADDER
+    while lower * record.step > LOWEST:
+        smoother = smoothed(record, position, lower)
+        if np.sqrt(np.mean((smoother - position) ** 2)) > resolution / np.sqrt(12):
+            break
+        smooth, lower = smoother, lower / _LADDER
     return replace(
         record, position=smooth, velocity=derivative(record, smooth), acceleration=derivative(record, smooth, 2)
     )
-
-
-def _off(record: Record, position: Array, cutoff: float) -> float:
-    return float(np.sqrt(np.mean((smoothed(record, position, cutoff) - position) ** 2)))
-
-
-def _worse(solved: DynamicSolution, smooth: DynamicProblem) -> float:
-    """Root mean square residuals of the smooth motion over those of the readings, both at the estimate."""
-    left, right = (residuals(problem, solved.values)[0] for problem in (smooth, solved.problem))
-    return float(np.linalg.norm(left)) / max(float(np.linalg.norm(right)), 1e-300)
 
 
 def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
@@ -150,10 +148,8 @@ def _counted(record: Record, torque: Array, resolution: float, phase: float) -> 
     position = np.asarray(record.position)
     if resolution:
         position = np.asarray(quantise(position + phase * resolution, resolution)).ravel()
-    return replace(
-        estimate_motion(replace(record, position=position, velocity=None, acceleration=None), record.cutoff),
-        torque=torque,
-    )
+    bare = replace(record, position=position, velocity=None, acceleration=None)
+    return replace(estimate_motion(bare, record.cutoff), torque=torque)
 
 
 def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> dict[ParameterName, Finding]:
@@ -180,13 +176,6 @@ def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[Paramete
     lost = {n: solved.values[n] for n in unseen if n in solved.values}
     rest = (w for w in fit.warnings if w.code != "unseen")
     return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *not_shown(unseen)))
-
-
-def _judged(solved: DynamicSolution, fit: TrackingFit) -> TrackingFit:
-    """The fit whose verdicts that need no data are about the values without the bias."""
-    unseen = {name: e for name, e in fit.parameters.items() if e.value is None}
-    rest = tuple(w for w in fit.warnings if w.code not in OF_PHYSICS)
-    return replace(fit, warnings=(*rest, *physics(solved.problem, {**solved.values, **fit.known}, unseen)))
 
 
 def _corrected(biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> TrackingFit:

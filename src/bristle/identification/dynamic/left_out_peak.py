@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from bristle.arrays import Array
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import moved_by, scores
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, residuals
@@ -53,10 +52,19 @@ def asked_peak(
     """
     if problem.quantity != "torque":
         return None
-    own = {ParameterName(name, direction) for name in ("alpha_1", "v_s")}
-    seen = [k for k, n in enumerate(solution.names) if solution.scaled_errors[k] < np.inf and n not in own]
+    alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
+    seen = [k for k, n in enumerate(solution.names) if solution.scaled_errors[k] < np.inf and n not in (alpha_1, v_s)]
     known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
-    speeds, columns = _peaks(problem, solution, direction)
+    # the derivative of the residuals by an alpha_1 at zero, at some values of v_s
+    fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
+    values = {name: value for name, value in solution.values.items() if name != v_s} | {alpha_1: 0.0}
+    weight = problem.weight
+    speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * fastest
+    columns = np.zeros((rest.size, _SPEEDS))
+    for k, speed in enumerate(speeds.tolist()):
+        posed = replace(problem, fixed={**fixed, v_s: speed}, priors=())
+        columns[: weight.size, k] = weight * residuals(posed, values)[1][:, posed.names.index(alpha_1)]
     found = scores(known, rest, list(-columns.T[:, :, None]))
     best = int(np.argmax([x.sizes[0] / max(x.errors[0], 1e-300) for x in found]))
     size = float(found[best].sizes[0])
@@ -66,19 +74,3 @@ def asked_peak(
     return AskedPeak(
         size, float(speeds[best]), dict(zip([solution.names[k] for k in seen], moved.tolist(), strict=True))
     )
-
-
-def _peaks(problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction) -> tuple[Array, Array]:
-    """Values of v_s, (k,), and the derivative of the residuals by an alpha_1 of a direction at zero, for each, (n, k)."""
-    alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
-    fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
-    fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
-    values = {name: value for name, value in solution.values.items() if name != v_s}
-    weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
-    speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * fastest
-    columns = np.zeros((solution.minimum.residuals.size, _SPEEDS))
-    for k, speed in enumerate(speeds.tolist()):
-        posed = replace(problem, fixed={**fixed, v_s: speed}, priors=())
-        _, slopes = residuals(posed, {**values, alpha_1: 0.0})
-        columns[: weight.size, k] = weight * slopes[:, posed.names.index(alpha_1)]
-    return speeds, columns

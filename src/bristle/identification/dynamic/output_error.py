@@ -66,39 +66,32 @@ class Simulated:
     def __call__(
         self, problem: DynamicProblem, known: Values, _: Sequence[dict[Unknown, Array]]
     ) -> list[tuple[Array, dict[Unknown, Array]]]:
-        """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter.
-
-        These are by each unknown's name, (N,).
-        """
+        """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter by each unknown, (N,)."""
         windows = [m for m in problem.motions if isinstance(m, Window)]
-        every = _every(windows, known)
-        p = np.array(self._parameters(problem, known))
+        directions, fields, states = problem.directions, fields_of(self.law), problem.initial_states
+        every, pair = _every(windows, known), len(directions) == 2
+        middle = (np.arange(every) + 0.5) / every  # of the steps of the plant between two samples
+        friction = [known[ParameterName(name, d)] for d in (directions if pair else directions * 2) for name in fields]
+        p = np.array([*friction, *(known.get(name, 0.0) for name in _LOADS), self.motor.k_t, self.motor.R])
         alike: dict[int, list[int]] = {}
         for k, window in enumerate(windows):
             alike.setdefault(window.time.size, []).append(k)
         simulated: dict[int, tuple[Array, dict[Unknown, Array]]] = {}
         for size, chosen in alike.items():  # windows of one length go in one call
-            x0 = np.array([[known[InitialState(name, k)] for name in problem.initial_states] for k in chosen]).T
+            x0 = np.array([[known[InitialState(name, k)] for name in states] for k in chosen]).T
             start = np.vstack([x0, np.repeat(np.eye(3, 3 + _free(self.law)).T.reshape(-1, 1), len(chosen), axis=1)])
-            inputs = np.concatenate([_inputs(windows[k], every) for k in chosen], axis=1)
+            drives = [w.drive[:-1, None] + np.diff(w.drive)[:, None] * middle for w in (windows[k] for k in chosen)]
+            steps = [np.repeat(windows[k].step / every, every) for k in chosen]
+            inputs = np.vstack([np.concatenate([x.ravel() for x in drives]), np.concatenate(steps)])
             ends = _chain((size - 1) * every, every, self.current, self.law, len(chosen))(start, inputs, p)
             for k, first, rows in zip(chosen, start.T, np.split(np.asarray(ends), len(chosen), axis=1), strict=True):
                 whole = np.concatenate([first[::3, None], rows], axis=1)
-                simulated[k] = windows[k].measured - whole[0], self._by_name(problem, k, whole[1:])
+                begun, sets, loads = np.split(whole[1:], [3, 3 + 2 * len(fields)])
+                slopes = by_name(problem, sets if pair else sets[: len(fields)] + sets[len(fields) :])
+                slopes |= dict(zip(_LOADS, loads, strict=True))
+                slopes |= {InitialState(name, k): row for name, row in zip(states, begun, strict=True)}
+                simulated[k] = windows[k].measured - whole[0], slopes
         return [simulated[k] for k in range(len(windows))]
-
-    def _by_name(self, problem: DynamicProblem, k: int, by: Array) -> dict[Unknown, Array]:
-        count = len(fields_of(self.law))
-        sets, loads = by[3 : 3 + 2 * count], by[3 + 2 * count :]
-        sets = sets if len(problem.directions) == 2 else sets[:count] + sets[count:]
-        slopes = by_name(problem, sets) | dict(zip(_LOADS, loads, strict=True))
-        return slopes | {InitialState(name, k): row for name, row in zip(problem.initial_states, by[:3], strict=True)}
-
-    def _parameters(self, problem: DynamicProblem, known: Values) -> list[float]:
-        """What `_step` takes: a pair of sets, the loads, k_t and R."""
-        directions = problem.directions if len(problem.directions) == 2 else problem.directions * 2
-        friction = [known[ParameterName(name, d)] for d in directions for name in fields_of(self.law)]
-        return [*friction, *(known.get(name, 0.0) for name in _LOADS), self.motor.k_t, self.motor.R]
 
 
 def simulation(
@@ -124,15 +117,40 @@ def simulation(
             "fit.predict: position simulates the motor, which needs an inertia; give it as inertia, or among fit.regressors"
         )
     by_voltage = constants is not None and all(r.voltage is not None for r in records)
-    drive = motor.current if by_voltage else motor.current_for
-    plant = Simulated(constants if constants and by_voltage else _NO_MOTOR, drive, posed.law)
+    current = motor.current if by_voltage else motor.current_for
+    plant = Simulated(constants if constants and by_voltage else _NO_MOTOR, current, posed.law)
     parts = [(r, part) for r in records for part in between_gaps(r)]
-    pairs = zip(parts, posed.motions, strict=True)
-    windows = (
-        w
-        for (r, part), m in pairs
-        for w in _windows(r, part, m, horizon, r.decimation(decimation), by_voltage=by_voltage)
-    )
+    windows: list[Window] = []
+    for (record, part), whole in zip(parts, posed.motions, strict=True):
+        drive = record.voltage if by_voltage else record.torque
+        if record.position is None or drive is None:
+            raise InputError(f"{record.file}: fit.predict: position needs the position; name it under signals")
+        every = record.decimation(decimation)
+        usual = min(round(HORIZON / record.step), whole.time.size // 2)
+        size = max(usual if horizon is None else round(horizon / record.step), _SHORTEST)
+        if size < _EQUATIONS * every:
+            raise InputError(
+                f"{record.file}: fit.predict: a window of {size} samples holds {size // every} equations of {every} samples; expected at least "
+                f"{_EQUATIONS}, more than it has unknowns at its start: lower fit.decimation, or measure longer"
+            )
+        for first in range(0, whole.time.size, size):  # each of the same length, the last of what is left
+            if whole.time.size - first < _SHORTEST:
+                break
+            samples = slice(first, min(first + size, whole.time.size))
+            windows.append(
+                Window(
+                    file=record.file,
+                    continues_previous=first > 0,
+                    time=whole.time[samples],
+                    velocity=whole.velocity[samples],
+                    torque=whole.torque[samples],
+                    extra=whole.extra[samples],
+                    shifts={name: shift[samples] for name, shift in whole.shifts.items()},
+                    smooth=_means(samples.stop - samples.start, every),
+                    measured=record.position[part][samples],
+                    drive=drive[part][samples],
+                )
+            )
     return replace(
         posed, motions=tuple(windows), quantity="position", initial_states=("y0", "v0", "z0"), equations=plant
     )
@@ -149,41 +167,6 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
             replace(w, drive=w.drive + share * per * w.shifts[constant]) if constant in w.shifts else w for w in windows
         ),
     )
-
-
-def _windows(
-    record: Record, part: slice, whole: Motion, horizon: float | None, decimation: int, *, by_voltage: bool
-) -> list[Window]:
-    """The windows of a segment between gaps: each of the same length, the last of what is left."""
-    drive = record.voltage if by_voltage else record.torque
-    if record.position is None or drive is None:
-        raise InputError(f"{record.file}: fit.predict: position needs the position; name it under signals")
-    usual = min(round(HORIZON / record.step), whole.time.size // 2)
-    size = max(usual if horizon is None else round(horizon / record.step), _SHORTEST)
-    if size < _EQUATIONS * decimation:
-        raise InputError(
-            f"{record.file}: fit.predict: a window of {size} samples holds {size // decimation} equations of {decimation} samples; expected at least "
-            f"{_EQUATIONS}, more than it has unknowns at its start: lower fit.decimation, or measure longer"
-        )
-    bounds = [k for k in range(0, whole.time.size, size) if whole.time.size - k >= _SHORTEST]
-    windows = []
-    for first in bounds:
-        samples = slice(first, min(first + size, whole.time.size))
-        windows.append(
-            Window(
-                file=record.file,
-                continues_previous=first > 0,
-                time=whole.time[samples],
-                velocity=whole.velocity[samples],
-                torque=whole.torque[samples],
-                extra=whole.extra[samples],
-                shifts={name: shift[samples] for name, shift in whole.shifts.items()},
-                smooth=_means(samples.stop - samples.start, decimation),
-                measured=record.position[part][samples],
-                drive=drive[part][samples],
-            )
-        )
-    return windows
 
 
 def _means(samples: int, decimation: int) -> sparse.csr_array | None:
@@ -205,31 +188,9 @@ def _every(windows: Sequence[Window], known: Values) -> int:
     return every  # seldom another one from step to step of the fit
 
 
-def _inputs(window: Window, every: int) -> Array:
-    """Drive and length of every step of the plant, (2, steps)."""
-    middle = (np.arange(every) + 0.5) / every
-    drive = window.drive[:-1, None] + np.diff(window.drive)[:, None] * middle
-    return np.vstack([drive.ravel(), np.repeat(window.step / every, every)])
-
-
 def _free(of: Law) -> int:
     """How many parameters the state is differentiated by: a pair of sets, and the loads."""
     return 2 * len(fields_of(of)) + len(LOADS)
-
-
-@lru_cache(maxsize=4)
-def _step(current: Current, of: Law) -> ca.Function:
-    """((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h."""
-    x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", _free(of) + 2)
-    count = 2 * len(fields_of(of))
-    sets, (J, *loads, k_t, R) = ca.vertsplit(p[:count]), ca.vertsplit(p[count:])
-    drive, h = ca.vertsplit(u)
-    state = State(*ca.vertsplit(x))
-    middle = state.position + h / 2 * state.velocity
-    _, *terms = law.load_terms(middle, state.velocity, 0.0, 0.0).values()
-    load = -sum(parameter * term for parameter, term in zip(loads, terms, strict=True))
-    new = plant_step(state, drive, load, h, pair_of(sets, of), Motor(k_t, R, 0.0, J), current)
-    return ca.Function("plant", [x, u, p], [ca.vertcat(*new)], {"cse": True})
 
 
 @lru_cache(maxsize=16)
@@ -239,10 +200,17 @@ def _chain(steps: int, every: int, current: Current, of: Law, windows: int) -> c
     Of all these, y at every sample but the first. (the start: y, v, z and their derivatives, column by column; the
     steps' inputs; the parameters) -> (1 + 3 + parameters, samples - 1), and so on for each window.
     """
-    free = _free(of)
+    free, count = _free(of), 2 * len(fields_of(of))
     x, u, p = ca.SX.sym("x", 3), ca.SX.sym("u", 2), ca.SX.sym("p", free + 2)
     by = ca.SX.sym("by", 3, 3 + free)
-    new = _step(current, of)(x, u, p)
+    # ((y, v, z), (drive, h), (pair, inertia and other loads, k_t, R)) -> (y, v, z) after h
+    sets, (J, *loads, k_t, R) = ca.vertsplit(p[:count]), ca.vertsplit(p[count:])
+    drive, h = ca.vertsplit(u)
+    state = State(*ca.vertsplit(x))
+    middle = state.position + h / 2 * state.velocity
+    _, *terms = law.load_terms(middle, state.velocity, 0.0, 0.0).values()
+    load = -sum(parameter * term for parameter, term in zip(loads, terms, strict=True))
+    new = ca.vertcat(*plant_step(state, drive, load, h, pair_of(sets, of), Motor(k_t, R, 0.0, J), current))
     source = ca.horzcat(ca.SX(3, 3), ca.jacobian(new, p)[:, :free])
     moved = ca.densify(ca.jacobian(new, x) @ by + source)
     both = ca.Function("both", [ca.vertcat(x, ca.vec(by)), u, p], [ca.vertcat(new, ca.vec(moved))], {"cse": True})

@@ -27,8 +27,6 @@ from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, fields_of, lugre_of
 from bristle.model.rollout import rollout, rollout_into
 
-Quantity = Literal["torque", "position"]
-
 
 class InitialState(NamedTuple):
     """What a motion begins with, and which motion: an unknown of its own."""
@@ -124,7 +122,7 @@ class DynamicProblem:
     priors: tuple[Prior, ...] = ()
     sigma: float = 1.0
     """What residuals of the equations scatter by, N*m: the weight of the priors beside them."""
-    quantity: Quantity = "torque"
+    quantity: Literal["torque", "position"] = "torque"
     """What the equations are about; where it is the position, residuals are in rad."""
     initial_states: tuple[str, ...] = ("z0",)
     """What each motion begins with, unknown."""
@@ -176,16 +174,18 @@ class DynamicProblem:
         return tuple(k for k, m in zip(first, self.motions, strict=True) if not m.continues_previous)
 
     @property
+    def weight(self) -> Array:
+        """What the residual of each equation is multiplied by in the fit, (n,)."""
+        return np.repeat([m.weight for m in self.motions], [m.size for m in self.motions])
+
+    @property
     def measured(self) -> Array:
         """What is to be explained, as the equations see it, (n,)."""
         return np.concatenate([m.smoothed(m.measured) for m in self.motions])
 
     @property
     def extent(self) -> float:
-        """What residuals are relative to.
-
-        The norm of the measured torque, or of the way from each motion's mean position.
-        """
+        """What residuals are relative to: the norm of the measured torque, or of the way from each motion's mean position."""
         rows = [m.smoothed(m.measured) for m in self.motions]
         return float(
             np.linalg.norm(np.concatenate(rows if self.quantity == "torque" else [r - r.mean() for r in rows]))
@@ -193,18 +193,18 @@ class DynamicProblem:
 
     @property
     def velocity(self) -> Array:
-        """The same of the velocity, (n,)."""
+        """The velocity as the equations see it, rad/s, (n,)."""
         return np.concatenate([m.smoothed(m.velocity) for m in self.motions])
 
     @property
     def position(self) -> Array:
-        """The same of the position, (n,); empty where it is not known throughout."""
+        """The position as the equations see it, rad, (n,); empty where it is not known throughout."""
         known = all(m.position.size for m in self.motions)
         return np.concatenate([m.smoothed(m.position) for m in self.motions]) if known else np.zeros(0)
 
     @property
     def time(self) -> Array:
-        """The same of the time, (n,)."""
+        """The time as the equations see it, s, (n,)."""
         return np.concatenate([m.smoothed(m.time) for m in self.motions])
 
 
@@ -236,8 +236,8 @@ def dynamic_problem(
     motions: list[Motion] = []
     names: tuple[str, ...] = ()
     for record in records:
-        every = record.decimation(decimation)
-        load = load_of(record, regressors, every)
+        spacing = record.decimation(decimation)
+        load = load_of(record, regressors, spacing)
         extra = extra_columns(regressors, record) | dict.fromkeys(levels_of(regressors), np.zeros(record.time.size))
         names = tuple(extra)
         columns = np.column_stack(list(extra.values())) if extra else np.zeros((record.time.size, 0))
@@ -251,7 +251,7 @@ def dynamic_problem(
             )
         known, clipped = known_torque(record, inertia, regressors), at_limits(record)
         for part in between_gaps(record):
-            smooth, _ = decimator([np.array([part.stop - part.start])], every, record.file, clipped[part])
+            smooth, _ = decimator([np.array([part.stop - part.start])], spacing, record.file, clipped[part])
             motions.append(
                 Motion(
                     file=record.file,
@@ -266,21 +266,18 @@ def dynamic_problem(
                     load=None if load is None else load.at(part),
                 )
             )
+    every = np.concatenate([m.velocity for m in motions])
+    signs = {Direction.POSITIVE: 1.0, Direction.NEGATIVE: -1.0}
+    along = {d: every * signs[d] if d in signs else np.abs(every) for d in map(Direction, directions)}
+    # up to which speed a law with terms has been measured
+    fastest = {ParameterName(FASTEST, d): float(v.max()) for d, v in along.items()} if law.terms else {}
     return DynamicProblem(
         motions=tuple(motions),
         directions=tuple(map(Direction, directions)),
         extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names),
-        fixed={**_fastest(motions, directions, law), **(fixed or {})},
+        fixed={**fastest, **(fixed or {})},
         law=law,
     )
-
-
-def _fastest(motions: Sequence[Motion], directions: tuple[str, ...], law: Law) -> dict[ParameterName, float]:
-    """Up to which speed a law with terms has been measured, direction by direction, rad/s."""
-    every = np.concatenate([m.velocity for m in motions])
-    signs = {Direction.POSITIVE: 1.0, Direction.NEGATIVE: -1.0}
-    along = {d: every * signs[d] if d in signs else np.abs(every) for d in map(Direction, directions)}
-    return {ParameterName(FASTEST, d): float(v.max()) for d, v in along.items()} if law.terms else {}
 
 
 def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[float]:
@@ -341,10 +338,7 @@ def equation_error(
 
 
 def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[ParameterName, ...]]:
-    """By how much the level rises along a motion, N*m, and the derivatives of that, (1 + k, N); and by which parameters these are.
-
-    None, and none, where it does not rise.
-    """
+    """The rise of the level along a motion, N*m, and its derivatives, (1 + k, N), and by which parameters; None, and none, where it stays."""
     load = motion.load
     if load is None:
         return None, ()
@@ -369,24 +363,24 @@ def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
     """The modelled torque of every sample of each motion, what is known included, N*m, (N,) each."""
     known: Values = {**problem.fixed, **values}
     extra = np.array([known[name] for name in problem.extra_names])
-    p, torques = parameters(problem, values), []
+    return [T + m.extra @ extra + (m.measured - m.torque) for m, T, _ in _frictions(problem, known)]
+
+
+def _frictions(problem: DynamicProblem, known: Values) -> Iterator[tuple[Motion, Array, Array | None]]:
+    """Each motion, its modelled friction, N*m, (N,), and how the level rises as `_level` has it."""
+    p = parameters(problem, known)
     for k, m in enumerate(problem.motions):
         level, _ = _level(m, known)
         rise = None if level is None else level[0]
-        friction = rollout(m.velocity, m.step, p, values[InitialState("z0", k)], m.coarsening, rise).torque
-        torques.append(friction + m.extra @ extra + (m.measured - m.torque))
-    return torques
+        yield m, rollout(m.velocity, m.step, p, known[InitialState("z0", k)], m.coarsening, rise).torque, level
 
 
 def friction_and_load(problem: DynamicProblem, values: Values) -> tuple[Array, Array]:
     """Modelled friction of every equation, N*m, (n,), and the load that its level rises with, (n,); both empty where it does not."""
-    known: Values = {**problem.fixed, **values}
-    extra = np.array([known[name] for name in problem.extra_names])
     friction, carried = [np.zeros(0)], [np.zeros(0)]
-    for m, T in zip(problem.motions, modelled(problem, values), strict=True):
-        level, _ = _level(m, known)
+    for m, T, level in _frictions(problem, {**problem.fixed, **values}):
         if level is not None:
-            friction.append(m.smoothed(T - (m.measured - m.torque) - m.extra @ extra))
+            friction.append(m.smoothed(T))
             carried.append(m.smoothed(level[1]))
     return np.concatenate(friction), np.concatenate(carried)
 

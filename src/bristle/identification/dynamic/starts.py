@@ -54,12 +54,26 @@ def solve_dynamic(
         first = with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed})
     else:
         rng = np.random.default_rng(seed)
-        moved = [{name: x * _factor(name.name, rng) for name, x in start.items()} for _ in range(starts - 1)]
-        random = [with_deflections(problem, whole) for whole in moved]
+        reach = {n: np.log(_APART.get(n.name, 3.0)) for n in start if of_friction(n.name)}
+        for _ in range(starts - 1):
+            moved = {
+                n: x * float(np.exp(rng.uniform(-reach[n], reach[n]))) if n in reach else x for n, x in start.items()
+            }
+            random.append(with_deflections(problem, moved))
     solve, finish = partial(solved, problem), partial(polished, problem)
     best = solve_from_starts(solve, (first, *others), random, finish, progress)
-    while starts > 1 and (asked := _peaked(problem, best)):
-        again = solve_from_starts(solve, (), asked, finish, known=(best.posed, best.minimum))
+    while starts > 1:
+        added = dict[Unknown, float]()  # the Stribeck terms that the residuals ask for
+        errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
+        for direction in problem.directions:
+            alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
+            none = {alpha_1, v_s} <= best.values.keys() and best.values[alpha_1] <= errors[alpha_1]
+            if none and (asked := asked_peak(problem, best, direction, _WORTH)):
+                added |= {alpha_1: asked.alpha_1, v_s: asked.v_s}
+        if not added:
+            break
+        peaked = with_deflections(problem, {**without_deflections(best.values), **added})
+        again = solve_from_starts(solve, (), [peaked], finish, known=(best.posed, best.minimum))
         if again.minimum.cost > best.minimum.cost * (1 - SAME):
             break
         best = again._replace(starts=best.starts + 1)
@@ -106,20 +120,3 @@ def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> di
         if name in out and name not in known and both is not None:
             out[name] = max(out[name] + sign * known.get(_OFFSET, 0.0), 1e-3 * both)
     return out
-
-
-def _peaked(problem: DynamicProblem, best: MultistartSolution[Unknown]) -> list[dict[Unknown, float]]:
-    """Values with the Stribeck terms that the residuals ask for, none where they ask for none."""
-    added = dict[ParameterName, float]()
-    errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
-    for direction in problem.directions:
-        alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
-        none = {alpha_1, v_s} <= best.values.keys() and best.values[alpha_1] <= errors[alpha_1]
-        if none and (asked := asked_peak(problem, best, direction, _WORTH)):
-            added |= {alpha_1: asked.alpha_1, v_s: asked.v_s}
-    return [with_deflections(problem, {**without_deflections(best.values), **added})] if added else []
-
-
-def _factor(name: str, rng: np.random.Generator) -> float:
-    reach = np.log(_APART.get(name, 3.0))
-    return float(np.exp(rng.uniform(-reach, reach))) if of_friction(name) else 1.0

@@ -9,13 +9,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from bristle.arrays import Array
 from bristle.estimation.covariance import seen
 from bristle.estimation.linear import first_order
 from bristle.estimation.nonlinear import projected
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.output_error import with_more_torque
-from bristle.identification.dynamic.problem import DynamicProblem, Values, residuals
+from bristle.identification.dynamic.problem import residuals
 from bristle.model.parameters import ParameterName
 
 _STEP = 1e-2
@@ -33,30 +32,21 @@ def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float
     inside = (x > unknowns.lower) & (x < unknowns.upper)
     chosen = shared[seen(minimum.jacobian[:, shared]) & inside[shared]]
     J, slopes = projected(minimum.jacobian, chosen, posed.blocks), unknowns.slopes(x)[chosen]
-    shifts: dict[str, Mapping[ParameterName, float]] = {}
+    weight, shifts = problem.weight, dict[str, Mapping[ParameterName, float]]()
     for constant in constants:
-        change = np.concatenate([_of_equations(problem, solved.values, constant), *_of_priors(problem, constant)])
-        moved = -first_order(J, change) * slopes
+        if problem.quantity == "torque":
+            rows = [m.smoothed(m.shifts.get(constant, np.zeros(m.time.size))) for m in problem.motions]
+            change = np.concatenate(rows)
+        else:
+            more, less = (
+                residuals(with_more_torque(problem, constant, by), solved.values)[0] for by in (_STEP, -_STEP)
+            )
+            change = (more - less) / (2 * _STEP)
+        of_priors = [
+            -problem.sigma * (prior.root @ prior.shifts.get(constant, np.zeros(prior.value.size)))
+            for prior in problem.priors
+        ]
+        moved = -first_order(J, np.concatenate([change * weight, *of_priors])) * slopes
         names = (unknowns.names[k] for k in chosen.tolist())
         shifts[constant] = {n: by for n, by in zip(names, moved.tolist(), strict=True) if isinstance(n, ParameterName)}
     return shifts
-
-
-def _of_equations(problem: DynamicProblem, values: Values, constant: str) -> Array:
-    """Change of the weighted residuals of the equations, N*m or rad, (n,)."""
-    weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
-    if problem.quantity == "torque":
-        nothing = (np.zeros(m.time.size) for m in problem.motions)
-        rows = [m.smoothed(m.shifts.get(constant, no)) for m, no in zip(problem.motions, nothing, strict=True)]
-        return np.asarray(np.concatenate(rows) * weight)
-    more, less = (residuals(with_more_torque(problem, constant, by), values)[0] for by in (_STEP, -_STEP))
-    return np.asarray((more - less) / (2 * _STEP) * weight)
-
-
-def _of_priors(problem: DynamicProblem, constant: str) -> list[Array]:
-    """The same of each prior's rows, N*m, (p,)."""
-    nothing = (np.zeros(prior.value.size) for prior in problem.priors)
-    return [
-        -problem.sigma * (prior.root @ prior.shifts.get(constant, no))
-        for prior, no in zip(problem.priors, nothing, strict=True)
-    ]

@@ -33,10 +33,7 @@ Refit = Callable[[Values], DynamicSolution]
 def profile_until_stable(
     solved: DynamicSolution, refit: Refit, progress: Progress | None = None
 ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
-    """The profile of each parameter, and the fit.
-
-    Solved again, and saying so, where a profile solved a better optimum.
-    """
+    """The profile of each parameter, and the fit; solved again, and saying so, where a profile found a better optimum."""
     warnings: tuple[Finding, ...] = ()
     for refits in range(_RESTARTS + 1):
         seen, better = profiles(solved.solution, progress, stop_at_better=refits < _RESTARTS)
@@ -51,18 +48,15 @@ def profile_until_stable(
     return solved._replace(fit=replace(solved.fit, warnings=(*solved.fit.warnings, *warnings))), seen
 
 
-def with_three_ways(
-    solved: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled], seed: int = SEED
-) -> TrackingFit:
+def with_three_ways(solved: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
     """The fit with each parameter's intervals three ways.
 
     Args:
         solved: as it was profiled.
         fit: the same, the bias of encoder counts taken off.
         profiles: by name.
-        seed: of the bootstrap.
     """
-    (drawn, blocks), three = bootstrap_at(solved.solution, seed), {}
+    (drawn, blocks), three = bootstrap_at(solved.solution, SEED), {}
     for name, e in fit.parameters.items():
         if e.value is None and e.interval is None:
             three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=e.warnings)
@@ -87,31 +81,33 @@ def _three(
     drawn: tuple[Array, Array] | None,
     blocks: int,
 ) -> Uncertainty:
-    """One parameter's intervals, and where they part.
+    """One parameter's intervals, and where they part; `drawn`: the ends of the bootstrap's interval, and its draws."""
+    # the bias of counts is taken off, and what lies apart is spread as that widens the error; ends that are open stay
+    value, error = solved.values[name], solved.fit.parameters[name].standard_error
+    limits = float(solved.solution.posed.unknowns.least[solved.problem.names.index(name)]), np.inf
+    new, wider = value if e.value is None else e.value, e.standard_error / error if e.standard_error and error else 1.0
 
-    `drawn` are the ends of the bootstrap's interval, and its draws.
-    """
-    moved = _moved(solved, name, e)
+    def moved(x: Array) -> Array:
+        inside = np.where(np.isfinite(x), x, value)
+        return np.where(np.isin(x, limits), x, np.clip(new + (inside - value) * wider, *limits))
+
     low, high = moved(np.array(profile.interval)).tolist()
     ends = None if drawn is None or blocks < FEW else moved(drawn[0]).tolist()
     bootstrap = None if ends is None else (ends[0], ends[1])
-    at_bound = solved.values[name] == 0
+    at_bound = value == 0
     few = f"{blocks} blocks of independent residuals"
-    warnings = profile.warnings
+    warnings = [*profile.warnings]
     if at_bound:
         message = (
             "At its physical bound of zero: the intervals are one-sided; there is no bootstrap, which does not respect "
             "bounds."
         )
-        warnings = (*warnings, Finding("no-bootstrap-at-bound", CAUTION, message))
+        warnings.append(Finding("no-bootstrap-at-bound", CAUTION, message))
     elif blocks < FEW:
-        warnings = (*warnings, too_few(few))
+        warnings.append(too_few(few))
     if e.value is not None:
-        warnings = (
-            *warnings,
-            *interval_comparison.warnings(
-                e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < ENOUGH else None
-            ),
+        warnings += interval_comparison.warnings(
+            e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < ENOUGH else None
         )
     return Uncertainty(
         covariance=e.interval if profile.curve.size else None,
@@ -119,28 +115,8 @@ def _three(
         bootstrap=bootstrap,
         curve=np.stack([moved(profile.curve[0]), profile.curve[1]]),
         draws=np.zeros(0) if drawn is None else moved(drawn[1][:SHOWN]),
-        warnings=warnings,
+        warnings=tuple(warnings),
     )
-
-
-def _moved(solved: DynamicSolution, name: ParameterName, e: Estimate) -> Callable[[Array], Array]:
-    """What takes the bias of counts off values of a parameter, and spreads them as it widens the error.
-
-    Ends that are open stay.
-    """
-    value = solved.values[name]
-    limits = float(solved.solution.posed.unknowns.least[solved.problem.names.index(name)]), np.inf
-    new, wider = value if e.value is None else e.value, 1.0
-    error = solved.fit.parameters[name].standard_error
-    if e.standard_error and error:
-        wider = e.standard_error / error
-
-    def moved(x: Array) -> Array:
-        """Values moved, none beyond what the parameter may be, (k,) -> (k,)."""
-        inside = np.where(np.isfinite(x), x, value)
-        return np.where(np.isin(x, limits), x, np.clip(new + (inside - value) * wider, *limits))
-
-    return moved
 
 
 def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tuple[Array, Array]]]:

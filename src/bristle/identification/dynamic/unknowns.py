@@ -4,6 +4,7 @@ alpha_0, v_s and sigma_0 stand as logarithms, the others over a typical size.
 """
 
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -50,10 +51,7 @@ _MOST = 10.0
 def fit(
     problem: DynamicProblem, start: Values, most: int = 60, enough: float = 0.0
 ) -> tuple[dict[Unknown, float], Minimum]:
-    """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns.
-
-    `enough` as in `minimise`. Raises InputError as that does.
-    """
+    """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns; `enough` and InputError as of `minimise`."""
     posed, minimum = solved(problem, start, most, enough=enough)
     return posed.unknowns.values(minimum.x), minimum
 
@@ -64,27 +62,17 @@ def solved(
     """The least-squares problem about a start, and its minimum near there; `lowest` and `enough` as in `minimise`."""
     posed = least_squares(problem, start)
     unknowns = posed.unknowns
-    near = unknowns.scaled(_brought_near(problem, unknowns, start, most))
-    return posed, minimise(posed.evaluate, near, unknowns.lower, unknowns.upper, most, lowest=lowest, enough=enough)
-
-
-def _brought_near(problem: DynamicProblem, unknowns: Unknowns[Unknown], start: Values, most: int) -> Values:
-    """Where a quick descent over a few of many samples ends, if samples between those like it better than the start.
-
-    Else it is the start.
-    """
-    if problem.quantity == "position" or sum(m.time.size for m in problem.motions) < _LARGE:
-        return start
-    few, between = (
-        replace(problem, motions=tuple(_thinned(m, first) for m in problem.motions)) for first in (0, _EVERY // 2)
-    )
-    begin = unknowns.scaled(start)
-    try:
-        rough = minimise(_evaluation(few, unknowns), begin, unknowns.lower, unknowns.upper, most, _NEAR)
-    except InputError:
-        return start
-    near, measured = unknowns.values(rough.x), between.measured
-    return min((near, start), key=lambda values: np.sum((measured - np.concatenate(modelled(between, values))) ** 2))
+    begin, bounds = unknowns.scaled(start), (unknowns.lower, unknowns.upper)
+    if problem.quantity == "torque" and sum(m.time.size for m in problem.motions) >= _LARGE:
+        # a quick descent over a few of many samples, if samples between those like its end better than the start
+        few, between = (
+            replace(problem, motions=tuple(_thinned(m, first) for m in problem.motions)) for first in (0, _EVERY // 2)
+        )
+        with suppress(InputError):
+            rough = unknowns.values(minimise(_evaluation(few, unknowns), begin, *bounds, most, _NEAR).x)
+            left = [np.sum((between.measured - np.concatenate(modelled(between, x))) ** 2) for x in (rough, start)]
+            begin = unknowns.scaled(rough) if left[0] <= left[1] else begin
+    return posed, minimise(posed.evaluate, begin, *bounds, most, lowest=lowest, enough=enough)
 
 
 def _thinned(motion: Motion, first: int) -> Motion:
@@ -103,10 +91,7 @@ def _thinned(motion: Motion, first: int) -> Motion:
 def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum that ran out of steps, brought to its end by more of them, of simulated positions by windows that settle by themselves.
-
-    It is kept where it is lower. One of too few equations stays as it is.
-    """
+    """A minimum that ran out of steps, brought to its end, of simulated positions by windows that settle by themselves, where that is lower."""
     if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
         return posed, minimum
     values = posed.unknowns.values(minimum.x)
@@ -181,14 +166,10 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
 
 def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluate:
     """The residuals, priors included, and their Jacobian as functions of the scaled unknowns."""
-    weights, sizes = [m.weight for m in problem.motions], [m.size for m in problem.motions]
-    weight = np.repeat(weights, sizes) if any(one != 1 for one in weights) else None
+    weight = problem.weight if any(m.weight != 1 for m in problem.motions) else None
 
     def evaluate(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,).
-
-        A single infinite residual where they overflow.
-        """
+        """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,); a single infinite residual where they overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
             natural = unknowns.natural(x)
             if not np.isfinite(natural).all() or (natural[unknowns.logarithmic] <= 0).any():
@@ -217,7 +198,7 @@ def logarithms(names: Iterable[ParameterName]) -> set[ParameterName]:
 
 def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
     """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
-    weight = np.repeat([m.weight for m in problem.motions], [m.size for m in problem.motions])
+    weight = problem.weight
     rows: Array = solution.minimum.residuals[: weight.size] / weight
     return rows
 

@@ -81,7 +81,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     of = [isinstance(n, ParameterName) and of_friction(n.name) for n in solution.names]
     size = float(np.sqrt(np.mean(_equations(motions, friction) ** 2)))
     known, rest = known_and_left(problem, solution)
-    weight = np.repeat([m.weight for m in motions], [m.size for m in motions])
+    weight = problem.weight
     fit = Fitted(known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size, weight)
 
     # rows of any fit, then those of a motion
@@ -284,22 +284,19 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
     if not (problem.count and problem.cutoff and inertia):
         return np.zeros(sum(m.size for m in problem.motions))
-    noise = _equations(problem.motions, [_count_noise(m, problem.count, problem.cutoff) for m in problem.motions])
+    noises = []  # acceleration that comes of counting the motion anew, with the joint resting elsewhere in a count, rad/s**2
+    for m in problem.motions:
+        record, noise = Record(file=m.file, time=m.time), np.zeros(m.time.size)
+        if m.position.size:
+            cutoff = usable(record, problem.cutoff)
+            path = smoothed(record, m.position, cutoff) + _PHASE * problem.count
+            off = np.asarray(quantise(path, problem.count)).ravel() - path
+            noise = derivative(record, smoothed(record, off, cutoff), 2)
+        noises.append(noise)
     known = parameters(problem, solution.values)
     alpha_2 = known.alpha_2 if isinstance(known, Lugre) else sum(p.alpha_2 for p in known) / 2
-    made: Array = -inertia * alpha_2 * noise**2
+    made: Array = -inertia * alpha_2 * _equations(problem.motions, noises) ** 2
     return made
-
-
-def _count_noise(motion: Motion, count: float, cutoff: float) -> Array:
-    """Acceleration that comes of counting the motion anew, with the joint resting elsewhere in a count, rad/s**2, (N,)."""
-    if not motion.position.size:
-        return np.zeros(motion.time.size)
-    record = Record(file=motion.file, time=motion.time)
-    cutoff = usable(record, cutoff)
-    path = smoothed(record, motion.position, cutoff) + _PHASE * count
-    off = np.asarray(quantise(path, count)).ravel() - path
-    return derivative(record, smoothed(record, off, cutoff), 2)
 
 
 def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
@@ -316,18 +313,13 @@ def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Un
     filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0
     far = []
     for m in problem.motions:
-        near = _near_reversals(m, reach, filtered).astype(float)
+        # samples less than a way after a reversal, or after the start, or a time before or after one
+        v, t = m.velocity, m.time
+        way = np.concatenate([[0.0], np.cumsum(np.abs(v[1:] + v[:-1]) / 2 * m.step)])
+        turns = np.append(np.insert(np.flatnonzero(np.diff(np.sign(v))) + 1, 0, 0), t.size)
+        interval = np.searchsorted(turns, np.arange(t.size), side="right") - 1
+        before, after = turns[interval], turns[interval + 1]
+        until = np.where(after < t.size, t[np.minimum(after, t.size - 1)] - t, np.inf)
+        near = ((way - way[before] < reach) | (t - t[before] < filtered) | (until < filtered)).astype(float)
         far.append((near if m.smooth is None else abs(m.smooth) @ near) < _REACHED)
     return np.concatenate(far)
-
-
-def _near_reversals(motion: Motion, reach: float, filtered: float) -> NDArray[np.bool_]:
-    """Samples less than a way after a reversal, or after the start, or a time before or after one, (N,)."""
-    v, t = motion.velocity, motion.time
-    way = np.concatenate([[0.0], np.cumsum(np.abs(v[1:] + v[:-1]) / 2 * motion.step)])
-    turns = np.append(np.insert(np.flatnonzero(np.diff(np.sign(v))) + 1, 0, 0), t.size)
-    interval = np.searchsorted(turns, np.arange(t.size), side="right") - 1
-    before, after = turns[interval], turns[interval + 1]
-    until = np.where(after < t.size, t[np.minimum(after, t.size - 1)] - t, np.inf)
-    near: NDArray[np.bool_] = (way - way[before] < reach) | (t - t[before] < filtered) | (until < filtered)
-    return near

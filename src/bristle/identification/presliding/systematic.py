@@ -33,20 +33,16 @@ def with_shifts(
     if not constants:
         return dict(estimates)
     moved = {c: level.shifts.get(c, 0.0) - level.value * shares.get(c, 0.0) for c in constants}
-    slopes = {} if level.is_bound else _by_level(loadings, level)
+    slopes: dict[str, float] = {}  # by g0, on which (14) as printed does not depend
+    if not level.is_bound:
+        slopes = {"edges": by_level(by_edges, loadings, level), "samples": by_level(by_samples, loadings, level)}
+        quantum, first = max(loading.quantum for loading in loadings), first_torques(loadings, level.value)
+        if quantum > 0 and first.size:
+            by_g0 = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[1]
+            slopes["corrected"] = float(np.mean(by_g0)) / quantum
     return {
         name: shifted(
             e, {c: (e.value or 0.0) * shares.get(c, 0.0) + slopes.get(name, 0.0) * moved[c] for c in constants}
         )
         for name, e in estimates.items()
     }
-
-
-def _by_level(loadings: Sequence[Loading], level: KnownValue) -> dict[str, float]:
-    """How each estimate of sigma_0 changes with g0; (14) as printed does not."""
-    quantum, first = max(loading.quantum for loading in loadings), first_torques(loadings, level.value)
-    slopes = {"edges": by_level(by_edges, loadings, level), "samples": by_level(by_samples, loadings, level)}
-    if quantum > 0 and first.size:
-        by_g0 = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[1]
-        slopes["corrected"] = float(np.mean(by_g0)) / quantum
-    return slopes

@@ -17,7 +17,7 @@ from bristle.identification.dynamic.priors import fit_alone
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import decimator, directions, regressors
 from bristle.identification.static.fit import estimate_static
-from bristle.identification.static.problem import Regression, from_records
+from bristle.identification.static.problem import from_records
 from bristle.identification.static.runs import fit_moving
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
@@ -60,7 +60,12 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale |
         return None
     estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]
     value, error = estimate.value or 0.0, estimate.standard_error or np.inf
-    own, left = _apart(problem)
+    # RMS of the links' column beside all other columns, and of the torque beside all
+    links = next(k for k, name in enumerate(problem.linear_names) if name.name == "links")
+    others = np.delete(problem.linear, links, axis=1)
+    pairs = ((problem.linear[:, links], others), (problem.torque, problem.linear))
+    rests = (y - A @ np.linalg.lstsq(A, y, rcond=None)[0] for y, A in pairs)
+    own, left = (float(np.sqrt(np.mean(rest**2))) for rest in rests)
     return LinkScale(scale=value, error=error, explained=abs(value) * own, left=left)
 
 
@@ -78,15 +83,6 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
         return found
     explained = found.explained * abs(links.value / found.scale)
     return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
-
-
-def _apart(problem: Regression) -> tuple[float, float]:
-    """RMS of the links' column beside all other columns, and of the torque beside all."""
-    links = next(k for k, name in enumerate(problem.linear_names) if name.name == "links")
-    others = np.delete(problem.linear, links, axis=1)
-    pairs = ((problem.linear[:, links], others), (problem.torque, problem.linear))
-    own, left = (y - A @ np.linalg.lstsq(A, y, rcond=None)[0] for y, A in pairs)
-    return float(np.sqrt(np.mean(own**2))), float(np.sqrt(np.mean(left**2)))
 
 
 def torque_constant(found: LinkScale, kind: Kind) -> Estimate:
@@ -184,8 +180,15 @@ def order_warnings(
     links = body.torques(course.q, course.v, course.a, gravity=gravity)
     as_given = _score(course, moved, links)
     found = []
-    for order in _orders(course.kinds):
-        other, both = _reordered(course, order), np.hstack([part[:, order] for part in np.split(moved, 2, axis=1)])
+    identity = list(range(len(names)))
+    orders = [identity[::-1]]
+    for i, k in combinations(identity, 2):
+        orders.append([k if x == i else i if x == k else x for x in identity])
+    for order in orders:
+        if order == identity or any(course.kinds[i] != course.kinds[k] for i, k in enumerate(order)):
+            continue
+        other = replace(course, **{name: getattr(course, name)[:, order] for name in ("q", "v", "a", "torque")})
+        both = np.hstack([part[:, order] for part in np.split(moved, 2, axis=1)])
         whole = _score(other, both, body.torques(other.q, other.v, other.a, gravity=gravity))
         alone = _score(replace(course, torque=other.torque), moved, links)
         for score, what in ((whole, "columns"), (alone, "torque or current")):
@@ -211,27 +214,12 @@ def order_warnings(
     return (warning,) if warning is not None and best < as_given - _BETTER else ()
 
 
-def _orders(kinds: Sequence[str]) -> Iterator[list[int]]:
-    identity = list(range(len(kinds)))
-    candidates = [identity[::-1]]
-    for i, k in combinations(identity, 2):
-        swapped = identity.copy()
-        swapped[i], swapped[k] = k, i
-        candidates.append(swapped)
-    return (c for c in candidates if c != identity and all(kinds[i] == kinds[k] for i, k in enumerate(c)))
-
-
-def _reordered(course: Course, order: list[int]) -> Course:
-    return replace(course, **{name: getattr(course, name)[:, order] for name in ("q", "v", "a", "torque")})
-
-
 def coupling(course: Course, moved: Array, joint: int) -> float:
     """What the motion of the other joints explains of a joint's torque beside its own, as a share of the torque's RMS.
 
     By sines and cosines of the positions and of sums of neighbouring ones, and by accelerations.
     """
-    joints, y = course.q.shape[1], course.torque[:, joint]
-    k = joint
+    joints, y, k = course.q.shape[1], course.torque[:, joint], joint
     own = [moved[:, k], -moved[:, joints + k], course.v[:, k], course.a[:, k], np.ones(len(y))]
     sums = [course.q[:, i : j + 1].sum(axis=1) for i in range(joints) for j in range(i, joints)]
     more = [f(x) for x in sums for f in (np.sin, np.cos)] + list(np.delete(course.a, k, axis=1).T)

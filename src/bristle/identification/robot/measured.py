@@ -1,6 +1,6 @@
 """What the logs of a robot measured, joint by joint: each with the links' torque known, and its torque constant if that was free."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -73,24 +73,21 @@ def measure_robot(
         if progress:
             progress(f"links of {part.name}", len(measured), len(parts))
         measured.append(done)
-    return tuple(_with_masses(measured))
-
-
-def _with_masses(measured: Sequence[Measured]) -> Iterator[Measured]:
-    """The joints; a torque constant that was free is doubted where another joint, whose constant is known, doubts the masses."""
-    scales = {m.experiment.joint.name: w for m in measured for w in m.findings if w.code == "links-scale"}
-    for m in measured:
-        if scales and m.torque_constant is not None and m.torque_constant.value:
-            name, found = next(iter(scales.items()))
-            scale = found.numbers["scale"]
-            message = (
-                f"The torque constant comes out of the URDF's masses, and at {name}, whose constant is known, the links' "
-                f"torque would fit {scale:.3g} times as large: this constant, and friction with it, may be off as much."
-            )
-            doubt = Finding("constant-by-masses", CAUTION, message, {"joint": name, "scale": scale})
-            yield replace(m, findings=(*m.findings, doubt))
-        else:
-            yield m
+    # a torque constant that was free is doubted where another joint, whose constant is known, doubts the masses
+    scales = {
+        m.experiment.joint.name: w.numbers["scale"] for m in measured for w in m.findings if w.code == "links-scale"
+    }
+    for name, scale in list(scales.items())[:1]:
+        message = (
+            f"The torque constant comes out of the URDF's masses, and at {name}, whose constant is known, the links' "
+            f"torque would fit {scale:.3g} times as large: this constant, and friction with it, may be off as much."
+        )
+        doubt = Finding("constant-by-masses", CAUTION, message, {"joint": name, "scale": scale})
+        measured = [
+            replace(m, findings=(*m.findings, doubt)) if m.torque_constant and m.torque_constant.value else m
+            for m in measured
+        ]
+    return tuple(measured)
 
 
 def against_urdf(robot: Robot) -> dict[str, tuple[Finding, ...]]:
@@ -122,7 +119,12 @@ def _parts(robot: Robot, progress: Progress | None) -> list["_Part"]:
     parts = []
     for joint in asked:
         name = joint.experiment.joint.name
-        inertia = None if body is None else _link_inertia(body, robot.names, name, motions)
+        inertia, moving = None, [m for m in motions.values() if name in m.moving]
+        if body is not None and moving:  # of the links, on average over the longest run
+            motion = max(moving, key=lambda m: m.moving[name].time.size)
+            time = motion.moving[name].time
+            q = motion.at(time[:: max(1, time.size // _SAMPLES)], robot.names)[0]
+            inertia = float(body.inertias(q)[:, robot.names.index(name)].mean())
         findings = (*together.get(name, ()), *_limits(robot.urdf, name, read[name], in_amperes=joint.free))
         parts.append(_Part(joint, read[name], robot.urdf is not None, inertia, findings))
     return parts
@@ -158,9 +160,9 @@ def _measured(part: _Part) -> Measured:
     findings, constant = list(part.findings), None
     if part.linked and part.joint.free:
         seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
-        refined = _refined(
-            part, seen
-        )  # which may be told by more than the links: then it is a regressor, and no constant
+        beside = in_amperes(experiment, tuple(dict.fromkeys((*regressors(experiment), "links"))))
+        # it may be told by more than the links: then it is a regressor, and no constant
+        refined = scale_beside_bristles(beside, _training(runs), seen)
         constant = part.constant or torque_constant(refined if seen.told else seen, experiment.joint.kind)
         experiment, runs = _with_constant(experiment, runs, refined, constant.value, constant.standard_error)
         findings += [] if constant.value else constant.warnings
@@ -170,11 +172,6 @@ def _measured(part: _Part) -> Measured:
     refuse_repeated(experiment, runs)
     whole = measured_of(experiment, runs)
     return replace(whole, findings=tuple(findings), torque_constant=constant, link_inertia=part.link_inertia)
-
-
-def _refined(part: _Part, found: LinkScale) -> LinkScale:
-    asked = tuple(dict.fromkeys((*regressors(part.joint.experiment), "links")))
-    return scale_beside_bristles(in_amperes(part.joint.experiment, asked), _training(part.runs), found)
 
 
 def _training(runs: Sequence[Run]) -> tuple[Record, ...]:
@@ -220,15 +217,22 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
     if urdf is None:
         return []
     joint = urdf.joint(name)
-    q = np.concatenate([np.asarray(r.record.position) for r in runs if r.record.position is not None] or [np.zeros(0)])
-    v = np.concatenate([np.asarray(r.record.velocity) for r in runs if r.record.velocity is not None] or [np.zeros(0)])
-    found = []
+    signals = ([getattr(run.record, name) for run in runs] for name in ("position", "velocity", "torque"))
+    q, v, T = (np.concatenate([np.zeros(0), *(x for x in logged if x is not None)]) for logged in signals)
+    found, beyond = [], list[tuple[str, Array, float, float]]()
     if q.size and (q.min() < joint.lower - _BEYOND or q.max() > joint.upper + _BEYOND):
-        found.append(_beyond("position", q, (joint.lower, joint.upper)))
+        beyond.append(("position", q, joint.lower, joint.upper))
     if v.size and np.quantile(np.abs(v), 0.999) > joint.velocity * (1 + _BEYOND):
-        found.append(_beyond("velocity", v, (-joint.velocity, joint.velocity)))
-    T = np.concatenate([np.abs(r.record.torque) for r in runs if r.record.torque is not None] or [np.zeros(0)])
-    if T.size and not in_amperes and (most := float(np.quantile(T, 0.999))) > _PEAK * joint.effort:
+        beyond.append(("velocity", v, -joint.velocity, joint.velocity))
+    for signal, logged, lowest, highest in beyond:
+        of, low, high = unit_of(signal), float(logged.min()), float(logged.max())
+        message = (
+            f"The {signal} runs from {low:.3g} to {high:.3g}{of}; the URDF allows {lowest:.3g} to {highest:.3g}{of}: check the "
+            "order of the joints, units and the URDF."
+        )
+        named = {"signal": signal, "low": low, "high": high, "least": lowest, "most": highest}
+        found.append(Finding("beyond-urdf", CAUTION, message, named))
+    if T.size and not in_amperes and (most := float(np.quantile(np.abs(T), 0.999))) > _PEAK * joint.effort:
         of = unit("torque", joint.kind)
         reached = f"The torque reaches {most:.3g} {of}, and the URDF allows {joint.effort:.3g} {of}: check the"
         numbers = {"most": most, "limit": joint.effort, "unit": of}
@@ -239,30 +243,6 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
             message = f"{reached} torque constant, the gear and the URDF."
             found.append(Finding("effort-beyond", CAUTION, message, numbers))
     return found
-
-
-def _beyond(signal: str, logged: Array, limits: tuple[float, float]) -> Finding:
-    """That a signal leaves the limits of the URDF."""
-    (least, most), of = limits, unit_of(signal)
-    low, high = float(logged.min()), float(logged.max())
-    message = (
-        f"The {signal} runs from {low:.3g} to {high:.3g}{of}; the URDF allows {least:.3g} to {most:.3g}{of}: check the "
-        "order of the joints, units and the URDF."
-    )
-    numbers = {"signal": signal, "low": low, "high": high, "least": least, "most": most}
-    return Finding("beyond-urdf", CAUTION, message, numbers)
-
-
-def _link_inertia(
-    body: RigidBody, names: tuple[str, ...], name: str, motions: Mapping[str, RobotMotion]
-) -> float | None:
-    """What the joint has to accelerate of the links, on average over its moving runs, kg*m**2 or kg."""
-    times = [(m, m.moving[name].time) for m in motions.values() if name in m.moving]
-    if not times:
-        return None
-    motion, time = max(times, key=lambda pair: pair[1].size)
-    q = motion.at(time[:: max(1, time.size // _SAMPLES)], names)[0]
-    return float(body.inertias(q)[:, names.index(name)].mean())
 
 
 def _of_all(
@@ -289,18 +269,16 @@ def _of_all(
     every = robot.joints[0].experiment.fit.decimation or decimation([*own.values()])
     course, moved = thinned(whole, every, file)
     if body is None:
-        shares = {name: coupling(course, moved, robot.names.index(name)) for name in own}
-        return {name: (_not_removed(100 * x),) for name, x in shares.items() if x > _LEAST}
+        found: dict[str, tuple[Finding, ...]] = {}
+        for name in own:
+            share = 100 * coupling(course, moved, robot.names.index(name))
+            message = (
+                "Other joints move too and no URDF is named, so the torque of the links is not removed: it may be "
+                f"{share:.0f} % of this joint's torque. Name the URDF under robot, as urdf."
+            )
+            if share > 100 * _LEAST:
+                found[name] = (Finding("links-not-removed", CRITICAL, message, {"share": share}),)
+        return found
     if len(own) < len(robot.names):  # an order of joints that do not all move and have a torque cannot be told
         return {}
-    found = order_warnings(course, moved, robot.names, body, robot.gravity)
-    return dict.fromkeys(robot.names, found)
-
-
-def _not_removed(share: float) -> Finding:
-    """That the torque of the links, of so many percent, is in that of the joint."""
-    message = (
-        "Other joints move too and no URDF is named, so the torque of the links is not removed: it may be "
-        f"{share:.0f} % of this joint's torque. Name the URDF under robot, as urdf."
-    )
-    return Finding("links-not-removed", CRITICAL, message, {"share": share})
+    return dict.fromkeys(robot.names, order_warnings(course, moved, robot.names, body, robot.gravity))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from bristle import __version__
 from bristle.errors import InputError, short
 from bristle.findings import in_units
-from bristle.identification.document import check_most, checked
+from bristle.identification.document import check_most, parsed, validated
 from bristle.identification.known_joint import fault_of
 from bristle.model.parameters import INERTIA, fields_of, of_friction, units_of
 from bristle.questions.export.exported import ExportedJoint
@@ -69,8 +69,7 @@ def joints_in(text: str) -> tuple[ExportedJoint, ...]:
 
     Raises InputError, or ValueError as pydantic does, where it is none of the schema, or holds a joint that none can be.
     """
-    checked(text)
-    document = document_adapter().validate_json(text, strict=True)
+    document = validated(parsed(text), document_adapter())
     check_most("joints", len(document.joints))
     name, count = Counter(joint.name for joint in document.joints).most_common(1)[0] if document.joints else ("", 0)
     if count > 1:

@@ -28,8 +28,8 @@ def read_session(path: Path) -> Session:
 
     Raises InputError in one sentence where it is no results file of schema bristle-results/3 or 2, and OSError where it cannot be read.
     """
-    with reading(path) as text:
-        return session_of(document_of(text).joints.values())
+    with reading(path) as found:
+        return session_of(document_of(found).joints.values())
 
 
 def session_of(joints: Iterable[Joint]) -> Session:
