@@ -106,21 +106,21 @@ class _Reader:
 
     def walk(self, value: Any, at: str) -> Any:
         """The value with what is unwritten below it."""
-        parts: dict[str, Any] = {}
+        parts, same = dict[str, Any](), True
         for name, held, item in _parts(value):
             way = f"{at}/{name}" if at else name
             if item is None or not item.metadata.get("exclude"):
-                parts[name] = self.walk(held, way)
+                parts[name] = held if type(held) in PLAIN else self.walk(held, way)
                 self.first.setdefault(way, parts[name])
+                same = same and parts[name] is held
             elif way in self.samples:
-                parts[name] = self._value(self.samples.pop(way), way, _hints(value.__class__)[name])
-        if isinstance(value, Mapping):
-            return dict(zip(value, parts.values(), strict=True))
-        if isinstance(value, tuple) and parts:
-            return tuple(parts.values())
+                parts[name], same = self._value(self.samples.pop(way), way, _hints(value.__class__)[name]), False
         if not parts:
             return value
-        made = replace(value, **parts)
+        if isinstance(value, Mapping | tuple):
+            made = dict(zip(value, parts.values(), strict=True)) if isinstance(value, Mapping) else (*parts.values(),)
+            return value if same else made
+        made = value if same else replace(value, **parts)
         _check_shapes(made, at)
         return made
 
