@@ -1,6 +1,7 @@
 """What a target loses that cannot hold the joint's friction: the root mean square of the torque error along stated motions, in percent."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -62,7 +63,8 @@ Friction = Callable[[Array, float], Array]
 """(velocity (n,), step) -> torque (n,): rad/s, s, N*m."""
 
 
-class _Own(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class _Own:
     """The joint's own friction, as a value: equal where its numbers are."""
 
     law: Law
