@@ -11,12 +11,14 @@ import json
 import shutil
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import typer.main
 from hypothesis import settings
 from matplotlib.figure import Figure
 
@@ -84,12 +86,17 @@ class Ran(NamedTuple):
         return " ".join(self.out.split())
 
 
+COMMAND = cache(typer.main.get_command)
+"""What Typer makes of its commands, once for all that run in this process."""
+
+
 def run(*arguments: object, stdout: io.StringIO | None = None) -> Ran:
     """Run `bristle` with these arguments in this process, with a standard output of one's own if need be."""
     out, err = stdout or io.StringIO(), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
         patch.setattr(sys, "argv", ["bristle", *map(str, arguments)])
         patch.setattr("bristle.cli.cores", lambda: 1)  # tests share the cores among themselves
+        patch.setattr("typer.main.get_command", COMMAND)
         with pytest.raises(SystemExit) as stop:
             main()
     assert isinstance(stop.value.code, int)

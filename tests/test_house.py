@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from .conftest import SLOW
+from .source import FILES, SOURCE, nodes
 
 ROOT = Path(__file__).parents[1]
-SOURCE = ROOT / "src" / "bristle"
 GROUND = {"arrays", "errors", "findings", "progress", "workers"}
 """What every floor stands on; it imports nothing of ours."""
 CORE = {"model", "estimation", "data", "control", "identification", "simulation"}
@@ -38,14 +38,7 @@ DRAWING = {"report", "sections", "figures"}
 """How names of files end that make the pages of a question with a report.py."""
 ENTRANCES = {"__init__", "__main__"}
 """Modules of the package itself: they may offer what any floor has."""
-FILES = sorted(SOURCE.rglob("*.py"))
 MODULES = {path.relative_to(SOURCE.parent).with_suffix("").parts for path in FILES}
-
-
-@cache
-def trees() -> dict[Path, ast.Module]:
-    """Every file of the package, parsed."""
-    return {path: ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
 
 
 def place(path: Path) -> tuple[str, ...]:
@@ -53,10 +46,11 @@ def place(path: Path) -> tuple[str, ...]:
     return path.relative_to(SOURCE).with_suffix("").parts
 
 
-def imported(tree: ast.Module) -> set[tuple[str, ...]]:
+@cache
+def imported(path: Path) -> set[tuple[str, ...]]:
     """The places of the package that a file imports, at its top or inside a function."""
     names = set()
-    for node in ast.walk(tree):
+    for node in nodes()[path]:
         if isinstance(node, ast.Import):
             names |= {tuple(alias.name.split(".")) for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.level == 0:
@@ -74,10 +68,10 @@ def room(where: tuple[str, ...]) -> str | None:
 def test_imports_run_down_only() -> None:
     """A file imports nothing from a floor above its own, and no import is relative."""
     found = []
-    for path, tree in trees().items():
+    for path, of_file in nodes().items():
         floor = place(path)[0]
-        relative = [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.level > 0]
-        above = {where[0] for where in imported(tree)} - {*BELOW.get(floor, set()), *GROUND, floor, "__version__"}
+        relative = [node for node in of_file if isinstance(node, ast.ImportFrom) and node.level > 0]
+        above = {where[0] for where in imported(path)} - {*BELOW.get(floor, set()), *GROUND, floor, "__version__"}
         if relative or (floor not in ENTRANCES and above):
             found.append((path.relative_to(SOURCE).as_posix(), above or "a relative import"))
     assert found == []
@@ -86,9 +80,9 @@ def test_imports_run_down_only() -> None:
 def test_neighbours_do_not_know_each_other() -> None:
     """No question imports another, nor does static, presliding or dynamic identification."""
     found = []
-    for path, tree in trees().items():
+    for path in FILES:
         own = room(place(path))
-        others = {room(where) for where in imported(tree) if where[0] == place(path)[0]}
+        others = {room(where) for where in imported(path) if where[0] == place(path)[0]}
         if own is not None and not others <= {own, None}:
             found.append((path.relative_to(SOURCE).as_posix(), others - {own, None}))
     assert found == []
@@ -97,8 +91,8 @@ def test_neighbours_do_not_know_each_other() -> None:
 def test_results_know_no_report() -> None:
     """In a question with a report.py only that, its sections and figures import what draws or makes a page, and nobody imports the report itself."""
     found: list[tuple[str, object]] = []
-    for path, tree in trees().items():
-        names = imported(tree)
+    for path in FILES:
+        names = imported(path)
         if (path.parent / "report.py").exists() and path.stem.split("_")[-1] not in DRAWING:
             drawing = {("page", "page"), ("page", "report"), ("page", "style"), (*place(path)[:2], "figures")} & names
             found += (
@@ -112,8 +106,8 @@ def test_only_the_cli_prints() -> None:
     """No file but terminal.py calls print, and by the floors none but cli.py knows that one."""
     prints = [
         path.name
-        for path, tree in trees().items()
-        for node in ast.walk(tree)
+        for path, of_file in nodes().items()
+        for node in of_file
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "print"
     ]
     assert set(prints) == {"terminal.py"}

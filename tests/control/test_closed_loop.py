@@ -1,5 +1,7 @@
 """The compensated joint in closed loop: the figures of docs/paper.md, two simulators that agree, no free energy."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from bristle.simulation import edro
 from .conftest import H, P, case, sine, wrong_start
 
 
+@cache
 def table_2(way: Law, gamma: float) -> tuple[float, float, float, float]:
     """Effective factors of alpha_0 and of alpha_2 at 4 s and at 20 s, in the scenario of Table 2 (docs/paper.md)."""
     options = LoopOptions(compensator=Compensator(adaptation=Adaptation(law=way, gamma=(gamma, gamma))))

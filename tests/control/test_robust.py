@@ -21,8 +21,8 @@ from bristle.simulation import edro
 
 from .conftest import H, P, case, sine
 
-BATCH, BATCHES, SAMPLES = 50, 2, 1001
-"""Cases in a call, calls for each law and step, and samples of each case: 1200 random runs of 1 s in all."""
+BATCH, SAMPLES = 100, 1001
+"""Cases of each law and step, and samples of each case: 1200 random runs of 1 s in all."""
 ADAPTING: tuple[Name, ...] = ("lugre", "lugre-feedback", "lugre-observer")
 PAIR = edro.TABLE_1["gripper rotation"]
 
@@ -89,11 +89,9 @@ def random_case(rng: np.random.Generator, options: LoopOptions) -> Case:
 
 
 @pytest.mark.parametrize(("law", "step"), list(product(LAWS, STEPS)))
-@settings(max_examples=BATCHES, deadline=None, derandomize=True)
-@given(st.integers(0, 2**32))
-def test_gains_and_signals_stay_finite_whatever_comes(law: Law, step: Step, seed: int) -> None:
+def test_gains_and_signals_stay_finite_whatever_comes(law: Law, step: Step) -> None:
     """Over more than 1000 random references, noise levels, delays and starts every gain is within its limits, and every signal finite."""
-    rng = np.random.default_rng([seed, LAWS.index(law), STEPS.index(step)])
+    rng = np.random.default_rng([LAWS.index(law), STEPS.index(step)])
     options = random_options(rng, law, step)
     cases = [random_case(rng, options) for _ in range(BATCH)]
     reference, disturbance = course(rng)

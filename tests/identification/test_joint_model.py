@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import bristle
+from bristle.identification.joint_model import JointModel
 from bristle.model.parameters import SIGNED
 
 from ..conftest import speeds, write
@@ -16,14 +17,13 @@ ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture(scope="module")
-def results() -> bristle.Results:
-    """The wrist of the embedded data."""
-    return bristle.identify(ROOT / "datasets" / "edro" / "wrist.yaml")
+def joint() -> JointModel:
+    """The wrist of the embedded report."""
+    return bristle.read_results(ROOT / "reports" / "edro" / "results.json").model("wrist pitch")
 
 
-def test_every_way_to_its_friction_agrees(results: bristle.Results) -> None:
+def test_every_way_to_its_friction_agrees(joint: JointModel) -> None:
     """`friction`, CasADi's steady torque, LuGre at the deflection where dz/dt = 0, and the table, at speeds of both signs."""
-    joint = results.model()
     v = np.array([-1.0, -0.02, 0.01, 0.6])
     steady, torque = joint.casadi().steady, joint.casadi().torque
     np.testing.assert_allclose(joint.friction(v), steady(v.reshape(1, -1)).full().ravel(), rtol=1e-12)
@@ -40,18 +40,17 @@ def test_every_way_to_its_friction_agrees(results: bristle.Results) -> None:
         assert row["value"] == p.alpha_0
 
 
-def test_casadi_differentiates_it(results: bristle.Results) -> None:
+def test_casadi_differentiates_it(joint: JointModel) -> None:
     """The derivative by the velocity is the difference quotient's."""
-    steady, v = results.model().casadi().steady, ca.SX.sym("v")
+    steady, v = joint.casadi().steady, ca.SX.sym("v")
     slope = ca.Function("slope", [v], [ca.jacobian(steady(v), v)])
     h = 1e-6
     for speed in (-0.3, 0.02, 0.5):
         assert float(slope(speed)) == pytest.approx(float(steady(speed + h) - steady(speed - h)) / (2 * h), rel=1e-5)
 
 
-def test_its_compensator_slides_to_its_friction(results: bristle.Results) -> None:
+def test_its_compensator_slides_to_its_friction(joint: JointModel) -> None:
     """Without adaptation, and driven at one velocity for long, the compensator adds the friction of steady sliding."""
-    joint = results.model()
     running = joint.compensator(law=None)
     torque = 0.0
     for k in range(4000):

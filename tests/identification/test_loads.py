@@ -114,7 +114,9 @@ def geared(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> t
 @pytest.mark.parametrize("supply", [EXACT, (0.02, -0.02, 0.015, -0.01)])
 def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None:
     """0.100 within 0.005, and within its interval, with a supply that errs by 2 % in each log too."""
-    tracking = geared("paper+link-load", supply=supply)[1].tracking
+    joint = geared("paper+link-load", supply=supply)[1]
+    tracking = joint.tracking
+    assert joint.settings["law"].startswith("gaussian+link-load: Gaussian peak")
     assert tracking is not None
     e = tracking.parameters[LINK_LOAD]
     assert e.value == pytest.approx(0.1, abs=0.005)
@@ -315,13 +317,24 @@ def test_results_with_another_load_are_refused(tmp_path: Path) -> None:
             bristle.read_results(path)
 
 
-def test_who_takes_the_joint_without_load_says_so() -> None:
+@pytest.fixture(scope="module")
+def embedded() -> tuple[Joint, Joint]:
+    """A joint of the embedded report, and one like it whose friction rises with load by a tenth."""
+    plain = bristle.read_results(Path(__file__).parents[2] / "reports" / "edro" / "results.json").joint("wrist pitch")
+    assert plain.joint_fit is not None
+    known = plain.joint_fit.parameters
+    row = replace(known[ParameterName("alpha_0", Direction.POSITIVE)], value=0.1, interval=(0.09, 0.11), unit="1")
+    fit = replace(plain.joint_fit, parameters={**known, LINK_LOAD: row})
+    return plain, replace(plain, joint_fit=fit, settings={"law": "gaussian+link-load: Gaussian peak"})
+
+
+def test_who_takes_the_joint_without_load_says_so(embedded: tuple[Joint, Joint]) -> None:
     """What is left out is named with how much it is; a joint without a load has nothing to say."""
-    _, found = geared("paper+link-load")
-    (told,) = without_load(found)
+    plain, loaded = embedded
+    (told,) = without_load(loaded)
     assert told.numbers["names"] == ("link_load",)
-    assert told.numbers["rise"] == pytest.approx(0.1, abs=0.005)
-    assert not without_load(geared("paper")[1])
+    assert told.numbers["rise"] == 0.1
+    assert not without_load(plain)
 
 
 @pytest.mark.parametrize(
@@ -343,10 +356,9 @@ def test_a_flag_that_is_none_is_refused(tmp_path: Path, enabled: str, wrong: str
         measure(tmp_path / "a.yaml")
 
 
-def test_the_load_is_named_where_the_joint_is_shown() -> None:
+def test_the_load_is_named_where_the_joint_is_shown(embedded: tuple[Joint, Joint]) -> None:
     """The short report says which law and load the fits have; that of the paper's law says none. A document names both, and their coefficients."""
-    _, found = geared("paper+link-load")
-    _, plain = geared("paper")
+    plain, found = embedded
     assert found.law_name == "gaussian+link-load"
     assert "law: gaussian+link-load: Gaussian peak" in " ".join(brief_report([found]).split())
     assert not any(line.startswith("  law:") for line in brief_report([plain]).splitlines())

@@ -6,6 +6,7 @@ import operator
 import re
 import sys
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,8 @@ from bristle.simulation.edro import TABLE_1
 from ..conftest import run
 
 FEW = settings(max_examples=40, deadline=None)
-FORMULAS = formulas()
+paper = cache(formulas)
+"""Those of the paper's law, made once."""
 GRIPPER = TABLE_1["gripper rotation"].positive
 CALLS: dict[str, Callable[[float], float]] = {"abs": abs, "exp": math.exp, "sign": lambda x: float((x > 0) - (x < 0))}
 OPERATORS: dict[type, Any] = {
@@ -86,7 +88,7 @@ def test_partial_derivatives_are_casadis(z: float, v: float, p: Lugre[float]) ->
     """Each printed derivative of T_f, as text and as LaTeX, has the value of CasADi's own function anywhere."""
     _, *slopes = (float(x) for x in functions.torque_sensitivity_function()(z, v, *p))
     for name, slope in zip(("z", *Lugre._fields), slopes, strict=True):
-        formula = FORMULAS.partial[name]
+        formula = paper().partial[name]
         for written in (as_text(formula), python_of(as_latex(formula))):
             assert value(written, point(z, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 
@@ -97,7 +99,7 @@ def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
     """Each printed derivative of the steady torque has the value of CasADi's; those by sigma_0 and sigma_1 are zero."""
     slopes = [float(x) for x in functions.steady_jacobian_function()(v, *p[:4])]
     for name, slope in zip(Lugre._fields, [*slopes, 0.0, 0.0], strict=True):
-        assert value(as_text(FORMULAS.steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
+        assert value(as_text(paper().steady[name]), point(0.0, v, p)) == pytest.approx(slope, rel=1e-9, abs=1e-12)
 
 
 @FEW
@@ -105,32 +107,32 @@ def test_steady_derivatives_are_casadis(v: float, p: Lugre[float]) -> None:
 def test_abbreviations_keep_the_value(z: float, v: float, p: Lugre[float]) -> None:
     """With g for g(v) each formula keeps its value, and g is the Stribeck curve (5)."""
     names = point(z, v, p)
-    g = value(as_text(FORMULAS.stribeck), names)
+    g = value(as_text(paper().stribeck), names)
     assert g == pytest.approx(p.alpha_0 + p.alpha_1 * math.exp(-((v / p.v_s) ** 2)), rel=1e-12)
-    for formula in (FORMULAS.torque, *FORMULAS.partial.values()):
-        whole, short = value(as_text(formula), names), abbreviated(formula, FORMULAS.stribeck)
+    for formula in (paper().torque, *paper().partial.values()):
+        whole, short = value(as_text(formula), names), abbreviated(formula, paper().stribeck)
         for written in (as_text(short), python_of(as_latex(short))):
             assert value(written, names | {"g": g}) == pytest.approx(whole, rel=1e-9, abs=1e-12)
 
 
 def test_the_printed_law_is_another_derivative() -> None:
     """(19) as printed is dT_f / dalpha_1 term by term, not dT_f / dalpha_0; the values are those of docs/paper.md."""
-    assert FORMULAS.printed_is == ("alpha_1",)
-    assert FORMULAS.printed == FORMULAS.partial["alpha_1"] != FORMULAS.partial["alpha_0"]
+    assert paper().printed_is == ("alpha_1",)
+    assert paper().printed == paper().partial["alpha_1"] != paper().partial["alpha_0"]
     at = point(0.003, 0.03, GRIPPER)
-    assert value(as_text(FORMULAS.printed), at) == pytest.approx(0.0149170, abs=5e-8)
-    assert value(as_text(FORMULAS.partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
+    assert value(as_text(paper().printed), at) == pytest.approx(0.0149170, abs=5e-8)
+    assert value(as_text(paper().partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
 
 
 def test_formulas_are_readable() -> None:
     """The formulas read as one would write them by hand, in the terminal and in LaTeX."""
-    short = {row.what: row.with_g for row in FORMULAS.rows()}
+    short = {row.what: row.with_g for row in paper().rows()}
     assert short["dT_f/dalpha_0 at fixed z"] == "sigma_0*sigma_1*z*abs(v)/g**2"
     assert short["dT_f/dalpha_2 at fixed z"] == "v"
     assert short["dT_f/dsigma_0 at fixed z"] == "z - sigma_1*z*abs(v)/g"
     assert short["dT_ss/dalpha_0, steady sliding"] == "sign(v)"
     assert short["g(v)"] == "alpha_0 + alpha_1*exp(-v**2/v_s**2)"
-    assert as_latex(FORMULAS.partial["z"]).startswith(
+    assert as_latex(paper().partial["z"]).startswith(
         r"- \frac{\sigma_{0} \sigma_{1} \left|{v}\right|}{\alpha_{0} + \alpha_{1}"
     )
 
@@ -138,7 +140,7 @@ def test_formulas_are_readable() -> None:
 def test_the_documentation_prints_these_formulas() -> None:
     """Each formula in docs/sensitivity.md is the one that the command prints with g, character for character."""
     docs = (Path(__file__).parents[2] / "docs" / "sensitivity.md").read_text(encoding="utf-8")
-    short = {row.what: row.with_g for row in FORMULAS.rows()}
+    short = {row.what: row.with_g for row in paper().rows()}
     shown = dict(re.findall(r"^(.+)\n    = (.+)$", docs, flags=re.MULTILINE))
     assert len(shown) == 3
     assert shown.items() <= short.items()
@@ -146,7 +148,7 @@ def test_the_documentation_prints_these_formulas() -> None:
 
 def test_latex_braces_are_balanced() -> None:
     """Every LaTeX formula closes what it opens, in order."""
-    for row in FORMULAS.rows():
+    for row in paper().rows():
         depth = 0
         for character in row.latex:
             depth += (character == "{") - (character == "}")

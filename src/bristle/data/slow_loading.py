@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import find_peaks
 
 from bristle.arrays import Array, Number, freeze, sized, unwritten
 from bristle.data.differentiation import between_gaps, derivative, smoothed
@@ -254,6 +253,8 @@ def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
 
 def torque_turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Where the torque is largest and smallest between turns."""
+    from scipy.signal import find_peaks
+
     prominence = _PROMINENT * float(np.ptp(torque))
     if prominence == 0:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)

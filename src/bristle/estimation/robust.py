@@ -60,7 +60,8 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
 
 def _bounded(squares: Array, variance: Array) -> Array:
     """Sum of squares (..., n) in parts of their variances, each at most c**2: (...)."""
-    ratio = np.divide(squares, variance, out=np.where(squares > 0, np.inf, 0.0), where=variance > 0)
+    with np.errstate(over="ignore"):  # where nothing varies
+        ratio = squares / np.maximum(variance, _LEAST_VARIANCE)
     total: Array = np.minimum(ratio, SCALE**2).sum(axis=-1)
     return total
 

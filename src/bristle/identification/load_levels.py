@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy import signal
 
 from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
@@ -106,6 +105,8 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
 
 def _smoothed(record: Record, torque: Array, decimation: int) -> Array:
     """Without what the decimation filter takes off, segment by segment, (N,)."""
+    from scipy import signal
+
     if decimation == 1:
         return torque
     sections, smooth = signal.butter(4, 0.8 / decimation, output="sos"), torque.copy()

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal, sparse
+from scipy import sparse
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
@@ -350,6 +350,8 @@ def transient(decimation: int) -> int:
 
 def _kernel(decimation: int, tail: float = _DIED_OUT) -> Array:
     """Impulse response of the zero-phase decimation filter, cut where it is lower than this share of its peak; odd length, sum 1."""
+    from scipy import signal
+
     sections = signal.butter(4, 0.8 / decimation, output="sos")
     reach = 80 * decimation
     impulse = np.zeros(2 * reach + 1)

@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
-from scipy.signal import butter, sosfiltfilt
 
 from bristle.arrays import Array
 from bristle.data.record import Record
@@ -94,6 +93,8 @@ def of_points(v: Array, torque: Array) -> SecondOpinion | None:
 
 def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
     """Velocity, acceleration, position, torque and number of the run, of each stretch without a gap, through the low pass."""
+    from scipy.signal import butter, sosfiltfilt
+
     found: list[tuple[Array, ...]] = []
     step = record.step
     if record.position is None or record.torque is None:
@@ -189,8 +190,10 @@ def _solve(names: Sequence[str], X: Array, y: Array) -> Array:
         A, b = X / size * weight[:, None], y * weight
         gram = A.T @ A + 1e-12 * np.eye(size.size)
         root = np.linalg.cholesky(gram)
-        low = np.where(free, -np.inf, 0.0)
-        theta = lsq_linear(root.T, np.linalg.solve(root, A.T @ b), (low, np.inf), method="bvls").x
+        low, goal = np.where(free, -np.inf, 0.0), np.linalg.solve(root, A.T @ b)
+        theta = np.linalg.solve(root.T, goal)
+        if (theta < low).any():
+            theta = lsq_linear(root.T, goal, (low, np.inf), method="bvls").x
         left = np.abs(y - X / size @ theta)
         limit = HUBER * 1.4826 * float(np.median(left))
         weight = np.sqrt(np.minimum(1.0, limit / np.maximum(left, 1e-300))) if limit else np.ones(y.size)

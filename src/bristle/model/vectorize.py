@@ -116,10 +116,13 @@ class Vectorised:
         computed = {instruction.value for instruction in self._program}
         inner = computed.difference(values)
         self._fresh = [x in computed and x not in values[:row] for row, x in enumerate(values)]
-        self._small = [
-            (i.operation, i.value, i.operands, tuple(inner.intersection(o for o in i.operands if last[o] == k)))
-            for k, i in enumerate(self._program)
-        ]
+        self._small = []
+        for k, i in enumerate(self._program):
+            first = i.operands[0]
+            pick = itemgetter(*i.operands) if len(i.operands) > 1 else itemgetter(slice(first, first + 1))
+            self._small.append(
+                (i.operation, i.value, pick, [*inner.intersection(o for o in i.operands if last[o] == k)])
+            )
 
     def __call__(self, *inputs: float | Array, out: Sequence[Array] | None = None) -> Sequence[Array]:
         """Evaluate at inputs of shapes that broadcast; one array of the common shape per output.
@@ -165,13 +168,16 @@ class Vectorised:
         """
         registers = self._registers.copy()
         registers[: self._n_in] = inputs
-        get, reuse = registers.__getitem__, prod(shape) >= _REUSE
-        for operation, value, operands, done in self._small:
-            free = [x for x in map(get, done) if x.shape == shape][:1] if done and reuse else ()
-            registers[value] = operation(*map(get, operands), *free)
+        reuse = prod(shape) >= _REUSE
+        for operation, value, pick, done in self._small:
+            if reuse and done:
+                free = [x for x in map(registers.__getitem__, done) if x.shape == shape][:1]
+                registers[value] = operation(*pick(registers), *free)
+            else:
+                registers[value] = operation(*pick(registers))
         return [
             x if fresh and x.shape == shape else np.broadcast_to(x, shape).copy()
-            for x, fresh in zip(map(get, self._outputs.values()), self._fresh, strict=True)
+            for x, fresh in zip(map(registers.__getitem__, self._outputs.values()), self._fresh, strict=True)
         ]
 
     def _run(

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.changepoints import CandidateSpan
@@ -145,6 +144,8 @@ def _swing(v: Array, position: Array | None, time: Array, mean: float, quantum: 
 
     The average is over a window just long enough for noise to be a tenth of the mean.
     """
+    from scipy.ndimage import uniform_filter1d
+
     n, speed = v.size, abs(mean)
     if n < 32 or speed == 0:
         return 0.0, 0.0, 0.0

@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d
 
 from bristle.arrays import Array
 from bristle.control.plant import quantise
@@ -235,6 +234,8 @@ def _inertia(kind: JointKind, found: Score, _: int) -> Finding:
 
 def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
     """Whether what the fit leaves, (n,), is a pattern throughout, or much more about reversals than elsewhere, or most of it in a few equations."""
+    from scipy.ndimage import minimum_filter1d
+
     correlation = lag_one(rows)
     if correlation > _PATTERN:
         message = (

@@ -240,7 +240,8 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
         np.searchsorted(grid, spaced_speeds(problem, count, kind)).clip(0, grid.size - 1) for kind in ("log", "even")
     ]
     starts += [rng.integers(0, grid.size, count) for _ in range(STARTS)]
-    refined = [_refine(criterion, grid[_exchange(criterion, rows, start)]) for start in starts]
+    ends = dict.fromkeys(tuple(np.sort(_exchange(criterion, rows, start)).tolist()) for start in starts)
+    refined = [_refine(criterion, grid[[*end]]) for end in ends]  # most starts end at the same
     return evaluate_design(problem, min(refined, key=criterion.value), aim)
 
 

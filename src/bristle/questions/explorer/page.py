@@ -7,7 +7,9 @@ the page's own, by their digests. Cost maps are computed by a worker, which is m
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 from bristle import __version__
 from bristle.identification.results import Joint
@@ -60,8 +62,7 @@ class Explorer:
 def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> Explorer:
     """The page of some joints; arguments and what is raised as of `data.explored`. Equal arguments give equal bytes."""
     known = explored(joints, loops)
-    plots = [plot for view in figures().values() for plot in view]
-    document, roots = numbered_document({str(plot.name): plot for plot in plots})
+    document, roots = _drawing()
     laws = tuple(dict.fromkeys((*(x.law for x in joints), *(p.law for x in joints for p in x.truth.values()))))
     words = _words(laws)
     symbols = {name: symbol(name) for law in laws for name in fields_of(law)}
@@ -89,6 +90,12 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
         },
     )
     return Explorer(joints=tuple(joint["name"] for joint in known["joints"]), html=page)
+
+
+@cache
+def _drawing() -> tuple[dict[str, Any], dict[str, str]]:
+    """The figures, empty, as Bokeh has them, and their ids by name: the same on every page, and most of its time."""
+    return numbered_document({str(plot.name): plot for view in figures().values() for plot in view})
 
 
 def _words(laws: Iterable[Law]) -> dict[str, str]:

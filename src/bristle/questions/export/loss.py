@@ -1,6 +1,8 @@
 """What a target loses that cannot hold the joint's friction: the root mean square of the torque error along stated motions, in percent."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -8,7 +10,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.estimation.linear import bounded_least_squares
 from bristle.model import functions
-from bristle.model.parameters import Lugre, Pair, unit
+from bristle.model.laws.parts import Law
+from bristle.model.parameters import Lugre, Pair, Stribeck, unit
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 from bristle.page.wording import in_percent
@@ -60,22 +63,29 @@ Friction = Callable[[Array, float], Array]
 """(velocity (n,), step) -> torque (n,): rad/s, s, N*m."""
 
 
+@dataclass(frozen=True, slots=True)
+class _Own:
+    """The joint's own friction, as a value: equal where its numbers are."""
+
+    law: Law
+    curves: tuple[Stribeck[float], Stribeck[float]]
+    pair: Pair[float] | None
+    """None: its bristle is not known."""
+    quadratic: float
+
+    def __call__(self, v: Array, step: float) -> Array:
+        """Torque, N*m; without a bristle that of the curve of friction vs velocity, which has no memory."""
+        if self.pair is not None:
+            own = lugre(self.pair)(v, step)
+        else:
+            positive, negative = (evaluate(functions.steady_torque_function(self.law), v, *p)[0] for p in self.curves)
+            own = np.where(v < 0, negative, positive)
+        return own + _drag(self.quadratic, v)
+
+
 def friction_of(joint: ExportedJoint) -> Friction:
     """The joint's own friction, v abs(v) included; where its bristle is not known, the curve of friction vs velocity."""
-    own = lugre(joint.pair) if joint.has_bristle else _curve(joint)
-    return lambda v, step: own(v, step) + _drag(joint.quadratic, v)
-
-
-def _curve(joint: ExportedJoint) -> Friction:
-    """Friction vs velocity, which has no memory."""
-    positive, negative = joint.curves
-
-    def torque(v: Array, step: float) -> Array:  # noqa: ARG001  # it has no memory
-        """At each velocity by itself."""
-        by_set = [evaluate(functions.steady_torque_function(p.law), v, *p)[0] for p in (positive, negative)]
-        return np.where(v < 0, by_set[1], by_set[0])
-
-    return torque
+    return _Own(joint.law, joint.curves, joint.pair if joint.has_bristle else None, joint.quadratic)
 
 
 def lugre(p: Lugre[float] | Pair[float], bias: float = 0.0) -> Friction:
@@ -132,10 +142,14 @@ def all_motions(
     return declared_motion(joint, amplitude, frequency), *stated_motions(joint)
 
 
+@lru_cache(maxsize=64)
 def along(friction: Friction, motion: StatedMotion) -> tuple[Array, Array]:
-    """Velocity and torque over the last period, (n,) each: rad/s and N*m."""
+    """Velocity and torque over the last period, (n,) each, read-only: rad/s and N*m."""
     v = motion.velocity
-    return v[-_SAMPLES:], friction(v, motion.step)[-_SAMPLES:]
+    found = v[-_SAMPLES:], friction(v, motion.step)[-_SAMPLES:]
+    for array in found:
+        array.setflags(write=False)
+    return found
 
 
 def losses(joint: ExportedJoint, model: Friction, motions: Sequence[StatedMotion]) -> tuple[Loss, ...]:

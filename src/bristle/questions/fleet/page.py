@@ -5,6 +5,7 @@ script, too. Tables and charts on it are capped, so that it opens at once; the p
 """
 
 from collections.abc import Collection, Mapping
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,11 +101,17 @@ def fleet_files(
     return {"index.html": encoded(page), **tables_of(csv_frames(found))}
 
 
+@cache
+def _drawing() -> tuple[dict[str, Any], dict[str, str]]:
+    """The charts, empty, as Bokeh has them, and their ids by name: the same on every page."""
+    return numbered_document(fleet_plots())
+
+
 def _context(found: "Findings", reports: Collection[Name], commands: Mapping[Name, str]) -> dict[str, Any]:
     """What the template names."""
     texts = {name: (_HERE / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS}
     scripts = script_elements({"bokeh": bokeh_script(), **texts})
-    document, roots = numbered_document(fleet_plots())
+    document, roots = _drawing()
     known = quantities_of(found.series, found.units)
     series, charted = packed_series(found.series, found.changes, found.joints, known)
     cells = _cells(found, commands)
