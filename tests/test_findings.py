@@ -3,6 +3,7 @@
 import ast
 from collections.abc import Iterator
 from dataclasses import FrozenInstanceError
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,12 @@ from bristle.model.parameters import units_of
 from bristle.page.entries import entries
 
 SOURCE = Path(__file__).parents[1] / "src" / "bristle"
-TREES = {
-    path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text(encoding="utf-8"))
-    for path in sorted(SOURCE.rglob("*.py"))
-}
+
+
+@cache
+def trees() -> dict[str, ast.Module]:
+    """The package's files as Python reads them."""
+    return {path.relative_to(SOURCE).as_posix(): ast.parse(path.read_text("utf-8")) for path in SOURCE.rglob("*.py")}
 
 
 def test_a_finding_is_a_value() -> None:
@@ -81,7 +84,7 @@ def test_every_code_has_a_paragraph() -> None:
 
 def codes() -> Iterator[tuple[str, str]]:
     """Codes and severities that src makes."""
-    for tree in TREES.values():
+    for tree in trees().values():
         for node in ast.walk(tree):
             match node:
                 case ast.Call(func=ast.Name(id="Finding"), args=[code, severity, *_]):
@@ -103,15 +106,19 @@ ALLOWED = {
     ("simulation/edro.py", "Ramp controller"): "an assumption of the data that ship with it, replaced by its own words",
 }
 """Where a text of several words is asked for, and why that is no decision by what a diagnostic says; no reader of data is among them."""
-CONSTANTS = {
-    target.id: node.value.value
-    for tree in TREES.values()
-    for node in tree.body
-    if isinstance(node, ast.Assign | ast.AnnAssign)
-    for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
-    if isinstance(target, ast.Name) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
-}
-"""Texts that modules name: a decision by a name is one by what it stands for."""
+
+
+@cache
+def constants() -> dict[str, str]:
+    """Texts that modules name: a decision by a name is one by what it stands for."""
+    return {
+        target.id: node.value.value
+        for tree in trees().values()
+        for node in tree.body
+        if isinstance(node, ast.Assign | ast.AnnAssign)
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+        if isinstance(target, ast.Name) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+    }
 
 
 def phrases(node: ast.AST) -> Iterator[str]:
@@ -119,8 +126,8 @@ def phrases(node: ast.AST) -> Iterator[str]:
     match node:
         case ast.Constant(value=str(text)) if " " in text:
             yield text
-        case ast.Name(id=name) | ast.Attribute(attr=name) if " " in CONSTANTS.get(name, ""):
-            yield CONSTANTS[name]
+        case ast.Name(id=name) | ast.Attribute(attr=name) if " " in constants().get(name, ""):
+            yield constants()[name]
         case ast.JoinedStr(values=items) | ast.Tuple(elts=items) | ast.List(elts=items) | ast.Set(elts=items):
             for item in items:
                 yield from phrases(item)
@@ -148,7 +155,7 @@ def decisions(tree: ast.AST) -> Iterator[str]:
 
 def test_nothing_is_decided_by_a_sentence() -> None:
     """No file asks whether a text begins with, ends with or holds several words, but for the places allowed, each of which is there."""
-    found = {(name, text) for name, tree in TREES.items() for text in decisions(tree)}
+    found = {(name, text) for name, tree in trees().items() for text in decisions(tree)}
     assert found == set(ALLOWED)
 
 
