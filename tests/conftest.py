@@ -41,6 +41,8 @@ FEW = np.array([0.1, 0.2, -0.1, -0.2])
 
 SLOW = pytest.StashKey[tuple[int, int]]()
 """How many of the tests that were collected are slow, and how many there are."""
+SKIPPED = pytest.StashKey[set[tuple[str | None, str]]]()
+"""Module and name of each test that another run skipped; without a name the whole module."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -50,20 +52,34 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     )
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Read what another run skipped: tests, and whole modules, which have no class there."""
+    if before := config.getoption("--after"):
+        cases = ElementTree.parse(before).iter("testcase")  # noqa: S314  # ours
+        left = [(case.get("classname"), case.get("name", "")) for case in cases if case.find("skipped") is not None]
+        config.stash[SKIPPED] = {(of, name) if of else (name, "") for of, name in left}
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """After another run, a file that holds no slow test, nor one that skipped there, is not imported, which takes long."""
+    skipped = config.stash.get(SKIPPED, None)
+    if skipped is None or not collection_path.match("test_*.py"):
+        return None
+    of = ".".join(collection_path.relative_to(config.rootpath).with_suffix("").parts)
+    return None if of in {of for of, _ in skipped} or "mark.slow" in collection_path.read_text("utf-8") else True
+
+
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Count them before any is left out; after another run, keep what that one left: the slow ones first, which no worker then waits for."""
     slow = [item for item in items if item.get_closest_marker("slow") is not None]
     config.stash[SLOW] = len(slow), len(items)
-    if before := config.getoption("--after"):
-        cases = ElementTree.parse(before).iter("testcase")  # noqa: S314  # ours
-        left = [(case.get("classname"), case.get("name", "")) for case in cases if case.find("skipped") is not None]
-        skipped = {(of, name.partition("[")[0]) if of else (name, "") for of, name in left}  # no class: a whole module
+    if (skipped := config.stash.get(SKIPPED, None)) is not None:
 
         def is_left(item: pytest.Item) -> bool:
             """Whether it skipped, alone or with its module."""
             of = item.nodeid.partition("::")[0].removesuffix(".py").replace("/", ".")
-            return not skipped.isdisjoint({(of, ""), (of, item.name.partition("[")[0])})
+            return not skipped.isdisjoint({(of, ""), (of, item.name)})
 
         items[:] = slow + [item for item in items if item not in slow and is_left(item)]
 

@@ -11,7 +11,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.orders import PERIODIC
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.score_test import score
+from bristle.estimation.score_test import Score, scores
 from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.fit import SEED, STARTS
 from bristle.identification.dynamic.priors import posed_and_start
@@ -87,17 +87,20 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
         columns: of each order tried, (n, k).
     """
 
-    def beside(k: int, others: Sequence[int], inflated: float = 1.0) -> tuple[float, float]:
-        """Probability and share of an order."""
-        found = score(np.hstack([known, *(columns[x] for x in others if x != k)]), rest, columns[k], inflated)
-        return found.p, found.share
+    def beside(tried: Sequence[int], others: Sequence[int], inflated: float = 1.0) -> dict[int, Score]:
+        """What each order explains beside others."""
+        basis = np.hstack([known, *(columns[x] for x in others)])
+        return dict(zip(tried, scores(basis, rest, [columns[k] for k in tried], inflated), strict=True))
 
     chosen: list[int] = []
     while len(chosen) < min(_AT_ONCE, len(columns)):
-        chosen.append(max(columns.keys() - chosen, key=lambda k: beside(k, chosen)[1]))
-    shares = [beside(k, chosen)[1] * rest.size / chdtri(columns[k].shape[1], 0.5) for k in columns.keys() - chosen]
+        found = beside([k for k in columns if k not in chosen], chosen)
+        chosen.append(max(found, key=lambda k: found[k].share))
+    left = beside([k for k in columns if k not in chosen], chosen)
+    shares = [x.share * rest.size / chdtri(columns[k].shape[1], 0.5) for k, x in left.items()]
     while chosen:
-        chance = {k: beside(k, chosen, float(np.median(shares)) if shares else 1.0)[0] for k in chosen}
+        noise = float(np.median(shares)) if shares else 1.0
+        chance = {k: beside([k], [x for x in chosen if x != k], noise)[k].p for k in chosen}
         last = max(chosen, key=lambda k: chance[k])
         if chance[last] * len(columns) * _AT_ONCE < _SIGNIFICANT:
             break

@@ -21,6 +21,7 @@ from bristle.control.plant import plant_rates
 from bristle.errors import one_line
 from bristle.model import motor
 from bristle.model.parameters import Motor
+from bristle.model.vectorize import bound
 from bristle.page.output_folder import zipped
 from bristle.questions.export.artefact import Artefact, NotInstalled, Request
 from bristle.questions.export.c_step import printed_joint
@@ -88,17 +89,22 @@ def continuous_joint(joint: ExportedJoint, torque: Callable[[float], float]) -> 
     """d(v, z)/dt of the continuous equations under a torque of time, (2,), and its derivatives by (v, z), (2, 2)."""
     x, T = ca.SX.sym("x", 2), ca.SX.sym("T")
     rates = plant_rates(x[0], x[1], T, 0.0, joint.pair, Motor(1.0, 1.0, 0.0, joint.inertia), motor.current_for)
-    f, df = (ca.Function("f", [x, T], [y]) for y in (rates, ca.densify(ca.jacobian(rates, x))))
+    f, df = (ca.Function("f", [x, T], [ca.densify(y)]) for y in (rates, ca.jacobian(rates, x)))
 
-    def derivative(t: float, x: Array) -> Array:
-        """Of velocity and deflection."""
-        return np.asarray(f(x, torque(t)).full()[:, 0], dtype=np.float64)
+    def evaluated(function: Any) -> _Rates:
+        """It as a function of time; called some ten thousand times, without a copy of its inputs."""
+        state, now, rows = np.empty(2), np.empty(1), np.empty(function.size_out(0)[::-1])
+        evaluate = bound(function, [state, now], [rows])
 
-    def slopes(t: float, x: Array) -> Array:
-        """Of the derivative."""
-        return np.asarray(df(x, torque(t)).full(), dtype=np.float64)
+        def at(t: float, x: Array) -> Array:
+            """Its value."""
+            state[:], now[0] = x, torque(t)
+            evaluate()
+            return rows.T.squeeze().copy()
 
-    return derivative, slopes
+        return at
+
+    return evaluated(f), evaluated(df)
 
 
 def radau_held(joint: ExportedJoint, torque: Array, step: float) -> Array:
