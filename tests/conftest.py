@@ -41,7 +41,7 @@ FEW = np.array([0.1, 0.2, -0.1, -0.2])
 
 SLOW = pytest.StashKey[tuple[int, int]]()
 """How many of the tests that were collected are slow, and how many there are."""
-SKIPPED = pytest.StashKey[set[tuple[str | None, str]]]()
+SKIPPED = pytest.StashKey[set[tuple[str, str]]]()
 """Module and name of each test that another run skipped; without a name the whole module."""
 
 
@@ -56,7 +56,7 @@ def pytest_configure(config: pytest.Config) -> None:
     """Read what another run skipped: tests, and whole modules, which have no class there."""
     if before := config.getoption("--after"):
         cases = ElementTree.parse(before).iter("testcase")  # noqa: S314  # ours
-        left = [(case.get("classname"), case.get("name", "")) for case in cases if case.find("skipped") is not None]
+        left = [(case.get("classname", ""), case.get("name", "")) for case in cases if case.find("skipped") is not None]
         config.stash[SKIPPED] = {(of, name) if of else (name, "") for of, name in left}
 
 
