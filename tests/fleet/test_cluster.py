@@ -244,8 +244,10 @@ def test_a_scheduler_lost_at_once_is_told_as_one_lost_later(logs: Path, tmp_path
 @LINUX
 def test_an_interrupt_leaves_what_is_finished(logs: Path, tmp_path: Path) -> None:
     """Ctrl-C, which all processes of a terminal get: exit 130 and one word; finished tasks stay, and no process is left."""
-    out = tmp_path / "out"
-    command = ("-m", "bristle", "fleet", "catalog.csv", "-o", str(out), "--workers", "2")
+    out, rows = tmp_path / "out", pd.read_csv(logs / "catalog.csv")
+    long = pd.concat([rows.assign(unit=rows["unit"] + f"-{k}") for k in range(20)])
+    long.to_csv(logs / "long.csv", index=False)  # the run must not end by itself before the signal
+    command = ("-m", "bristle", "fleet", "long.csv", "-o", str(out), "--workers", "2")
     with process(*command, cwd=logs, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True) as run:
         until(lambda: finished(out) > 0 or run.poll() is not None)
         os.killpg(run.pid, signal.SIGINT)
