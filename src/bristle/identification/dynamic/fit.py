@@ -15,10 +15,10 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import correlated, unexplained
 from bristle.estimation.covariance import condition, student
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.dynamic.claims import (
-    LEVEL,
     WIDE,
     bristle_doubts,
     loads_alike,
@@ -198,7 +198,7 @@ def _settled(
             break
         # the covariance tells less than the costs, where the law bends within the errors
         F = solution.freedom / len(more) * max(found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1, 0.0)
-        if not again and "unseen-wide" not in kinds and fdtrc(len(more), solution.freedom, F) < LEVEL:
+        if not again and "unseen-wide" not in kinds and fdtrc(len(more), solution.freedom, F) < SIGNIFICANCE:
             shown |= more.keys()
             continue
         rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)

@@ -14,6 +14,7 @@ from bristle.data.encoder import resolution
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.crosscheck import check_tracking
@@ -43,8 +44,6 @@ from bristle.model.parameters import (
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-_CHANCE = 0.01
-"""Probability, by chance, that any of the parameters differs between two stages."""
 _SURER = 1.5
 """Times: one stage knows a parameter better than another if its error is smaller by this."""
 _SURE = 3
@@ -426,7 +425,7 @@ def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: Trac
 
 def _limit(count: int) -> float:
     """Combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)."""
-    return float(ndtri(1 - _CHANCE / (2 * max(count, 1))))
+    return float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
 
 
 def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Finding:

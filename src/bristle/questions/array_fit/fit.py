@@ -14,7 +14,8 @@ from bristle.control.running import RunningCompensator
 from bristle.data.experiment.arrays import run_of_arrays, together
 from bristle.data.experiment.load import Experiment, Run
 from bristle.errors import InputError, short
-from bristle.estimation.covariance import LEVEL, student
+from bristle.estimation.covariance import student
+from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import Finding
 from bristle.identification.curve import curve
 from bristle.identification.fits import Estimate, Uncertainty
@@ -79,7 +80,7 @@ class Fit:
         """Everything to know about the data, the fit and its parameters, each once; `str` makes the sentence."""
         return tuple(dict.fromkeys(self.joint.all_warnings()))
 
-    def conf_int(self, level: float = LEVEL, method: Method | None = None) -> "pd.DataFrame":
+    def conf_int(self, level: float = CONFIDENCE, method: Method | None = None) -> "pd.DataFrame":
         """Confidence intervals: a row for each parameter, with columns `lower` and `upper`, in SI.
 
         Args:
@@ -94,8 +95,12 @@ class Fit:
 
         if method not in (None, *METHODS):
             raise InputError(f"method: got {short(method)}; expected one of {', '.join(METHODS)}")
-        if not 0 < level < 1 or (method == "profile" and level > LEVEL) or (method == "bootstrap" and level != LEVEL):
-            wanted = {"profile": f"more than 0 and at most {LEVEL:g}", "bootstrap": f"{LEVEL:g}"}.get(
+        if (
+            not 0 < level < 1
+            or (method == "profile" and level > CONFIDENCE)
+            or (method == "bootstrap" and level != CONFIDENCE)
+        ):
+            wanted = {"profile": f"more than 0 and at most {CONFIDENCE:g}", "bootstrap": f"{CONFIDENCE:g}"}.get(
                 method or "", "0 to 1"
             )
             raise InputError(f"level: got {level!r}; expected {wanted}{f' by {method}' if method else ''}")
@@ -208,9 +213,9 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
     e, ways = row.estimate, row.ways
     if e.value is None:
         return np.nan, np.nan
-    if method is None and level == LEVEL:
+    if method is None and level == CONFIDENCE:
         return e.interval or (np.nan, np.nan)
-    if method == "covariance" and ways is not None and ways.covariance is not None and level == LEVEL:
+    if method == "covariance" and ways is not None and ways.covariance is not None and level == CONFIDENCE:
         return ways.covariance
     if method in (None, "covariance"):
         reach = student(row.freedom, level) * (e.total_error or np.nan)
@@ -222,12 +227,12 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
 
 def _by_profile(ways: Uncertainty, level: float, freedom: float) -> tuple[float, float]:
     """Where the profile passes the threshold of a level, which is F's quantile beside that of 95 %."""
-    if ways.profile is None or level == LEVEL:
+    if ways.profile is None or level == CONFIDENCE:
         return ways.profile or (np.nan, np.nan)
     values, cost = ways.curve
     if not values.size:
         return np.nan, np.nan
-    height = (student(freedom, level) / student(freedom, LEVEL)) ** 2  # F(1, n) is t squared
+    height = (student(freedom, level) / student(freedom, CONFIDENCE)) ** 2  # F(1, n) is t squared
     least = int(np.argmin(cost))
     low = float(np.interp(-height, -cost[: least + 1], values[: least + 1]))
     high = float(np.interp(height, cost[least:], values[least:]))

@@ -5,11 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from bristle.arrays import Array
+from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit
 from bristle.questions.sensitivity.local import claimed, ranked
-from bristle.questions.sensitivity.sobol import LEVEL, Global, Output
+from bristle.questions.sensitivity.sobol import Global, Output
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
 
 _NAMED = 3
@@ -97,7 +98,7 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
     simulated = (
         f"SIMULATED: a sine of {sobol.amplitude:.3g} {unit('position', kind)} at {sobol.frequency:.3g} Hz; in the loop the "
         "compensator keeps the nominal parameters while the plant is drawn. ± of an index is its "
-        f"{100 * LEVEL:.0f} % bootstrap interval, which is conservative for these samples."
+        f"{100 * CONFIDENCE:.0f} % bootstrap interval, which is conservative for these samples."
     )
     return (
         *(_variance_shares(output, kind) for output in sobol.outputs),

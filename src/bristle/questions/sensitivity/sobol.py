@@ -14,6 +14,7 @@ from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
 from bristle.errors import InputError
+from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model import functions
 from bristle.model.parameters import Kind as JointKind
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RMS error of the simulated loop"
 """Names of the outputs."""
 _Quantity = Literal["torque", "position"]
-LEVEL = 0.95
-"""Confidence of the half-widths, by a bootstrap over the samples ..."""
 RESAMPLES = 200
 """... so often."""
 PERIODS, COUNTED = 2, 1
@@ -174,7 +173,12 @@ def _analysed(spans: Sequence[Span], values: Array, seed: int) -> Indices:
     effects: tuple[Effect, ...] = ()
     if np.ptp(values) > _SAME * np.abs(values).max():
         by_kind = _salib().analyze.sobol.analyze(
-            _problem(spans), values, calc_second_order=False, num_resamples=RESAMPLES, conf_level=LEVEL, seed=seed + 1
+            _problem(spans),
+            values,
+            calc_second_order=False,
+            num_resamples=RESAMPLES,
+            conf_level=CONFIDENCE,
+            seed=seed + 1,
         )  # SALib takes a seed of zero for none
         columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
         effects = tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True))
