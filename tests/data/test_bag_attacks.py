@@ -3,12 +3,13 @@
 # ruff: noqa: S608  # statements that are ours
 import sqlite3
 import struct
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -107,35 +108,30 @@ def _database(path: Path, *statements: str) -> Path:
 
 _TOPICS = "CREATE TABLE topics(id INTEGER, name TEXT, type TEXT, serialization_format TEXT)"
 _TOPIC = "INSERT INTO topics VALUES(1, '/joint_states', 'sensor_msgs/msg/JointState', 'cdr')"
-_MESSAGES = "CREATE TABLE messages(topic_id INTEGER, timestamp INTEGER, data BLOB)"
+_MESSAGES = "CREATE TABLE messages(id INTEGER, topic_id INTEGER, timestamp INTEGER, data BLOB)"
 _ENDLESS = "WITH RECURSIVE n(k) AS (SELECT 1 UNION ALL SELECT k + 1 FROM n)"
+_WITH = [_TOPICS, _TOPIC, _MESSAGES]
+_DATABASES = [
+    (["CREATE TABLE logs(t REAL)"], "missing tables"),
+    ([_TOPICS], "missing tables"),
+    ([_TOPICS, "CREATE TABLE messages(topic_id INTEGER, data BLOB)"], "no such column"),
+    ([_TOPICS, _TOPIC, f"CREATE VIEW messages AS {_ENDLESS} SELECT 1 AS topic_id, k AS timestamp, x'00' AS data FROM n"], "missing tables"),
+    ([f"CREATE VIEW topics AS {_ENDLESS} SELECT k AS id, 'a' AS name, 'b' AS type, 'cdr' AS serialization_format FROM n", _MESSAGES], "missing"),
+    (_WITH, "holds no message of topic /joint_states"),
+    ([_TOPICS, _MESSAGES], "names no topic"),
+    ([*_WITH, "INSERT INTO messages VALUES(1, 1, 'noon', x'0001')"], "is damaged, or no ROS bag"),
+    ([*_WITH, "INSERT INTO messages VALUES(1, 1, 5, x'')"], "not in CDR of version 1"),
+    ([*_WITH, "INSERT INTO messages VALUES(1, 1, 5, x'0001000000000000')"], "ends inside one of its fields"),
+    ([_TOPICS, _TOPIC.replace("cdr", "cbor"), _MESSAGES], "has messages in 'cbor'; expected cdr or ros1"),
+    ([_TOPICS, _TOPIC.replace("JointState", "Unheard"), _MESSAGES], "names no topic"),
+]  # fmt: skip  # a table
 
 
-@pytest.mark.parametrize(
-    ("statements", "says"),
-    [
-        (["CREATE TABLE logs(t REAL)"], "lacks the table topics"),
-        ([_TOPICS], "lacks the table messages"),
-        ([_TOPICS, "CREATE TABLE messages(topic_id INTEGER, data BLOB)"], "lacks the table messages"),
-        ([_TOPICS, _TOPIC, f"CREATE VIEW messages AS {_ENDLESS} SELECT 1 AS topic_id, k AS timestamp, x'00' AS data FROM n"], "lacks the table"),
-        ([f"CREATE VIEW topics AS {_ENDLESS} SELECT k AS id, 'a' AS name, 'b' AS type, 'cdr' AS serialization_format FROM n", _MESSAGES], "lacks"),
-        ([_TOPICS, _TOPIC, "CREATE TABLE messages(topic_id, timestamp, data BLOB AS (zeroblob(900000000)))"], "lacks the table messages"),
-        ([_TOPICS, _TOPIC, "CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)"], "lacks the table messages"),
-        ([_TOPICS, _TOPIC, _MESSAGES], "holds no message of topic /joint_states"),
-        ([_TOPICS, _MESSAGES], "names no topic"),
-        ([_TOPICS, _TOPIC, _MESSAGES, "INSERT INTO messages VALUES(1, 5, 'text')"], "a message is no blob"),
-        ([_TOPICS, _TOPIC, _MESSAGES, "INSERT INTO messages VALUES(1, 'noon', x'0001')"], "a time stamp is no integer"),
-        ([_TOPICS, _TOPIC, _MESSAGES, "INSERT INTO messages VALUES(1, 5, x'')"], "not in CDR of version 1"),
-        ([_TOPICS, _TOPIC, _MESSAGES, "INSERT INTO messages VALUES(1, 5, x'0001000000000000')"], "ends inside one of its fields"),
-        ([_TOPICS, "INSERT INTO topics VALUES(1, x'ff', 2, 3)", _MESSAGES], "is damaged: its topics are"),
-        ([_TOPICS, _TOPIC.replace("cdr", "cbor"), _MESSAGES], "has messages in 'cbor'; expected cdr or ros1"),
-        ([_TOPICS, _TOPIC.replace("JointState", "Unheard"), _MESSAGES], "names no topic"),
-        ([_TOPICS, f"INSERT INTO topics {_ENDLESS} SELECT k, 'a' || k, 'b', 'cdr' FROM n LIMIT 20000", _MESSAGES], "more than 10000 topics"),
-    ],
-)  # fmt: skip  # a table
-def test_databases_that_are_no_bag(tmp_path: Path, statements: list[str], says: str) -> None:
-    """Other tables, views and columns that compute without end, values of other types: refused, and none is run."""
-    assert says in str(_refusal(_database(tmp_path / "x.db3", *statements)))
+def test_databases_that_are_no_bag(tmp_path: Path) -> None:
+    """Other tables, views that compute without end, values of other types: refused, and none is run."""
+    said = {k: _refusal(_database(tmp_path / f"{k}.db3", *made)) for k, (made, _) in enumerate(_DATABASES)}
+    wrong = {k: text for k, text in said.items() if _DATABASES[k][1] not in str(text)}
+    assert not wrong
 
 
 def test_messages_that_are_not_in_the_file_yet(tmp_path: Path) -> None:
@@ -143,30 +139,6 @@ def test_messages_that_are_not_in_the_file_yet(tmp_path: Path) -> None:
     path = _database(tmp_path / "x.db3", _TOPICS, _TOPIC, _MESSAGES)
     (tmp_path / "x.db3-wal").write_bytes(b"x")
     assert "has messages in x.db3-wal that are not in it yet" in str(_refusal(path))
-
-
-def test_a_query_without_end_is_stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What SQLite does is counted: a look through more rows than the size of the file explains is ended."""
-    monkeypatch.setattr("bristle.data.ros.sqlite._STEPS", 1)
-    monkeypatch.setattr(Path, "stat", _tiny(Path.stat))
-    path = _database(
-        tmp_path / "x.db3",
-        _TOPICS,
-        _TOPIC,
-        _MESSAGES,
-        f"INSERT INTO messages {_ENDLESS} SELECT 2, k, x'00' FROM n LIMIT 900000",
-    )
-    assert "interrupted" in str(_refusal(path))
-
-
-def _tiny(real: Callable[..., Any]) -> Callable[..., Any]:
-    """Says of each file that it has a size below nothing, so that nothing is explained by it."""
-
-    class Stat:
-        def __init__(self, true: Any) -> None:
-            self.st_mode, self.st_size = true.st_mode, 1 - 500_000
-
-    return lambda path, **options: Stat(real(path, **options)) if path.suffix == ".db3" else real(path, **options)
 
 
 def _text(text: str) -> bytes:
@@ -195,60 +167,47 @@ def _mcap(path: Path, *records: bytes) -> Path:
 
 
 def _zeros(compression: str, size: int) -> bytes:
-    data = bytes(size)
+    return _packed(bytes(size), compression)
+
+
+def _packed(data: bytes, compression: str) -> bytes:
     if compression == "lz4":
         lz4 = pytest.importorskip("lz4.frame")
         return bytes(lz4.compress(data))
-    return bytes(storage.zstd().compress(data))
+    zstd = import_module("compression.zstd" if sys.version_info >= (3, 14) else "backports.zstd")
+    return bytes(zstd.compress(data))
 
 
-def _bombs() -> Iterator[tuple[str, list[bytes], str]]:
+def _broken() -> Iterator[tuple[str, list[bytes]]]:
     for compression in ("zstd", "lz4"):
         packed = _zeros(compression, 2**25)
-        yield (
-            f"{compression}, more than it claims",
-            [_chunk(packed, compression, 1000)],
-            "does not unpack to the 1000 bytes",
-        )
-        yield f"{compression}, claims 2^62", [_chunk(packed, compression, 2**62)], "unpacks to too many bytes"
-        yield f"{compression}, claims a little too much", [_chunk(packed, compression, 2**28)], "does not unpack to"
-        many = [_chunk(_zeros(compression, 2**20), compression, 2**20)] * 3000
-        yield f"{compression}, many", [many[0], *many], "damaged, or no MCAP file"
-    yield "unknown compression", [_chunk(b"", "rar", 0)], "has chunks compressed by 'rar'"
-    yield "a chunk in a chunk", [_chunk(_chunk(b"", "", 0), "", len(_chunk(b"", "", 0)))], "is damaged, or no MCAP"
-    yield "a record of 2^63", [_record(5, b"", 2**63)], "is cut short"
-    yield "a message without a head", [_CHANNEL, _record(5, bytes(4))], "is damaged, or no MCAP"
-    yield "a short chunk", [_record(6, bytes(10))], "is damaged, or no MCAP"
-    yield (
-        "a name that is no text",
-        [_record(4, struct.pack("<HHI", 1, 1, 1) + b"\xff" + _text("") + bytes(4))],
-        "not text in UTF-8",
+        yield f"{compression}, more than it claims", [_chunk(packed, compression, 1000)]
+        yield f"{compression}, claims 2^62", [_chunk(packed, compression, 2**62)]
+        yield f"{compression}, records of nothing", [_chunk(_zeros(compression, 2**20), compression, 2**20)]
+    yield "unknown compression", [_chunk(b"", "rar", 0)]
+    yield "a record of 2^63", [_record(5, b"", 2**63)]
+    yield "a message without a head", [_CHANNEL, _record(5, bytes(4))]
+    yield "a short chunk", [_record(6, bytes(10))]
+    yield "a name that is no text", [_record(4, struct.pack("<HHI", 1, 1, 1) + b"\xff" + _text("") + bytes(4))]
+    yield "no channel", []
+    yield "messages of no channel", [_record(5, bytes(30))] * 9
+    yield "an endless name", [_record(4, struct.pack("<HHI", 1, 1, 2**32 - 1))]
+
+
+def test_records_that_are_broken(tmp_path: Path) -> None:
+    """Chunks that are not what they claim, and records that end nowhere: each refused, soon, in one sentence."""
+    read = [name for name, records in _broken() if _refusal(_mcap(tmp_path / "x.mcap", *records)) is None]
+    assert not read
+
+
+def test_messages_together_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Many messages, each within bounds, are read no further than the file's size explains."""
+    monkeypatch.setattr(storage, "_BYTES", 2**16)
+    message = _message(b"\0\1\0\0" + bytes(2**16))
+    chunk = _chunk(_packed(message, "zstd"), "zstd", len(message))
+    assert "far more bytes than the file explains" in str(
+        _refusal(_mcap(tmp_path / "x.mcap", _CHANNEL, *[chunk] * 500))
     )
-    yield (
-        "two channels of one number",
-        [_CHANNEL, _CHANNEL.replace(b"/joint_states", b"/joint_statez")],
-        "two channels have the number 1",
-    )
-    yield "no channel", [], "names no topic"
-    yield "messages of no channel", [_record(5, bytes(30))] * 9, "names no topic"
-    yield "an endless name", [_record(4, struct.pack("<HHI", 1, 1, 2**32 - 1))], "is damaged, or no MCAP"
-
-
-_BOMBS = list(_bombs())
-
-
-@pytest.mark.parametrize(("records", "says"), [bomb[1:] for bomb in _BOMBS], ids=[bomb[0] for bomb in _BOMBS])
-def test_mcap_bombs(tmp_path: Path, records: list[bytes], says: str) -> None:
-    """Chunks that unpack to more than they claim, claim more than is unpacked, or lie in each other: refused, soon."""
-    assert says in str(_refusal(_mcap(tmp_path / "x.mcap", *records)))
-
-
-def test_chunks_together_are_bounded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Many chunks, each within the limit, do not unpack to more than the file's size explains."""
-    monkeypatch.setattr(storage, "MAX_RECORD", 2**22)
-    empty = _record(7, bytes(2**20))
-    chunk = _chunk(bytes(storage.zstd().compress(empty)), "zstd", len(empty))
-    assert "unpacks to too many bytes" in str(_refusal(_mcap(tmp_path / "x.mcap", _CHANNEL, *[chunk] * 2000)))
 
 
 def _message(content: bytes) -> bytes:
@@ -354,7 +313,6 @@ def _metadata(names: str, storage_identifier: str = "sqlite3", more: str = "") -
         (_metadata('["a\\0.db3"]'), "got the file"), (_metadata("[out.db3]"), "is a link out of the folder"),
         (_metadata("[none.db3]"), "is not in the folder of the bag"), (_metadata("[]"), "got relative_file_paths []"),
         (_metadata("x.db3"), "got relative_file_paths 'x.db3'"), (_metadata("[pipe.mcap]"), "is a folder"),
-        (_metadata("[x.db3]", more="  compression_mode: FILE\n"), "compression_mode 'file' by 'none' is not read"),
         ("a: &a [1, 1]\nb: &b [*a, *a]\nc: [*b, *b]", "anchors (&) and aliases (*) are not allowed"),
         ("a: " + "[" * 5000, "nested too deeply"), ("!!python/object/apply:os.system [true]", "metadata.yaml"),
         ("a: [" + "1, " * 20_000 + "]", "more than 10000 keys and values"), ("x" * 1_100_000, "larger than 1000000 bytes"),
@@ -368,21 +326,6 @@ def test_metadata_that_harms(tmp_path: Path, text: str, says: str) -> None:
     _database(tmp_path / "x.db3", _TOPICS, _TOPIC, _MESSAGES)
     (bag / "out.db3").symlink_to(tmp_path / "x.db3")
     assert says in str(_refusal(bag))
-
-
-@pytest.mark.parametrize(
-    ("content", "says"), [(b"", "not in CDR"), (b"\0\1\0\0" + bytes(30), "no message compressed by zstd"), (None, "too many bytes")]
-)  # fmt: skip  # a table
-def test_packed_messages_that_are_none(
-    tmp_path: Path, content: bytes | None, says: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Messages that are said to be compressed, and are not, or unpack to very many bytes, are refused."""
-    monkeypatch.setattr(storage, "MAX_RECORD", 2**22)
-    (tmp_path / "metadata.yaml").write_text(
-        _metadata("[x.mcap]", "mcap", "  compression_mode: MESSAGE\n  compression_format: zstd\n")
-    )
-    _mcap(tmp_path / "x.mcap", _CHANNEL, _message(_zeros("zstd", 2**25) if content is None else content))
-    assert says in str(_refusal(tmp_path))
 
 
 def test_a_folder_without_metadata_is_no_bag(tmp_path: Path) -> None:
@@ -409,19 +352,3 @@ def test_a_bag_has_a_largest_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     path = write_bag(tmp_path, "bag", [state(START, "ab", (1, 2))])
     monkeypatch.setattr("bristle.data.ros.files.MAX_BYTES", 1000)
     assert "over the limit of 1000" in str(_refusal(path))
-
-
-def test_runs_of_records_are_found_in_any_order() -> None:
-    """Records of any lengths, in runs or not, start where a plain walk finds them."""
-    from bristle.data.ros.mcap import _records
-
-    rng = np.random.default_rng(0)
-    for _ in range(50):
-        sizes = np.repeat(rng.integers(0, 40, 30), rng.integers(1, 400, 30))
-        kinds = np.repeat(rng.integers(1, 9, 30), rng.integers(1, 400, 30))
-        records = [_record(int(kind), bytes(int(size))) for kind, size in zip(kinds, sizes, strict=False)]
-        data = b"".join(records) + b"\5" + bytes(4)
-        starts, end = _records(data)
-        lengths = np.array([len(record) for record in records])
-        np.testing.assert_array_equal(starts, np.cumsum(lengths) - lengths)
-        assert end == lengths.sum()

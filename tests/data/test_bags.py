@@ -226,6 +226,7 @@ def test_stamps_keep_their_nanoseconds(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("form", "options"),
     [("mcap", {"compression": "storage"}), ("mcap", {"compression": "message"}), ("sqlite3", {"compression": "message"}),
+     ("mcap", {"compression": "file"}),
      ("bag", {"compression": "lz4"}), ("bag", {"compression": "bz2"}), ("sqlite3", {"version": 8})],
 )  # fmt: skip  # a table
 def test_compressed_bags(tmp_path: Path, form: str, options: dict[str, Any]) -> None:

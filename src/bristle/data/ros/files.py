@@ -1,87 +1,47 @@
 """Which files a bag is: one file, or a folder with metadata.yaml and the storage files that it names."""
 
 import hashlib
-from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from bristle.data.experiment.yaml_file import parse, read_text
-from bristle.data.ros.bag1 import bag1_batches, bag1_channels
-from bristle.data.ros.mcap import mcap_batches, mcap_channels
-from bristle.data.ros.sqlite import sqlite_batches, sqlite_channels
-from bristle.data.ros.storage import Budget, Channel, MessageBatch, unpacked
+from bristle.data.ros.storage import Bag
 from bristle.errors import InputError, check_regular, short
 
 METADATA = "metadata.yaml"
 MAX_BYTES = 2**34
 """Largest bag, bytes: it may hold much that is not read."""
+_SUFFIXES = (".mcap", ".db3", ".bag")
 _MOST_FILES = 1000
 _HEAD = "rosbag2_bagfile_information"
 
 
-class _Storage(NamedTuple):
-    """How a storage file is read."""
-
-    channels: Callable[[Path], list[Channel]]
-    batches: Callable[[Path, frozenset[int]], Iterator[MessageBatch]]
-
-
-_STORAGES = {
-    ".mcap": _Storage(mcap_channels, mcap_batches),
-    ".db3": _Storage(sqlite_channels, sqlite_batches),
-    ".bag": _Storage(bag1_channels, bag1_batches),
-}
-
-
-_ROS2 = (".mcap", ".db3")
-
-
-class Bag(NamedTuple):
-    """The files of a bag."""
-
-    files: tuple[Path, ...]
-    distribution: str | None = None
-    """Of ROS 2, where metadata.yaml names it."""
-    packed: bool = False
-    """Whether each message is compressed by zstd, as metadata.yaml says."""
-
-
 def is_bag(path: Path) -> bool:
     """Whether a path is that of a bag: .mcap, .db3, .bag, or a folder with metadata.yaml."""
-    return path.suffix.lower() in _STORAGES if not path.is_dir() else (path / METADATA).exists()
+    return path.suffix.lower() in _SUFFIXES if not path.is_dir() else (path / METADATA).exists()
 
 
 def open_bag(path: Path) -> Bag:
     """The files of a bag, each regular and, together, of at most `MAX_BYTES`. Raises InputError and OSError."""
-    bag = _of_folder(path) if path.is_dir() else Bag((path,))
-    _check_installed()
+    bag = _of_folder(path) if path.is_dir() else Bag(path, (path,))
+    try:
+        import rosbags.typesys  # noqa: F401
+    except ImportError as error:
+        raise InputError("is a ROS bag, which needs rosbags; install it with pip install 'bristle[ros]'") from error
     size = 0
     for file in bag.files:
         check_regular(file, file.name)
         size += file.stat().st_size
+        log = file.with_name(f"{file.name}-wal")
+        if log.exists() and log.stat().st_size:
+            raise InputError(
+                f"has messages in {log.name} that are not in it yet; close what writes it, or open it once with sqlite3"
+            )
     if size > MAX_BYTES:
         raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut the bag into several runs")
     if size == 0:
         raise InputError("the file is empty; expected a bag with messages")
     return bag
-
-
-def channels_of(file: Path) -> list[Channel]:
-    """The channels of a storage file. Raises InputError."""
-    return _STORAGES[file.suffix.lower()].channels(file)
-
-
-def batches_of(file: Path, wanted: frozenset[int], *, packed: bool = False) -> Iterator[MessageBatch]:
-    """The messages of some channels of a storage file, each unpacked where they are packed. Raises InputError."""
-    batches, budget = _STORAGES[file.suffix.lower()].batches(file, wanted), Budget(file.stat().st_size)
-    return (unpacked(batch, budget) for batch in batches) if packed else batches
-
-
-def _check_installed() -> None:
-    try:
-        import rosbags.typesys  # noqa: F401
-    except ImportError as error:
-        raise InputError("is a ROS bag, which needs rosbags; install it with pip install 'bristle[ros]'") from error
 
 
 def digest_of(bag: Bag) -> str:
@@ -96,22 +56,14 @@ def digest_of(bag: Bag) -> str:
 
 def _of_folder(folder: Path) -> Bag:
     """The storage files that metadata.yaml names, all inside the folder. Raises InputError."""
-    text = read_text(folder / METADATA)
-    about = parse(text, METADATA).get(_HEAD)
+    about = parse(read_text(folder / METADATA), METADATA).get(_HEAD)
     if not isinstance(about, dict):
         raise InputError(f"{METADATA} holds no {_HEAD}; expected the folder of a ROS 2 bag")
-    mode, form = (str(about.get(f"compression_{name}") or "none").lower() for name in ("mode", "format"))
-    if mode not in ("none", "message") or (mode == "message" and form != "zstd"):
-        raise InputError(
-            f"{METADATA}: compression_mode {short(mode)} by {short(form)} is not read; convert the bag with ros2 bag convert, "
-            "uncompressed or as MCAP with compressed chunks"
-        )
-    names = about.get("relative_file_paths")
+    names, distribution = about.get("relative_file_paths"), about.get("ros_distro")
     if not isinstance(names, list) or not 0 < len(names) <= _MOST_FILES:
         raise InputError(f"{METADATA}: got relative_file_paths {short(names)}; expected the names of the storage files")
-    distribution = about.get("ros_distro")
     files = tuple(dict.fromkeys(_inside(folder, name) for name in names))
-    return Bag(files, distribution if isinstance(distribution, str) else None, mode == "message")
+    return Bag(folder, files, distribution if isinstance(distribution, str) else None)
 
 
 def _inside(folder: Path, name: Any) -> Path:
@@ -120,7 +72,8 @@ def _inside(folder: Path, name: Any) -> Path:
     The oldest bags name their own folder before it, as it was called then.
     """
     path = Path(name) if isinstance(name, str) and "\0" not in name else Path()
-    if not 0 < len(path.parts) < 3 or path.is_absolute() or ".." in path.parts or path.suffix.lower() not in _ROS2:
+    known = not {*path.suffixes}.isdisjoint(_SUFFIXES[:2])
+    if not 0 < len(path.parts) < 3 or path.is_absolute() or ".." in path.parts or not known:
         raise InputError(
             f"{METADATA}: got the file {short(name)}; expected the name of a .mcap or .db3 file in the folder of the bag"
         )

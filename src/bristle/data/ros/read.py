@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded
-from bristle.data.ros.files import Bag, batches_of, digest_of, open_bag
+from bristle.data.ros.files import digest_of, open_bag
 from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import Integers, MessageBatch
+from bristle.data.ros.storage import Bag, Integers, MessageBatch, batches_of
 from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
@@ -119,18 +119,16 @@ def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
 
 
 def _batches(topic: Topic, paths: Sequence[FieldPath]) -> Iterator[tuple[MessageBatch, Decoder]]:
-    """The messages of a topic in each of its files, with what decodes them."""
+    """The messages of a topic, with what decodes them."""
     message, count = topic.message(), 0
-    for file in dict.fromkeys(file for file, _ in topic.channels):
-        channels = [channel for other, channel in topic.channels if other == file]
-        decoders = {c.number: Decoder(message, paths, is_cdr=c.encoding == "cdr") for c in channels}
-        for batch in batches_of(file, frozenset(decoders), packed=topic.bag.packed):
-            count += batch.starts.size
-            bounded(count * (len(paths) + 1))
-            for number, decoder in decoders.items():
-                some = batch.of(number)
-                if some.starts.size:
-                    yield some, decoder
+    decoders = {c.number: Decoder(message, paths, is_cdr=c.encoding == "cdr") for c in topic.channels}
+    for batch in batches_of(topic.bag, frozenset(decoders)):
+        count += batch.starts.size
+        bounded(count * (len(paths) + 1))
+        for number, decoder in decoders.items():
+            some = batch.of(number)
+            if some.starts.size:
+                yield some, decoder
 
 
 def _check_there(targets: Mapping[Key, Target], read: Mapping[str, _Messages]) -> None:

@@ -2,15 +2,13 @@
 
 import re
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 from typing import NamedTuple
 
 from bristle.data.columns import Key
 from bristle.data.ros.definitions import ArrayField, Field, MessageField, NumberField, TextField, message_of
-from bristle.data.ros.files import Bag, channels_of
 from bristle.data.ros.messages import NAMES, NamedJoint, Step
 from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import Channel
+from bristle.data.ros.storage import Bag, Channel, channels_of
 from bristle.errors import InputError, check_name, short, short_list
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
@@ -29,13 +27,12 @@ class Topic(NamedTuple):
 
     name: str
     kind: str
-    channels: tuple[tuple[Path, Channel], ...]
-    """Each with its storage file."""
+    channels: tuple[Channel, ...]
     bag: Bag
 
     def message(self) -> MessageField:
         """The fields of its messages. Raises InputError where they are not known."""
-        return message_of(self.channels[0][1], self.bag.distribution)
+        return message_of(self.channels[0], self.bag.distribution)
 
 
 class Target(NamedTuple):
@@ -53,15 +50,14 @@ class Target(NamedTuple):
 def topics_of(bag: Bag) -> dict[str, Topic]:
     """The topics of a bag by name. Raises InputError where it cannot be read, or a topic has messages of two types."""
     topics: dict[str, Topic] = {}
-    for file in bag.files:
-        for channel in channels_of(file):
-            check_name(channel.topic, "the topic")
-            old = topics.get(channel.topic)
-            if old is not None and (old.kind != channel.kind or old.channels[0][1][3:] != channel[3:]):
-                topics[channel.topic] = old._replace(kind="")
-                continue
-            before = () if old is None else old.channels
-            topics[channel.topic] = Topic(channel.topic, channel.kind, (*before, (file, channel)), bag)
+    for channel in channels_of(bag):
+        check_name(channel.topic, "the topic")
+        old = topics.get(channel.topic)
+        if old is not None and (old.kind != channel.kind or old.channels[0][3:] != channel[3:]):
+            topics[channel.topic] = old._replace(kind="")
+            continue
+        before = () if old is None else old.channels
+        topics[channel.topic] = Topic(channel.topic, channel.kind, (*before, channel), bag)
     return topics
 
 
