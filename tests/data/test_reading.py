@@ -537,6 +537,28 @@ def test_hostile_mat_files_of_version_5_are_refused(tmp_path: Path, old: bytes, 
         _column(_write(tmp_path, content.replace(old, new), "log.mat"), "q")
 
 
+def _part(kind: int, data: bytes) -> bytes:
+    return struct.pack("<II", kind, len(data)) + data + bytes(-len(data) % 8)
+
+
+def test_a_mat_file_that_also_holds_an_object_is_read(tmp_path: Path) -> None:
+    """Beside an object of MATLAB, which SciPy knows no name of, the arrays are read and listed."""
+    path = tmp_path / "log.mat"
+    scipy.io.savemat(path, {"q": np.arange(5.0)})
+    numbers = _part(
+        14,
+        _part(6, struct.pack("<II", 13, 0)) + _part(5, struct.pack("<ii", 1, 1)) + _part(1, b"") + _part(6, bytes(4)),
+    )
+    thing = (
+        _part(6, struct.pack("<II", 17, 0))
+        + b"".join(_part(1, text) for text in (b"thing", b"MCOS", b"timeseries"))
+        + numbers
+    )
+    path.write_bytes(path.read_bytes() + _part(14, thing))
+    assert _column(path, "q") == [0, 1, 2, 3, 4]
+    assert names_of(path) == ("q",)
+
+
 def test_mat_variables_of_other_kinds(tmp_path: Path) -> None:
     """Integers and truth values are numbers; sparse arrays, text, cells and complex numbers are refused by what they are."""
     path = tmp_path / "log.mat"

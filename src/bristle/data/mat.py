@@ -56,8 +56,7 @@ def mat_names(path: Path) -> tuple[str, ...]:
     """Dotted paths of the vectors of numbers that a file holds. Raises InputError where it cannot be read."""
     if is_version_7_3(path):
         return mat_7_3_names(path)
-    variables = _load_mat(path, None)
-    return tuple(n for name, value in variables.items() if not name.startswith("__") for n in _vectors(name, value))
+    return tuple(n for name, value in _load_mat(path, None).items() for n in _vectors(name, value))
 
 
 def read_mat(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
@@ -73,19 +72,18 @@ def read_mat(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
 
 
 def _load_mat(path: Path, names: Sequence[str] | None) -> dict[str, Any]:
-    """Variables of a MAT-file by name; None: all of them."""
+    """Variables of a MAT-file by name; None: all of them but objects, which SciPy leaves without a name."""
     import scipy.io
 
     _check_version(path)
     with reading("MAT-file", "save it again"):
-        listed = scipy.io.whosmat(path)
-    shapes = {name: shape for name, shape, _ in listed}
-    for name in shapes if names is None else names:
-        if name not in shapes:
-            raise InputError(f"no variable {short(name)}; there are: {short_list(sorted(shapes))}")
-    bounded(sum(float(np.prod(shapes[name], dtype=float)) for name in (shapes if names is None else names)))
-    with reading("MAT-file", "save it again"):
-        return dict(scipy.io.loadmat(path, variable_names=list(shapes if names is None else names)))
+        found = scipy.io.loadmat(path, variable_names=None if names is None else list(names))
+    variables = {name: value for name, value in found.items() if not name.startswith("__") and name != "None"}
+    for name in names or ():
+        if name not in variables:
+            raise InputError(f"no variable {short(name)}; there are: {short_list(sorted(_load_mat(path, None)))}")
+    bounded(sum(float(getattr(value, "size", 0)) for value in variables.values()))
+    return variables
 
 
 def is_version_7_3(path: Path) -> bool:
