@@ -29,10 +29,6 @@ from bristle.model.vectorize import evaluate
 
 LMFIT = find_spec("lmfit") is not None
 """Whether lmfit is installed."""
-_BEYOND = 1e3
-"""How far beyond the grid's range v_s may go where it is set free, as a factor."""
-_TOLERANCE = 1e-12
-"""Of SciPy's solver, so that it ends in a minimum and not before."""
 
 Local = Callable[[Array, Array], Array]
 """From torques (n,) and a start theta (p,) to theta (p,)."""
@@ -127,7 +123,7 @@ def refined(case: ValidationCase, torques: Array) -> Array:
 def ipopt(case: ValidationCase, *, free: bool = False) -> Local:
     """All parameters at once by CasADi and IPOPT, built once, each data set a parameter; `free`: v_s up to 1000 times beyond the grid's range."""
     unknowns = case.unknowns
-    beyond = np.where(unknowns.logarithmic, np.log(_BEYOND), 0.0) * free
+    beyond = np.where(unknowns.logarithmic, np.log(1000), 0.0) * free
     unknowns = replace(unknowns, lower=unknowns.lower - beyond, upper=unknowns.upper + beyond)
     x, torque, top = ca.SX.sym("x", len(case.names)), ca.SX.sym("torque", case.velocity.size), float(unknowns.scale[0])
     curve = law.steady_torque(ca.DM(case.velocity), case.parameters(natural(unknowns, x)))
@@ -151,18 +147,15 @@ def trf(case: ValidationCase) -> Local:
         problem = case.problem(measured)
 
         def residuals(x: Array) -> Array:
-            """Measured minus modelled torque, (n,)."""
             return problem.residuals(unknowns.natural(x)) / top
 
         def jacobian(x: Array) -> Array:
-            """Its exact derivative with respect to x, (n, p)."""
             slopes: Array = -problem.jacobian(unknowns.natural(x)) * unknowns.slopes(x) / top
             return slopes
 
         x0 = np.clip(_scaled(unknowns, start), lower, upper)
-        found = least_squares(
-            residuals, x0, jacobian, (lower, upper), method="trf", ftol=_TOLERANCE, xtol=_TOLERANCE, gtol=_TOLERANCE
-        )
+        tight = 1e-12  # so that it ends in a minimum and not before
+        found = least_squares(residuals, x0, jacobian, (lower, upper), method="trf", ftol=tight, xtol=tight, gtol=tight)
         return unknowns.natural(found.x)
 
     return fit
