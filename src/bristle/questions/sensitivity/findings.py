@@ -9,8 +9,8 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import unit
 from bristle.questions.sensitivity.local import claimed, ranked
-from bristle.questions.sensitivity.sobol import LEVEL, Global, Output
-from bristle.questions.sensitivity.study import Expected, SensitivityStudy
+from bristle.questions.sensitivity.sobol import LEVEL, Global
+from bristle.questions.sensitivity.study import SensitivityStudy
 
 _NAMED = 3
 """Parameters whose shares a sentence names."""
@@ -28,31 +28,15 @@ def findings(study: SensitivityStudy) -> tuple[Finding, ...]:
         f"{study.motion.amplitude:.3g} {unit('position', study.kind)} at {study.motion.frequency:.3g} Hz: "
         f"RMS of p dT/dp relative to that of T: {_listed(largest)} (total).{later if list(settled) != list(largest) else ''}"
     )
-    numbers = {
-        "amplitude": study.motion.amplitude,
-        "frequency": study.motion.frequency,
-        "largest": tuple(largest.items()),
-    }
+    motion = {"amplitude": study.motion.amplitude, "frequency": study.motion.frequency}
+    numbers = {**motion, "largest": tuple(largest.items())}
     found = [Finding("claim-holds" if holds else "claim-fails", NOTE, message, numbers)]
     first = ranked(at_fixed_z, names)[:_NAMED]
     if first != tuple(largest):
         message = f"At fixed z the order would be {', '.join(first)}: the bristle's response to a parameter matters."
         found.append(Finding("other-at-fixed-z", NOTE, message, {"names": first}))
-    return (*found, _claim_over_map(study), *map(_told_by, study.expected))
 
-
-def _largest(shares: Array, names: Sequence[str]) -> dict[str, float]:
-    """The largest of the shares, (6,), by the parameter's name, in their order."""
-    by_name = dict(zip(names, shares.tolist(), strict=True))
-    return {name: by_name[name] for name in ranked(shares, names)[:_NAMED]}
-
-
-def _listed(shares: dict[str, float]) -> str:
-    return ", ".join(f"{name} {share:.2g}" for name, share in shares.items())
-
-
-def _claim_over_map(study: SensitivityStudy) -> Finding:
-    """Where on the map the claim holds: at the lowest, the motion's own and the highest frequency."""
+    # Where on the map the claim holds: at the lowest, the motion's own and the highest frequency.
     claim, amplitudes, frequencies = study.map.claim, study.map.amplitudes, study.map.frequencies
     where = []
     for j in dict.fromkeys((0, int(np.argmin(np.abs(frequencies - study.motion.frequency))), frequencies.size - 1)):
@@ -63,26 +47,37 @@ def _claim_over_map(study: SensitivityStudy) -> Finding:
             where.append(f"{at} not at the largest amplitude")
         else:
             where.append(f"{at} from {amplitudes[broken[-1] + 1]:.2g} {unit('position', study.kind)} up")
-    first, held = tuple(study.map.names[k] for k in np.unique(study.map.first)), int(claim.sum())
+    leading, held = tuple(names[k] for k in np.unique(study.map.first)), int(claim.sum())
     message = (
         f"Of {claim.size} motions on the map it holds for {held}: {', '.join(where)}. "
-        f"Parameters that rank first somewhere: {', '.join(first)}."
+        f"Parameters that rank first somewhere: {', '.join(leading)}."
     )
-    return Finding("claim-on-map", NOTE, message, {"motions": claim.size, "held": held, "first": first})
+    found.append(Finding("claim-on-map", NOTE, message, {"motions": claim.size, "held": held, "first": leading}))
+
+    # Which parameters each measurement identifies, and which combinations it hardly does.
+    for expected in study.expected:
+        all_of, more = expected.information.names, "".join(f" {x.message}" for x in expected.information.unseen)
+        lost = tuple(name for name, seen in zip(all_of, expected.seen, strict=True) if not seen)
+        if lost:
+            message = (
+                f"From {expected.what} alone {', '.join(map(str, lost))} would not be identifiable "
+                f"(standard error over half the value).{more}"
+            )
+            found.append(Finding("not-told", CAUTION, message, {"names": lost}))
+        else:
+            message = f"From {expected.what} alone all of {', '.join(map(str, all_of))} are identifiable.{more}"
+            found.append(Finding("all-told", NOTE, message, {"names": all_of}))
+    return tuple(found)
 
 
-def _told_by(expected: Expected) -> Finding:
-    """Which parameters a measurement identifies, and which combinations it hardly does."""
-    names, more = expected.information.names, "".join(f" {x.message}" for x in expected.information.unseen)
-    lost = tuple(name for name, seen in zip(names, expected.seen, strict=True) if not seen)
-    if not lost:
-        message = f"From {expected.what} alone all of {', '.join(map(str, names))} are identifiable.{more}"
-        return Finding("all-told", NOTE, message, {"names": names})
-    message = (
-        f"From {expected.what} alone {', '.join(map(str, lost))} would not be identifiable "
-        f"(standard error over half the value).{more}"
-    )
-    return Finding("not-told", CAUTION, message, {"names": lost})
+def _largest(shares: Array, names: Sequence[str]) -> dict[str, float]:
+    """The largest of the shares, (6,), by the parameter's name, in their order."""
+    by_name = dict(zip(names, shares.tolist(), strict=True))
+    return {name: by_name[name] for name in ranked(shares, names)[:_NAMED]}
+
+
+def _listed(shares: dict[str, float]) -> str:
+    return ", ".join(f"{name} {share:.2g}" for name, share in shares.items())
 
 
 def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
@@ -99,30 +94,23 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
         "compensator keeps the nominal parameters while the plant is drawn. ± of an index is its "
         f"{100 * LEVEL:.0f} % bootstrap interval, which is conservative for these samples."
     )
+    found = []
+    for output in sobol.outputs:
+        start, indices = output.heading(kind), output.indices
+        if indices is None:
+            found.append(Finding("no-indices", NOTE, f"{start}: {output.reason}"))
+            continue
+        first, *others = sorted(indices.effects, key=lambda e: -e.total)
+        named = [first, *(e for e in others if e.total >= _SMALL_INDEX)]
+        listed = ", ".join(f"{e.parameter} {e.total:.2f} ± {e.total_half:.2f} ({e.first:.2f} alone)" for e in named)
+        share = 1 - sum(e.first for e in indices.effects)
+        more = f"; interactions account for {share:.2f}" if share >= _SMALL_INDEX else ""
+        message = f"{start}: total index {listed}{more}; {indices.samples} samples, {indices.evaluations} evaluations."
+        total = tuple((e.parameter, e.total) for e in (first, *others))
+        numbers = {"total": total, "samples": indices.samples, "evaluations": indices.evaluations}
+        found.append(Finding("sobol-indices", NOTE, message, numbers))
     return (
-        *(_variance_shares(output, kind) for output in sobol.outputs),
+        *found,
         Finding("drawn-from", NOTE, drawn, {"spans": tuple(map(tuple, sobol.spans)), "seed": sobol.seed}),
         Finding("indices-simulated", NOTE, simulated, {"amplitude": sobol.amplitude, "frequency": sobol.frequency}),
     )
-
-
-def _variance_shares(output: Output, kind: JointKind) -> Finding:
-    """An output's parameters by their share of its variance, the largest first, or why there are none."""
-    start, indices = output.heading(kind), output.indices
-    if indices is None:
-        return Finding("no-indices", NOTE, f"{start}: {output.reason}")
-    largest_first = sorted(indices.effects, key=lambda e: -e.total)
-    listed = ", ".join(
-        f"{e.parameter} {e.total:.2f} ± {e.total_half:.2f} ({e.first:.2f} alone)"
-        for k, e in enumerate(largest_first)
-        if k == 0 or e.total >= _SMALL_INDEX
-    )
-    share = 1 - sum(e.first for e in indices.effects)
-    more = f"; interactions account for {share:.2f}" if share >= _SMALL_INDEX else ""
-    message = f"{start}: total index {listed}{more}; {indices.samples} samples, {indices.evaluations} evaluations."
-    numbers = {
-        "total": tuple((e.parameter, e.total) for e in largest_first),
-        "samples": indices.samples,
-        "evaluations": indices.evaluations,
-    }
-    return Finding("sobol-indices", NOTE, message, numbers)

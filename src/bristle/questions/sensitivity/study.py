@@ -15,23 +15,13 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
-from bristle.model.laws.parts import Law
-from bristle.model.parameters import (
-    Direction,
-    Lugre,
-    Pair,
-    ParameterName,
-    peak_parameters,
-    static_estimated_of,
-    unit,
-)
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, peak_parameters, static_estimated_of, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import KnownFriction
 from bristle.questions.sensitivity.local import Local, Map, SineMotion, grid, local, sensitivity_map
-from bristle.questions.sensitivity.parameter_box import box_of
-from bristle.questions.sensitivity.sobol import Global, global_sensitivity
+from bristle.questions.sensitivity.sobol import Global, box_of, global_sensitivity
 from bristle.simulation.joint_loop import JointLoop
 
 if TYPE_CHECKING:
@@ -44,11 +34,6 @@ _FEWEST, _MOST = 32, 2**17
 """Samples of the Sobol indices; with the most of them a joint of six parameters takes some minutes."""
 _NOISE = 0.05
 """Where no moving run tells the noise: this share of alpha_0, white, at 1 kHz."""
-_STEPS = 5
-_UNSEEN = 0.5
-"""A parameter with a larger standard error than this share of its value is not identifiable from a measurement."""
-_MAY_BE_ZERO = ("offset", "gravity", "quadratic", "inertia")
-"""Identifiable with any finite standard error."""
 
 
 class Expected(NamedTuple):
@@ -63,10 +48,13 @@ class Expected(NamedTuple):
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Whether the measurement would identify each parameter of the information, (p,)."""
-        errors = self.information.standard_errors
-        may_be_zero = np.array([x.name.startswith(_MAY_BE_ZERO) for x in self.information.names], dtype=bool)
-        return (errors < _UNSEEN * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
+        """Whether the measurement would identify each parameter of the information, (p,).
+
+        That is, to a standard error of half its value; one that may be zero, to any finite one.
+        """
+        errors, zero = self.information.standard_errors, ("offset", "gravity", "quadratic", "inertia")
+        may_be_zero = np.array([x.name.startswith(zero) for x in self.information.names], dtype=bool)
+        return (errors < 0.5 * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
 
     def to_frame(self, kind: JointKind) -> "pd.DataFrame":
         """One row per parameter: expected standard error, that of the joint's fit, whether it is identifiable."""
@@ -151,7 +139,7 @@ def study_sensitivity(
     """
     check_samples(samples)
     model, motion, loop = request
-    tell = teller(progress, _STEPS)
+    tell = teller(progress, 5)
     tell("derivatives along the motion")
     along_motion = local(model.p, motion)
     tell("map over amplitude and frequency")
@@ -159,44 +147,27 @@ def study_sensitivity(
     box, cut = box_of(model.estimates)
     tell("information")
     expected = (_motion_tells(joint, model, motion), _constant_velocities_tell(joint))
-    sobol, no_sobol = _sobol(model, box, motion, loop, samples, progress)
-    written, no_formulas = _formulas(model.p.law)
+    sobol, written, left_out = None, None, list[Finding]()
+    along = loop if isinstance(loop, str) else replace(loop, amplitude=motion.amplitude, frequency=motion.frequency)
+    if not samples:
+        left_out.append(Finding("sobol-not-asked", NOTE, "Sobol indices were not asked for (samples: 0)."))
+    else:
+        try:
+            if isinstance(along, str) or not box:
+                raise InputError(along if isinstance(along, str) else "no parameter has a finite interval")
+            sobol = global_sensitivity(model.p, box, along, samples=samples, seed=SEED, progress=progress)
+        except InputError as why:
+            left_out.append(Finding("no-sobol", NOTE, f"No Sobol indices: {why}."))
+    try:
+        written = formulas(model.p.law)
+    except ValueError as error:  # no SymPy, or a law with an operation that no formula has
+        left_out.append(Finding("no-formulas", NOTE, f"No formulas: {error}."))
     return SensitivityStudy(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, model=model, motion=motion, box=box, local=along_motion,
         settled=along_motion.shares(last=motion.samples), map=mapped,
         expected=tuple(x for x in expected if x is not None), sobol=sobol, formulas=written,
-        assumptions=(*model.assumptions, *cut, *no_sobol, *no_formulas),
+        assumptions=(*model.assumptions, *cut, *left_out),
     )  # fmt: skip  # a list of values
-
-
-def _sobol(
-    model: KnownFriction, box: Mapping[ParameterName, tuple[float, float]], motion: SineMotion, loop: JointLoop | str, samples: int,
-    progress: Progress | None,
-) -> tuple[Global | None, tuple[Finding, ...]]:  # fmt: skip
-    """Sobol indices over the intervals, or why there are none."""
-    if not samples:
-        return None, (Finding("sobol-not-asked", NOTE, "Sobol indices were not asked for (samples: 0)."),)
-    if isinstance(loop, str):
-        return None, _no_sobol(loop)
-    if not box:
-        return None, _no_sobol("no parameter has a finite interval")
-    along_motion = replace(loop, amplitude=motion.amplitude, frequency=motion.frequency)
-    try:
-        return global_sensitivity(model.p, box, along_motion, samples=samples, seed=SEED, progress=progress), ()
-    except InputError as error:
-        return None, _no_sobol(str(error))
-
-
-def _no_sobol(why: str) -> tuple[Finding, ...]:
-    return (Finding("no-sobol", NOTE, f"No Sobol indices: {why}."),)
-
-
-def _formulas(law: Law) -> tuple[Formulas | None, tuple[Finding, ...]]:
-    """The derivatives as formulas, or why there are none."""
-    try:
-        return formulas(law), ()
-    except ValueError as error:  # no SymPy, or a law with an operation that no formula has
-        return None, (Finding("no-formulas", NOTE, f"No formulas: {error}."),)
 
 
 def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Expected:
@@ -220,22 +191,15 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
 
 
 def _expected(
-    what: str,
-    full: Information,
-    errors: Mapping[ParameterName, float],
-    noise: Finding,
-    held: Sequence[ParameterName],
+    what: str, full: Information, errors: Mapping[ParameterName, float], noise: Finding, held: Sequence[ParameterName]
 ) -> Expected:
     """The information of all but what is held, which the joint's own fit does not have."""
     kept = [k for k, name in enumerate(full.names) if name not in held]
     names = tuple(full.names[k] for k in kept)
     information = Information(names=names, point=full.point[kept], matrix=full.matrix[np.ix_(kept, kept)])
-    if not held:
-        return Expected(what, information, errors, (noise,))
     message = f"Taken as known, because the joint's own fit has none: {', '.join(map(str, held))}."
-    return Expected(
-        what, information, errors, (noise, Finding("held-as-known", CAUTION, message, {"names": tuple(held)}))
-    )
+    known = [Finding("held-as-known", CAUTION, message, {"names": tuple(held)})] if held else []
+    return Expected(what, information, errors, (noise, *known))
 
 
 def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[float, Finding]:
