@@ -24,16 +24,14 @@ from bristle.options import (
     Unit,
     Workers,
     asked,
-    check_output,
-    check_output_absent,
     fleet_folder,
     lands,
     optional,
     output_folder,
     output_path,
     to,
-    write,
 )
+from bristle.page.output_folder import check_absent, check_apart, check_file, check_folder, staged, write_text
 from bristle.progress import shown
 from bristle.terminal import complain, print_found, print_lines
 from bristle.workers import REPORT, cores, prepared
@@ -156,8 +154,9 @@ def identify(
     Example: bristle identify wrist.yaml -o results.json
     Example: bristle identify log.csv --unit position=deg --save wrist.yaml
     """
-    check_output_absent(output)
-    check_output_absent(save)
+    for path in (output, save):  # what takes minutes is not computed to be refused
+        if path is not None:
+            check_absent(path)
     told = _told(column, unit, scale, rate, torque_constant, resistance)
     guessed: tuple[str, ...] = ()
     with shown() as progress:
@@ -175,7 +174,7 @@ def identify(
             text, guessed = draft(*files, told=told, folder=save and save.parent, progress=progress)
             files = [load_text(text, save or files[0].with_name(f"the draft for {files[0].name}"))]
         if save is not None:
-            write(save, text)
+            write_text(save, text)
         try:
             results = run(
                 *files, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
@@ -194,7 +193,7 @@ def identify(
     if laws:
         _tell_laws(results)
     if output is not None:
-        write(output, results.to_json(output.parent))
+        write_text(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
     _finish(results, strict)
 
@@ -211,7 +210,8 @@ def inspect(
 
     Example: bristle inspect wrist.yaml -o segments.png
     """
-    check_output(output)
+    if output is not None:
+        check_file(output)
     with shown():
         from bristle import inspect as run
         from bristle.page.page import figure_kind, save_figure
@@ -239,10 +239,7 @@ def validate(
     output: Annotated[Path | None, lands("-validate")] = None,
     repetitions: Annotated[int, asked("N", "Simulated data sets of each case.")] = 1000,
     starts: Annotated[int, asked("N", "Random starts of each solver on one of them.")] = 100,
-    noise: Annotated[
-        float | None,
-        typer.Option(metavar="X", help="Noise of a point over alpha_0 [default: the fit's own].", show_default=False),
-    ] = None,
+    noise: Annotated[float | None, asked("X", "Noise of a point over alpha_0 [default: the fit's own].")] = None,
     strict: Strict = False,
 ) -> None:
     """Validate the fits against full nonlinear ones.
@@ -258,7 +255,15 @@ def validate(
         from bristle.questions.method_validation.run import check_request
 
         check_request(repetitions, starts, noise)
-    results = _cross_checked(experiment, joint) if experiment else None
+    results = None
+    if experiment is not None:  # each fit beside a full nonlinear one on the same data
+        with shown() as progress:
+            from bristle.api.identifying import identified
+
+            results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
+            results.whole_joint()
+        _tell(results.checks())
+        _tell_laws(results)
     with shown() as progress:
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
     _tell([validated.text()])
@@ -273,18 +278,6 @@ def _tell_laws(results: "Results") -> None:
     from bristle.questions.joint_report.console import law_lines
 
     _tell(law_lines(results.joints))
-
-
-def _cross_checked(experiment: Path, joint: str | None) -> "Results":
-    """Identify, and print each fit beside a full nonlinear one on the same data."""
-    with shown() as progress:
-        from bristle.api.identifying import identified as run
-
-        results = run(experiment, joint=joint, crosscheck=True, progress=progress)
-        results.whole_joint()
-    _tell(results.checks())
-    _tell_laws(results)
-    return results
 
 
 @app.command()
@@ -322,7 +315,7 @@ def explore(
 
     Example: bristle explore reports/wrist/results.json -o explore.html
     """
-    check_output_absent(output)
+    check_absent(output)
     with shown() as progress:
         from bristle import explore as run
 
@@ -336,28 +329,18 @@ def export(
         Path, typer.Argument(metavar="RESULTS", help="A results.json, or an experiment file.", show_default=False)
     ],
     to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="FORMAT",
-            help="c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.",
-            show_default=False,
-        ),
+        str, asked("FORMAT", "c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.")
     ],
     joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Where the file lands [default: by the joint's name].")] = None,
-    into: Annotated[
-        Path | None, typer.Option("--into", metavar="FILE", help="A URDF, SDF or MJCF to merge the values into.")
-    ] = None,
+    into: Annotated[Path | None, asked("FILE", "A URDF, SDF or MJCF to merge the values into.")] = None,
     compensator: Annotated[
-        str | None,
-        asked("NAME", "In C: lugre (default), lugre-feedback, lugre-observer, stribeck or coulomb."),
+        str | None, asked("NAME", "In C: lugre (default), lugre-feedback, lugre-observer, stribeck or coulomb.")
     ] = None,
     adapt: Annotated[str | None, asked("LAW", "In C, adapts: partial, partial-theta, total or printed.")] = None,
     step: Annotated[str | None, asked("STEP", "Of that law: gradient, normalised or least-squares.")] = None,
     amplitude: Annotated[
-        str | None,
-        asked("QUANTITY", "Of the motion that a target without LuGre is fitted on."),
+        str | None, asked("QUANTITY", "Of the motion that a target without LuGre is fitted on.")
     ] = None,
     frequency: Annotated[str | None, asked("QUANTITY", "Of that motion [default: 0.5 Hz].")] = None,
     check: Annotated[
@@ -370,7 +353,8 @@ def export(
 
     Example: bristle export reports/wrist/results.json --to c -o wrist.h --check
     """
-    check_output_absent(output)
+    if output is not None:
+        check_absent(output)
     with shown() as progress:
         from bristle import export as run
 
@@ -379,7 +363,7 @@ def export(
             compensator=compensator, adapt=adapt, step=step, progress=progress,
         )  # fmt: skip  # a list of values
         landing = output or Path(handed.artefact.name)
-        check_output_absent(landing)
+        check_absent(landing)
     _tell([handed.text()])
     handed.write(landing)
     with shown():
@@ -405,8 +389,6 @@ def compare(
 
     Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
     """
-    from bristle.page.output_folder import check_folder
-
     if output is not None:
         check_folder(output)
     with shown():
@@ -471,8 +453,7 @@ def sensitivity(
     joint: OfRobot = None,
     output: Annotated[Path | None, lands("-sensitivity")] = None,
     amplitude: Annotated[
-        str | None,
-        asked("QUANTITY", "Of the sinusoidal motion, with its unit [default: from the experiment]."),
+        str | None, asked("QUANTITY", "Of the sinusoidal motion, with its unit [default: from the experiment].")
     ] = None,
     frequency: Annotated[
         str | None, asked("QUANTITY", "Of the motion [default: from the experiment, or 0.5 Hz].")
@@ -517,9 +498,7 @@ def plan(
         Path | None,
         typer.Option("--page", parser=output_path, metavar="DIR", help="Write a page with figures and tables here."),
     ] = None,
-    velocities: Annotated[
-        int, typer.Option("--velocities", metavar="N", help="Runs at constant velocity in each direction.")
-    ] = 12,
+    velocities: Annotated[int, asked("N", "Runs at constant velocity in each direction.")] = 12,
     aim: Annotated[
         str, typer.Option("--for", metavar="NAME", help="The parameter whose interval is to shrink, as v_s or sigma_0.")
     ] = "all",
@@ -530,9 +509,8 @@ def plan(
 
     Example: bristle plan wrist.yaml -o next.csv --page reports/wrist-plan --for v_s
     """
-    from bristle.page.output_folder import check_apart, check_folder, staged
-
-    check_output(output)
+    if output is not None:
+        check_file(output)
     if page is not None:
         check_folder(page)
     if page is not None and output is not None:
@@ -574,7 +552,8 @@ def new(
 
     Example: bristle new velocity_*.csv -o wrist.yaml --unit position=deg --column current=i --torque-constant "0.35 N*m/A"
     """
-    check_output_absent(output)
+    if output is not None:
+        check_absent(output)
     halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:
         if halves:
@@ -582,7 +561,15 @@ def new(
                 raise InputError(
                     f"{halves[0]}: is completed by itself; give it alone, and write units and columns into it"
                 )
-            text, sentences = _completed(halves[0], output)
+            from bristle import complete
+
+            if output is not None and output.parent.resolve() != halves[0].parent.resolve():
+                raise InputError(
+                    f"{output}: is in another folder than {halves[0]}, whose runs are named relative to it; "
+                    f"write it beside {halves[0].name}"
+                )
+            text, said = complete(halves[0])
+            sentences = [said]
         else:
             from bristle import draft
 
@@ -593,7 +580,7 @@ def new(
         print_lines([text])
     else:
         print_lines([f"Draft: {output}"])
-        write(output, text)
+        write_text(output, text)
     for sentence in sentences:
         complain(sentence)
 
@@ -634,17 +621,6 @@ def _told(
     return Told(
         columns=columns, units=units, scales=scales, rate=rate, torque_constant=torque_constant, resistance=resistance
     )
-
-
-def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:
-    from bristle import complete
-
-    if output is not None and output.parent.resolve() != half.parent.resolve():
-        raise InputError(
-            f"{output}: is in another folder than {half}, whose runs are named relative to it; write it beside {half.name}"
-        )
-    text, said = complete(half)
-    return text, [said]
 
 
 def _finish(results: "Results", strict: bool) -> None:

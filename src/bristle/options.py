@@ -5,6 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
+from bristle.page.output_folder import FLEET, check_folder, resolved
+
 
 def optional(none: str, file: str = "The experiment file") -> Any:
     """The argument that is an experiment file, or none, which means what is said."""
@@ -12,7 +14,7 @@ def optional(none: str, file: str = "The experiment file") -> Any:
 
 
 def output_path(text: str) -> Path:
-    """Where something is to be written; an empty path, which a variable of the shell that is not set leaves, would be the folder one is in."""
+    """Where something is to be written; an empty path, as of a shell variable that is not set, would be the current folder."""
     if not text:
         raise typer.BadParameter("got an empty path; name a file or a folder, or . for the folder you are in")
     return Path(text)
@@ -67,12 +69,7 @@ FleetOutput = Annotated[
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a joint is not to be used.")]
 Need = Annotated[
-    str | None,
-    typer.Option(
-        "--need",
-        metavar="PERCENT",
-        help="To how much of friction it has to be known (95 %), to be used [default: 10%].",
-    ),
+    str | None, asked("PERCENT", "To how much of friction it has to be known (95 %), to be used [default: 10%].")
 ]
 Column = Annotated[list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0")]
 Unit = Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")]
@@ -82,49 +79,19 @@ TorqueConstant = Annotated[str | None, asked("QUANTITY", "Of the motor, at the j
 Resistance = Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")]
 
 
-def write(path: Path, text: str) -> None:
-    """Write a text file whole, or nothing. Raises InputError where it cannot be."""
-    from bristle.page.output_folder import write_text
-
-    write_text(path, text)
-
-
-def check_output(output: Path | None) -> None:
-    """Whether a file can be written there. Raises InputError where it cannot."""
-    from bristle.page.output_folder import check_file
-
-    if output is not None:
-        check_file(output)
-
-
-def check_output_absent(output: Path | None) -> None:
-    """Whether a file can be written there, and none is there yet: what takes minutes is not computed to be refused."""
-    from bristle.page.output_folder import check_absent
-
-    if output is not None:
-        check_absent(output)
-
-
-def _called(experiment: Path) -> str:
-    """The name of an experiment file, or of the folder that a results.json lies in."""
-    from bristle.page.output_folder import resolved
-
-    return (resolved(experiment).parent.name if experiment.name == "results.json" else "") or experiment.stem
-
-
 def output_folder(output: Path | None, experiment: Path | None, what: str = "", *claims: str) -> Path:
-    """The folder asked for, or reports/NAME and what it is of, which can be written there."""
-    from bristle.page.output_folder import check_folder
-
-    folder = output or Path("reports") / f"{_called(experiment) if experiment else 'edro'}{what}"
-    check_folder(folder, claims)
-    return folder
+    """The folder asked for, or reports/ with the name of the file (of the folder of a results.json) and what it is of, which can be written."""
+    if output is None:
+        name = "edro" if experiment is None else experiment.stem
+        if experiment is not None and experiment.name == "results.json":
+            name = resolved(experiment).parent.name or name
+        output = Path("reports") / f"{name}{what}"
+    check_folder(output, claims)
+    return output
 
 
 def fleet_folder(output: str | None, catalog: str) -> str:
     """Where a fleet's dataset and page land: a folder, or a URL of one. Raises InputError where they cannot be written."""
-    from bristle.page.output_folder import FLEET, check_folder
-
     if output is not None and not output:
         raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
     folder = output or str(Path("reports") / f"{catalog}-fleet")
