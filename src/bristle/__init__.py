@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from bristle.api import *  # noqa: F403  # the public names are listed there, once
 
 __version__ = "0.1.0"
+__all__: list[str]  # those of `bristle.api` and the version, by `__getattr__`
 
 
 def __getattr__(name: str) -> object:

@@ -1,6 +1,7 @@
 """What identified joints are handed over as: C code, models for simulators, documents."""
 
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from hashlib import sha256
@@ -122,8 +123,13 @@ def _found(known: Known, joint: str | None, progress: Progress | None) -> tuple[
     digest = None
     if isinstance(known, Path | str) and source is not known:
         digest = sha256(read_at_most(Path(known), LARGEST, "a results file")).hexdigest()
-    chosen = results.whole_joints(joint)
-    return [_Found(one, _experiment(results, one), partial(known_loop, results, one)) for one in chosen], digest
+    found = []
+    for one in results.whole_joints(joint):
+        own: Experiment | None = None
+        with suppress(InputError):
+            own, _ = results.logs.experiment_of(one)
+        found.append(_Found(one, own, partial(known_loop, results, one)))
+    return found, digest
 
 
 def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[ExportedJoint, ...], tuple[Finding, ...]]:
@@ -131,29 +137,19 @@ def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[Exported
     joints: list[ExportedJoint] = []
     refused: list[Finding] = []
     for one in found:
+        origin = Origin(
+            bristle=__version__,
+            results_sha256=digest,
+            experiment=one.experiment.path.name if one.experiment else None,
+            logs={log.file: log.sha256 for log in one.joint.inputs},
+        )
         try:
-            joints.append(exported(one.joint, one.experiment, _origin(one, digest)))
+            joints.append(exported(one.joint, one.experiment, origin))
         except InputError as error:
             if len(refused) + 1 == len(found):
                 raise
             refused.append(joint_left_out(error))
     return tuple(joints), tuple(refused)
-
-
-def _experiment(results: Results, joint: Joint) -> Experiment | None:
-    try:
-        return results.logs.experiment_of(joint)[0]
-    except InputError:
-        return None
-
-
-def _origin(found: _Found, digest: str | None) -> Origin:
-    return Origin(
-        bristle=__version__,
-        results_sha256=digest,
-        experiment=found.experiment.path.name if found.experiment else None,
-        logs={one.file: one.sha256 for one in found.joint.inputs},
-    )
 
 
 def _compensator(found: _Found, name: Any, law: Any, step: Any) -> Compensator:

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bristle.api.results import Results, choose, read_results
-from bristle.api.sources import Source, is_results_file, load, measure_joints, names_of
+from bristle.api.sources import Source, is_results_file, measure_joints, names_of, opened
 from bristle.data.experiment.load import Experiment
 from bristle.data.robot.robot_file import Robot, pick
 from bristle.identification.identify import identify_joint
@@ -59,7 +59,7 @@ def asked_joint(known: Known, name: str | None = None) -> AskedJoint:
         joint = source.whole_joint(name)
         measured = source.measured_joint(joint.name)
         return AskedJoint(measured.experiment, None, (measured, joint))
-    loaded = load(source)
+    loaded, _ = opened(source)
     chosen = choose(names_of(loaded), name)
     own = pick(loaded, chosen).experiment if isinstance(loaded, Robot) else loaded
     return AskedJoint(own, loaded, None)

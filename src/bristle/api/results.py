@@ -8,8 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from bristle.api.logs import JointLogs
-from bristle.api.sources import path_of, source_text
+from bristle.api.sources import JointLogs, path_of, source_text
 from bristle.errors import InputError, short, short_list
 from bristle.findings import Finding, Severity
 from bristle.identification.document import document_of, joints_of, reading, with_samples
