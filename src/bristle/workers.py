@@ -140,19 +140,16 @@ def pinned() -> Iterator[None]:
 def _begin() -> None:
     """A worker leaves an interrupt to its parent, and ends with it."""
     import gc
+    from multiprocessing import parent_process
+
+    def end_with(parent: Any) -> None:
+        parent.join()
+        os._exit(1)
 
     gc.freeze()  # what is loaded stays
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    from multiprocessing import parent_process
-
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    if (parent := parent_process()) is not None:
+        Thread(target=end_with, args=(parent,), daemon=True).start()
 
 
 def called(part: "partial[Any]") -> Any:

@@ -1,6 +1,7 @@
 """The page on which the friction model of identified joints can be played with."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from bristle.api.identifying import identify
@@ -59,10 +60,9 @@ def explorers(results: Results, share: Share) -> Iterator["Explorer | None"]:
 def _explorer(known: "_Known") -> "Explorer | None":
     from bristle.questions.explorer.page import explorer
 
-    try:
+    with suppress(InputError):
         return explorer(*known)
-    except InputError:
-        return None
+    return None
 
 
 _Known = tuple[Sequence[Joint], dict[str, JointLoop | str]]

@@ -167,23 +167,18 @@ def identified_joint(path: Path, joint: str) -> tuple[Measured, Joint]:
     return asked_joint(path, joint).identified(None)
 
 
-@contextmanager
 def connected(
     scheduler: str | None, workers: int | None, memory: str | None, certificates: Mapping[str, Path | None]
-) -> Iterator[Any]:
+) -> AbstractContextManager[Any]:
     """A client of the cluster that the command line asks for: of a scheduler, or else of this machine.
 
-    Raises InputError where what is asked for does not go together, or no scheduler answers.
+    Raises InputError, once entered, where no scheduler answers.
     """
     from bristle.questions.fleet.cluster import local_client, remote_client
 
-    given = {name: str(path) for name, path in certificates.items() if path is not None}
     if scheduler is None:
-        with local_client(workers, memory) as client:
-            yield client
-        return
-    with remote_client(scheduler, given) as client:
-        yield client
+        return local_client(workers, memory)
+    return remote_client(scheduler, {name: str(path) for name, path in certificates.items() if path is not None})
 
 
 def check_cluster(

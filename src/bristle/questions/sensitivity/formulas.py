@@ -91,10 +91,7 @@ class Formulas:
 
 
 def formulas(of: Law = GAUSSIAN) -> Formulas:
-    """The formulas of a law, from `model.law` by CasADi; those of the paper's are what `bristle sensitivity --symbolic` prints.
-
-    The viscous friction is written as it is up to the fastest speed that was measured: there no coefficient's sign
-    matters.
+    """The formulas of a law, with viscous friction as it is up to the fastest measured speed: there no coefficient's sign matters.
 
     Raises InputError where SymPy is not installed, and ValueError as `formula_of` does.
     """
@@ -103,7 +100,6 @@ def formulas(of: Law = GAUSSIAN) -> Formulas:
     estimated = [getattr(p, name) for name in estimated_of(of)]
 
     def written(expression: Any) -> Formula:
-        """As a formula."""
         return formula_of(expression, dict.fromkeys(of.coefficients, 0.0))
 
     return Formulas(

@@ -29,8 +29,6 @@ DURATION, PERIOD = 10.0, 1e-3
 """Of a motion, s; slow ones last two of their periods, fast ones are sampled as often as a period needs."""
 _OFTEN = 200
 """Samples of a period, at least; a motion that is faster than so many periods in `DURATION` is cut there."""
-_CELL = 1000
-"""Samples of a period in the map."""
 FREQUENCIES = (1e-6, 1e4)
 """Hz, of a motion that makes sense."""
 
@@ -191,10 +189,9 @@ def grid(reference: SineMotion) -> tuple[Array, Array]:
 
 def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencies: Array) -> Map:
     """The total shares of a sine's third period from rest, for each amplitude (a,), rad, and frequency (f,), Hz."""
-
-    def settled(amplitude: float, frequency: float) -> Array:
-        """Of one motion."""
-        return local(p, SineMotion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))).shares(last=_CELL)
-
-    shares = np.array([[settled(a, f) for f in frequencies.tolist()] for a in amplitudes.tolist()])
+    cell = 1000  # samples of a period
+    shares = np.empty((amplitudes.size, frequencies.size, len(estimated_of(p.law))))
+    for i, j in np.ndindex(shares.shape[:2]):
+        a, f = float(amplitudes[i]), float(frequencies[j])
+        shares[i, j] = local(p, SineMotion(a, f, 3 / f, 1 / (cell * f))).shares(last=cell)
     return Map(names=estimated_of(p.law), amplitudes=amplitudes, frequencies=frequencies, shares=shares)

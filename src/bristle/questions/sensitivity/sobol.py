@@ -79,7 +79,7 @@ class Span(NamedTuple):
     """Whether its logarithm is uniform, else itself."""
 
     def at(self, share: Array) -> Array:
-        """The values at shares 0 to 1 of the way from low to high, in the logarithm where that is uniform."""
+        """The values at shares 0 to 1 of the way from low to high."""
         if self.logarithmic:
             return np.asarray(self.low * (self.high / self.low) ** share)
         return self.low + (self.high - self.low) * share
@@ -253,6 +253,29 @@ def global_sensitivity(
         run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)
         return run.rms_error((PERIODS - COUNTED) / subject.frequency)
 
+    def tracking() -> Output:
+        """The loop's output; without indices where a plant drawn cannot be run, or its loop diverges."""
+        how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
+        try:
+            if subject.frequency * subject.period > _COARSE:
+                raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
+            if _ticks(subject) > _LONGEST:
+                raise InputError(
+                    f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated"
+                )
+            errors = _batched(error, loop_points, _BATCH)
+        except InputError as refused:
+            why = Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
+            return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+        diverged = int(np.count_nonzero(~(errors < _LOST * subject.amplitude)))
+        if not diverged:
+            return _output(TRACKING, "position", spans, errors, seed)
+        message = (
+            f"The loop diverges with {diverged} of the {errors.size} plants drawn; narrow the box, or lower the gains."
+        )
+        why = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": errors.size})
+        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+
     # g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions.
     drawn = joints_at(pair, spans, points)
     levels = [evaluate(functions.steady_torque_function(p.law), 1e-200, *p.stribeck)[0] for p in drawn]
@@ -262,7 +285,7 @@ def global_sensitivity(
         outputs=(
             _output(RMS_TORQUE, "torque", spans, _batched(torque, points, _ROWS), seed),
             _output(BREAKAWAY, "torque", spans, breakaways, seed),
-            _tracking_output(subject, spans, error, loop_points, seed),
+            tracking(),
         ),
         amplitude=subject.amplitude,
         frequency=subject.frequency,
@@ -292,30 +315,6 @@ def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array
         return Output(name=name, quantity=quantity, indices=indices)
     why = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
     return Output(name=name, quantity=quantity, indices=None, reason=why)
-
-
-def _tracking_output(
-    subject: JointLoop, spans: Sequence[Span], error: Callable[[Array], Array], points: Array, seed: int
-) -> Output:
-    """The loop's output; without indices where a plant drawn cannot be run, or its loop diverges."""
-    how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
-    try:
-        if subject.frequency * subject.period > _COARSE:
-            raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
-        if _ticks(subject) > _LONGEST:
-            raise InputError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
-        errors = _batched(error, points, _BATCH)
-    except InputError as refused:
-        why = Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
-        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
-    diverged = int(np.count_nonzero(~(errors < _LOST * subject.amplitude)))
-    if diverged:
-        message = (
-            f"The loop diverges with {diverged} of the {errors.size} plants drawn; narrow the box, or lower the gains."
-        )
-        why = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": errors.size})
-        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
-    return _output(TRACKING, "position", spans, errors, seed)
 
 
 def spans_of(box: Mapping[ParameterName, tuple[float, float]]) -> tuple[Span, ...]:
@@ -353,17 +352,13 @@ def ordered(box: Mapping[ParameterName, tuple[float, float]], law: Law) -> tuple
 def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[Array]:
     """Both sets of the joint at each point, each parameter (n,); points (n, p), one column for each of the spans."""
     drawn = {span.parameter: column for span, column in zip(spans, points.T, strict=True)}
-    return Pair(
-        *(
-            lugre_of(pair.law)(
-                *(
-                    np.full(len(points), x) if (own := in_direction(drawn, name, d)) is None else own
-                    for name, x in p._asdict().items()
-                )
-            )
-            for d, p in zip("+-", pair, strict=True)
+    sets = []
+    for d, p in zip("+-", pair, strict=True):
+        own = {name: in_direction(drawn, name, d) for name in p._fields}
+        sets.append(
+            lugre_of(pair.law)(*(np.full(len(points), getattr(p, n)) if x is None else x for n, x in own.items()))
         )
-    )
+    return Pair(*sets)
 
 
 def box_of(
