@@ -25,7 +25,6 @@ from bristle.model.vectorize import evaluate
 from bristle.page.style import render_as
 from bristle.questions.sensitivity import sobol
 from bristle.questions.sensitivity.figures import sobol_figure
-from bristle.questions.sensitivity.findings import sobol_sentences
 from bristle.questions.sensitivity.sobol import (
     Global,
     analysed,
@@ -36,6 +35,7 @@ from bristle.questions.sensitivity.sobol import (
     saltelli,
     spans_of,
 )
+from bristle.questions.sensitivity.study import sobol_sentences
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import JointLoop
 

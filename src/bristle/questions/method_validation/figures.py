@@ -1,6 +1,5 @@
 """A validation as figures: cost vs v_s, error vs resolution, success vs start, and each method's v_s."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -24,8 +23,6 @@ _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MARKERS = ("o", "s", "^", "D", "v", "P")
 _LARGE = 3.0
 """Ratios beyond this are drawn on a logarithmic axis."""
-_NARROW = 0.1
-"""An axis of v_s reaches at least this share to both sides of the best."""
 
 
 @styled
@@ -92,13 +89,13 @@ def starts_figure(result: CaseResult, kind: Kind) -> Figure:
     ax.plot([], [], "o", color="#444444", markerfacecolor="none", label="hollow: another minimum")
     ax.axhline(starts.best[-1], color="#000000", linewidth=1, label="refined grid")
     decimal_log(below)
-    # Final v_s is logarithmic where it differs by a factor, else plain, and never so narrow that it shows rounding.
+    # Final v_s is logarithmic where it differs by a factor, else plain, and reaches a tenth to both sides of the best.
     ends = np.concatenate([starts.best[-1:], *(starts.final[name][-1] for name in starts.solvers)])
     low, high, best = float(ends.min()), float(ends.max()), starts.best[-1]
     if high > _LARGE * low:
         _decimal(ax)
     else:
-        ax.set_ylim(min(low * 0.98, (1 - _NARROW) * best), max(high * 1.02, (1 + _NARROW) * best))
+        ax.set_ylim(min(low * 0.98, 0.9 * best), max(high * 1.02, 1.1 * best))
         ax.yaxis.set_major_locator(MaxNLocator(5))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:.3g}"))
     below.set_ylim(-5, 105)
@@ -194,12 +191,3 @@ def _above(ax: Axes, columns: int, *, small: bool = False) -> None:
     extra: dict[str, Any] = {"handletextpad": 0.3, "columnspacing": 0.7, "handlelength": 1.6} if small else {}
     extra |= {"ncols": columns, "frameon": False, "borderaxespad": 0.2, "fontsize": 8.5}
     ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), **extra)
-
-
-def showcase(validation: Validation, most: int) -> Sequence[CaseResult]:
-    """The cases that are drawn one by one: all where they are at most so many, else those of the first set at its highest noise."""
-    if len(validation.cases) <= most:
-        return validation.cases
-    first = [x for x in validation.cases if x.case.label == validation.cases[0].case.label]
-    noise = max(x.case.noise for x in first)
-    return [x for x in first if x.case.noise == noise]

@@ -27,7 +27,10 @@ _WORDS = {
 
 def write_validation(validation: Validation, folder: Path) -> Path:
     """Write a validation as a page with figures and tables; returns the path of index.html. Raises as `write_part` does."""
-    kind, drawn = validation.case_set.kind, figures.showcase(validation, FEW)
+    kind, drawn = validation.case_set.kind, validation.cases
+    if len(drawn) > FEW:  # those of the first set at its highest noise
+        first = [x for x in drawn if x.case.label == drawn[0].case.label]
+        drawn = tuple(x for x in first if x.case.noise == max(y.case.noise for y in first))
     names = slugs([f"{x.case.label} {x.case.design}".replace("(+)", "plus").replace("(-)", "minus") for x in drawn])
     draw: dict[str, Any] = {
         "resolution": (lambda: figures.resolution_figure(validation), "error of the plain grid vs its resolution")

@@ -51,12 +51,8 @@ RESOLUTIONS = (8, 16, 32, 64, 125, 250, PLAIN_GRID, 1000, 2000)
 PLAIN_GRIDS = {values: f"plain grid of {values}" for values in RESOLUTIONS}
 """Their names."""
 REFINED, POLISHED = "refined grid", "IPOPT from the grid"
-_TIMED = 20
-"""Data sets on which the time of each plain grid is taken."""
 _DRAWN = 300
 """Values of v_s over which the cost is drawn, and as many again where the data allow it."""
-_MIDDLE = (0.15865525393145707, 0.8413447460685429)
-"""Quantiles a standard deviation off the middle of a Gaussian."""
 _MOST = 100_000  # data sets, or starts
 _LOUDEST = 100.0
 """Noise of a point over alpha_0, in which nothing is left to be seen."""
@@ -108,7 +104,7 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     answers["refined grid, batch"] = _timed(
         lambda: Batch(case.problem(torques[:, 0]), torques, case.v_s_range, COARSE).theta, repetitions
     )
-    timed = torques[:, :_TIMED].T
+    timed = torques[:, :20].T
     for values, name in PLAIN_GRIDS.items():  # all data sets at once, in the time that the paper's takes set by set
         began = perf_counter()
         for torque in timed:
@@ -161,7 +157,7 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
 
 def spread(values: Array) -> Array:
     """Half the width of the middle 68.3 % along the last axis: the standard deviation of Gaussian values."""
-    low, high = np.quantile(values, _MIDDLE, axis=-1)
+    low, high = np.quantile(values, [0.15865525393145707, 0.8413447460685429], axis=-1)
     half: Array = (high - low) / 2
     return half
 

@@ -46,13 +46,9 @@ RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RM
 """Names of the outputs."""
 _Quantity = Literal["torque", "position"]
 LEVEL = 0.95
-"""Confidence of the half-widths, by a bootstrap over the samples ..."""
-RESAMPLES = 200
-"""... so often."""
+"""Confidence of the half-widths, by a bootstrap over the samples."""
 PERIODS, COUNTED = 2, 1
 """Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
-DECADE = 10.0
-"""An interval whose ends have a larger ratio is drawn log-uniformly."""
 _TICKS = 9_000_000
 """Control periods of all closed loops together, which bounds their samples: about half a minute."""
 _LEAST = 32
@@ -65,8 +61,6 @@ _BATCH = 128
 """Closed loops, and ..."""
 _ROWS = 1024
 """... joints of the other outputs, between two calls of the progress."""
-_LOST = 10.0
-"""A loop diverges where its error is so many amplitudes."""
 
 
 class Span(NamedTuple):
@@ -76,7 +70,7 @@ class Span(NamedTuple):
     low: float
     high: float
     logarithmic: bool
-    """Whether its logarithm is uniform, else itself."""
+    """Whether its logarithm is uniform, else itself: where the interval spans more than a decade."""
 
     def at(self, share: Array) -> Array:
         """The values at shares 0 to 1 of the way from low to high."""
@@ -177,7 +171,7 @@ def analysed(spans: Sequence[Span], values: Array, seed: int) -> Indices:
     effects: tuple[Effect, ...] = ()
     if np.ptp(values) > 1e-12 * np.abs(values).max():  # else it does not depend on the parameters
         by_kind = _salib().analyze.sobol.analyze(
-            _problem(spans), values, calc_second_order=False, num_resamples=RESAMPLES, conf_level=LEVEL, seed=seed + 1
+            _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=LEVEL, seed=seed + 1
         )  # SALib takes a seed of zero for none
         columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
         effects = tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True))
@@ -267,7 +261,7 @@ def global_sensitivity(
         except InputError as refused:
             why = Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
             return Output(name=TRACKING, quantity="position", indices=None, reason=why)
-        diverged = int(np.count_nonzero(~(errors < _LOST * subject.amplitude)))
+        diverged = int(np.count_nonzero(~(errors < 10 * subject.amplitude)))
         if not diverged:
             return _output(TRACKING, "position", spans, errors, seed)
         message = (
@@ -327,7 +321,7 @@ def spans_of(box: Mapping[ParameterName, tuple[float, float]]) -> tuple[Span, ..
                 f"box: {name}: got [{low:g}, {high:g}]; expected finite numbers, low < high: "
                 "leave out what is to stay as it is"
             )
-    return tuple(Span(name, low, high, low > 0 and high > DECADE * low) for name, (low, high) in box.items())
+    return tuple(Span(name, low, high, low > 0 and high > 10 * low) for name, (low, high) in box.items())
 
 
 def ordered(box: Mapping[ParameterName, tuple[float, float]], law: Law) -> tuple[Span, ...]:
