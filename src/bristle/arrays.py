@@ -26,10 +26,7 @@ Bound = float | Literal["inf", "-inf"]
 
 @dataclass(frozen=True, slots=True)
 class JsonForm:
-    """What a value is in JSON, and the ways there and back.
-
-    It annotates a type, and pydantic asks it for the schema.
-    """
+    """What a value is in JSON, and the ways there and back: annotates a type, for pydantic."""
 
     form: Any
     """The type of what is written, or a function that gives it."""
@@ -113,10 +110,7 @@ UNWRITTEN = MappingProxyType({"exclude": True})
 
 
 def sized(*shape: str) -> Mapping[str, Any]:
-    """Metadata of a field whose arrays have this shape: numbers, or names that are one number in all fields of an object.
-
-    `n?` may be 0 as well, where it is not known.
-    """
+    """Metadata of a field whose arrays have this shape: numbers, or names of one number in all fields of an object; `n?` may be 0."""
     return MappingProxyType({"shape": shape})
 
 

@@ -33,10 +33,7 @@ _UNITS = re.compile(_UNIT.format("([a-z_0-9]*)[+-]?"))
 
 
 def unit_of(quantity: str) -> str:
-    """What stands in a message after a number: a space and the unit of a quantity, as `velocity`, or of a parameter, once the joint is known.
-
-    Nothing where it has none, or as long as it is not known whether the joint turns or slides.
-    """
+    """What stands in a message for a space and the unit of a quantity, as `velocity`, or a parameter; nothing until the joint is known."""
     return _UNIT.format(quantity)
 
 

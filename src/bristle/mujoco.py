@@ -179,9 +179,7 @@ def _handed(result: Results | Fit | ExportedJoint | Path | str, name: str) -> Ex
     """The joint of that name, else the only one."""
     if isinstance(result, ExportedJoint):
         return result
-    known = read_if_results(result) if isinstance(result, Path | str) else result
-    if isinstance(known, Fit):
-        return exported_joints(known)[0]
+    known = read_if_results(result)
     if not isinstance(known, Results):
         raise InputError(f"{result}: is no results file; expected results.json, results or a fit of arrays")
     names = [joint.name for joint in known.joints]

@@ -37,10 +37,7 @@ def threads() -> int:
 
 
 def pin() -> None:
-    """One thread for linear algebra, in this process where NumPy is not loaded yet, and in those that it starts.
-
-    More help little with problems as small as these, and may round otherwise.
-    """
+    """One thread for linear algebra, here where NumPy is not loaded yet and in processes that start: more help little, and may round otherwise."""
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
 
@@ -77,10 +74,7 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
 
 
 def prepared(*modules: str) -> Any:
-    """How processes start: on Linux from one that begins now to load the modules, elsewhere each anew.
-
-    Whoever calls this before it loads them itself gets processes the sooner.
-    """
+    """How processes start: on Linux from one that begins now to load the modules (the sooner the better), elsewhere each anew."""
     from multiprocessing import forkserver, get_context, resource_tracker
 
     if sys.platform != "linux":

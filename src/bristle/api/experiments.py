@@ -235,12 +235,11 @@ def validate(
     """
     check_request(repetitions, starts, noise)
     known = experiment if identified is None else identified
-    if known is not None and not isinstance(known, Fit):
-        known = read_if_results(known)
-    if isinstance(known, Results):  # which needs no logs
-        found: Joint | None = known.whole_joint(joint)
+    source = None if known is None else read_if_results(known)
+    if isinstance(source, Results):  # which needs no logs
+        found: Joint | None = source.whole_joint(None if isinstance(known, Fit) else joint)
     else:
-        found = None if known is None else asked_joint(known, joint).identified(progress)[1]
+        found = None if source is None else asked_joint(source, joint).identified(progress)[1]
     case_set = joint_cases(found, noise) if found else sweep(noise)
     return validate_cases(case_set, repetitions=repetitions, starts=starts, progress=progress)
 

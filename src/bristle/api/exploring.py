@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 from bristle.api.identifying import identify
 from bristle.api.joints import Known, read_if_results
 from bristle.api.results import Results
-from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
 from bristle.identification.results import Joint
 from bristle.progress import Progress
@@ -43,13 +42,9 @@ def explore(
     """
     from bristle.questions.explorer.page import explorer  # which draws, and a fit does not
 
-    if isinstance(experiment, Fit):
-        return explorer(
-            [experiment.joint], {experiment.joint.name: loop_of(experiment.measured.experiment, experiment.joint)}
-        )
     known = identify(joint=joint, progress=progress) if experiment is None else read_if_results(experiment)
     results = known if isinstance(known, Results) else identify(known, joint=joint, progress=progress)
-    return explorer(*_known(results, joint))
+    return explorer(*_known(results, None if isinstance(experiment, Fit) else joint))
 
 
 def explorers(results: Results, share: Share) -> Iterator["Explorer | None"]:
@@ -78,16 +73,8 @@ def known_loop(results: Results, joint: Joint) -> JointLoop | str:
     """The loop of an identified joint, the paper's own of the embedded ones, or the sentence why there is none."""
     try:
         experiment, folder = results.logs.experiment_of(joint)
+        if folder != edro.datasets_folder() or joint.name not in edro.TABLE_1:
+            return of_experiment(experiment, joint)
     except InputError as error:
         return str(error)
-    if folder is not None and folder == edro.datasets_folder() and joint.name in edro.TABLE_1:
-        return of_paper([joint])[0]
-    return loop_of(experiment, joint)
-
-
-def loop_of(experiment: Experiment, joint: Joint) -> JointLoop | str:
-    """The loop of a joint as its experiment file has it, or the sentence why there is none."""
-    try:
-        return of_experiment(experiment, joint)
-    except InputError as error:
-        return str(error)
+    return of_paper([joint])[0]

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from bristle import __version__
-from bristle.api.exploring import known_loop, loop_of
+from bristle.api.exploring import known_loop
 from bristle.api.identifying import identify
 from bristle.api.joints import Known, read_if_results
 from bristle.api.results import Results
@@ -115,16 +115,13 @@ class _Found(NamedTuple):
 
 def _found(known: Known, joint: str | None, progress: Progress | None) -> tuple[list[_Found], str | None]:
     """The joints, and SHA-256 of the results file that they are from, where they are from one."""
-    if isinstance(known, Fit):
-        experiment = known.measured.experiment
-        return [_Found(known.joint, experiment, lambda: loop_of(experiment, known.joint))], None
     source = read_if_results(known)
     results = source if isinstance(source, Results) else identify(source, joint=joint, progress=progress)
     digest = None
     if isinstance(known, Path | str) and source is not known:
         digest = sha256(read_at_most(Path(known), LARGEST, "a results file")).hexdigest()
     found = []
-    for one in results.whole_joints(joint):
+    for one in results.whole_joints(None if isinstance(known, Fit) else joint):
         own: Experiment | None = None
         with suppress(InputError):
             own, _ = results.logs.experiment_of(one)

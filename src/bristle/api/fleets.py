@@ -118,15 +118,8 @@ def fleet(
     Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing at all could be identified, and
     OSError where the output is full or the scheduler is lost; what was identified by then is not identified again.
     """
-    return fleet_on(
-        _client(client, workers, memory),
-        catalog,
-        output,
-        verify=verify,
-        rate=rate,
-        baseline=baseline,
-        progress=progress,
-    )
+    cluster = _client(client, workers, memory)
+    return fleet_on(cluster, catalog, output, verify=verify, rate=rate, baseline=baseline, progress=progress)
 
 
 def fleet_on(
@@ -170,10 +163,7 @@ def identified_joint(path: Path, joint: str) -> tuple[Measured, Joint]:
 def connected(
     scheduler: str | None, workers: int | None, memory: str | None, certificates: Mapping[str, Path | None]
 ) -> AbstractContextManager[Any]:
-    """A client of the cluster that the command line asks for: of a scheduler, or else of this machine.
-
-    Raises InputError, once entered, where no scheduler answers.
-    """
+    """A client of a scheduler, or else of a cluster of this machine. Raises InputError, once entered, where no scheduler answers."""
     from bristle.questions.fleet.cluster import local_client, remote_client
 
     if scheduler is None:

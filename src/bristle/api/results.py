@@ -93,10 +93,7 @@ class Results:
         )
 
     def measured_joint(self, name: str) -> Measured:
-        """What the joint of a name was identified from; of results that were read, its logs are read now.
-
-        Raises InputError where they are not known, or missing, or were changed.
-        """
+        """What a joint was identified from, its logs read now where they were not. Raises InputError as `JointLogs.of` does."""
         return self.logs.of(self.joint(name))
 
     @property

@@ -58,10 +58,7 @@ class SourceText:
 
 
 def source_text(written: WrittenExperiment, folder: Path) -> SourceText:
-    """What a results file in some folder has of an experiment file; nothing is opened.
-
-    Raises InputError where its name is no file's, or its text is a book.
-    """
+    """What a results file in some folder has of an experiment file, not opened. Raises InputError where name or text cannot be."""
     name = check_name(written.file, "experiments: file")
     if name in ("", ".", "..") or Path(name).name != name or "\\" in name:
         raise InputError(f"experiments: file: got {short(name)}; expected the name of a file")
@@ -98,10 +95,7 @@ def _described(data: dict[str, Any], path: Path) -> Experiment | Robot:
 
 
 def opened(source: Source) -> tuple[Experiment | Robot, SourceText | None]:
-    """What a file describes, and its text.
-
-    What was loaded before has one where its file still describes the same. Raises InputError where a file cannot be read.
-    """
+    """What a file describes, and its text, which loaded data have while their file is the same. Raises InputError where it cannot be read."""
     if isinstance(source, Experiment | Robot):
         try:
             again, found = opened(source.path)
@@ -173,10 +167,7 @@ class JointLogs:
     """By joint, what was read."""
 
     def of(self, joint: Joint) -> Measured:
-        """What a joint was identified from: read, unless it is at hand, and the same as then.
-
-        Raises InputError where that is not known, or a log is missing or was changed.
-        """
+        """What a joint was identified from, the same as then. Raises InputError where that is not known, or a log is missing or changed."""
         if joint.name not in self.read:
             text = next((text for text in self.texts if joint.name in text.joints), None)
             if text is None:
@@ -198,10 +189,7 @@ class JointLogs:
         return measured
 
     def experiment_of(self, joint: Joint) -> tuple[Experiment, Path | None]:
-        """The experiment of a joint, of which no log is read, and the folder of its file; None where that is not known.
-
-        Raises InputError where the experiment is not known, or cannot be loaded any more.
-        """
+        """The experiment of a joint, its logs unread, and the folder of its file, if known. Raises InputError where it cannot be loaded."""
         text = next((text for text in self.texts if joint.name in text.joints), None)
         if joint.name in self.read:
             return self.read[joint.name].experiment, None if text is None else text.path.parent

@@ -76,8 +76,7 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
 
     Args:
         joint: identified.
-        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for its
-            parameters.
+        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, corrected for its parameters.
 
     Raises InputError where nothing at all was fitted, or a fit has a number that no joint has.
     """
@@ -92,12 +91,8 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
             continue
         if fit.velocity.size <= len(case_names(fit.law)):
             points = fit.velocity.size
-            skipped[direction] = Finding(
-                "too-few-to-validate",
-                NOTE,
-                f"nothing to validate: {points} points were fitted; four parameters and their noise need at least 5",
-                {"points": points},
-            )
+            few = f"nothing to validate: {points} points were fitted; four parameters and their noise need at least 5"
+            skipped[direction] = Finding("too-few-to-validate", NOTE, few, {"points": points})
             continue
         faults = (fault_of(ParameterName(name, Direction(direction)), x) for name, x in p._asdict().items())
         if fault := next(filter(None, faults), None):
@@ -111,11 +106,8 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
             velocity = velocity[velocity != 0]
         level = level if noise is None else noise * p.alpha_0
         if level <= 1e-9 * p.alpha_0:
-            skipped[direction] = Finding(
-                "points-without-noise",
-                NOTE,
-                "nothing to validate: the points lie on the model without noise; choose a noise level with --noise",
-            )
+            exact = "nothing to validate: the points lie on the model without noise; choose a noise level with --noise"
+            skipped[direction] = Finding("points-without-noise", NOTE, exact)
             continue
         cases.append(
             ValidationCase(

@@ -32,6 +32,7 @@ def write_validation(validation: Validation, folder: Path) -> Path:
         first = [x for x in drawn if x.case.label == drawn[0].case.label]
         drawn = tuple(x for x in first if x.case.noise == max(y.case.noise for y in first))
     names = slugs([f"{x.case.label} {x.case.design}".replace("(+)", "plus").replace("(-)", "minus") for x in drawn])
+    torque, sections = pretty(unit("torque", kind)), []
     draw: dict[str, Any] = {
         "resolution": (lambda: figures.resolution_figure(validation), "error of the plain grid vs its resolution")
     }
@@ -42,18 +43,9 @@ def write_validation(validation: Validation, folder: Path) -> Path:
             f"{name}-starts": (lambda x=result: figures.starts_figure(x, kind), f"success vs start of {label}"),
             f"{name}-methods": (lambda x=result: figures.methods_figure(x), f"v_s by each method of {label}"),
         }
-    torque = pretty(unit("torque", kind))
-    sections = [
-        {
-            "name": name,
-            "case": result.case,
-            "noise": f"{result.case.noise:.2g} {torque}",
-            "verdict": verdict(result),
-            "captions": captions(result, kind),
-            "methods": _rounded(v_s_by_method(result)),
-        }
-        for name, result in zip(names, drawn, strict=True)
-    ]
+        said = {"verdict": verdict(result), "captions": captions(result, kind)}
+        shown_of = {"case": result.case, "noise": f"{result.case.noise:.2g} {torque}"}
+        sections.append({"name": name, **shown_of, **said, "methods": _rounded(v_s_by_method(result))})
     frames = {"cases": validation.to_frame(), **{f.__name__: f(validation) for f in (methods, coverage, resolution)}}
     context = {
         "title": validation.case_set.title,

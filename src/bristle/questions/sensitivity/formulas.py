@@ -91,10 +91,7 @@ class Formulas:
 
 
 def formulas(of: Law = GAUSSIAN) -> Formulas:
-    """The formulas of a law, with viscous friction as it is up to the fastest measured speed: there no coefficient's sign matters.
-
-    Raises InputError where SymPy is not installed, and ValueError as `formula_of` does.
-    """
+    """The formulas of a law, viscous friction up to the fastest measured speed. Raises InputError without SymPy, ValueError as `formula_of`."""
     z, v, p = ca.SX.sym("z"), ca.SX.sym("v"), lugre_of(of)(*map(ca.SX.sym, lugre_of(of)._fields))
     torque, steady = law.torque(z, v, p), law.steady_torque(v, p)
     estimated = [getattr(p, name) for name in estimated_of(of)]

@@ -44,10 +44,7 @@ class KnownFriction(NamedTuple):
 def motion_of(
     kind: JointKind, amplitude: str | float | None, frequency: str | float | None, default: tuple[float, float]
 ) -> SineMotion:
-    """The motion asked for, as quantities with units or SI numbers; what is None is the default's (amplitude, frequency).
-
-    Raises InputError where it is no quantity of its kind, or not positive.
-    """
+    """The motion asked for, by quantities or SI numbers; None: the default's. Raises InputError where one is of another kind or not positive."""
     asked = (("amplitude", amplitude, unit("position", kind)), ("frequency", frequency, "Hz"))
     found = [
         standard if given is None else positive_si(name, given, si)
@@ -57,10 +54,7 @@ def motion_of(
 
 
 def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
-    """The motion, if its amplitude and its peak speed are within `RANGE` of what was measured (or declared under `plan`).
-
-    Raises InputError where they are not: there the model is of nothing.
-    """
+    """The motion. Raises InputError where amplitude or peak speed is not within `RANGE` of what was measured (or declared under `plan`)."""
     q, v = unit("position", kind), unit("velocity", kind)
     how = f", which is {moved.amplitude:g} {q} at {moved.frequency:g} Hz"
     for name, got, known, si, what, whose in (
@@ -79,10 +73,7 @@ def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
 def of_joint(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
 ) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
-    """A user's joint, as identified from `measured`: what is known of it, the motion, and its loop, or the sentence why there is none.
-
-    Raises InputError where nothing is known of its friction vs velocity, or the motion cannot be.
-    """
+    """A user's joint: what is known of it, the motion, and its loop, or why there is none. Raises InputError where law or motion cannot be."""
     experiment, known = measured.experiment, known_joint(joint)
     directions = known.directions
     if not directions:
@@ -142,10 +133,7 @@ def _limits(measured: Measured) -> Limits:
 def of_gripper(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
 ) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
-    """The paper's gripper rotation (+) in both directions, with the intervals that its simulated logs give; `joint` as identified from them.
-
-    Raises InputError where the motion cannot be.
-    """
+    """The paper's gripper rotation (+) in both directions, with intervals as identified from its simulated logs. Raises as `of_joint` does."""
     subject = one_way(of_paper([joint])[0])
     default = (subject.amplitude, subject.frequency)
     moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))

@@ -51,16 +51,6 @@ class SineMotion(NamedTuple):
         return Sine(self.amplitude, self.frequency).sampled(self.duration, self.period)
 
     @property
-    def time(self) -> Array:
-        """Of the samples, s, (n,)."""
-        return self.period * np.arange(self.course.velocity.size, dtype=np.float64)
-
-    @property
-    def samples(self) -> int:
-        """Of one period."""
-        return round(1 / (self.frequency * self.period))
-
-    @property
     def top_speed(self) -> float:
         """rad/s."""
         return 2 * np.pi * self.frequency * self.amplitude
@@ -140,7 +130,7 @@ def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
     by_name = dict(zip(fields_of(p.law), zip(acting, slopes, strict=True), strict=True))
     return Local(
         names=names,
-        time=reference.time,
+        time=reference.period * np.arange(velocity.size, dtype=np.float64),
         velocity=velocity,
         torque=rolled.torque,
         partial=np.column_stack([np.multiply(*by_name[name]) for name in names]),
@@ -179,10 +169,7 @@ def claimed(shares: Array, names: Sequence[str]) -> bool:
 
 
 def grid(reference: SineMotion) -> tuple[Array, Array]:
-    """Amplitudes (13,), rad, and frequencies (9,), Hz, of a map around a motion, in thirds of a decade.
-
-    Amplitudes go from 1/1000 to 10 times its own, frequencies from 1/20 to 20 times; the motion is among them.
-    """
+    """Amplitudes (13,), rad, 1/1000 to 10 times the motion's, and frequencies (9,), Hz, 1/20 to 20 times, in thirds of a decade."""
     third = np.arange(-9, 4) / 3
     return reference.amplitude * 10**third, reference.frequency * 10 ** (np.arange(-4, 5) / 3)
 

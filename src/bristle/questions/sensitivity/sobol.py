@@ -325,10 +325,7 @@ def spans_of(box: Mapping[ParameterName, tuple[float, float]]) -> tuple[Span, ..
 
 
 def ordered(box: Mapping[ParameterName, tuple[float, float]], law: Law) -> tuple[Span, ...]:
-    """The intervals in the order of the law's tuple, so that the order of the box does not change the samples.
-
-    Raises InputError where a name, of both directions at once or of one, or an interval cannot be.
-    """
+    """The intervals in the order of the law's tuple, on which the samples depend. Raises InputError where a name or an interval cannot be."""
     directions = (Direction.BOTH, Direction.POSITIVE, Direction.NEGATIVE)
     known = [ParameterName(name, d) for name in estimated_of(law) for d in directions]
     for name, (low, _) in box.items():
@@ -358,10 +355,7 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
 def box_of(
     estimates: Mapping[ParameterName, Estimate],
 ) -> tuple[dict[ParameterName, tuple[float, float]], tuple[Finding, ...]]:
-    """The box of the 95 % intervals of friction parameters, and a finding on each that is not finite, or is cut at its physical bound.
-
-    Parameters that are not of friction, or not estimated, are left out.
-    """
+    """The 95 % intervals of the estimated friction parameters; a finding on each that is not finite, or is cut at its physical bound."""
     box: dict[ParameterName, tuple[float, float]] = {}
     notes = []
     for name, e in estimates.items():

@@ -15,7 +15,7 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
-from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, peak_parameters, static_estimated_of, unit
+from bristle.model.parameters import Direction, Lugre, ParameterName, peak_parameters, static_estimated_of, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
@@ -54,10 +54,7 @@ class Expected(NamedTuple):
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Whether the measurement would identify each parameter of the information, (p,).
-
-        That is, to a standard error of half its value; one that may be zero, to any finite one.
-        """
+        """Whether the measurement identifies each parameter, (p,): to half its value, or with any finite error where it may be zero."""
         errors, zero = self.information.standard_errors, ("offset", "gravity", "quadratic", "inertia")
         may_be_zero = np.array([x.name.startswith(zero) for x in self.information.names], dtype=bool)
         return (errors < 0.5 * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
@@ -168,9 +165,10 @@ def study_sensitivity(
         written = formulas(model.p.law)
     except ValueError as error:  # no SymPy, or a law with an operation that no formula has
         left_out.append(Finding("no-formulas", NOTE, f"No formulas: {error}."))
+    period = round(1 / (motion.frequency * motion.period))  # in samples
     return SensitivityStudy(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, model=model, motion=motion, box=box, local=along_motion,
-        settled=along_motion.shares(last=motion.samples), map=mapped,
+        settled=along_motion.shares(last=period), map=mapped,
         expected=tuple(x for x in expected if x is not None), sobol=sobol, formulas=written,
         assumptions=(*model.assumptions, *cut, *left_out),
     )  # fmt: skip  # a list of values
@@ -178,8 +176,26 @@ def study_sensitivity(
 
 def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Expected:
     """What the torque along the motion tells, beside the extra terms that the joint's own fit has to find as well."""
-    noise, noise_source = _noise(joint, model.p, motion.period)
-    course, fit = motion.course, joint.moving
+    # Standard deviation of the white noise of a torque sample at the motion's period, N*m, and where it is from.
+    fit, torque_unit = joint.moving, unit("torque", joint.kind)
+    if fit is not None and fit.quantity == "torque" and fit.rms > 0:
+        steps = np.diff(fit.time)
+        between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
+        ratio = np.sqrt(variance_inflation)
+        correlated = f", times {ratio:.1f} for their correlation" if ratio > 1 else ""
+        message = f"Noise: residuals of the moving runs' fit, {fit.rms:.2g} {torque_unit} per sample every {between:.3g} s{correlated}."
+        source = Finding("noise-of-fit", NOTE, message, {"rms": fit.rms, "step": between, "ratio": ratio})
+        noise = fit.rms * float(np.sqrt(variance_inflation * between / motion.period))
+    else:
+        white = _NOISE * float(np.mean([one.alpha_0 for one in ([model.p] if isinstance(model.p, Lugre) else model.p)]))
+        message = (
+            f"Noise: assumed white, {white:.2g} {torque_unit} ({100 * _NOISE:.0f} % of alpha_0) at 1 kHz; "
+            "standard errors are proportional to it."
+        )
+        source = Finding("noise-assumed", CAUTION, message, {"noise": white})
+        noise = white * float(np.sqrt(1e-3 / motion.period))
+
+    course = motion.course
     values = fit.known if fit is not None else {ParameterName.parse("inertia"): 0.0}
     asked = [x for x in regressors_of([name.name for name in values], joint.kind) if x != "links"]
     columns = load_columns(asked, partial(getattr, course), course.velocity.size)
@@ -193,7 +209,7 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
     if fit is not None:
         errors |= {n: e.standard_error for n, e in fit.parameters.items() if n in extra and e.standard_error}
     information = Information(names=(*friction, *extra), point=point, matrix=matrix)
-    return _expected("the motion", information, errors, noise_source, held)
+    return _expected("the motion", information, errors, source, held)
 
 
 def _expected(
@@ -206,25 +222,6 @@ def _expected(
     message = f"Taken as known, because the joint's own fit has none: {', '.join(map(str, held))}."
     known = [Finding("held-as-known", CAUTION, message, {"names": tuple(held)})] if held else []
     return Expected(what, information, errors, (noise, *known))
-
-
-def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[float, Finding]:
-    """Standard deviation of the white noise of a torque sample at this period, N*m, and where it is from."""
-    fit, torque_unit = joint.moving, unit("torque", joint.kind)
-    if fit is not None and fit.quantity == "torque" and fit.rms > 0:
-        steps = np.diff(fit.time)
-        between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
-        ratio = np.sqrt(variance_inflation)
-        correlated = f", times {ratio:.1f} for their correlation" if ratio > 1 else ""
-        message = f"Noise: residuals of the moving runs' fit, {fit.rms:.2g} {torque_unit} per sample every {between:.3g} s{correlated}."
-        source = Finding("noise-of-fit", NOTE, message, {"rms": fit.rms, "step": between, "ratio": ratio})
-        return fit.rms * float(np.sqrt(variance_inflation * between / period)), source
-    noise = _NOISE * float(np.mean([one.alpha_0 for one in ([p] if isinstance(p, Lugre) else p)]))
-    message = (
-        f"Noise: assumed white, {noise:.2g} {torque_unit} ({100 * _NOISE:.0f} % of alpha_0) at 1 kHz; "
-        "standard errors are proportional to it."
-    )
-    return noise * float(np.sqrt(1e-3 / period)), Finding("noise-assumed", CAUTION, message, {"noise": noise})
 
 
 def _constant_velocities_tell(joint: Joint) -> Expected | None:
