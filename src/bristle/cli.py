@@ -85,18 +85,6 @@ OfRobot = Annotated[
     str | None,
     typer.Option("--joint", metavar="NAME", help="Which joint, where the file is of a robot.", show_default=False),
 ]
-FleetCatalog = Annotated[
-    str,
-    typer.Argument(
-        metavar="CATALOG",
-        help="A table (CSV, Parquet) with the columns file, unit and session, or a pattern such as 'logs/{unit}/{session}/{type}.yaml'.",
-        show_default=False,
-    ),
-]
-FleetOutput = Annotated[
-    str | None,
-    typer.Option("-o", "--output", metavar="DIR", help="Where dataset and page land [default: reports/NAME-fleet]."),
-]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a joint is not to be used.")]
 Need = Annotated[
     str | None, asked("PERCENT", "To how much of friction it has to be known (95 %), to be used [default: 10%].")
@@ -248,7 +236,9 @@ def identify(
 
         _tell(interval_lines(results.joints))
     if laws:
-        _tell_laws(results)
+        from bristle.questions.joint_report.console import law_lines
+
+        _tell(law_lines(results.joints))
     if output is not None:
         write_text(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
@@ -316,11 +306,11 @@ def validate(
     if experiment is not None:  # each fit beside a full nonlinear one on the same data
         with shown() as progress:
             from bristle.api.identifying import identified
+            from bristle.questions.joint_report.console import law_lines
 
             results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
             results.whole_joint()
-        _tell(results.checks())
-        _tell_laws(results)
+        _tell([*results.checks(), *law_lines(results.joints)])
     with shown() as progress:
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
     _tell([validated.text()])
@@ -328,13 +318,6 @@ def validate(
         print_lines([f"Page: {validated.write(folder)}"], done=True)
     if results:
         _finish(results, strict)
-
-
-def _tell_laws(results: "Results") -> None:
-    """The friction laws side by side."""
-    from bristle.questions.joint_report.console import law_lines
-
-    _tell(law_lines(results.joints))
 
 
 @app.command()
@@ -460,8 +443,20 @@ def compare(
 
 @app.command()
 def fleet(
-    catalog: FleetCatalog,
-    output: FleetOutput = None,
+    catalog: Annotated[
+        str,
+        typer.Argument(
+            metavar="CATALOG",
+            help="A table (CSV, Parquet) with the columns file, unit and session, or a pattern such as 'logs/{unit}/{session}/{type}.yaml'.",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Where dataset and page land [default: reports/NAME-fleet]."
+        ),
+    ] = None,
     scheduler: Annotated[
         str | None,
         asked("ADDRESS", "Of a running Dask cluster, as tcp://host:8786 [default: the cores of this machine]."),
@@ -490,7 +485,11 @@ def fleet(
 
         certificates = {"ca": tls_ca_file, "cert": tls_cert, "key": tls_key}
         check_cluster(scheduler, workers, memory, certificates)
-        folder = fleet_folder(output, called(catalog))
+        if output is not None and not output:
+            raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
+        folder = output or str(Path("reports") / f"{called(catalog)}-fleet")
+        if "://" not in folder:
+            check_folder(Path(folder), FLEET)
         cluster = connected(scheduler, workers, memory, certificates)
         found = fleet_on(
             cluster, catalog, folder, verify=verify, rate=rate, baseline=baseline, progress=progress,
@@ -668,16 +667,6 @@ def output_folder(output: Path | None, experiment: Path | None, what: str = "", 
         output = Path("reports") / f"{name}{what}"
     check_folder(output, claims)
     return output
-
-
-def fleet_folder(output: str | None, catalog: str) -> str:
-    """Where a fleet's dataset and page land: a folder, or a URL of one. Raises InputError where they cannot be written."""
-    if output is not None and not output:
-        raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
-    folder = output or str(Path("reports") / f"{catalog}-fleet")
-    if "://" not in folder:
-        check_folder(Path(folder), FLEET)
-    return folder
 
 
 def _tell(texts: Iterable[str]) -> None:

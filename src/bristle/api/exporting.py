@@ -1,6 +1,6 @@
 """What identified joints are handed over as: C code, models for simulators, documents."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -69,8 +69,7 @@ def export(
         raise InputError(f"step: got {step}, of an adaptation that is not asked for; give adapt as well")
     if to != "c" and (compensator or adapt):
         raise InputError(f"{to} holds no compensator; leave compensator and adapt out, or export to c")
-    found, digest = _found(known, joint, progress)
-    joints, refused = _handed(found, digest)
+    found, joints, refused = _handed(known, joint, progress)
     request = Request(
         into=None if into is None else read_at_most(Path(into), LARGEST, "a model, without meshes"),
         into_name="" if into is None else Path(into).name,
@@ -85,7 +84,7 @@ def export(
 
 def exported_joints(known: Known, joint: str | None = None) -> tuple[ExportedJoint, ...]:
     """What would be handed over of identified joints, or of one of them. Raises InputError as `export` does."""
-    return _handed(*_found(known, joint, None))[0]
+    return _handed(known, joint, None)[1]
 
 
 def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
@@ -113,40 +112,32 @@ class _Found(NamedTuple):
     """Its loop, or the sentence why it has none."""
 
 
-def _found(known: Known, joint: str | None, progress: Progress | None) -> tuple[list[_Found], str | None]:
-    """The joints, and SHA-256 of the results file that they are from, where they are from one."""
-    source = read_if_results(known)
-    results = source if isinstance(source, Results) else identify(source, joint=joint, progress=progress)
-    digest = None
-    if isinstance(known, Path | str) and source is not known:
+def _handed(
+    known: Known, joint: str | None, progress: Progress | None
+) -> tuple[list[_Found], tuple[ExportedJoint, ...], tuple[Finding, ...]]:
+    """The joints, as they are handed over, and of several why some cannot be. Raises InputError where none can."""
+    source, digest = read_if_results(known), None
+    if isinstance(known, Path | str) and source is not known:  # from a results file
         digest = sha256(read_at_most(Path(known), LARGEST, "a results file")).hexdigest()
+    results = source if isinstance(source, Results) else identify(source, joint=joint, progress=progress)
     found = []
     for one in results.whole_joints(None if isinstance(known, Fit) else joint):
         own: Experiment | None = None
         with suppress(InputError):
             own, _ = results.logs.experiment_of(one)
         found.append(_Found(one, own, partial(known_loop, results, one)))
-    return found, digest
-
-
-def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[ExportedJoint, ...], tuple[Finding, ...]]:
-    """The joints, and of several why some cannot be handed over. Raises InputError where none can."""
     joints: list[ExportedJoint] = []
     refused: list[Finding] = []
-    for one in found:
-        origin = Origin(
-            bristle=__version__,
-            results_sha256=digest,
-            experiment=one.experiment.path.name if one.experiment else None,
-            logs={log.file: log.sha256 for log in one.joint.inputs},
-        )
+    for of, experiment, _ in found:
+        logs, file = {log.file: log.sha256 for log in of.inputs}, experiment.path.name if experiment else None
+        origin = Origin(bristle=__version__, results_sha256=digest, experiment=file, logs=logs)
         try:
-            joints.append(exported(one.joint, one.experiment, origin))
+            joints.append(exported(of, experiment, origin))
         except InputError as error:
             if len(refused) + 1 == len(found):
                 raise
             refused.append(joint_left_out(error))
-    return tuple(joints), tuple(refused)
+    return found, tuple(joints), tuple(refused)
 
 
 def _compensator(found: _Found, name: Any, law: Any, step: Any) -> Compensator:

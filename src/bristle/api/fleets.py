@@ -3,7 +3,7 @@
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -144,7 +144,12 @@ def fleet_on(
     step(progress, "reading the catalog")
     rows = read_catalog(catalog)
     step(progress, "starting the cluster")
-    with _folder(output) as folder, held(folder), cluster as client:
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="bristle-")) if output is None else str(output)
+        if "://" not in folder:
+            folder = str(Path(folder).absolute())
+        stack.enter_context(held(folder))
+        client = stack.enter_context(cluster)
         begun(dashboard_of(client))
         run = run_fleet(rows, folder, client, identified_joint, verify=verify, progress=progress)
     step(progress, "comparing sessions")
@@ -192,17 +197,6 @@ def check_cluster(
             raise InputError(f"{path}: no such file; expected a certificate or key of TLS, PEM")
     if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
         raise InputError(f"--scheduler: got {short(scheduler)}; expected an address such as tcp://host:8786")
-
-
-@contextmanager
-def _folder(output: str | Path | None) -> Iterator[str]:
-    """The output from anywhere; a temporary folder where none is asked for."""
-    if output is not None:
-        name = str(output)
-        yield name if "://" in name else str(Path(name).absolute())
-        return
-    with tempfile.TemporaryDirectory(prefix="bristle-") as folder:
-        yield folder
 
 
 @contextmanager

@@ -1,8 +1,6 @@
 """The grid search compared with itself at other resolutions and with full nonlinear fits, on SIMULATED points.
 
-The points are those that a user measured, their torque simulated from the fitted model with the fit's own noise; or a
-declared sweep: every set of Table 1, at two noise levels and three designs. Every method gets the same data sets; local
-solvers begin anywhere within the grid's bounds.
+Every method gets the same data sets; local solvers begin anywhere within the grid's bounds.
 """
 
 from collections.abc import Callable, Mapping

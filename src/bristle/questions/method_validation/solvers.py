@@ -1,9 +1,7 @@
 """The methods compared: grids, and local solvers from a start, for velocity-torque points of one direction.
 
-Each takes torques (n, sets) that share their velocities and returns theta (p, sets), in the order of the case's `names`,
-which is `Regression.names`': four of the paper's law. What the shape of a peak takes beside v_s is held at its true
-value. Local solvers see the same scaled variables, v_s by its logarithm, and stay within the grid's bounds: alpha >= 0,
-v_s in its range.
+Torques are (n, sets) at the same velocities, theta (p, sets) in the order of the case's `names`; what the shape of a peak takes
+beside v_s is held at its true value. Local solvers see v_s by its logarithm, and stay within the grid's bounds.
 """
 
 from collections.abc import Callable, Sequence
