@@ -32,7 +32,6 @@ def cost_figure(result: CaseResult, kind: Kind) -> Figure:
     figure.subplots_adjust(top=0.80, hspace=0.3)
     ax, near = figure.subplots(2, height_ratios=(3, 2))
     curve, starts = result.cost_curve, result.starts
-    _titled(ax, result.case.label, rows=5)
     lowest, limit = starts.best_cost, curve.threshold / starts.best_cost
     for part, label in ((ax, "cost (all else re-optimised)"), (near, None)):
         part.plot(curve.v_s, curve.cost / lowest, "-", color="#000000", label=label)
@@ -63,7 +62,7 @@ def cost_figure(result: CaseResult, kind: Kind) -> Figure:
     near.set_xlabel(axis("velocity", kind, "Stribeck"))
     for part in (ax, near):
         part.set_ylabel("Cost relative to\nthe refined grid")
-    _above(ax, columns=2)
+    _headed(ax, result.case.label, rows=5, columns=2)
     return figure
 
 
@@ -74,7 +73,6 @@ def starts_figure(result: CaseResult, kind: Kind) -> Figure:
     figure.subplots_adjust(left=0.19, hspace=0.12)
     ax, below = figure.subplots(2, height_ratios=(3, 2), sharex=True)
     starts = result.starts
-    _titled(ax, result.case.label, rows=1)
     edges = np.geomspace(*result.case.v_s_range, 7)
     for name in starts.solvers:
         look = SOLVERS[name]
@@ -102,7 +100,7 @@ def starts_figure(result: CaseResult, kind: Kind) -> Figure:
     ax.set_ylabel(axis("velocity", kind, "final Stribeck").replace("Stribeck ", "Stribeck\n"))
     below.set_xlabel(axis("velocity", kind, "Stribeck velocity of the start:").replace(": velocity", ""))
     below.set_ylabel("Ends in the best\nminimum (%)")
-    _above(ax, columns=5, small=True)
+    _headed(ax, result.case.label, 1, 5, handletextpad=0.3, columnspacing=0.7, handlelength=1.6)
     return figure
 
 
@@ -116,7 +114,6 @@ def resolution_figure(validation: Validation) -> Figure | None:
     figure = new_figure(5.4 if many else 4.2)
     figure.subplots_adjust(top=0.66 if many else 0.78)
     ax = figure.subplots()
-    _titled(ax, validation.case_set.title, rows=2 + len({x.case.design for x in knowable}) * 2 if many else 2)
     groups = list(dict.fromkeys(_group(x, many=many) for x in knowable))
     for result in knowable:
         r, label = result.resolution, _group(result, many=many)
@@ -131,7 +128,8 @@ def resolution_figure(validation: Validation) -> Figure | None:
     ax.set_xticks(knowable[0].resolution.counts, [str(n) for n in knowable[0].resolution.counts])
     ax.set_xlabel("Values of vₛ in the plain grid")
     ax.set_ylabel("Grid error of vₛ /\nits standard error")
-    _above(ax, columns=1 if many else 2)
+    rows = 2 + 2 * len({x.case.design for x in knowable}) if many else 2
+    _headed(ax, validation.case_set.title, rows, columns=1 if many else 2)
     return figure
 
 
@@ -180,14 +178,9 @@ def _decimal(ax: Axes) -> None:
     ax.yaxis.set_minor_locator(NullLocator())
 
 
-def _titled(ax: Axes, label: str, rows: int) -> None:
-    """The title above a legend of so many rows, which stands above the axes."""
+def _headed(ax: Axes, label: str, rows: int, columns: int, **look: Any) -> None:
+    """The title, and between it and the axes the legend of so many rows."""
     title(ax, label, simulated=True)
     ax.set_title(ax.get_title(loc="left"), loc="left", pad=8 + 13.5 * rows)
-
-
-def _above(ax: Axes, columns: int, *, small: bool = False) -> None:
-    """The legend above the axes."""
-    extra: dict[str, Any] = {"handletextpad": 0.3, "columnspacing": 0.7, "handlelength": 1.6} if small else {}
-    extra |= {"ncols": columns, "frameon": False, "borderaxespad": 0.2, "fontsize": 8.5}
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), **extra)
+    look |= {"ncols": columns, "frameon": False, "borderaxespad": 0.2, "fontsize": 8.5}
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), **look)

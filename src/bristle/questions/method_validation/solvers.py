@@ -129,7 +129,6 @@ def ipopt(case: ValidationCase, *, free: bool = False) -> Local:
     full = solver("full", x, ca.dot(residual, residual), torque, **OPTIONS)
 
     def fit(measured: Array, start: Array) -> Array:
-        """Where IPOPT ends."""
         return unknowns.natural(ends(full, unknowns, [_scaled(unknowns, start)], p=measured)[0])
 
     return fit
@@ -141,7 +140,7 @@ def trf(case: ValidationCase) -> Local:
     lower, upper, top = unknowns.lower, unknowns.upper, float(unknowns.scale[0])
 
     def fit(measured: Array, start: Array) -> Array:
-        """Where SciPy ends; residuals are scaled by the largest torque."""
+        # Residuals are scaled by the largest torque.
         problem = case.problem(measured)
 
         def residuals(x: Array) -> Array:
@@ -170,14 +169,12 @@ def lmfit(case: ValidationCase) -> Local:
     names, (low, high), least = case.names, case.v_s_range, case.problem(np.zeros(case.velocity.size)).least
 
     def fit(measured: Array, start: Array) -> Array:
-        """Where lmfit ends."""
         problem, parameters = case.problem(measured), Parameters()
         for name, value, lowest in zip(names[:-1], start[:-1].tolist(), least[:-1].tolist(), strict=True):
             parameters.add(name, value=value, min=lowest)
         parameters.add(names[-1], value=float(np.clip(start[-1], low, high)), min=low, max=high)
 
         def residuals(at: Parameters) -> Array:
-            """Measured minus modelled torque, (n,)."""
             return problem.residuals(np.array([at[name].value for name in names]))
 
         found = minimize(residuals, parameters).params

@@ -53,14 +53,10 @@ _TICKS = 9_000_000
 """Control periods of all closed loops together, which bounds their samples: about half a minute."""
 _LEAST = 32
 """Fewer samples tell nothing."""
-_LONGEST = 300_000
-"""Control periods of one loop, beyond which it is not simulated; ..."""
-_COARSE = 0.02
-"""... nor is it where one of them is a larger share of the reference's period."""
-_BATCH = 128
-"""Closed loops, and ..."""
-_ROWS = 1024
-"""... joints of the other outputs, between two calls of the progress."""
+_LONGEST, _COARSE = 300_000, 0.02
+"""A loop is not simulated over more control periods, nor where one of them is a larger share of the reference's period."""
+_BATCH, _ROWS = 128, 1024
+"""Closed loops, and joints of the other outputs, between two calls of the progress."""
 
 
 class Span(NamedTuple):
