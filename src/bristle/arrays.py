@@ -1,7 +1,6 @@
-"""The array that every floor of the house hands to the next, the values that hold it, and their form in JSON.
+"""The array that every floor of the house hands to the next, the values that hold it, and their exact form in JSON, for pydantic.
 
-pydantic reads the JSON forms off the result classes where results.json is made or read, and only there. Floats keep
-every digit. An open bound is "inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
+An open bound is "inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
 """
 
 import binascii

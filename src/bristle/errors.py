@@ -10,10 +10,9 @@ LONGEST = 450
 
 
 class InputError(ValueError):
-    """Bad input, in one sentence: what was got, what was expected, what to do.
+    """Bad input, in one line of at most `LONGEST` characters: what was got, what was expected, what to do.
 
     The command line ends with 2 at this and at an OSError; any other exception, a ValueError too, is a defect of bristle's own.
-    Whatever is quoted, the sentence is one line of at most `LONGEST` characters that can be shown in a terminal.
     """
 
     def __init__(self, sentence: str) -> None:

@@ -1,7 +1,4 @@
-"""Findings: what a user must know beside a number. Each is made where it arises, its sentence there with it; nothing decides by a sentence.
-
-A code is a word that a user looks up (`bristle explain`, docs/warnings.md), or that code decides by.
-"""
+"""Findings: what a user must know beside a number, each made where it arises; a code is what a user looks up or code decides by."""
 
 import re
 from collections.abc import Mapping

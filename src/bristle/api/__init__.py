@@ -13,8 +13,7 @@ from bristle.api.experiments import (
     sensitivity,
     validate,
 )
-from bristle.api.exploring import explore
-from bristle.api.exporting import export, read_export
+from bristle.api.exporting import explore, export, read_export
 from bristle.api.fleets import Fleet, fleet
 from bristle.api.identifying import identify
 from bristle.api.results import Results, read_results

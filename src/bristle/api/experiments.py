@@ -5,7 +5,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bristle.api.exploring import explorers
+from bristle.api.exporting import explorers
 from bristle.api.identifying import identified, identify
 from bristle.api.joints import Known, asked_joint, read_if_results
 from bristle.api.results import Results, write_results

@@ -22,6 +22,14 @@ MOST_POINTS = 400
 """Points of a case; of more equations so many are simulated, with as much less noise as there are fewer."""
 
 
+_SIMULATED = (
+    "SIMULATED: torques are those of the model at the given velocities, with white Gaussian noise; no run is simulated, "
+    "and the velocities have no error."
+)
+_ALONE = "Each direction is validated separately: what directions share (inertia, gravity, offset) is taken as known."
+_ASSUMED = Finding("points-simulated", NOTE, _SIMULATED), Finding("directions-alone", NOTE, _ALONE)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CaseSet:
     """The cases of one validation."""
@@ -31,19 +39,7 @@ class CaseSet:
     cases: tuple[ValidationCase, ...]
     skipped: Mapping[str, Finding] = field(default_factory=dict)
     """Directions that cannot be tried, each with the reason."""
-    assumptions: tuple[Finding, ...] = (
-        Finding(
-            "points-simulated",
-            NOTE,
-            "SIMULATED: torques are those of the model at the given velocities, with white Gaussian noise; no run is simulated, "
-            "and the velocities have no error.",
-        ),
-        Finding(
-            "directions-alone",
-            NOTE,
-            "Each direction is validated separately: what directions share (inertia, gravity, offset) is taken as known.",
-        ),
-    )
+    assumptions: tuple[Finding, ...] = _ASSUMED
 
 
 def sweep(noise: float | None = None) -> CaseSet:

@@ -42,8 +42,7 @@ from bristle.simulation.joint_loop import JointLoop
 if TYPE_CHECKING:
     import pandas as pd
 
-RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RMS error of the simulated loop"
-"""Names of the outputs."""
+TRACKING = "RMS error of the simulated loop"
 _Quantity = Literal["torque", "position"]
 LEVEL = 0.95
 """Confidence of the half-widths, by a bootstrap over the samples."""
@@ -273,8 +272,8 @@ def global_sensitivity(
     return Global(
         spans=spans,
         outputs=(
-            _output(RMS_TORQUE, "torque", spans, _batched(torque, points, _ROWS), seed),
-            _output(BREAKAWAY, "torque", spans, breakaways, seed),
+            _output("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
+            _output("breakaway torque", "torque", spans, breakaways, seed),
             tracking(),
         ),
         amplitude=subject.amplitude,
