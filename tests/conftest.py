@@ -9,6 +9,7 @@ import contextlib
 import io
 import json
 import shutil
+import signal
 import sys
 from collections.abc import Iterator
 from functools import cache
@@ -30,6 +31,9 @@ from bristle.questions.compensation import ablation, parameter_studies
 from bristle.questions.experiment_design import excitation
 from bristle.simulation.bench import steady_points
 
+signal.signal(
+    signal.SIGINT, signal.default_int_handler
+)  # a run in the background ignores it, as would all that it starts
 settings.register_profile("repeatable", deadline=None, max_examples=50, derandomize=True, database=None)
 settings.load_profile("repeatable")
 

@@ -73,6 +73,7 @@ def test_containers(tmp_path: Path, suffix: str) -> None:
         ("dq", ("velocity", None)), ("jointVelDeg_s", ("velocity", "deg/s")), ("Position (deg)", ("position", "deg")),
         ("actual_qd_0", ("velocity", None)), ("current_position", ("position", None)), ("v [V]", ("voltage", "V")),
         ("torque_current", ("current", None)), ("v_mm_s", ("velocity", "mm/s")), ("speed_rpm", ("velocity", "rpm")),
+        ("speed [1/min]", ("velocity", "rpm")),
         ("data.run{2}.qm", ("position", None)), ("motor_torque_mNm", ("torque", "mNm")), ("timestamp", ("time", None)),
         ("tau_cmd", ("torque", None)), ("temperature", None), ("q_ref", None), ("position_error", None),
         ("Torque [parsec]", None), ("target_velocity", None),

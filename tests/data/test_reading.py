@@ -273,6 +273,8 @@ def test_units_of_logs() -> None:
     assert to_si("4096 counts/rev", "rad") == pytest.approx(2 * np.pi / 4096)
     assert factor("A", "N*m", scale="-7.6 N*m/A") == pytest.approx(-7.6)
     assert factor("V", "N", scale="35.15 N/V") == pytest.approx(35.15)
+    assert factor("1/min", "rad/s") == factor("min^-1", "rad/s") == pytest.approx(np.pi / 30)
+    assert factor("1/min", "Hz") == pytest.approx(1 / 60)
     assert factor("V/rpm", "N*m/A") == pytest.approx(30 / np.pi)
     assert plus_minus("95.1 ± 0.5 kg", "kg") == plus_minus("(95.1 +/- 0.5) kg", "kg") == (95.1, 0.5)
     assert plus_minus("95.1 kg ± 500 g", "kg") == plus_minus("95.1 kg +/- 0.5", "kg") == pytest.approx((95.1, 0.5))

@@ -92,7 +92,7 @@ def test_amplitudes_of_given_orders_are_within_their_intervals() -> None:
 
 @pytest.mark.slow
 def test_orders_are_found_and_none_in_clean_data() -> None:
-    """Beside all LuGre parameters both orders are found in every one of 20 sets; of 100 clean sets at least 98 show none."""
+    """Beside all LuGre parameters both orders are found in every one of 12 sets; of 60 clean sets at least 58 show none."""
     t, q, v = moves()
     torque, a = bristle.simulate(v, STEP, JOINT), np.gradient(v, t)
     plain = Record(file="log.csv", time=t, position=q, velocity=v, acceleration=a, torque=torque + 0.01 * a)
@@ -103,10 +103,10 @@ def test_orders_are_found_and_none_in_clean_data() -> None:
     known, rest = known_and_left(problem, solution)
     columns = {k: columns_of(problem, with_orders(("cogging", "ripple"), (k,), "revolute")) for k in range(2, 31)}
     (m,), rng = problem.motions, np.random.default_rng(0)
-    noise = [m.weighted(0.03 * rng.standard_normal(t.size)) for _ in range(100)]
-    assert sum(shown_orders(known, rest + x, columns) == () for x in noise) >= 98
+    noise = [m.weighted(0.03 * rng.standard_normal(t.size)) for _ in range(60)]
+    assert sum(shown_orders(known, rest + x, columns) == () for x in noise) >= 58
     repeats = m.weighted(waves(q, v))
-    assert all(shown_orders(known, rest + repeats + x, columns) == (4, 11) for x in noise[:20])
+    assert all(shown_orders(known, rest + repeats + x, columns) == (4, 11) for x in noise[:12])
 
 
 @pytest.mark.parametrize("size", [0.0, 1.0])

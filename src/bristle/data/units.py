@@ -33,6 +33,8 @@ _OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")
 """A power of a bracket, in which another one may stand."""
 _GERMAN = {"Grad": "deg", "U/min": "rpm"}
 """What pint takes for a gigaradian, and for none."""
+_PER_MINUTE = ("1/min", "/min", "min^-1", "min-1", "min⁻¹", "1/minute")
+"""How the speed of a shaft is often written, in revolutions."""
 _COUNTS = re.compile(r"counts?\b")
 _PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
 
@@ -154,6 +156,8 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
     `resolution`, rad or m. Raises InputError where the dimension differs.
     """
     number, times, _ = scale_parts(scale)
+    if target != "Hz" and unit.replace(" ", "") in _PER_MINUTE:
+        unit = "rpm"
     if counts := _COUNTS.match(unit.strip()):
         if resolution is None:
             raise InputError(

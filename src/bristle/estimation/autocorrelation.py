@@ -13,7 +13,6 @@ _WINDOW = 5.0
 """Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times."""
 _HARMONICS = 64
 """Most ripples looked for."""
-_SIGNIFICANT = 0.01
 _FEW = 8
 _POOR = 0.15
 """Of the measured torque: a fit that leaves a larger pattern describes something else."""

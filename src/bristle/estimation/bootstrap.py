@@ -29,7 +29,7 @@ from scipy.special import chdtrc
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.covariance import LEVEL
+from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
@@ -84,7 +84,7 @@ class Resampled(NamedTuple):
         """The 95 % interval of one unknown about its estimate, by bootstrap-t, from the estimate's standard error."""
         if error == 0 or not np.isfinite(error):
             return (0.0, 0.0) if error == 0 else (-np.inf, np.inf)
-        t, tail = self.studentised[:, which], (1 - LEVEL) / 2
+        t, tail = self.studentised[:, which], (1 - CONFIDENCE) / 2
         if not self.rounded:
             least, most = np.quantile(t, [tail, 1 - tail])
         else:  # a draw that shows nothing of an unknown may lie on either side

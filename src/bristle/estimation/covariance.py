@@ -8,11 +8,10 @@ from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.nonlinear import LeastSquares, Minimum, projected
 
-LEVEL = 0.95
-"""Every interval's level."""
 SEEN = 1e-9
 """Of the longest column of the Jacobian: an unknown with a shorter one has no influence."""
 
@@ -148,6 +147,6 @@ def condition(jacobian: Array) -> float:
     return float(np.linalg.cond(jacobian / np.where(scale == 0, 1.0, scale)))
 
 
-def student(freedom: float, level: float = LEVEL) -> float:
+def student(freedom: float, level: float = CONFIDENCE) -> float:
     """Half-width of the interval of a level, 95 %, in standard errors, by Student's t."""
     return float(stdtrit(freedom, (1 + level) / 2))

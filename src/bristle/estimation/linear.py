@@ -13,9 +13,6 @@ _RANK = 1e-14
 _INDEPENDENT = 1e-10
 """A column this much of which, relative, is left by those before it counts as independent."""
 
-NO_SIGN = 0.5
-"""Noise alone does as much at least as often as this: no sign of the term that is tested."""
-
 
 def least_squares(design: Array, torque: Array) -> Array:
     """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR.

@@ -9,8 +9,9 @@ from scipy.optimize import brentq
 from scipy.special import digamma, polygamma, stdtridf, stdtrit
 
 from bristle.arrays import Array
+from bristle.estimation.levels import CONFIDENCE
 
-_LEVEL = 0.975
+_LEVEL = (1 + CONFIDENCE) / 2
 _MANY = 1e3
 """Degrees of freedom that are as good as any number of them."""
 _SCATTER = (1e-6, 1e6)

@@ -24,7 +24,8 @@ from scipy.special import fdtri
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.covariance import LEVEL, seen, student
+from bristle.estimation.covariance import seen, student
+from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import LeastSquares, Minimum, Name, minimise
@@ -68,7 +69,7 @@ def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> fl
     S is the `inflation` of the variance.
     """
     freedom = max(n / inflation - p, 1.0)
-    return cost * (1 + inflation * float(fdtri(1, freedom, LEVEL)) / max(n - p, 1))
+    return cost * (1 + inflation * float(fdtri(1, freedom, CONFIDENCE)) / max(n - p, 1))
 
 
 def interval_on_grid(

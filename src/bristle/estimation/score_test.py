@@ -14,10 +14,9 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation, inflation_along
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import NOTE, Finding
 
-LEVEL = 0.01
-"""Of any of the candidates tried on one fit, where there is nothing: a finding in one clean fit of a hundred."""
 LEAST = 0.05
 """Of the squares that the fit leaves: a candidate that explains less is not worth a sentence."""
 MATTERS = 0.01
@@ -167,7 +166,7 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
             columns = fit.weight[:, None] * candidate.columns[which]
             found, k = _score(basis, left, columns), columns.shape[1] + 2 * (len(candidate.columns) > 1)
             bic = n * np.log1p(-min(found.share, 1 - 1e-12)) + k * np.log(n)
-            if found.p * tried < LEVEL and found.share * now > LEAST * total and (best is None or bic < best[0]):
+            if found.p * tried < SIGNIFICANCE and found.share * now > LEAST * total and (best is None or bic < best[0]):
                 best = bic, candidate, which, found
         if best is None:
             return Explained(findings, left, errors)

@@ -22,6 +22,7 @@ from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.accuracy import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
+from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.law_comparison import (
     WITH_DRAG,
@@ -33,8 +34,8 @@ from bristle.identification.law_comparison import (
     with_averages_of_motion,
 )
 from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_law, with_options
-from bristle.identification.model_criteria import APART, LUGRE, SYMMETRIC
-from bristle.identification.model_selection import compare_on_motion, compare_on_points, refitted
+from bristle.identification.model_criteria import APART, SYMMETRIC
+from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,
@@ -99,7 +100,7 @@ def identify_joint(
     asked = measured.experiment.fit.law
     identified = partial(_identified, timings=timings, asked_law=asked, progress=progress)
     auto = measured.experiment.fit.directions == "auto"
-    bic, compared, models = dict[str, float](), None, tuple[ModelComparison, ...]()
+    bic, ended = dict[str, float](), None
     if auto and (points := measured.points(hold_out=False)):
         of_each = directions_of_points(measured.experiment, points)
         bic = {APART: of_each["separate"], SYMMETRIC: of_each["symmetric"]} if of_each else {}
@@ -112,12 +113,11 @@ def identify_joint(
     joint = identified(measured, under)
     measured, joint, delay = _on_time(measured, joint, partial(identified, laws=under))
     told |= delay
-    if auto and not bic:
-        compared, models = measured, _models(measured, joint, timings)
-        bic = {row.directions: row.bic for data in models for row in data.rows if row.model == LUGRE}
-        if bic.get(APART, np.inf) < bic.get(SYMMETRIC, -np.inf) - _CLEARLY:
+    if auto and not bic and joint.tracking is not None:
+        bic, ended = bic_of_directions(measured.experiment, measured.moving(hold_out=False), joint.tracking)
+        if bic and bic[APART] < bic[SYMMETRIC] - _CLEARLY:
             sided = _with_directions(measured, "separate")
-            each = identified(sided, under, near=joint.tracking)
+            each = identified(sided, under, near=ended)
             bic[APART] = _as_two(each, bic[APART])
             measured, joint = (sided, each) if np.isfinite(bic[APART]) else (measured, joint)
     if wider := _wider(measured, joint.tracking):
@@ -128,7 +128,7 @@ def identify_joint(
     if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
         joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
     step(progress, "comparing friction models")
-    models = models if measured is compared else _models(measured, joint, timings)
+    models = _models(measured, joint, timings, ended)
     joint = replace(joint, models=models, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
     joint, other = replace(joint, settings={**joint.settings, **told}), 0.0
     if {APART, SYMMETRIC} <= bic.keys():
@@ -260,7 +260,7 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
 def _identified(
     measured: Measured,
     laws: LawComparison | None,
-    near: TrackingFit | None = None,
+    near: TrackingFit | Values | None = None,
     *,
     timings: dict[str, float] | None,
     asked_law: str,
@@ -378,7 +378,7 @@ def _training(measured: Measured) -> tuple[Record, ...]:
 def _moving(
     measured: Measured,
     static: Mapping[str, StaticFit],
-    near: TrackingFit | None,
+    near: TrackingFit | Values | None,
     timings: dict[str, float] | None,
     *,
     crosscheck: bool,
@@ -432,8 +432,10 @@ def _static(
     return {}, {}
 
 
-def _models(measured: Measured, joint: Joint, timings: dict[str, float] | None) -> tuple[ModelComparison, ...]:
-    """Friction models side by side, on the points and on the moving runs."""
+def _models(
+    measured: Measured, joint: Joint, timings: dict[str, float] | None, apart: Values | None
+) -> tuple[ModelComparison, ...]:
+    """Friction models side by side, on the points and on the moving runs, where LuGre of each direction ended at `apart`."""
     points, static, alone = measured.points(hold_out=False), joint.static, joint.tracking
     experiment, started = measured.experiment, perf_counter()
     comparisons: list[ModelComparison | None] = []
@@ -450,7 +452,7 @@ def _models(measured: Measured, joint: Joint, timings: dict[str, float] | None) 
     if alone is not None:
         records, tests = measured.moving(hold_out=False), measured.moving(hold_out=True)
         own = {} if points else {d: fit for d, fit in static.items() if not is_superseded(fit)}
-        comparisons.append(compare_on_motion(experiment, records, tests, own, alone))
+        comparisons.append(compare_on_motion(experiment, records, tests, own, alone, apart))
     if timings is not None:
         timings["models"] = perf_counter() - started
     return tuple(x for x in comparisons if x is not None)

@@ -7,7 +7,7 @@ inflation are independent:
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import log
 from typing import Literal
 
@@ -15,6 +15,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.findings import CAUTION, NOTE, Finding
+from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.results import ModelComparison, ModelRow
 
@@ -41,6 +42,8 @@ class ModelCandidate:
     """Percent."""
     settled: bool = True
     """Whether its fit came to its end."""
+    values: Values = field(default_factory=dict)
+    """Of a LuGre model: where it ended."""
 
 
 def power_of(x: Array) -> float:

@@ -14,7 +14,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.fit import relative_error
-from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
+from bristle.identification.dynamic.problem import DynamicProblem, Values, dynamic_problem
 from bristle.identification.dynamic.starts import carried
 from bristle.identification.dynamic.unknowns import fit, with_deflections
 from bristle.identification.fits import StaticFit, TrackingFit
@@ -29,6 +29,7 @@ from bristle.identification.model_criteria import (
     ModelCandidate,
     power_of,
     rank_models,
+    scores,
 )
 from bristle.identification.moving_runs import DIRECTIONS, declared, inertia, moved_in, regressors
 from bristle.identification.results import ModelComparison
@@ -81,6 +82,7 @@ def compare_on_motion(
     held: Sequence[Record],
     static: Mapping[str, StaticFit],
     alone: TrackingFit,
+    apart: Values | None = None,
 ) -> ModelComparison | None:
     """The models on moving runs: every equation of all of them, with the same decimation and regressors; None where the position is predicted.
 
@@ -93,6 +95,7 @@ def compare_on_motion(
         held: hold-out runs.
         static: static fits of the moving runs themselves; empty where other runs gave them, or `alone` is the one to use.
         alone: all parameters of the moving runs.
+        apart: where LuGre with a friction for each direction ended, if that is known.
 
     Raises InputError as the fits of moving runs do.
     """
@@ -108,7 +111,7 @@ def compare_on_motion(
         return training, [regression.from_records([r], *options, training.weights)[0] for r in held]
 
     candidates, left = _static_candidates(experiment, variants, pose, press=False)
-    candidates += _lugre(experiment, records, held, alone, variants)
+    candidates += _lugre(experiment, records, held, alone, variants, apart)
     for directions in (c.directions for c in candidates if not c.settled):
         message = f"{LUGRE}, {directions}: the fit had not settled; its numbers can still improve."
         left = (*left, Finding("lugre-unsettled", CAUTION, message, {"model": LUGRE, "directions": directions}))
@@ -203,6 +206,7 @@ def _lugre(
     held: Sequence[Record],
     alone: TrackingFit,
     variants: Mapping[str, tuple[str, ...]],
+    apart: Values | None,
 ) -> list[ModelCandidate]:
     """LuGre as it was fitted, and in the directions in which it was not."""
     done = APART if any(name.direction in SIGNED for name in alone.parameters) else SYMMETRIC
@@ -218,7 +222,8 @@ def _lugre(
     for called, directions in variants.items():
         if called != done:
             with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
-                candidates[called] = refitted(experiment, records, held, alone, called, directions)
+                near = apart if called == APART else None
+                candidates[called] = refitted(experiment, records, held, alone, called, directions, near)
     return [candidates[called] for called in variants if called in candidates]
 
 
@@ -229,8 +234,9 @@ def refitted(
     alone: TrackingFit,
     called: str,
     directions: tuple[str, ...],
+    near: Values | None = None,
 ) -> ModelCandidate:
-    """LuGre in other directions than those of the fit, from where that fit ended."""
+    """LuGre in other directions than those of the fit, from where that fit ended, or from values that are `near`."""
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
 
     def posed(chosen: Sequence[Record]) -> DynamicProblem:
@@ -240,7 +246,7 @@ def refitted(
 
     problem = posed(records)
     start = {name: value for name, value in carried(problem, alone.known).items() if name not in problem.fixed}
-    values, minimum = fit(problem, with_deflections(problem, start), _STEPS)
+    values, minimum = fit(problem, near or with_deflections(problem, start), _STEPS)
     known = {name: value for name, value in values.items() if isinstance(name, ParameterName)}
     return ModelCandidate(
         model=LUGRE,
@@ -249,7 +255,28 @@ def refitted(
         residuals=minimum.residuals,
         hold_out=_mean([relative_error(posed([r]), known) for r in held]),
         settled=minimum.converged,
+        values=values,
     )
+
+
+def bic_of_directions(
+    experiment: Experiment, records: Sequence[Record], alone: TrackingFit
+) -> tuple[dict[str, float], Values]:
+    """BIC of LuGre with one friction for both directions, as it was fitted, and with one for each; and where this one ended.
+
+    Neither where the runs go one way, or not the torque is predicted.
+    """
+    if alone.quantity != "torque" or len(moved_in(records)) < len(DIRECTIONS):
+        return {}, {}
+    count, symmetric = len(alone.names) + len(alone.starts_of_runs), alone.residuals
+    try:
+        apart = refitted(experiment, records, (), alone, APART, tuple(DIRECTIONS))
+    except InputError:  # a start that shows nothing is no reason to fail
+        return {}, {}
+    effective = symmetric.size / inflation(min(symmetric, apart.residuals, key=power_of))
+    of_each = {SYMMETRIC: (symmetric, count), APART: (apart.residuals, apart.parameters)}
+    power = power_of(alone.measured)
+    return {called: scores(rows, k, effective, power)[1] for called, (rows, k) in of_each.items()}, apart.values
 
 
 def _held(values: Mapping[ParameterName, float], alone: TrackingFit) -> dict[ParameterName, float]:

@@ -9,6 +9,7 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
+from bristle.estimation.levels import RARE
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.moving_runs import DIRECTIONS
@@ -16,8 +17,6 @@ from bristle.identification.same_runs import is_superseded
 from bristle.identification.static.points import point_regressors
 from bristle.model.parameters import SIGNED, Direction, ParameterName
 
-_RARE = 5e-4
-"""Of clean experiments, in which a constant is found all the same."""
 _LEAST = 0.01
 """Of alpha_0: a smaller offset is not worth a sentence."""
 
@@ -56,7 +55,7 @@ def offset_or_friction(
     common = (a + b) / 2
     if abs(twice) < 2 * _LEAST * common or not variance > 0:
         return []
-    if (rest and fdtrc(rest, freedom, others / rest) < _RARE) or fdtrc(1, freedom, twice**2 / variance) > _RARE:
+    if (rest and fdtrc(rest, freedom, others / rest) < RARE) or fdtrc(1, freedom, twice**2 / variance) > RARE:
         return []
     T = unit_of("torque")
     message = (

@@ -11,6 +11,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.orders import PERIODIC
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.score_test import Score, scores
 from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.fit import SEED, STARTS
@@ -26,8 +27,6 @@ _MOST = 200
 """Orders that are tried."""
 _AT_ONCE = 3
 """Orders that are found at most."""
-_SIGNIFICANT = 0.01
-"""Of any of the orders tried, in clean data."""
 
 
 def with_periods(measured: Measured) -> Measured:
@@ -102,7 +101,7 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
         noise = float(np.median(shares)) if shares else 1.0
         chance = {k: beside([k], [x for x in chosen if x != k], noise)[k].p for k in chosen}
         last = max(chosen, key=lambda k: chance[k])
-        if chance[last] * len(columns) * _AT_ONCE < _SIGNIFICANT:
+        if chance[last] * len(columns) * _AT_ONCE < SIGNIFICANCE:
             break
         chosen.remove(last)
     return tuple(sorted(chosen))

@@ -8,6 +8,7 @@ from scipy.special import stdtr
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
+from bristle.estimation.levels import RARE, SIGNIFICANCE
 from bristle.findings import CAUTION, Finding, in_direction, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
@@ -15,10 +16,6 @@ from bristle.identification.moving_runs import DIRECTIONS
 from bristle.model import functions
 from bristle.model.vectorize import evaluate
 
-_RARE = 5e-4
-"""Of clean experiments, in which a test finds something all the same."""
-_IN_DOUBT = 0.01
-"""The same of holds in the order of speed, where nothing else would show a drift."""
 _ENOUGH = 5
 """Points of a direction that show an order, or a drift."""
 _COPIES = 3
@@ -78,7 +75,7 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     across = abs(mean) * (
         max(times) - min(times) if one else float(durations.sum())
     )  # from the first point to the last
-    level_of_test = _IN_DOUBT if in_order else _RARE
+    level_of_test = SIGNIFICANCE if in_order else RARE
     chance = 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) if error else 1.0
     if chance > level_of_test or across < 2 * scatter:
         return

@@ -19,13 +19,13 @@ from scipy.special import fdtrc
 from bristle.arrays import Array
 from bristle.estimation.covariance import student
 from bristle.estimation.interval_comparison import they_differ
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName, least_of
 
 Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-SIGNIFICANT = 0.01
 _FEWEST = 3
 """Runs: two tell too little of how runs scatter."""
 
@@ -47,7 +47,7 @@ def scatter_of(
         return None
     chi2 = float(weights @ (x - weights @ x / weights.sum()) ** 2) / (count - 1)
     ratio, factor, stretched = float(np.sqrt(chi2)), 1.0, 1.0
-    significant = chi2 > 1 and float(fdtrc(count - 1, freedoms.sum(), chi2)) < SIGNIFICANT
+    significant = chi2 > 1 and float(fdtrc(count - 1, freedoms.sum(), chi2)) < SIGNIFICANCE
     if significant:
         factor = ratio * float(weights.sum()) ** -0.5 / error
         factor, stretched = max(factor, 1.0), max(factor * _fewer(count - 1, freedom), 1.0)
@@ -100,7 +100,7 @@ def clustered(
         as_logarithm = name in logarithmic
         ratio = error / (e.standard_error / (e.value if as_logarithm else 1.0))
         own = freedom[name] if isinstance(freedom, Mapping) else freedom
-        more = ratio > 1 and (apart or float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANT)
+        more = ratio > 1 and (apart or float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANCE)
         values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
             before=ratio,
@@ -124,7 +124,7 @@ def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
     more, freedom = rank - parts[0][0].shape[1], n - rank
     if more < 1 or freedom < 1 or not left > 0:
         return False
-    return float(fdtrc(more, freedom, explained / more / (left / freedom))) < SIGNIFICANT
+    return float(fdtrc(more, freedom, explained / more / (left / freedom))) < SIGNIFICANCE
 
 
 def _fewer(most: int, own: float) -> float:

@@ -41,7 +41,7 @@ _UNITS = {
             if a != "m" or sep not in ("", "p")
         },
         "rads": "rad/s",
-        "rpm": "rpm",
+        **dict.fromkeys(("rpm", "1/min", "min^-1", "min-1", "u/min"), "rpm"),
     },
     "torque": {
         **dict.fromkeys(("nm", "n_m", "n*m", "n.m", "n-m", "n·m"), "N*m"),

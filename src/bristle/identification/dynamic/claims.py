@@ -12,7 +12,8 @@ import numpy as np
 from scipy.special import fdtrc, stdtrit
 
 from bristle.arrays import Array
-from bristle.estimation.linear import NO_SIGN, inverse_gram
+from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
+from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
@@ -24,8 +25,6 @@ WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
 _SAMPLES = 5
 """In which a motion has to pass the bristle's deflection."""
-LEVEL = 0.01
-"""Of the tests: of each Stribeck term, and whether the halves of the record agree, over all parameters of bristles together."""
 _NOTHING = 1e-8
 """Share of its column that a half must have, to say anything of a parameter."""
 _INFLATED = 10.0
@@ -75,7 +74,7 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         C = solution.covariance
         held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
         p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
-        if not p < LEVEL:
+        if not p < SIGNIFICANCE:
             doubts[alpha_1] = _no_peak(p)
     return doubts
 
@@ -241,7 +240,7 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
         inverse = inverse_gram(J[rows] / size)
         steps.append(-inverse @ (J[rows].T @ left[rows] / size) / size)
         spreads.append(np.where(size < np.inf, variance * np.diag(inverse) / size**2, np.inf))
-    limit = float(stdtrit(freedom, 1 - LEVEL / (2 * len(looked_at))))
+    limit = float(stdtrit(freedom, 1 - SIGNIFICANCE / (2 * len(looked_at))))
     apart = (steps[0] - steps[1]) / np.sqrt(np.maximum(spreads[0] + spreads[1], 1e-300))
     off = {name: float(abs(apart[k])) for name, k in looked_at.items()}
     return {name: _halves(x) for name, x in off.items() if x > limit}

@@ -15,10 +15,10 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import correlated, unexplained
 from bristle.estimation.covariance import condition, student
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.dynamic.claims import (
-    LEVEL,
     WIDE,
     bristle_doubts,
     loads_alike,
@@ -97,9 +97,9 @@ def fit_tracking(
         start: LuGre parameters and extra regressors by name, from the other stages or guessed.
         kind: of the joint, for units.
         held: hold-out runs by name, posed as the problem is.
-        starts: how many, >= 1; the first is `start`.
-        seed: of the others.
-        others: further starts, whole, as another fit ended.
+        starts: how many, >= 1; the first is `start`, then come `others`.
+        seed: of those at random.
+        others: starts, whole, as another fit ended.
         progress: told of each start.
 
     Raises InputError where a start shows no dependence on any parameter.
@@ -114,24 +114,32 @@ def fit_tracking(
     rows = equations_left(problem, solution)
     friction, load = friction_and_load(problem, solution.values)
     torque = problem.quantity == "torque"  # of a simulated position, which drifts, nothing is said
+    outcome = Finding("converged", NOTE, "The fit converged.")
+    if not solution.minimum.converged:
+        outcome = Finding("not-converged", CRITICAL, "The fit did not converge; it gives no estimates.")
+    elif bound := tuple(n for n, e in estimates.items() if any(d.code == "at-bound" for d in e.warnings)):
+        message = f"The fit converged, with {', '.join(map(str, bound))} at a bound."
+        outcome = Finding("converged-at-bound", CAUTION, message, {"names": bound})
     warnings = (
         *(unexplained(rows, problem.extent) if torque else ()),
-        *_below_zero(estimates.get(INERTIA)),
-        *_shape_held(problem),
+        *_of_fit(problem, solution, estimates, rows),
         *left.findings,
         *(offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom) if torque else ()),
         *loads_alike(problem, solution),
-        *_warnings(solution, rows, unseen),
+        *_unseen(solution, unseen),
         *physics(problem, solution.values, unseen),
-        *_named(unseen),
+        *not_shown(unseen),
     )
+    if any(w.code == "unseen-bend" for e in unseen.values() for w in e.warnings):
+        message = "If v_s lies beyond these speeds, the value of alpha_0 is alpha_0 + alpha_1: only their sum is identifiable."
+        warnings = (*warnings, Finding("only-sum-seen-of-fit", CAUTION, message))
     result = TrackingFit(
         law=problem.law,
         parameters={n: estimates[n] for n in order if n in estimates},
         rms=float(np.sqrt(np.mean(rows**2))),
         relative_error=_percent(rows, problem),
         n=rows.size,
-        outcome=_outcome(estimates, converged=solution.minimum.converged),
+        outcome=outcome,
         starts=solution.starts,
         reached=solution.reached,
         condition=condition(solution.minimum.jacobian[:, _seen(solution)]),
@@ -174,7 +182,12 @@ def _settled(
     dropped, shown = dict[ParameterName, Finding](), set[ParameterName]()
     while more := _not_shown(problem, solution, shown):
         held = {name: value for name, (value, _) in more.items()}
-        without, near = replace(problem, fixed={**problem.fixed, **held}), _unbent(solution.values, held)
+        without = replace(problem, fixed={**problem.fixed, **held})
+        near = {name: value for name, value in without_deflections(solution.values).items() if name not in held}
+        for name in (n for n, at in held.items() if n.name == "alpha_1" and not at):
+            level, peak = name._replace(name="alpha_0"), solution.values[name]
+            if level in near and peak > near[level]:  # Coulomb friction that became a peak is Coulomb friction again
+                near[level] += peak
         kinds = {why.code for _, why in more.values()}
         again = "unseen-bend" in kinds
         try:
@@ -185,23 +198,13 @@ def _settled(
             break
         # the covariance tells less than the costs, where the law bends within the errors
         F = solution.freedom / len(more) * max(found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1, 0.0)
-        if not again and "unseen-wide" not in kinds and fdtrc(len(more), solution.freedom, F) < LEVEL:
+        if not again and "unseen-wide" not in kinds and fdtrc(len(more), solution.freedom, F) < SIGNIFICANCE:
             shown |= more.keys()
             continue
         rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
         problem, solution = without, rest
         dropped |= {name: why for name, (_, why) in more.items()}
     return problem, solution, dropped, shown
-
-
-def _unbent(values: Values, bent: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
-    """Values to start from without Stribeck terms that are none: a Coulomb torque that became such a term is one again."""
-    known = without_deflections(values)
-    taken = {
-        name._replace(name="alpha_0"): known[name] for name, at in bent.items() if name.name == "alpha_1" and not at
-    }
-    rest = {name: value for name, value in known.items() if name not in bent}
-    return {n: value + taken[n] if n in taken and taken[n] > value else value for n, value in rest.items()}
 
 
 def _all_estimates(
@@ -217,7 +220,11 @@ def _all_estimates(
     None has where the fit did not converge, or leaves more than there was.
     """
     estimates = _estimates(solution._replace(scaled_errors=errors), kind)
-    estimates |= {name: _refused(name, kind, why) for name, why in dropped.items()}
+    anything = (0.0, float("inf"))
+    estimates |= {
+        name: Estimate(value=None, unit=unit(name.name, kind), interval=anything, warnings=(why,))
+        for name, why in dropped.items()
+    }
     if not solution.minimum.converged or _percent(equations_left(problem, solution), problem) > _NOTHING:
         message = "Not estimated: the fit did not converge, or leaves more than was measured."
         estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", CAUTION, message)))
@@ -242,16 +249,6 @@ def _all_estimates(
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, only_sum))
     estimates = warned(estimates, dict.fromkeys(beside_a_peak(problem, solution), takes_up_peak()))
     return without_weak(problem, estimates)
-
-
-def _outcome(estimates: Mapping[ParameterName, Estimate], *, converged: bool) -> Finding:
-    if not converged:
-        return Finding("not-converged", CRITICAL, "The fit did not converge; it gives no estimates.")
-    bound = tuple(n for n, e in estimates.items() if any(d.code == "at-bound" for d in e.warnings))
-    if not bound:
-        return Finding("converged", NOTE, "The fit converged.")
-    message = f"The fit converged, with {', '.join(map(str, bound))} at a bound."
-    return Finding("converged-at-bound", CAUTION, message, {"names": bound})
 
 
 def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[DynamicProblem, bool]:
@@ -305,44 +302,6 @@ def _wide(share: float) -> Finding:
     """That a standard error is this share of its value."""
     message = f"Not identifiable from this motion: its standard error is {100 * share:.0f} % of its value."
     return Finding("unseen-wide", CAUTION, message, {"share": share})
-
-
-def _refused(name: ParameterName, kind: Kind, why: Finding) -> Estimate:
-    return Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, float("inf")), warnings=(why,))
-
-
-def _below_zero(inertia: Estimate | None) -> list[Finding]:
-    """Whether the whole interval of the inertia is below zero, where none is."""
-    if inertia is None or inertia.value is None or inertia.interval is None or inertia.interval[1] >= 0:
-        return []
-    value, error = inertia.value, inertia.standard_error
-    message = (
-        f"The inertia comes out at {value:.3g} +/- {error:.2g} {inertia.unit}, and none is below zero: the torque is "
-        "filtered or late, or another signal is not what it is taken for. Do not use the numbers of this fit."
-    )
-    numbers = {"value": value, "error": error, "unit": inertia.unit}
-    return [Finding("inertia-below-zero", CRITICAL, message, numbers)]
-
-
-def _shape_held(problem: DynamicProblem) -> Iterator[Finding]:
-    """What the peak has beside v_s, where nothing but the range that is searched tells it."""
-    for own in problem.law.peak.own:
-        held = {d: ParameterName(own.name, d) for d in problem.directions}
-        names = tuple(dict.fromkeys(str(n) for n in held.values() if problem.fixed.get(n) == own.middle))
-        if names:
-            message = (
-                f"{', '.join(names)}: {own.middle:.3g} is assumed, the middle of what is searched, since motion hardly "
-                "shows it; add points at constant velocity, or give it under fit.fixed."
-            )
-            yield Finding("shape-held", CAUTION, message, {"names": names, "value": own.middle})
-
-
-def _named(unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
-    warnings = [*not_shown(unseen)]
-    if any(w.code == "unseen-bend" for e in unseen.values() for w in e.warnings):
-        message = "If v_s lies beyond these speeds, the value of alpha_0 is alpha_0 + alpha_1: only their sum is identifiable."
-        warnings.append(Finding("only-sum-seen-of-fit", CAUTION, message))
-    return warnings
 
 
 def _percent(rows: Array, problem: DynamicProblem) -> float:
@@ -405,23 +364,42 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
     return out
 
 
-def _warnings(
-    solution: MultistartSolution[Unknown], rows: Array, unseen: Mapping[ParameterName, Estimate]
-) -> tuple[Finding, ...]:
-    warnings = []
+def _of_fit(
+    problem: DynamicProblem,
+    solution: MultistartSolution[Unknown],
+    estimates: Mapping[ParameterName, Estimate],
+    rows: Array,
+) -> Iterator[Finding]:
+    """What the search and its estimates say of themselves."""
+    J = estimates.get(INERTIA)
+    if J is not None and J.value is not None and J.interval is not None and J.interval[1] < 0:
+        message = (
+            f"The inertia comes out at {J.value:.3g} +/- {J.standard_error:.2g} {J.unit}, and none is below zero: the torque is "
+            "filtered or late, or another signal is not what it is taken for. Do not use the numbers of this fit."
+        )
+        numbers = {"value": J.value, "error": J.standard_error, "unit": J.unit}
+        yield Finding("inertia-below-zero", CRITICAL, message, numbers)
+    for own in problem.law.peak.own:  # beside v_s
+        held = [ParameterName(own.name, d) for d in problem.directions]
+        names = tuple(dict.fromkeys(str(n) for n in held if problem.fixed.get(n) == own.middle))
+        if names:
+            message = (
+                f"{', '.join(names)}: {own.middle:.3g} is assumed, the middle of what is searched, since motion hardly "
+                "shows it; add points at constant velocity, or give it under fit.fixed."
+            )
+            yield Finding("shape-held", CAUTION, message, {"names": names, "value": own.middle})
     if solution.minimum.steps == 0:
         message = "The fit did not move from its initial values: it may be at a bound, or where the cost is flat."
-        warnings.append(Finding("did-not-move", CAUTION, message))
+        yield Finding("did-not-move", CAUTION, message)
     if not solution.minimum.converged:
         message = "The fit reached its limit of iterations before it converged."
-        warnings.append(Finding("out-of-steps", CRITICAL, message))
+        yield Finding("out-of-steps", CRITICAL, message)
     if solution.widening > sqrt(2):
-        warnings.append(correlated(rows, solution.widening))
+        yield correlated(rows, solution.widening)
         if solution.reached < solution.starts / 2:  # where noise alone is left no other minimum is lower
             reached, starts = solution.reached, solution.starts
             message = f"Only {reached} of {starts} starts reached the lowest cost; the others ended in a worse fit."
-            warnings.append(Finding("few-starts", CAUTION, message, {"reached": reached, "starts": starts}))
-    return (*warnings, *_unseen(solution, unseen))
+            yield Finding("few-starts", CAUTION, message, {"reached": reached, "starts": starts})
 
 
 def _seen(solution: MultistartSolution[Unknown]) -> list[int]:

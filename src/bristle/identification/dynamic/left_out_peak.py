@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from bristle.estimation.levels import RARE
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import moved_by, scores
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, residuals
@@ -14,8 +15,6 @@ from bristle.model.parameters import Direction, ParameterName
 _SPEEDS = 8
 """Values of v_s at which the term is looked for, from this share of the fastest speed on."""
 _SLOWEST = 1e-2
-_CHANCE = 1e-3
-"""A term is found where there is none at most this often."""
 
 
 class AskedPeak(NamedTuple):
@@ -43,7 +42,7 @@ def beside_a_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]
 
 
 def asked_peak(
-    problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction, chance: float = _CHANCE
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction, chance: float = RARE
 ) -> AskedPeak | None:
     """The Stribeck term of a direction that the residuals of a minimum without it ask for; None where they ask for none.
 

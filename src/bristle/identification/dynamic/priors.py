@@ -14,6 +14,7 @@ from bristle.data.encoder import resolution
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.crosscheck import check_tracking
@@ -43,8 +44,6 @@ from bristle.model.parameters import (
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-_CHANCE = 0.01
-"""Probability, by chance, that any of the parameters differs between two stages."""
 _SURER = 1.5
 """Times: one stage knows a parameter better than another if its error is smaller by this."""
 _SURE = 3
@@ -81,7 +80,7 @@ def fit_with_priors(
     held: Sequence[Record],
     static: Mapping[str, StaticFit],
     load: Load | None,
-    near: TrackingFit | None = None,
+    near: TrackingFit | Values | None = None,
     *,
     static_is_apart: bool,
     crosscheck: bool = False,
@@ -96,7 +95,7 @@ def fit_with_priors(
         held: hold-out runs.
         static: the static fits.
         load: makes the presliding stage from fits that tell g0; None where there are no such runs.
-        near: a fit of the same runs, with another filter, delay or law, where theirs begins.
+        near: a fit of the same runs, with another filter, delay or law, or its values, where theirs begins.
         static_is_apart: whether the static fits rest on other data than these runs.
         crosscheck: whether to solve the problem by CasADi and IPOPT as well, which takes long.
         uncertainty: whether to give each parameter its intervals three ways, by profile and bootstrap too.
@@ -186,10 +185,15 @@ def posed_and_start(
     return _output_error_problem(experiment, moving, records, fixed), found | {name: start[name] for name in peak}
 
 
-def _from(problem: DynamicProblem, near: TrackingFit, start: Values) -> Values:
+def _from(problem: DynamicProblem, near: TrackingFit | Values, start: Values) -> Values:
     """Where a fit of the same runs ended, and a start where it tells nothing."""
-    known = {name: e.value for name, e in near.parameters.items() if e.value is not None}
-    told = {name: x for name, x in carried(problem, known).items() if x and name in start}
+    if isinstance(near, TrackingFit):
+        known = {name: e.value for name, e in near.parameters.items() if e.value is not None}
+    else:
+        known = without_deflections(near)
+    told = {
+        name: x for name, x in carried(problem, known).items() if name in start and (x or name.name not in LOGARITHMIC)
+    }
     return with_deflections(problem, {**start, **told})
 
 
@@ -421,7 +425,7 @@ def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: Trac
 
 def _limit(count: int) -> float:
     """Combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)."""
-    return float(ndtri(1 - _CHANCE / (2 * max(count, 1))))
+    return float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
 
 
 def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Finding:

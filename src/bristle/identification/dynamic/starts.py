@@ -55,7 +55,7 @@ def solve_dynamic(
     else:
         rng = np.random.default_rng(seed)
         reach = {n: np.log(_APART.get(n.name, 3.0)) for n in start if of_friction(n.name)}
-        for _ in range(starts - 1):
+        for _ in range(starts - 1 - len(others)):
             moved = {
                 n: x * float(np.exp(rng.uniform(-reach[n], reach[n]))) if n in reach else x for n, x in start.items()
             }

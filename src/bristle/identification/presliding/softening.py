@@ -23,6 +23,7 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import RARE
 from bristle.findings import CAUTION, Finding, in_direction
 from bristle.identification.fits import AmplitudeStiffness
 from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading
@@ -40,8 +41,6 @@ _VAGUE = 0.3
 """Relative standard error of a displacement above which there are fewer knots: a stiffness known no better is none."""
 _SINGULAR = 1e8
 """Condition above which the points do not determine the line."""
-_CHANCE = 1e-3
-"""A pure LuGre joint is named at most this often."""
 _GRID = 64
 """Values of 1 / g0 between which its ends are sought ..."""
 _STRAIGHT = 1e-6
@@ -108,7 +107,7 @@ def stiffness_by_amplitude(
         )
     )  # fmt: skip  # one row, one line
     error = float(np.hypot(line.error, _by_level(points, knots, level)))
-    if line.fall > stdtrit(line.freedom, _CHANCE) * error or np.exp(line.fall) > 1 - _SMALLEST:
+    if line.fall > stdtrit(line.freedom, RARE) * error or np.exp(line.fall) > 1 - _SMALLEST:
         return rows, None
     low, high, of, d = float(knots[0]), float(knots[-1]), unit("torque", kind), loadings[0].direction
     ratio, own = float(secant[-1] / secant[0]), float(lugre[-1] / lugre[0])

@@ -21,7 +21,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.covariance import LEVEL, student
+from bristle.estimation.covariance import student
+from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.model import functions
@@ -278,8 +279,8 @@ def _first_count(
         return absent, absent, 0.0
     U = _unbent(T, g0)
     # of a count, to the first edge: uniform, whose mean over some loadings is nearly normal
-    half = min(LEVEL / 2, 1.96 / float(np.sqrt(12 * T.size)))
-    nearest, farthest = (1 - LEVEL, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)
+    half = min(CONFIDENCE / 2, 1.96 / float(np.sqrt(12 * T.size)))
+    nearest, farthest = (1 - CONFIDENCE, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)
     off = 1.96 * noise / float(np.sqrt(T.size))
     low = max(float(np.mean(U)) - off, 0.0) / (quantum * farthest)
     high = (float(np.mean(U)) + off) / (quantum * nearest)

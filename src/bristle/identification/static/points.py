@@ -11,6 +11,7 @@ from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
+from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.score_test import scores
 from bristle.findings import NOTE, Finding, unit_of
@@ -18,7 +19,7 @@ from bristle.identification.moving_runs import DIRECTIONS, declared, load_column
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import Regression, from_points
 from bristle.identification.static.shape_search import with_best_shape
-from bristle.identification.static.strays import LEVEL, all_but, find_strays, refit
+from bristle.identification.static.strays import all_but, find_strays, refit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 
@@ -157,7 +158,7 @@ def _from_the_law(problem: Regression, rows: Sequence[int]) -> tuple[Array, Arra
 def _explained(point: Segment, residual: float, n: int) -> bool:
     """Whether a point of n is no further off than its own standard error lets expect."""
     error = point.standard_error or 0.0
-    return bool(abs(residual) <= ndtri(1 - LEVEL / (2 * n)) * error)
+    return bool(abs(residual) <= ndtri(1 - SIGNIFICANCE / (2 * n)) * error)
 
 
 def _resting(problem: Regression) -> tuple[int, ...]:
@@ -175,7 +176,7 @@ def _resting(problem: Regression) -> tuple[int, ...]:
     steps = [(sign * (speed <= x))[order, None] for x in ends]
     found = scores(problem.jacobian(theta)[order], problem.residuals(theta)[order], steps)
     best = int(np.argmax([x.share for x in found]))
-    if not (found[best].p * ends.size < LEVEL and found[best].sizes[0] < 0):
+    if not (found[best].p * ends.size < SIGNIFICANCE and found[best].sizes[0] < 0):
         return ()
     rows = np.flatnonzero(speed <= ends[best])
     law = refit(problem.rows(all_but(speed.size, rows.tolist())))

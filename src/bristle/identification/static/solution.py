@@ -13,7 +13,8 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.linear import NO_SIGN, best_column_p_value, first_order
+from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
+from bristle.estimation.linear import best_column_p_value, first_order
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
@@ -27,8 +28,6 @@ from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
 
-SUPPORTED = 0.01
-"""The Stribeck term is kept where noise alone would look as much like one less often than this."""
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
 is invented."""
@@ -252,7 +251,7 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Fin
         p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
         speeds, why = speeds_of(problem, direction), None
         fastest, slowest = float(speeds.max()), float(speeds.min())
-        if p > SUPPORTED:
+        if p > SIGNIFICANCE:
             why = Finding("no-peak", CAUTION, "no sign of a Stribeck peak")
             if p < NO_SIGN:
                 message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"

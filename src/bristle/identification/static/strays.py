@@ -22,17 +22,16 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
+from bristle.estimation.levels import RARE, SIGNIFICANCE
 from bristle.identification.static.grid import Projected, Solution, default_range, solve
 from bristle.identification.static.problem import Regression, log_grid
 
-LEVEL = 0.01
-"""Of the F test, over all the points or pairs that it was chosen from (Bonferroni)."""
 SHARE = 8
 """At most one point in so many is a stray; of few points two, for such as hide each other, where the rest has as many
 degrees of freedom as the law has parameters."""
 _GRIDS = {1: 96, 2: 24}
 """Values of v_s for each of so many peaks."""
-_LEVELS = {1: LEVEL, 2: LEVEL, 3: LEVEL / 10}
+_LEVELS = {1: SIGNIFICANCE, 2: SIGNIFICANCE, 3: RARE}
 """By how many are left out at once: threes, of which there are so many, only where there is no doubt."""
 SINGLY = 1000
 """Points up to which strays are left out, and looked at, one by one."""

@@ -12,7 +12,8 @@ from bristle.control.adaptation import Law
 from bristle.control.compensator import Name
 from bristle.control.running import RunningCompensator
 from bristle.errors import InputError, short
-from bristle.estimation.covariance import LEVEL, student
+from bristle.estimation.covariance import student
+from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import Finding
 from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.joint_model import JointModel
@@ -73,7 +74,7 @@ class Fit:
         """Everything to know about the data, the fit and its parameters, each once; `str` makes the sentence."""
         return tuple(dict.fromkeys(self.joint.all_warnings()))
 
-    def conf_int(self, level: float = LEVEL, method: Method | None = None) -> "pd.DataFrame":
+    def conf_int(self, level: float = CONFIDENCE, method: Method | None = None) -> "pd.DataFrame":
         """Confidence intervals: a row for each parameter, with columns `lower` and `upper`, in SI.
 
         Args:
@@ -88,8 +89,12 @@ class Fit:
 
         if method not in (None, *METHODS):
             raise InputError(f"method: got {short(method)}; expected one of {', '.join(METHODS)}")
-        if not 0 < level < 1 or (method == "profile" and level > LEVEL) or (method == "bootstrap" and level != LEVEL):
-            wanted = {"profile": f"more than 0 and at most {LEVEL:g}", "bootstrap": f"{LEVEL:g}"}.get(
+        if (
+            not 0 < level < 1
+            or (method == "profile" and level > CONFIDENCE)
+            or (method == "bootstrap" and level != CONFIDENCE)
+        ):
+            wanted = {"profile": f"more than 0 and at most {CONFIDENCE:g}", "bootstrap": f"{CONFIDENCE:g}"}.get(
                 method or "", "0 to 1"
             )
             raise InputError(f"level: got {level!r}; expected {wanted}{f' by {method}' if method else ''}")
@@ -202,10 +207,10 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
     e, ways, none = row.estimate, row.ways, (np.nan, np.nan)
     if e.value is None:
         return none
-    if method is None and level == LEVEL:
+    if method is None and level == CONFIDENCE:
         return e.interval or none
     made: tuple[float, float] | None = getattr(ways, method) if ways is not None and method is not None else None
-    if made is not None and level == LEVEL:
+    if made is not None and level == CONFIDENCE:
         return made
     if method in (None, "covariance"):
         reach = student(row.freedom, level) * (e.total_error or np.nan)
@@ -214,7 +219,7 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
         return none
     # Where the profile passes the threshold of the level, which is F's quantile beside that of 95 %; F(1, n) is t squared.
     values, cost = ways.curve
-    height = (student(row.freedom, level) / student(row.freedom, LEVEL)) ** 2
+    height = (student(row.freedom, level) / student(row.freedom, CONFIDENCE)) ** 2
     least = int(np.argmin(cost))
     low = float(np.interp(-height, -cost[: least + 1], values[: least + 1]))
     high = float(np.interp(height, cost[least:], values[least:]))

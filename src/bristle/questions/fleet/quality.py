@@ -7,13 +7,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from bristle.estimation.levels import NAMED
 from bristle.page.entries import entries
 from bristle.questions.fleet.roster import Roster
 
 FAILED = "failed"
 """The code of a session that was not identified."""
-BY_CHANCE = 0.05
-"""How likely a warning is in these sessions of a joint and not in those, at the rate of the other joints, for it to be named new."""
 _COUNT = ("caution", "critical")
 """Severities of warnings that say something of the data."""
 _PERIODS = ((31, "D"), (366, "W-MON"), (np.inf, "MS"))
@@ -109,7 +108,7 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
 
 def warned(begun: pd.DataFrame, people: Roster) -> pd.DataFrame:
     """Of those the ones that are no chance among so many: unit, joint, code, severity, since, sessions, of."""
-    sure = begun[(begun["before"] > 1) & (begun["chance"] * max(len(begun), 1) < BY_CHANCE)]
+    sure = begun[(begun["before"] > 1) & (begun["chance"] * max(len(begun), 1) < NAMED)]
     who = people.table[["unit", "joint"]].iloc[sure["number"].to_numpy(int)].reset_index(drop=True)
     rows = pd.concat([who, sure[["code", "severity", "since", "sessions", "of"]].reset_index(drop=True)], axis=1)
     return rows.sort_values(
@@ -127,7 +126,7 @@ def new_warnings(
     times = pd.DataFrame({"number": people.joint[own], "session": frame["session"][own]}).drop_duplicates()
     early = times["session"] < times["number"].map(since)
     place = early.groupby(times["number"]).sum()
-    near = begun[begun["number"].isin(list(since)) & (begun["chance"] < BY_CHANCE)]
+    near = begun[begun["number"].isin(list(since)) & (begun["chance"] < NAMED)]
     near = near[(near["place"] - near["number"].map(place)).abs() <= 1]
     return {number: " ".join(sorted(near.loc[near["number"] == number, "code"])) for number in since}
 

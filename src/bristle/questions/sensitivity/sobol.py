@@ -14,6 +14,7 @@ from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
 from bristle.errors import InputError
+from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.model import functions
@@ -44,8 +45,6 @@ if TYPE_CHECKING:
 
 TRACKING = "RMS error of the simulated loop"
 _Quantity = Literal["torque", "position"]
-LEVEL = 0.95
-"""Confidence of the half-widths, by a bootstrap over the samples."""
 PERIODS, COUNTED = 2, 1
 """Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
 _TICKS = 9_000_000
@@ -166,7 +165,7 @@ def analysed(spans: Sequence[Span], values: Array, seed: int) -> Indices:
     effects: tuple[Effect, ...] = ()
     if np.ptp(values) > 1e-12 * np.abs(values).max():  # else it does not depend on the parameters
         by_kind = _salib().analyze.sobol.analyze(
-            _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=LEVEL, seed=seed + 1
+            _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=CONFIDENCE, seed=seed + 1
         )  # SALib takes a seed of zero for none
         columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
         effects = tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True))

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
@@ -21,7 +22,7 @@ from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import KnownFriction
 from bristle.questions.sensitivity.local import Local, Map, SineMotion, claimed, grid, local, ranked, sensitivity_map
-from bristle.questions.sensitivity.sobol import LEVEL, Global, box_of, global_sensitivity
+from bristle.questions.sensitivity.sobol import Global, box_of, global_sensitivity
 from bristle.simulation.joint_loop import JointLoop
 
 if TYPE_CHECKING:
@@ -325,7 +326,7 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
     simulated = (
         f"SIMULATED: a sine of {sobol.amplitude:.3g} {unit('position', kind)} at {sobol.frequency:.3g} Hz; in the loop the "
         "compensator keeps the nominal parameters while the plant is drawn. ± of an index is its "
-        f"{100 * LEVEL:.0f} % bootstrap interval, which is conservative for these samples."
+        f"{100 * CONFIDENCE:.0f} % bootstrap interval, which is conservative for these samples."
     )
     found = []
     for output in sobol.outputs:

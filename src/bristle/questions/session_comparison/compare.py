@@ -18,6 +18,7 @@ from scipy.special import fdtrc, stdtr, stdtrit
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import NAMED
 from bristle.identification.fits import Estimate
 from bristle.identification.systematic import shifted, statistical
 from bristle.model.parameters import ParameterName, of_shape
@@ -35,8 +36,6 @@ from bristle.questions.session_comparison.results import (
     usable,
 )
 
-SIGNIFICANT = 0.05
-"""Of Holm's p-values: with no change at all, one comparison of two sessions in twenty calls any parameter changed."""
 _RATIOS = ("v_s", "sigma_0")
 """What is positive and known by a factor, as the shape of a peak is: its logarithm is compared."""
 _SYMMETRIC = 1e-6
@@ -70,11 +69,11 @@ def compare(first: Session, second: Session) -> Comparison:
     changes = [change for name, (a, b) in both.items() for change in _changes(name, a, b)]
     known = [k for k, c in enumerate(changes) if c.p is not None]
     for k, p in zip(known, holm(np.array([changes[k].p for k in known], dtype=float)).tolist(), strict=True):
-        changed = p < SIGNIFICANT
+        changed = p < NAMED
         changes[k] = replace(changes[k], adjusted=p, changed=changed, verdict=verdict(changes[k], changed=changed))
     sets = [x for name, (a, b) in both.items() for x in _sets(name, a, b)]
     adjusted = holm(np.array([x.p for x in sets])).tolist()
-    sets = [replace(x, adjusted=p, changed=p < SIGNIFICANT) for x, p in zip(sets, adjusted, strict=True)]
+    sets = [replace(x, adjusted=p, changed=p < NAMED) for x, p in zip(sets, adjusted, strict=True)]
     return Comparison(
         changes=tuple(changes),
         sets=tuple(sets),
