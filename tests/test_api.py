@@ -11,7 +11,7 @@ import pytest
 import bristle
 from bristle import Results, api
 from bristle.api import identifying, joints, sources
-from bristle.api.logs import JointLogs
+from bristle.api.sources import JointLogs
 from bristle.data.experiment.load import load_experiment
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured

@@ -19,13 +19,13 @@ import pytest
 from bristle import __version__
 from bristle.__main__ import _sentence, main
 from bristle.arrays import Array
+from bristle.cli import output_folder
 from bristle.data import text_table
 from bristle.data.experiment import yaml_file
 from bristle.data.experiment.load import load_experiment
 from bristle.errors import InputError
 from bristle.identification.measured import measure
 from bristle.model.rollout import rollout
-from bristle.options import output_folder
 from bristle.page import output_folder as report_files
 from bristle.page.plain import interval
 from bristle.page.wording import measured

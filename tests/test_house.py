@@ -28,8 +28,7 @@ BELOW = {
     "api": {*CORE, "page", "questions"},
     "mujoco": {*CORE, "page", "questions", "api"},
     "terminal": set[str](),
-    "options": {"page"},
-    "cli": {*CORE, "page", "questions", "api", "terminal", "options"},
+    "cli": {*CORE, "page", "questions", "api", "terminal"},
 }
 """Each floor, and those that it may import from, beside itself and the ground. The kit of pages knows no result, least squares no friction."""
 STAGES = {"static", "presliding", "dynamic"}

@@ -221,7 +221,7 @@ def test_the_file_names_nothing_absolute(fresh: Results, folder: Path) -> None:
 def test_the_embedded_joints_are_named_by_their_file_alone() -> None:
     """Of the embedded data set no folder is written: the file is the same on every machine."""
     found = Results(
-        joints=(), logs=bristle.api.logs.JointLogs(texts=tuple(t for _, t in bristle.api.sources.open_all(()) if t))
+        joints=(), logs=bristle.api.sources.JointLogs(texts=tuple(t for _, t in bristle.api.sources.open_all(()) if t))
     )
     assert [(x.file, x.folder) for x in found.logs.written(Path())] == [
         (f"{stem}.yaml", None) for stem in ("gripper", "wrist", "elbow", "base")

@@ -14,7 +14,7 @@ from bristle.identification.results import Joint
 from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import choice
-from bristle.questions.sensitivity.findings import findings, sobol_sentences
+from bristle.questions.sensitivity.study import findings, sobol_sentences
 from bristle.simulation import edro
 from bristle.simulation.joint_loop import of_experiment, of_paper
 

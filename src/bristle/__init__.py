@@ -7,89 +7,22 @@ Logs go in; a LuGre model with honest uncertainty and a report one can hand over
     results.write("reports/wrist")
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from bristle.api import (
-        Fleet,
-        Results,
-        adapt,
-        compare,
-        complete,
-        draft,
-        explore,
-        export,
-        find_segments,
-        fit,
-        fit_dynamic,
-        fit_presliding,
-        fleet,
-        friction,
-        identify,
-        inspect,
-        plan,
-        read_export,
-        read_results,
-        report,
-        report_of,
-        sensitivity,
-        simulate,
-        validate,
-    )
-    from bristle.data.experiment.draft import Told
-    from bristle.errors import InputError
-    from bristle.identification.joint_model import JointModel
-    from bristle.model.laws.parts import OwnParameter, Peak, ViscousTerm
-    from bristle.model.laws.registry import register_law
-    from bristle.model.parameters import Lugre, Pair
-    from bristle.questions.array_fit.fit import Fit
-    from bristle.questions.export.export import Export
+    from bristle.api import *  # noqa: F403  # the public names are listed there, once
 
 __version__ = "0.1.0"
-__all__ = [
-    "Export",
-    "Fit",
-    "Fleet",
-    "InputError",
-    "JointModel",
-    "Lugre",
-    "OwnParameter",
-    "Pair",
-    "Peak",
-    "Results",
-    "Told",
-    "ViscousTerm",
-    "__version__",
-    "adapt",
-    "compare",
-    "complete",
-    "draft",
-    "explore",
-    "export",
-    "find_segments",
-    "fit",
-    "fit_dynamic",
-    "fit_presliding",
-    "fleet",
-    "friction",
-    "identify",
-    "inspect",
-    "plan",
-    "read_export",
-    "read_results",
-    "register_law",
-    "report",
-    "report_of",
-    "sensitivity",
-    "simulate",
-    "validate",
-]
+__all__: list[str]  # those of `bristle.api` and the version, by `__getattr__`
 
 
 def __getattr__(name: str) -> object:
     """Import the library when it is first used: `bristle --help` must not wait for it."""
-    if name in __all__:
-        from bristle import api
-
-        return getattr(api, name)
+    if not name.startswith("__") or name == "__all__":
+        api = import_module("bristle.api")
+        if name == "__all__":
+            return [*api.__all__, "__version__"]
+        if name in api.__all__:
+            return getattr(api, name)
     raise AttributeError(f"module 'bristle' has no attribute {name!r}")

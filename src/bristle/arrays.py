@@ -1,7 +1,6 @@
-"""The array that every floor of the house hands to the next, the values that hold it, and their form in JSON.
+"""The array that every floor of the house hands to the next, the values that hold it, and their exact form in JSON, for pydantic.
 
-pydantic reads the JSON forms off the result classes where results.json is made or read, and only there. Floats keep
-every digit. An open bound is "inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
+An open bound is "inf" or "-inf"; what does not exist is null, and nan where it is read back as a number.
 """
 
 import binascii
@@ -26,10 +25,7 @@ Bound = float | Literal["inf", "-inf"]
 
 @dataclass(frozen=True, slots=True)
 class JsonForm:
-    """What a value is in JSON, and the ways there and back.
-
-    It annotates a type, and pydantic asks it for the schema.
-    """
+    """What a value is in JSON, and the ways there and back: annotates a type, for pydantic."""
 
     form: Any
     """The type of what is written, or a function that gives it."""
@@ -55,10 +51,6 @@ def _to_interval(ends: tuple[float, float]) -> tuple[Bound | None, Bound | None]
     return None if any(map(isnan, ends)) else (to_bound(ends[0]), to_bound(ends[1]))
 
 
-def _from_interval(ends: tuple[Bound, Bound] | None) -> tuple[float, float] | None:
-    return ends and (float(ends[0]), float(ends[1]))
-
-
 def _to_rows(array: Floats) -> list[list[float | None]]:
     return np.where(np.isfinite(array), array, None).tolist()  # type: ignore[call-overload,no-any-return]  # objects
 
@@ -78,7 +70,9 @@ def _rows() -> Any:
 
 Number = Annotated[float, JsonForm(Bound | None, to_bound, lambda x: float("nan") if x is None else float(x))]
 """A number that may be infinite, or not exist."""
-Interval = Annotated[tuple[float, float], JsonForm(tuple[Bound, Bound] | None, _to_interval, _from_interval)]
+Interval = Annotated[
+    tuple[float, float], JsonForm(tuple[Bound, Bound] | None, _to_interval, lambda x: x and (float(x[0]), float(x[1])))
+]
 """Two ends, of which either may be infinite."""
 Matrix = Annotated[Floats, JsonForm(_rows, _to_rows, _from_rows)]
 """Rows of numbers, (n, m); null where one does not exist."""
@@ -104,23 +98,18 @@ def _from_base64(x: WrittenArray) -> Floats:
         data = b64decode(x.float64, validate=True)
     except binascii.Error as error:
         raise ValueError("is no base64") from error
-    if len(x.shape) > _DIMENSIONS or min(x.shape, default=0) < 0 or 8 * prod(x.shape) != len(data):
+    if len(x.shape) > 4 or min(x.shape, default=0) < 0 or 8 * prod(x.shape) != len(data):
         raise ValueError(f"has {len(data)} bytes, which are no float64 of the shape that it states")
     return np.frombuffer(data, "<f8").reshape(x.shape).astype(np.float64)
 
 
-_DIMENSIONS = 4
-"""Of an array, at the most."""
 Array = Annotated[Floats, JsonForm(WrittenArray, _to_base64, _from_base64)]
 UNWRITTEN = MappingProxyType({"exclude": True})
 """Metadata of a field that stands apart in the file, under `samples`: what has an entry per sample, or figures alone need."""
 
 
 def sized(*shape: str) -> Mapping[str, Any]:
-    """Metadata of a field whose arrays have this shape: numbers, or names that are one number in all fields of an object.
-
-    `n?` may be 0 as well, where it is not known.
-    """
+    """Metadata of a field whose arrays have this shape: numbers, or names of one number in all fields of an object; `n?` may be 0."""
     return MappingProxyType({"shape": shape})
 
 

@@ -8,31 +8,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from bristle.errors import InputError, short_list
-from bristle.options import (
-    Column,
-    ExperimentFile,
-    FleetCatalog,
-    FleetOutput,
-    Need,
-    OfRobot,
-    Rate,
-    Resistance,
-    Scale,
-    Strict,
-    TorqueConstant,
-    Uncertainty,
-    Unit,
-    Workers,
-    asked,
-    check_output,
-    check_output_absent,
-    fleet_folder,
-    lands,
-    optional,
-    output_folder,
-    output_path,
-    to,
-    write,
+from bristle.page.output_folder import (
+    FLEET,
+    check_absent,
+    check_apart,
+    check_file,
+    check_folder,
+    resolved,
+    staged,
+    write_text,
 )
 from bristle.progress import shown
 from bristle.terminal import complain, print_found, print_lines
@@ -52,6 +36,65 @@ app = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+
+
+def optional(none: str, file: str = "The experiment file") -> Any:
+    """The argument that is an experiment file, or none, which means what is said."""
+    return typer.Argument(metavar="EXPERIMENT", help=f"{file}; none: {none}.", show_default=False)
+
+
+def output_path(text: str) -> Path:
+    """Where something is to be written; an empty path, as of a shell variable that is not set, would be the current folder."""
+    if not text:
+        raise typer.BadParameter("got an empty path; name a file or a folder, or . for the folder you are in")
+    return Path(text)
+
+
+def to(metavar: str, meaning: str) -> Any:
+    """The option -o that names what to write."""
+    return typer.Option("-o", "--output", parser=output_path, metavar=metavar, help=meaning)
+
+
+def lands(what: str, thing: str = "page") -> Any:
+    """The option -o that says where a page lands, by default under reports/ by the experiment's name and what it is of."""
+    return to("DIR", f"Where the {thing} lands [default: reports/NAME{what}].")
+
+
+def asked(metavar: str, meaning: str) -> Any:
+    """An option that takes one thing: a QUANTITY with its unit, a number N, a NAME."""
+    return typer.Option(metavar=metavar, help=meaning)
+
+
+def per_signal(metavar: str, what: str) -> Any:
+    """An option that tells something of one signal, and may be given for several."""
+    return asked(f"SIGNAL={metavar}", f"{what}; SIGNAL: time, position, velocity, torque, current or voltage.")
+
+
+ExperimentFile = Annotated[
+    Path, typer.Argument(metavar="EXPERIMENT", help="The experiment file, YAML.", show_default=False)
+]
+Uncertainty = Annotated[
+    bool,
+    typer.Option("--uncertainty", help="Intervals of moving runs by profile and bootstrap too, which takes a while."),
+]
+Workers = Annotated[
+    int | None,
+    typer.Option("--workers", metavar="N", min=1, max=256, help="Processes that share the work [default: the cores]."),
+]
+OfRobot = Annotated[
+    str | None,
+    typer.Option("--joint", metavar="NAME", help="Which joint, where the file is of a robot.", show_default=False),
+]
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a joint is not to be used.")]
+Need = Annotated[
+    str | None, asked("PERCENT", "To how much of friction it has to be known (95 %), to be used [default: 10%].")
+]
+Column = Annotated[list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0")]
+Unit = Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")]
+Scale = Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")]
+Rate = Annotated[str | None, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")]
+TorqueConstant = Annotated[str | None, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")]
+Resistance = Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")]
 
 
 @app.callback(invoke_without_command=True)
@@ -156,8 +199,9 @@ def identify(
     Example: bristle identify wrist.yaml -o results.json
     Example: bristle identify log.csv --unit position=deg --save wrist.yaml
     """
-    check_output_absent(output)
-    check_output_absent(save)
+    for path in (output, save):  # what takes minutes is not computed to be refused
+        if path is not None:
+            check_absent(path)
     told = _told(column, unit, scale, rate, torque_constant, resistance)
     guessed: tuple[str, ...] = ()
     with shown() as progress:
@@ -175,7 +219,7 @@ def identify(
             text, guessed = draft(*files, told=told, folder=save and save.parent, progress=progress)
             files = [load_text(text, save or files[0].with_name(f"the draft for {files[0].name}"))]
         if save is not None:
-            write(save, text)
+            write_text(save, text)
         try:
             results = run(
                 *files, joint=joint, progress=progress, uncertainty=uncertainty, need=need, workers=workers or cores()
@@ -192,9 +236,11 @@ def identify(
 
         _tell(interval_lines(results.joints))
     if laws:
-        _tell_laws(results)
+        from bristle.questions.joint_report.console import law_lines
+
+        _tell(law_lines(results.joints))
     if output is not None:
-        write(output, results.to_json(output.parent))
+        write_text(output, results.to_json(output.parent))
         print_lines([f"Results: {output}"], done=True)
     _finish(results, strict)
 
@@ -211,7 +257,8 @@ def inspect(
 
     Example: bristle inspect wrist.yaml -o segments.png
     """
-    check_output(output)
+    if output is not None:
+        check_file(output)
     with shown():
         from bristle import inspect as run
         from bristle.page.page import figure_kind, save_figure
@@ -239,10 +286,7 @@ def validate(
     output: Annotated[Path | None, lands("-validate")] = None,
     repetitions: Annotated[int, asked("N", "Simulated data sets of each case.")] = 1000,
     starts: Annotated[int, asked("N", "Random starts of each solver on one of them.")] = 100,
-    noise: Annotated[
-        float | None,
-        typer.Option(metavar="X", help="Noise of a point over alpha_0 [default: the fit's own].", show_default=False),
-    ] = None,
+    noise: Annotated[float | None, asked("X", "Noise of a point over alpha_0 [default: the fit's own].")] = None,
     strict: Strict = False,
 ) -> None:
     """Validate the fits against full nonlinear ones.
@@ -258,7 +302,15 @@ def validate(
         from bristle.questions.method_validation.run import check_request
 
         check_request(repetitions, starts, noise)
-    results = _cross_checked(experiment, joint) if experiment else None
+    results = None
+    if experiment is not None:  # each fit beside a full nonlinear one on the same data
+        with shown() as progress:
+            from bristle.api.identifying import identified
+            from bristle.questions.joint_report.console import law_lines
+
+            results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
+            results.whole_joint()
+        _tell([*results.checks(), *law_lines(results.joints)])
     with shown() as progress:
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
     _tell([validated.text()])
@@ -266,25 +318,6 @@ def validate(
         print_lines([f"Page: {validated.write(folder)}"], done=True)
     if results:
         _finish(results, strict)
-
-
-def _tell_laws(results: "Results") -> None:
-    """The friction laws side by side."""
-    from bristle.questions.joint_report.console import law_lines
-
-    _tell(law_lines(results.joints))
-
-
-def _cross_checked(experiment: Path, joint: str | None) -> "Results":
-    """Identify, and print each fit beside a full nonlinear one on the same data."""
-    with shown() as progress:
-        from bristle.api.identifying import identified as run
-
-        results = run(experiment, joint=joint, crosscheck=True, progress=progress)
-        results.whole_joint()
-    _tell(results.checks())
-    _tell_laws(results)
-    return results
 
 
 @app.command()
@@ -322,7 +355,7 @@ def explore(
 
     Example: bristle explore reports/wrist/results.json -o explore.html
     """
-    check_output_absent(output)
+    check_absent(output)
     with shown() as progress:
         from bristle import explore as run
 
@@ -336,28 +369,18 @@ def export(
         Path, typer.Argument(metavar="RESULTS", help="A results.json, or an experiment file.", show_default=False)
     ],
     to: Annotated[
-        str,
-        typer.Option(
-            "--to",
-            metavar="FORMAT",
-            help="c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.",
-            show_default=False,
-        ),
+        str, asked("FORMAT", "c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.")
     ],
     joint: OfRobot = None,
     output: Annotated[Path | None, to("FILE", "Where the file lands [default: by the joint's name].")] = None,
-    into: Annotated[
-        Path | None, typer.Option("--into", metavar="FILE", help="A URDF, SDF or MJCF to merge the values into.")
-    ] = None,
+    into: Annotated[Path | None, asked("FILE", "A URDF, SDF or MJCF to merge the values into.")] = None,
     compensator: Annotated[
-        str | None,
-        asked("NAME", "In C: lugre (default), lugre-feedback, lugre-observer, stribeck or coulomb."),
+        str | None, asked("NAME", "In C: lugre (default), lugre-feedback, lugre-observer, stribeck or coulomb.")
     ] = None,
     adapt: Annotated[str | None, asked("LAW", "In C, adapts: partial, partial-theta, total or printed.")] = None,
     step: Annotated[str | None, asked("STEP", "Of that law: gradient, normalised or least-squares.")] = None,
     amplitude: Annotated[
-        str | None,
-        asked("QUANTITY", "Of the motion that a target without LuGre is fitted on."),
+        str | None, asked("QUANTITY", "Of the motion that a target without LuGre is fitted on.")
     ] = None,
     frequency: Annotated[str | None, asked("QUANTITY", "Of that motion [default: 0.5 Hz].")] = None,
     check: Annotated[
@@ -370,7 +393,8 @@ def export(
 
     Example: bristle export reports/wrist/results.json --to c -o wrist.h --check
     """
-    check_output_absent(output)
+    if output is not None:
+        check_absent(output)
     with shown() as progress:
         from bristle import export as run
 
@@ -379,7 +403,7 @@ def export(
             compensator=compensator, adapt=adapt, step=step, progress=progress,
         )  # fmt: skip  # a list of values
         landing = output or Path(handed.artefact.name)
-        check_output_absent(landing)
+        check_absent(landing)
     _tell([handed.text()])
     handed.write(landing)
     with shown():
@@ -405,8 +429,6 @@ def compare(
 
     Example: bristle compare reports/may/results.json reports/june/results.json -o reports/may-june
     """
-    from bristle.page.output_folder import check_folder
-
     if output is not None:
         check_folder(output)
     with shown():
@@ -421,8 +443,20 @@ def compare(
 
 @app.command()
 def fleet(
-    catalog: FleetCatalog,
-    output: FleetOutput = None,
+    catalog: Annotated[
+        str,
+        typer.Argument(
+            metavar="CATALOG",
+            help="A table (CSV, Parquet) with the columns file, unit and session, or a pattern such as 'logs/{unit}/{session}/{type}.yaml'.",
+            show_default=False,
+        ),
+    ],
+    output: Annotated[
+        str | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Where dataset and page land [default: reports/NAME-fleet]."
+        ),
+    ] = None,
     scheduler: Annotated[
         str | None,
         asked("ADDRESS", "Of a running Dask cluster, as tcp://host:8786 [default: the cores of this machine]."),
@@ -451,7 +485,11 @@ def fleet(
 
         certificates = {"ca": tls_ca_file, "cert": tls_cert, "key": tls_key}
         check_cluster(scheduler, workers, memory, certificates)
-        folder = fleet_folder(output, called(catalog))
+        if output is not None and not output:
+            raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
+        folder = output or str(Path("reports") / f"{called(catalog)}-fleet")
+        if "://" not in folder:
+            check_folder(Path(folder), FLEET)
         cluster = connected(scheduler, workers, memory, certificates)
         found = fleet_on(
             cluster, catalog, folder, verify=verify, rate=rate, baseline=baseline, progress=progress,
@@ -471,8 +509,7 @@ def sensitivity(
     joint: OfRobot = None,
     output: Annotated[Path | None, lands("-sensitivity")] = None,
     amplitude: Annotated[
-        str | None,
-        asked("QUANTITY", "Of the sinusoidal motion, with its unit [default: from the experiment]."),
+        str | None, asked("QUANTITY", "Of the sinusoidal motion, with its unit [default: from the experiment].")
     ] = None,
     frequency: Annotated[
         str | None, asked("QUANTITY", "Of the motion [default: from the experiment, or 0.5 Hz].")
@@ -517,9 +554,7 @@ def plan(
         Path | None,
         typer.Option("--page", parser=output_path, metavar="DIR", help="Write a page with figures and tables here."),
     ] = None,
-    velocities: Annotated[
-        int, typer.Option("--velocities", metavar="N", help="Runs at constant velocity in each direction.")
-    ] = 12,
+    velocities: Annotated[int, asked("N", "Runs at constant velocity in each direction.")] = 12,
     aim: Annotated[
         str, typer.Option("--for", metavar="NAME", help="The parameter whose interval is to shrink, as v_s or sigma_0.")
     ] = "all",
@@ -530,9 +565,8 @@ def plan(
 
     Example: bristle plan wrist.yaml -o next.csv --page reports/wrist-plan --for v_s
     """
-    from bristle.page.output_folder import check_apart, check_folder, staged
-
-    check_output(output)
+    if output is not None:
+        check_file(output)
     if page is not None:
         check_folder(page)
     if page is not None and output is not None:
@@ -574,7 +608,8 @@ def new(
 
     Example: bristle new velocity_*.csv -o wrist.yaml --unit position=deg --column current=i --torque-constant "0.35 N*m/A"
     """
-    check_output_absent(output)
+    if output is not None:
+        check_absent(output)
     halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:
         if halves:
@@ -582,7 +617,15 @@ def new(
                 raise InputError(
                     f"{halves[0]}: is completed by itself; give it alone, and write units and columns into it"
                 )
-            text, sentences = _completed(halves[0], output)
+            from bristle import complete
+
+            if output is not None and output.parent.resolve() != halves[0].parent.resolve():
+                raise InputError(
+                    f"{output}: is in another folder than {halves[0]}, whose runs are named relative to it; "
+                    f"write it beside {halves[0].name}"
+                )
+            text, said = complete(halves[0])
+            sentences = [said]
         else:
             from bristle import draft
 
@@ -593,7 +636,7 @@ def new(
         print_lines([text])
     else:
         print_lines([f"Draft: {output}"])
-        write(output, text)
+        write_text(output, text)
     for sentence in sentences:
         complain(sentence)
 
@@ -615,6 +658,17 @@ def explain(
     _tell(explanation(by_code(code)))
 
 
+def output_folder(output: Path | None, experiment: Path | None, what: str = "", *claims: str) -> Path:
+    """The folder asked for, or reports/ with the name of the file (of the folder of a results.json) and what it is of, which can be written."""
+    if output is None:
+        name = "edro" if experiment is None else experiment.stem
+        if experiment is not None and experiment.name == "results.json":
+            name = resolved(experiment).parent.name or name
+        output = Path("reports") / f"{name}{what}"
+    check_folder(output, claims)
+    return output
+
+
 def _tell(texts: Iterable[str]) -> None:
     """Print what was found, in lines of 80 columns that break no number, in colour on a terminal."""
     from bristle.page.plain import wrapped
@@ -634,17 +688,6 @@ def _told(
     return Told(
         columns=columns, units=units, scales=scales, rate=rate, torque_constant=torque_constant, resistance=resistance
     )
-
-
-def _completed(half: Path, output: Path | None) -> tuple[str, list[str]]:
-    from bristle import complete
-
-    if output is not None and output.parent.resolve() != half.parent.resolve():
-        raise InputError(
-            f"{output}: is in another folder than {half}, whose runs are named relative to it; write it beside {half.name}"
-        )
-    text, said = complete(half)
-    return text, [said]
 
 
 def _finish(results: "Results", strict: bool) -> None:

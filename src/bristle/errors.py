@@ -10,10 +10,9 @@ LONGEST = 450
 
 
 class InputError(ValueError):
-    """Bad input, in one sentence: what was got, what was expected, what to do.
+    """Bad input, in one line of at most `LONGEST` characters: what was got, what was expected, what to do.
 
     The command line ends with 2 at this and at an OSError; any other exception, a ValueError too, is a defect of bristle's own.
-    Whatever is quoted, the sentence is one line of at most `LONGEST` characters that can be shown in a terminal.
     """
 
     def __init__(self, sentence: str) -> None:
@@ -21,21 +20,14 @@ class InputError(ValueError):
 
 
 def one_line(text: str, longest: int = LONGEST) -> str:
-    """A text as one line that can be shown in a terminal, of at most `longest` characters.
-
-    Blanks become one space, control characters are escaped as Python writes them. Of a long text beginning and end are kept: they say what was got
-    and what to do.
-    """
+    """A text as one printable line of at most `longest` characters, control characters escaped; beginning and end of a long one are kept."""
     words = " ".join(text.split())
     line = "".join(c if c.isprintable() else ascii(c)[1:-1] for c in words)
     return line if len(line) <= longest else f"{line[: longest * 2 // 3]} ... {line[5 - longest // 3 :]}"
 
 
 def check_regular(path: Path, shown: str | None = None) -> None:
-    """Refuse what is no regular file, before it is opened: reading a pipe, a device or a socket may never end.
-
-    Raises InputError, opening with `shown` (or the path), and OSError where there is nothing at the path or it cannot be looked at.
-    """
+    """Raises InputError, opening with `shown` or the path, where reading may never end, as of a pipe; OSError where nothing is there."""
     mode = path.stat().st_mode
     if not stat.S_ISREG(mode):
         what = next((name for test, name in _NOT_REGULAR.items() if test(mode)), "no regular file")
@@ -56,10 +48,7 @@ _BIDI = frozenset("\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\
 
 
 def check_name(text: str, what: str) -> str:
-    """The text, which can be shown on a page and in a terminal: it holds no control character, line break, lone surrogate or change of direction.
-
-    Raises InputError, opening with `what`, where it does.
-    """
+    """The text, which can be shown on one line; `what` opens the InputError where it holds a control character or a change of direction."""
     bad = next((c for c in text if c in _BIDI or unicodedata.category(c) in ("Cc", "Cs", "Zl", "Zp")), None)
     if bad is not None:
         raise InputError(

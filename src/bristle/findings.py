@@ -1,7 +1,4 @@
-"""Findings: what a user must know beside a number. Each is made where it arises, its sentence there with it; nothing decides by a sentence.
-
-A code is a word that a user looks up (`bristle explain`, docs/warnings.md), or that code decides by.
-"""
+"""Findings: what a user must know beside a number, each made where it arises; a code is what a user looks up or code decides by."""
 
 import re
 from collections.abc import Mapping
@@ -33,10 +30,7 @@ _UNITS = re.compile(_UNIT.format("([a-z_0-9]*)[+-]?"))
 
 
 def unit_of(quantity: str) -> str:
-    """What stands in a message after a number: a space and the unit of a quantity, as `velocity`, or of a parameter, once the joint is known.
-
-    Nothing where it has none, or as long as it is not known whether the joint turns or slides.
-    """
+    """What stands in a message for a space and the unit of a quantity, as `velocity`, or a parameter; nothing until the joint is known."""
     return _UNIT.format(quantity)
 
 

@@ -18,7 +18,6 @@ import numpy as np
 from bristle.api.exporting import exported_joints
 from bristle.api.joints import read_if_results
 from bristle.api.results import Results
-from bristle.arrays import Array
 from bristle.control.adaptation import Learnt
 from bristle.control.compensator import CompensatorState, advanced
 from bristle.control.plant import State, plant_step
@@ -31,8 +30,6 @@ from bristle.questions.array_fit.fit import Fit
 from bristle.questions.export.exported import ExportedJoint
 
 _WORD = "bristle.mujoco"
-_SAME_STEP = 1e-6
-"""Relative, of two time steps that are the same but for rounding."""
 
 
 class _Passed(NamedTuple):
@@ -69,12 +66,24 @@ class Friction:
         Raises InputError where the model has no such joint, its integrator or the joint itself does not fit, or the
         joint's bristle or torque is not known.
         """
-        self._dof = _dof(model, joint)
+        import mujoco
+
+        if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint) < 0:
+            names = short_list(short(model.joint(k).name) for k in range(model.njnt))
+            raise InputError(f"{_WORD}: the model has no joint {short(joint)}; it has {names}")
+        self._dof = int(model.joint(joint).dofadr[0])
         handed = _handed(result, joint).in_newton(_WORD).with_bristle(_WORD)
-        _check_kind(model, joint, handed)
+        kinds = {mujoco.mjtJoint.mjJNT_HINGE.value: "hinge", mujoco.mjtJoint.mjJNT_SLIDE.value: "slide"}
+        got = kinds.get(int(model.joint(joint).type[0]), "neither hinge nor slide")
+        expected = "slide" if slides(handed.kind) else "hinge"
+        if got != expected:
+            raise InputError(
+                f"{_WORD}: joint {short(joint)} of the model is {got}; expected a {expected}, as the identified one"
+            )
         _check_model(model, joint)
         self._name, self._options = joint, model.opt
-        self._forward, self._solve = _evaluations(model)
+        whole, self._solve = mujoco.mjtStage.mjSTAGE_NONE.value, partial(mujoco.mj_solveM, model)
+        self._forward: Callable[[Any], None] = lambda data: mujoco.mj_forwardSkip(model, data, whole, 1)  # no sensors
         self._one, self._response = np.zeros((1, model.nv)), np.zeros((1, model.nv))
         self._one[0, self._dof] = 1.0
         self._inputs, self._outputs = np.zeros(9), np.zeros(4)
@@ -134,20 +143,12 @@ class Friction:
         if passed == inf or passed < 0:
             z = self._after.z if passed == inf else 0.0
             return _Passed(z, v, z, v)
-        if abs(passed - self._step) > _SAME_STEP * self._step:
+        if abs(passed - self._step) > 1e-6 * self._step:  # beyond rounding
             raise InputError(
                 f"{_WORD}: the friction of {short(self._name)} was applied {passed:.6g} s ago, and a time step is {self._step:.6g} s; "
                 "call apply before every mj_step, or reset after a jump"
             )
         return self._after
-
-
-def _evaluations(model: Any) -> tuple[Callable[[Any], None], Callable[[Any, Array, Array], None]]:
-    """(data) -> accelerations, without sensors; and (data, response, force) -> M**-1 of the force."""
-    import mujoco
-
-    whole, solve = mujoco.mjtStage.mjSTAGE_NONE.value, partial(mujoco.mj_solveM, model)
-    return lambda data: mujoco.mj_forwardSkip(model, data, whole, 1), solve
 
 
 @cache
@@ -178,9 +179,7 @@ def _handed(result: Results | Fit | ExportedJoint | Path | str, name: str) -> Ex
     """The joint of that name, else the only one."""
     if isinstance(result, ExportedJoint):
         return result
-    known = read_if_results(result) if isinstance(result, Path | str) else result
-    if isinstance(known, Fit):
-        return exported_joints(known)[0]
+    known = read_if_results(result)
     if not isinstance(known, Results):
         raise InputError(f"{result}: is no results file; expected results.json, results or a fit of arrays")
     names = [joint.name for joint in known.joints]
@@ -189,29 +188,6 @@ def _handed(result: Results | Fit | ExportedJoint | Path | str, name: str) -> Ex
             f"{_WORD}: the results have no joint {short(name)}, but {short_list(map(short, names))}; rename one, or give one joint's results"
         )
     return exported_joints(known, name if name in names else names[0])[0]
-
-
-def _dof(model: Any, name: str) -> int:
-    """The joint's degree of freedom. Raises InputError where the model has no such joint."""
-    import mujoco
-
-    found = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, name)
-    if found < 0:
-        names = short_list(short(model.joint(k).name) for k in range(model.njnt))
-        raise InputError(f"{_WORD}: the model has no joint {short(name)}; it has {names}")
-    return int(model.jnt_dofadr[found])
-
-
-def _check_kind(model: Any, name: str, handed: ExportedJoint) -> None:
-    import mujoco
-
-    kinds = {mujoco.mjtJoint.mjJNT_HINGE.value: "hinge", mujoco.mjtJoint.mjJNT_SLIDE.value: "slide"}
-    got = kinds.get(int(model.joint(name).type[0]), "neither hinge nor slide")
-    expected = "slide" if slides(handed.kind) else "hinge"
-    if got != expected:
-        raise InputError(
-            f"{_WORD}: joint {short(name)} of the model is {got}; expected a {expected}, as the identified one"
-        )
 
 
 def _check_model(model: Any, name: str) -> None:
@@ -225,23 +201,22 @@ def _check_model(model: Any, name: str) -> None:
             f"{_WORD}: the model's integrator is {integrator}, in which the friction is not held over a step; set Euler, implicit or implicitfast"
         )
     dof, joint = model.joint(name).dofadr[0], model.joint(name).id
+    twice = "and friction would count twice"
     for what in ("damping", "frictionloss"):
         if value := getattr(model, f"dof_{what}")[dof]:
             raise InputError(
-                f"{_WORD}: joint {short(name)} has {what} {value:.4g} of its own, and friction would count twice; set it to 0 in the model"
+                f"{_WORD}: joint {short(name)} has {what} {value:.4g} of its own, {twice}; set it to 0 in the model"
             )
     if np.any(getattr(model, "dof_dampingpoly", np.zeros((model.nv, 1)))[dof]):
         raise InputError(
-            f"{_WORD}: joint {short(name)} has a polynomial damping of its own, and friction would count twice; set it to 0 in the model"
+            f"{_WORD}: joint {short(name)} has a polynomial damping of its own, {twice}; set it to 0 in the model"
         )
     lugre = getattr(mujoco.mjtDyn, "mjDYN_DCMOTOR", None)
-    on_joint = np.isin(
-        model.actuator_trntype, (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)
-    )
-    on_joint &= model.actuator_trnid[:, 0] == joint
+    transmissions = (mujoco.mjtTrn.mjTRN_JOINT.value, mujoco.mjtTrn.mjTRN_JOINTINPARENT.value)
+    on_joint = np.isin(model.actuator_trntype, transmissions) & (model.actuator_trnid[:, 0] == joint)
     if lugre is not None and np.any(
         on_joint & (model.actuator_dyntype == lugre.value) & (model.actuator_dynprm[:, 5] > 0)
     ):
         raise InputError(
-            f"{_WORD}: joint {short(name)} has a dcmotor with LuGre friction, and friction would count twice; take it out of the model"
+            f"{_WORD}: joint {short(name)} has a dcmotor with LuGre friction, {twice}; take it out of the model"
         )

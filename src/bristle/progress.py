@@ -28,10 +28,7 @@ def teller(progress: Progress | None, total: int) -> Callable[[str], None]:
 
 @contextmanager
 def shown() -> Iterator[Progress]:
-    """A progress bar on the terminal's standard error, at once, and gone at the end; nothing where that is no terminal.
-
-    What takes seconds to import belongs inside.
-    """
+    """A progress bar on standard error, gone at the end; nothing where that is no terminal. Imports that take seconds belong inside."""
     from rich.console import Console
     from rich.progress import BarColumn, TextColumn, TimeElapsedColumn
     from rich.progress import Progress as Bar

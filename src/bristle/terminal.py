@@ -7,10 +7,7 @@ from collections.abc import Iterable
 
 
 def open_streams() -> None:
-    """Standard streams that take any text: what an encoding lacks is escaped, and a closed stream goes nowhere.
-
-    Where one is closed the next file that is opened would have its number, and get what a library writes there.
-    """
+    """Standard streams that escape what an encoding lacks; a closed one goes nowhere, or the next file opened would get its number."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
@@ -34,10 +31,7 @@ def discard(name: str) -> None:
 
 
 def print_lines(lines: Iterable[str], *, done: bool = False) -> None:
-    """Print lines on standard output, all the way: what cannot be printed is known before a file is moved to its place.
-
-    Who reads may have seen enough; the work goes on. Raises OSError where the output is full, but not when all is `done`.
-    """
+    """Print lines, all the way; a reader who has seen enough is no error. Raises OSError where the output is full, unless all is `done`."""
     text = "".join(f"{line}\n" for line in lines)
     try:
         print(text, end="", flush=True)

@@ -37,10 +37,7 @@ def threads() -> int:
 
 
 def pin() -> None:
-    """One thread for linear algebra, in this process where NumPy is not loaded yet, and in those that it starts.
-
-    More help little with problems as small as these, and may round otherwise.
-    """
+    """One thread for linear algebra, here where NumPy is not loaded yet and in processes that start: more help little, and may round otherwise."""
     for name in _ONE_THREAD:
         os.environ.setdefault(name, "1")
 
@@ -77,10 +74,7 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
 
 
 def prepared(*modules: str) -> Any:
-    """How processes start: on Linux from one that begins now to load the modules, elsewhere each anew.
-
-    Whoever calls this before it loads them itself gets processes the sooner.
-    """
+    """How processes start: on Linux from one that begins now to load the modules (the sooner the better), elsewhere each anew."""
     from multiprocessing import forkserver, get_context, resource_tracker
 
     if sys.platform != "linux":
@@ -140,19 +134,16 @@ def pinned() -> Iterator[None]:
 def _begin() -> None:
     """A worker leaves an interrupt to its parent, and ends with it."""
     import gc
+    from multiprocessing import parent_process
+
+    def end_with(parent: Any) -> None:
+        parent.join()
+        os._exit(1)
 
     gc.freeze()  # what is loaded stays
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    Thread(target=_end_with_parent, daemon=True).start()
-
-
-def _end_with_parent() -> None:
-    from multiprocessing import parent_process
-
-    parent = parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    if (parent := parent_process()) is not None:
+        Thread(target=end_with, args=(parent,), daemon=True).start()
 
 
 def called(part: "partial[Any]") -> Any:

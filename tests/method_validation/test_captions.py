@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bristle.questions.method_validation import intervals
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation.cases import CaseSet, sweep
 from bristle.questions.method_validation.page import captions, resolution_caption
@@ -24,7 +23,7 @@ def validation() -> Validation:
     cases = sweep(0.005).cases
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(running, "LOCAL_SETS", 6)
-        patch.setattr(intervals, "BOOTSTRAP_SETS", 12)
+        patch.setattr(running, "BOOTSTRAP_SETS", 12)
         chosen = CaseSet(title="two", kind="prismatic", cases=(cases[0], cases[2]))
         return validate(chosen, repetitions=40, starts=4)
 

@@ -18,11 +18,10 @@ from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
-from bristle.questions.method_validation import figures, intervals, tables
+from bristle.questions.method_validation import figures
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import MOST_POINTS, CaseSet, joint_cases, sweep
-from bristle.questions.method_validation.intervals import covers_truth
 from bristle.questions.method_validation.results import (
     FREE,
     MOST_DECLINED,
@@ -31,7 +30,7 @@ from bristle.questions.method_validation.results import (
     RandomStarts,
     Validation,
 )
-from bristle.questions.method_validation.run import POLISHED, REFINED, RESOLUTIONS, spread, validate
+from bristle.questions.method_validation.run import POLISHED, REFINED, RESOLUTIONS, covers_truth, spread, validate
 from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.questions.method_validation.verdict import overall, verdict
 from bristle.simulation import edro
@@ -71,7 +70,7 @@ def torques_of(case: ValidationCase, sets: int, seed: int = 0) -> Array:
 def quick(patch: pytest.MonkeyPatch) -> None:
     """Fewer data sets for what takes long."""
     patch.setattr(running, "LOCAL_SETS", 6)
-    patch.setattr(intervals, "BOOTSTRAP_SETS", 12)
+    patch.setattr(running, "BOOTSTRAP_SETS", 12)
 
 
 @pytest.fixture(scope="module")
@@ -660,5 +659,5 @@ def test_noise_has_no_share_of_a_coulomb_friction_of_zero(validation: Validation
     """Where the truth has no Coulomb friction the tables name no noise in percent of it, and are written all the same."""
     first = validation.cases[0]
     without = replace(first, case=replace(first.case, truth=first.case.truth._replace(alpha_0=0.0)))
-    frame = tables.cases(replace(validation, cases=(without,)))
+    frame = replace(validation, cases=(without,)).to_frame()
     assert frame["noise_percent"].isna().all()

@@ -11,9 +11,8 @@ import bristle
 from bristle.findings import NOTE, Finding
 from bristle.identification.fisher import Information
 from bristle.questions.sensitivity.local import Map
-from bristle.questions.sensitivity.parameter_box import spans_of
 from bristle.questions.sensitivity.report import report
-from bristle.questions.sensitivity.sobol import Effect, Global, Indices, Output
+from bristle.questions.sensitivity.sobol import Effect, Global, Indices, Output, spans_of
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
 
 from ..conftest import speeds, write

@@ -15,7 +15,7 @@ from bristle.model.parameters import ParameterName
 from bristle.questions.sensitivity.figures import colours, map_figure, time_figure
 from bristle.questions.sensitivity.formulas import formulas
 from bristle.questions.sensitivity.local import SineMotion, local
-from bristle.questions.sensitivity.parameter_box import box_of, joints_at, ordered
+from bristle.questions.sensitivity.sobol import box_of, joints_at, ordered
 from bristle.questions.sensitivity.study import SensitivityStudy
 
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of

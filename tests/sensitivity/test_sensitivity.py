@@ -24,7 +24,6 @@ from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.start import start_of
 from bristle.questions.sensitivity import study
 from bristle.questions.sensitivity.figures import map_figure
-from bristle.questions.sensitivity.findings import findings
 from bristle.questions.sensitivity.joint import RANGE, of_joint, within
 from bristle.questions.sensitivity.local import (
     FREQUENCIES,
@@ -36,6 +35,7 @@ from bristle.questions.sensitivity.local import (
     ranked,
     sensitivity_map,
 )
+from bristle.questions.sensitivity.study import findings
 from bristle.simulation.edro import TABLE_1
 
 from ..conftest import FEW as TOO_FEW

@@ -4,17 +4,18 @@ from bristle.api.arrays import find_segments, fit, fit_dynamic, fit_presliding, 
 from bristle.api.experiments import (
     adapt,
     compare,
+    complete,
+    draft,
+    inspect,
     plan,
     report,
+    report_of,
     sensitivity,
     validate,
 )
-from bristle.api.exploring import explore
-from bristle.api.exporting import export, read_export
-from bristle.api.files import complete, draft, inspect
+from bristle.api.exporting import explore, export, read_export
 from bristle.api.fleets import Fleet, fleet
 from bristle.api.identifying import identify
-from bristle.api.reports import report_of
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError

@@ -1,22 +1,21 @@
-"""Arrays in, fits out: what `identify` does for files, for who sits in a notebook."""
+"""The array API, for notebooks: what `identify` does for files."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from bristle.arrays import Array
-from bristle.data.experiment.arrays import seconds
+import numpy as np
+
+from bristle.arrays import Array, as_floats
+from bristle.data.experiment.arrays import run_of_arrays, seconds, together
+from bristle.data.experiment.load import Experiment, Run
 from bristle.errors import InputError, short, short_list
-from bristle.model.parameters import Kind, Lugre, Pair
-from bristle.questions.array_fit.fit import (
-    Fit,
-    along,
-    fit_motion,
-    fit_points,
-    fit_slow_loading,
-    segments_frame,
-    simulated_torque,
-    steady,
-)
+from bristle.identification.curve import curve
+from bristle.identification.identify import identify_joint
+from bristle.identification.known_joint import known_joint
+from bristle.identification.measured import measured_of
+from bristle.model.parameters import SIGNED, Kind, Lugre, Pair, fields_of, lugre_of
+from bristle.model.rollout import rollout
+from bristle.questions.array_fit.fit import Fit, Stage
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -65,7 +64,7 @@ def fit(
         raise InputError("velocity: names a column of a data frame; got arrays, of which the first is the velocity")
     if signals["torque"] is None:
         raise InputError("torque: missing; give n torques beside n velocities, or name the column of a data frame")
-    return fit_points(signals, units or {}, kind, options)
+    return _fitted("static", run_of_arrays("points", signals, units or {}, kind, options))
 
 
 def find_segments(
@@ -98,7 +97,8 @@ def find_segments(
     Returns a row for each stretch: velocity, torque, its standard error, accepted, reasons, warnings, and its samples from
     `start` to before `stop`. Raises InputError in one sentence where an array is no n finite numbers.
     """
-    return segments_frame(_signals(t, position, torque, velocity), units or {}, kind)
+    experiment, run = run_of_arrays("ramp", _signals(t, position, torque, velocity), units or {}, kind, {})
+    return measured_of(experiment, (run,)).to_frame().drop(columns="file")
 
 
 def fit_presliding(
@@ -134,7 +134,10 @@ def fit_presliding(
 
     Raises InputError in one sentence where an array is no n finite numbers, or the torque never grows slowly from zero.
     """
-    return fit_slow_loading(_signals(t, position, torque, None), units or {}, kind, options, breakaway)
+    others = [] if breakaway is None else [breakaway]
+    signals = _signals(t, position, torque, None)
+    own = run_of_arrays("presliding", signals, units or {}, kind, {**_options_of(others), **options})
+    return _fitted("presliding", own, others)
 
 
 def fit_dynamic(
@@ -185,7 +188,9 @@ def fit_dynamic(
             f"priors: got {short(priors)}; expected what fit, fit_presliding or fit_dynamic gave, in a list"
         )
     signals = _signals(t, position, torque, velocity)
-    return fit_motion(signals, units or {}, kind, options, priors, inertia, uncertainty=uncertainty)
+    known = {} if inertia is None else {"inertia": inertia}
+    own = run_of_arrays("tracking", signals, units or {}, kind, {**_options_of(priors), **options}, **known)
+    return _fitted("dynamic", own, priors, uncertainty=uncertainty)
 
 
 def friction(velocity: "ArrayLike", of: Fit | Lugre[float]) -> Array:
@@ -206,7 +211,10 @@ def friction(velocity: "ArrayLike", of: Fit | Lugre[float]) -> Array:
 
     Raises InputError where a fit knows nothing of friction vs velocity.
     """
-    return of.friction(velocity) if isinstance(of, Fit) else steady(velocity, of)
+    if isinstance(of, Fit):
+        return of.friction(velocity)
+    v = as_floats(velocity)
+    return np.asarray(np.where(v == 0, 0.0, curve(v, of.stribeck)))
 
 
 def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[float]) -> Array:
@@ -224,7 +232,23 @@ def simulate(velocity: "ArrayLike", dt: float, of: Fit | Lugre[float] | Pair[flo
 
     Raises InputError where the velocity is no n finite numbers, or a fit does not show the bristle in both directions.
     """
-    return simulated_torque(velocity, dt, of) if isinstance(of, Fit) else along(velocity, dt, of)
+    if isinstance(of, Fit):
+        known = known_joint(of.joint)
+        for d in SIGNED:
+            names = known.missing(d)
+            if not known.has_law(d) or "sigma_0" in names or "sigma_1" in names:
+                what = ", ".join(names) or "friction vs velocity"
+                raise InputError(
+                    f"simulate: {what} of direction {d} is not known; fit a motion that shows it, or give a Lugre"
+                )
+        make = lugre_of(known.law)
+        of = Pair(*(make(*(known.values(d)[name] for name in fields_of(known.law))) for d in SIGNED))
+    v = as_floats(velocity)
+    if v.ndim != 1 or not np.isfinite(v).all():
+        raise InputError(f"velocity has shape {v.shape}; expected (n,), and finite numbers")
+    if not (np.isfinite(dt) and dt > 0):
+        raise InputError(f"dt: got {dt!r}; expected seconds between samples, more than 0")
+    return rollout(v, float(dt), of).torque
 
 
 def _signals(t: Any, position: Any, torque: Any, velocity: Any) -> dict[str, Any]:
@@ -233,6 +257,19 @@ def _signals(t: Any, position: Any, torque: Any, velocity: Any) -> dict[str, Any
     if time is None:
         raise InputError("t: missing; give n times, or a series whose index is the time as position")
     return {"time": time, "position": position, "velocity": velocity, "torque": torque}
+
+
+def _options_of(others: Sequence[Fit]) -> dict[str, Any]:
+    """The directions and the law of the first of other fits of the same joint, taken where none are asked for."""
+    return others[0].measured.experiment.fit.model_dump(include={"directions", "law"}) if others else {}
+
+
+def _fitted(stage: Stage, own: tuple[Experiment, Run], others: Sequence[Fit] = (), *, uncertainty: bool = False) -> Fit:
+    """What a run and those of other fits give together, as one experiment."""
+    experiment, run = own
+    runs = together((experiment, (run,)), *((x.measured.experiment, x.measured.runs) for x in others))
+    measured = measured_of(*runs)
+    return Fit(joint=identify_joint(measured, uncertainty=uncertainty), measured=measured, stage=stage)
 
 
 def _of_frame(frame: Any, column: Any, name: str) -> Any:

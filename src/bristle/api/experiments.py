@@ -1,15 +1,19 @@
-"""The questions that a user asks of experiments, and of what was identified from them."""
+"""The questions that a user asks of logs, of experiments, and of what was identified from them."""
 
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from bristle.api.exploring import explorers
+from bristle.api.exporting import explorers
 from bristle.api.identifying import identified, identify
 from bristle.api.joints import Known, asked_joint, read_if_results
 from bristle.api.results import Results, write_results
 from bristle.api.sources import Source, path_of
+from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
+from bristle.identification.measured import Measured
+from bristle.identification.proposal import completed, draft_of_logs
 from bristle.identification.results import Joint
 from bristle.page.output_folder import check_folder
 from bristle.progress import Progress, step
@@ -32,6 +36,11 @@ from bristle.workers import REPORT, sharing
 
 if TYPE_CHECKING:
     from bristle.page.page import Drawing
+    from bristle.page.report import Report
+
+
+_ROOMS = {Comparison: "session_comparison", SensitivityStudy: "sensitivity"}
+"""The question whose `report.py` makes sections of each kind of result; it is imported only then, for it draws."""
 
 
 def report(
@@ -226,12 +235,11 @@ def validate(
     """
     check_request(repetitions, starts, noise)
     known = experiment if identified is None else identified
-    if known is not None and not isinstance(known, Fit):
-        known = read_if_results(known)
-    if isinstance(known, Results):  # which needs no logs
-        found: Joint | None = known.whole_joint(joint)
+    source = None if known is None else read_if_results(known)
+    if isinstance(source, Results):  # which needs no logs
+        found: Joint | None = source.whole_joint(None if isinstance(known, Fit) else joint)
     else:
-        found = None if known is None else asked_joint(known, joint).identified(progress)[1]
+        found = None if source is None else asked_joint(source, joint).identified(progress)[1]
     case_set = joint_cases(found, noise) if found else sweep(noise)
     return validate_cases(case_set, repetitions=repetitions, starts=starts, progress=progress)
 
@@ -266,3 +274,74 @@ def plan(
     asked = asked_joint(experiment, joint)
     check_plan(velocities, aim)
     return plan_next(*asked.identified(progress), velocities, aim, progress)
+
+
+def inspect(experiment: Known, joint: str | None = None) -> Measured:
+    """Read the runs of a joint and cut them into segments, and look for points off the law; no result is fitted.
+
+    >>> import bristle
+    >>> [segment.velocity for segment in bristle.inspect("wrist.yaml").segments[0]]
+    [-1.0, -0.3, -0.08, -0.02, 0.02, 0.08, 0.3, 1.0]
+
+    Raises InputError in one sentence where a file cannot be used, or is of several joints and `joint` names none of them.
+    """
+    return asked_joint(experiment, joint).measured()
+
+
+def draft(
+    *logs: Path | str, told: Told | None = None, folder: Path | None = None, progress: Progress | None = None
+) -> tuple[str, tuple[str, ...]]:
+    """The text of an experiment file that runs as it is, for logs of one joint, and a sentence on each thing guessed.
+
+    >>> import bristle
+    >>> text, guessed = bristle.draft("points.csv")
+    >>> print(text.splitlines()[0])
+    joint: {name: "points", kind: revolute}   # revolute or prismatic
+    >>> guessed[0]
+    'joint.kind: revolute, by the units'
+
+    Args:
+        logs: data files with the same columns; `bristle.Told` says what their names do not.
+        told: columns, units, scales and constants that are not to be guessed.
+        folder: where the text will be saved, for data files are named relative to it; None: beside the first.
+        progress: called with what is being done, how many steps are done, and how many there are.
+
+    Raises InputError in one sentence where something needed cannot be guessed, or a file cannot be used as drafted.
+    """
+    return draft_of_logs([Path(log) for log in logs], told or Told(), folder, progress)
+
+
+def complete(experiment: Path | str) -> tuple[str, str]:
+    """The text of an experiment file with the set-up that its runs ask for, and a sentence that says what was added, and why.
+
+    >>> import bristle
+    >>> text, said = bristle.complete("wrist.yaml")
+    >>> said.partition(":")[0]
+    'nothing added'
+
+    Runs without `experiment` get one, by what their signals do; regressors and directions are tried as `static.set_up`
+    has it; what the file says of `fit` already is left to its author, and the line to write there is a comment. Raises
+    InputError where a file cannot be used.
+    """
+    return completed(Path(experiment))
+
+
+def report_of(result: Comparison | SensitivityStudy) -> "Report":
+    """What was found, as sections: `text()` is what the command prints, `write(folder)` the page with its figures and tables.
+
+    >>> import bristle
+    >>> first = bristle.identify("wrist.yaml")
+    >>> report = bristle.report_of(bristle.compare(first, first))
+    >>> report.write("page").name, sorted(report.frames)
+    ('index.html', ['changes', 'sets'])
+
+    Args:
+        result: what `compare` or `sensitivity` gave.
+
+    Raises InputError where it is anything else.
+    """
+    room = _ROOMS.get(type(result))
+    if room is None:
+        raise InputError(f"got a {type(result).__name__}; expected what compare or sensitivity gave")
+    made: Report = import_module(f"bristle.questions.{room}.report").report(result)
+    return made

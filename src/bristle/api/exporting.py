@@ -1,14 +1,14 @@
-"""What identified joints are handed over as: C code, models for simulators, documents."""
+"""What identified joints are handed over as: C code, models for simulators, documents, and a page to play with."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bristle import __version__
-from bristle.api.exploring import known_loop, loop_of
 from bristle.api.identifying import identify
 from bristle.api.joints import Known, read_if_results
 from bristle.api.results import Results
@@ -26,7 +26,12 @@ from bristle.questions.export.artefact import Request
 from bristle.questions.export.export import Export, export_joints, joint_left_out
 from bristle.questions.export.exported import ExportedJoint, Origin, exported
 from bristle.questions.export.targets import target
-from bristle.simulation.joint_loop import JointLoop
+from bristle.simulation import edro
+from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper
+from bristle.workers import Share
+
+if TYPE_CHECKING:
+    from bristle.questions.explorer.page import Explorer
 
 
 def export(
@@ -68,8 +73,7 @@ def export(
         raise InputError(f"step: got {step}, of an adaptation that is not asked for; give adapt as well")
     if to != "c" and (compensator or adapt):
         raise InputError(f"{to} holds no compensator; leave compensator and adapt out, or export to c")
-    found, digest = _found(known, joint, progress)
-    joints, refused = _handed(found, digest)
+    found, joints, refused = _handed(known, joint, progress)
     request = Request(
         into=None if into is None else read_at_most(Path(into), LARGEST, "a model, without meshes"),
         into_name="" if into is None else Path(into).name,
@@ -84,7 +88,7 @@ def export(
 
 def exported_joints(known: Known, joint: str | None = None) -> tuple[ExportedJoint, ...]:
     """What would be handed over of identified joints, or of one of them. Raises InputError as `export` does."""
-    return _handed(*_found(known, joint, None))[0]
+    return _handed(known, joint, None)[1]
 
 
 def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
@@ -112,48 +116,32 @@ class _Found(NamedTuple):
     """Its loop, or the sentence why it has none."""
 
 
-def _found(known: Known, joint: str | None, progress: Progress | None) -> tuple[list[_Found], str | None]:
-    """The joints, and SHA-256 of the results file that they are from, where they are from one."""
-    if isinstance(known, Fit):
-        experiment = known.measured.experiment
-        return [_Found(known.joint, experiment, lambda: loop_of(experiment, known.joint))], None
-    source = read_if_results(known)
-    results = source if isinstance(source, Results) else identify(source, joint=joint, progress=progress)
-    digest = None
-    if isinstance(known, Path | str) and source is not known:
+def _handed(
+    known: Known, joint: str | None, progress: Progress | None
+) -> tuple[list[_Found], tuple[ExportedJoint, ...], tuple[Finding, ...]]:
+    """The joints, as they are handed over, and of several why some cannot be. Raises InputError where none can."""
+    source, digest = read_if_results(known), None
+    if isinstance(known, Path | str) and source is not known:  # from a results file
         digest = sha256(read_at_most(Path(known), LARGEST, "a results file")).hexdigest()
-    chosen = results.whole_joints(joint)
-    return [_Found(one, _experiment(results, one), partial(known_loop, results, one)) for one in chosen], digest
-
-
-def _handed(found: Sequence[_Found], digest: str | None) -> tuple[tuple[ExportedJoint, ...], tuple[Finding, ...]]:
-    """The joints, and of several why some cannot be handed over. Raises InputError where none can."""
+    results = source if isinstance(source, Results) else identify(source, joint=joint, progress=progress)
+    found = []
+    for one in results.whole_joints(None if isinstance(known, Fit) else joint):
+        own: Experiment | None = None
+        with suppress(InputError):
+            own, _ = results.logs.experiment_of(one)
+        found.append(_Found(one, own, partial(known_loop, results, one)))
     joints: list[ExportedJoint] = []
     refused: list[Finding] = []
-    for one in found:
+    for of, experiment, _ in found:
+        logs, file = {log.file: log.sha256 for log in of.inputs}, experiment.path.name if experiment else None
+        origin = Origin(bristle=__version__, results_sha256=digest, experiment=file, logs=logs)
         try:
-            joints.append(exported(one.joint, one.experiment, _origin(one, digest)))
+            joints.append(exported(of, experiment, origin))
         except InputError as error:
             if len(refused) + 1 == len(found):
                 raise
             refused.append(joint_left_out(error))
-    return tuple(joints), tuple(refused)
-
-
-def _experiment(results: Results, joint: Joint) -> Experiment | None:
-    try:
-        return results.logs.experiment_of(joint)[0]
-    except InputError:
-        return None
-
-
-def _origin(found: _Found, digest: str | None) -> Origin:
-    return Origin(
-        bristle=__version__,
-        results_sha256=digest,
-        experiment=found.experiment.path.name if found.experiment else None,
-        logs={one.file: one.sha256 for one in found.joint.inputs},
-    )
+    return found, tuple(joints), tuple(refused)
 
 
 def _compensator(found: _Found, name: Any, law: Any, step: Any) -> Compensator:
@@ -171,3 +159,64 @@ def _compensator(found: _Found, name: Any, law: Any, step: Any) -> Compensator:
         known.adaptation, law=law, step=step or known.adaptation.step, gamma=known.comparable_rates(law)
     )
     return replace(own, adaptation=adaptation)
+
+
+def explore(
+    experiment: Known | None = None, *, joint: str | None = None, progress: Progress | None = None
+) -> "Explorer":
+    """The friction model in the hand: one page that computes offline, with sliders for the parameters of each joint.
+
+    >>> import bristle
+    >>> page = bristle.explore("wrist.yaml")
+    >>> page.joints
+    ('points',)
+    >>> page.write("explore.html").name
+    'explore.html'
+
+    Args:
+        experiment: a file of a joint or of a robot, or what `identify` or a fit of arrays gave; None: the embedded Ed-Ro
+            (simulated).
+        joint: the only one on the page; None: all.
+        progress: told of every step.
+
+    Of results no log is read. Raises InputError in one sentence where a file cannot be used, or nothing is known of the
+    friction over velocity.
+    """
+    from bristle.questions.explorer.page import explorer  # which draws, and a fit does not
+
+    known = identify(joint=joint, progress=progress) if experiment is None else read_if_results(experiment)
+    results = known if isinstance(known, Results) else identify(known, joint=joint, progress=progress)
+    return explorer(*_known(results, None if isinstance(experiment, Fit) else joint))
+
+
+def explorers(results: Results, share: Share) -> Iterator["Explorer | None"]:
+    """The one page of all joints, made by whoever shares the work; None where nothing is known of the friction over velocity."""
+    return iter(share(_explorer, [_known(results)]))
+
+
+def _explorer(known: "_Known") -> "Explorer | None":
+    from bristle.questions.explorer.page import explorer
+
+    with suppress(InputError):
+        return explorer(*known)
+    return None
+
+
+_Known = tuple[Sequence[Joint], dict[str, JointLoop | str]]
+"""Joints, and the loop of each or why there is none."""
+
+
+def _known(results: Results, joint: str | None = None) -> _Known:
+    joints = results.whole_joints(joint)
+    return joints, {found.name: known_loop(results, found) for found in joints}
+
+
+def known_loop(results: Results, joint: Joint) -> JointLoop | str:
+    """The loop of an identified joint, the paper's own of the embedded ones, or the sentence why there is none."""
+    try:
+        experiment, folder = results.logs.experiment_of(joint)
+        if folder != edro.datasets_folder() or joint.name not in edro.TABLE_1:
+            return of_experiment(experiment, joint)
+    except InputError as error:
+        return str(error)
+    return of_paper([joint])[0]

@@ -3,7 +3,7 @@
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -118,15 +118,8 @@ def fleet(
     Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing at all could be identified, and
     OSError where the output is full or the scheduler is lost; what was identified by then is not identified again.
     """
-    return fleet_on(
-        _client(client, workers, memory),
-        catalog,
-        output,
-        verify=verify,
-        rate=rate,
-        baseline=baseline,
-        progress=progress,
-    )
+    cluster = _client(client, workers, memory)
+    return fleet_on(cluster, catalog, output, verify=verify, rate=rate, baseline=baseline, progress=progress)
 
 
 def fleet_on(
@@ -151,7 +144,12 @@ def fleet_on(
     step(progress, "reading the catalog")
     rows = read_catalog(catalog)
     step(progress, "starting the cluster")
-    with _folder(output) as folder, held(folder), cluster as client:
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="bristle-")) if output is None else str(output)
+        if "://" not in folder:
+            folder = str(Path(folder).absolute())
+        stack.enter_context(held(folder))
+        client = stack.enter_context(cluster)
         begun(dashboard_of(client))
         run = run_fleet(rows, folder, client, identified_joint, verify=verify, progress=progress)
     step(progress, "comparing sessions")
@@ -167,23 +165,15 @@ def identified_joint(path: Path, joint: str) -> tuple[Measured, Joint]:
     return asked_joint(path, joint).identified(None)
 
 
-@contextmanager
 def connected(
     scheduler: str | None, workers: int | None, memory: str | None, certificates: Mapping[str, Path | None]
-) -> Iterator[Any]:
-    """A client of the cluster that the command line asks for: of a scheduler, or else of this machine.
-
-    Raises InputError where what is asked for does not go together, or no scheduler answers.
-    """
+) -> AbstractContextManager[Any]:
+    """A client of a scheduler, or else of a cluster of this machine. Raises InputError, once entered, where no scheduler answers."""
     from bristle.questions.fleet.cluster import local_client, remote_client
 
-    given = {name: str(path) for name, path in certificates.items() if path is not None}
     if scheduler is None:
-        with local_client(workers, memory) as client:
-            yield client
-        return
-    with remote_client(scheduler, given) as client:
-        yield client
+        return local_client(workers, memory)
+    return remote_client(scheduler, {name: str(path) for name, path in certificates.items() if path is not None})
 
 
 def check_cluster(
@@ -207,17 +197,6 @@ def check_cluster(
             raise InputError(f"{path}: no such file; expected a certificate or key of TLS, PEM")
     if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
         raise InputError(f"--scheduler: got {short(scheduler)}; expected an address such as tcp://host:8786")
-
-
-@contextmanager
-def _folder(output: str | Path | None) -> Iterator[str]:
-    """The output from anywhere; a temporary folder where none is asked for."""
-    if output is not None:
-        name = str(output)
-        yield name if "://" in name else str(Path(name).absolute())
-        return
-    with tempfile.TemporaryDirectory(prefix="bristle-") as folder:
-        yield folder
 
 
 @contextmanager

@@ -1,14 +1,13 @@
 """Experiment files in, results out."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 from math import inf
 
 from bristle.api.joints import read_if_results
-from bristle.api.logs import JointLogs
 from bristle.api.results import Results, choose
-from bristle.api.sources import Source, SourceText, names_of, open_all
+from bristle.api.sources import JointLogs, Source, SourceText, names_of, open_all
 from bristle.data.experiment.load import Experiment
 from bristle.data.robot.robot_file import Robot
 from bristle.errors import InputError, short
@@ -106,9 +105,12 @@ def _identified(
     need: float | str | None,
 ) -> Results:
     chosen = _chosen(files, joint)
-    every = [
-        m for m in _measured([loaded for loaded, _ in files], progress, share) if m.experiment.joint.name in chosen
-    ]
+    # What each joint measured; what cannot be used is said before minutes are spent on the others.
+    every = list[Measured]()
+    alone = iter(share(measure, [loaded for loaded, _ in files if isinstance(loaded, Experiment)]))
+    for loaded, _ in files:
+        every += [next(alone)] if isinstance(loaded, Experiment) else measure_robot(loaded, progress, share)
+    every = [one for one in every if one.experiment.joint.name in chosen]
     work = partial(_timed, crosscheck=crosscheck, uncertainty=uncertainty, need=NEED if need is None else percent(need))
     waiting = iter(share(partial(work, progress=progress) if share is map else work, every))
     found: list[tuple[Joint, dict[str, float]]] = []
@@ -118,18 +120,9 @@ def _identified(
         found.append(next(waiting))
         each(found[-1][0])
     timings = {f"{joint.name}: {what}": seconds for joint, spent in found for what, seconds in spent.items()}
-    texts = [text for _, text in files]
-    return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=JointLogs.at_hand(every, texts))
-
-
-def _measured(files: Sequence[Experiment | Robot], progress: Progress | None, share: Share) -> Iterator[Measured]:
-    """What the joints of some files measured; what cannot be used is said before minutes are spent on the others."""
-    alone = iter(share(measure, [one for one in files if isinstance(one, Experiment)]))
-    for one in files:
-        if isinstance(one, Experiment):
-            yield next(alone)
-        else:
-            yield from measure_robot(one, progress, share)
+    texts = tuple(text for _, text in files if text is not None)
+    logs = JointLogs(texts=texts, read={one.experiment.joint.name: one for one in every})
+    return Results(joints=tuple(joint for joint, _ in found), timings=timings, logs=logs)
 
 
 def _timed(

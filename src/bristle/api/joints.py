@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from bristle.api.results import Results, choose, read_results
-from bristle.api.sources import Source, is_results_file, load, measure_joints, names_of
+from bristle.api.sources import JointLogs, Source, is_results_file, measure_joints, names_of, opened
 from bristle.data.experiment.load import Experiment
 from bristle.data.robot.robot_file import Robot, pick
 from bristle.identification.identify import identify_joint
@@ -17,8 +17,10 @@ Known = Source | Results | Fit
 """A joint: to be identified, or identified already: results, their file, or a fit of arrays."""
 
 
-def read_if_results(known: Source | Results) -> Source | Results:
-    """The results of a results file; what is none as it is. Raises InputError where such a file is damaged."""
+def read_if_results(known: Known) -> Source | Results:
+    """The results of a results file or a fit; what is neither as it is. Raises InputError where such a file is damaged."""
+    if isinstance(known, Fit):
+        return Results(joints=(known.joint,), logs=JointLogs(read={known.joint.name: known.measured}))
     return read_results(known) if isinstance(known, Path | str) and is_results_file(Path(known)) else known
 
 
@@ -48,18 +50,13 @@ class AskedJoint(NamedTuple):
 
 
 def asked_joint(known: Known, name: str | None = None) -> AskedJoint:
-    """The joint that a question is about, of several the one of a name.
-
-    Raises InputError where a file cannot be read, or there are several joints and no name, or none of that name.
-    """
-    if isinstance(known, Fit):
-        return AskedJoint(known.measured.experiment, None, (known.measured, known.joint))
+    """The joint of a name, or the only one. Raises InputError where a file cannot be read, or it is not said which joint is meant."""
     source = read_if_results(known)
     if isinstance(source, Results):
-        joint = source.whole_joint(name)
+        joint = source.whole_joint(None if isinstance(known, Fit) else name)
         measured = source.measured_joint(joint.name)
         return AskedJoint(measured.experiment, None, (measured, joint))
-    loaded = load(source)
+    loaded, _ = opened(source)
     chosen = choose(names_of(loaded), name)
     own = pick(loaded, chosen).experiment if isinstance(loaded, Robot) else loaded
     return AskedJoint(own, loaded, None)

@@ -8,8 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from bristle.api.logs import JointLogs
-from bristle.api.sources import path_of, source_text
+from bristle.api.sources import JointLogs, path_of, source_text
 from bristle.errors import InputError, short, short_list
 from bristle.findings import Finding, Severity
 from bristle.identification.document import document_of, joints_of, reading, with_samples
@@ -94,10 +93,7 @@ class Results:
         )
 
     def measured_joint(self, name: str) -> Measured:
-        """What the joint of a name was identified from; of results that were read, its logs are read now.
-
-        Raises InputError where they are not known, or missing, or were changed.
-        """
+        """What a joint was identified from, its logs read now where they were not. Raises InputError as `JointLogs.of` does."""
         return self.logs.of(self.joint(name))
 
     @property

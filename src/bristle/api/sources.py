@@ -1,4 +1,4 @@
-"""What joints are identified from: files of a joint or of a robot, loaded, and what is kept of them to load them again."""
+"""What joints are identified from: files of a joint or of a robot, loaded, what is kept to load them again, and their logs."""
 
 import hashlib
 import os
@@ -9,12 +9,12 @@ from typing import Any
 
 from bristle.data.experiment.load import Experiment, experiment_from
 from bristle.data.experiment.yaml_file import MAX_BYTES, parse, read_text
-from bristle.data.robot.robot_file import Robot, is_robot, robot_of
+from bristle.data.robot.robot_file import Robot, is_robot, pick, robot_of
 from bristle.errors import InputError, check_name, check_regular, short, unreadable
 from bristle.identification.document import is_results
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measure
-from bristle.identification.results import WrittenExperiment
+from bristle.identification.results import Joint, WrittenExperiment
 from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
 from bristle.simulation import edro
@@ -46,18 +46,19 @@ class SourceText:
 
     def written(self, folder: Path) -> WrittenExperiment:
         """As a results file in some folder has it: its place from there, so that both may be moved together."""
-        inside = self.path.parent == edro.datasets_folder()
-        place = None if inside else _relative(self.path.parent, folder.resolve())
+        own, place = self.path.parent, None
+        if own != edro.datasets_folder():
+            try:
+                place = Path(os.path.relpath(own, folder.resolve())).as_posix()
+            except ValueError:  # another drive
+                place = own.as_posix()
         return WrittenExperiment(
             file=self.path.name, folder=place, text=self.text, beside=self.beside, joints=self.joints
         )
 
 
 def source_text(written: WrittenExperiment, folder: Path) -> SourceText:
-    """What a results file in some folder has of an experiment file; nothing is opened.
-
-    Raises InputError where its name is no file's, or its text is a book.
-    """
+    """What a results file in some folder has of an experiment file, not opened. Raises InputError where name or text cannot be."""
     name = check_name(written.file, "experiments: file")
     if name in ("", ".", "..") or Path(name).name != name or "\\" in name:
         raise InputError(f"experiments: file: got {short(name)}; expected the name of a file")
@@ -67,13 +68,6 @@ def source_text(written: WrittenExperiment, folder: Path) -> SourceText:
     if written.folder is not None:
         place = Path(os.path.normpath(folder.resolve() / check_name(written.folder, "experiments: folder")))
     return SourceText(path=place / name, text=written.text, beside=dict(written.beside), joints=written.joints)
-
-
-def _relative(path: Path, start: Path) -> str:
-    try:
-        return Path(os.path.relpath(path, start)).as_posix()
-    except ValueError:  # another drive
-        return path.as_posix()
 
 
 def _sha256(path: Path) -> str:
@@ -91,11 +85,6 @@ def path_of(source: object, expected: str = "an experiment, or the path of its f
     return Path(source)
 
 
-def load(source: Source) -> Experiment | Robot:
-    """What a file describes. Raises InputError where it cannot be read."""
-    return opened(source)[0]
-
-
 def load_text(text: str, path: Path) -> Experiment | Robot:
     """What a text describes, as if it stood at a path. Raises InputError where it describes nothing."""
     return _described(parse(text, str(path)), path)
@@ -106,10 +95,7 @@ def _described(data: dict[str, Any], path: Path) -> Experiment | Robot:
 
 
 def opened(source: Source) -> tuple[Experiment | Robot, SourceText | None]:
-    """What a file describes, and its text.
-
-    What was loaded before has one where its file still describes the same. Raises InputError where a file cannot be read.
-    """
+    """What a file describes, and its text, which loaded data have while their file is the same. Raises InputError where it cannot be read."""
     if isinstance(source, Experiment | Robot):
         try:
             again, found = opened(source.path)
@@ -128,8 +114,8 @@ def opened(source: Source) -> tuple[Experiment | Robot, SourceText | None]:
     if isinstance(loaded, Robot) and isinstance(data.get("robot"), dict):
         urdf = str(data["robot"]["urdf"])
         beside[urdf] = _sha256(path.parent / urdf)
-    stood = path.parent.resolve() / path.name
-    return loaded, SourceText(path=stood, text=text, beside=beside, joints=names_of(loaded))
+    path = path.parent.resolve() / path.name
+    return loaded, SourceText(path=path, text=text, beside=beside, joints=names_of(loaded))
 
 
 def is_results_file(path: Path) -> bool:
@@ -169,3 +155,57 @@ def measure_joints(
     if isinstance(loaded, Experiment):
         return (measure(loaded),)
     return measure_robot(loaded, progress, only=only, constant=constant)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JointLogs:
+    """The logs behind some joints."""
+
+    texts: tuple[SourceText, ...] = ()
+    """The files that name them."""
+    read: dict[str, Measured] = field(default_factory=dict)
+    """By joint, what was read."""
+
+    def of(self, joint: Joint) -> Measured:
+        """What a joint was identified from, the same as then. Raises InputError where that is not known, or a log is missing or changed."""
+        if joint.name not in self.read:
+            text = next((text for text in self.texts if joint.name in text.joints), None)
+            if text is None:
+                raise InputError(
+                    f"{joint.name}: got results without their logs; expected what `identify` returned or wrote, or an experiment file"
+                )
+            loaded = _loaded(text, joint)
+            again = measure_joints(loaded, only=joint.name, constant=joint.torque_constant)
+            self.read.update({one.experiment.joint.name: one for one in again})
+        measured = self.read[joint.name]
+        known = [(x.file, x.sha256) for x in joint.inputs]
+        found = [(run.record.file, run.record.sha256) for run in measured.runs]
+        if known != found:
+            odd = next((file for file, sha in found if (file, sha) not in known), None)
+            what = f"{odd} was changed, or added," if odd else "a log went missing"
+            raise InputError(
+                f"{joint.name}: {what} since the joint was identified; expected the same logs, or identify it anew"
+            )
+        return measured
+
+    def experiment_of(self, joint: Joint) -> tuple[Experiment, Path | None]:
+        """The experiment of a joint, its logs unread, and the folder of its file, if known. Raises InputError where it cannot be loaded."""
+        text = next((text for text in self.texts if joint.name in text.joints), None)
+        if joint.name in self.read:
+            return self.read[joint.name].experiment, None if text is None else text.path.parent
+        if text is None:
+            raise InputError(f"{joint.name}: got results without their experiment file")
+        loaded = _loaded(text, joint)
+        return loaded if isinstance(loaded, Experiment) else pick(loaded, joint.name).experiment, text.path.parent
+
+    def written(self, folder: Path) -> tuple[WrittenExperiment, ...]:
+        """As a results file in some folder has them."""
+        return tuple(text.written(folder) for text in self.texts)
+
+
+def _loaded(text: SourceText, joint: Joint) -> Experiment | Robot:
+    """What the text describes. Raises InputError as `SourceText.loaded` does, and where it has no such joint."""
+    loaded = text.loaded()
+    if joint.name not in names_of(loaded):
+        raise InputError(f"{text.path.name}: its text in the results names no joint {short(joint.name)}")
+    return loaded

@@ -20,30 +20,21 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def draw(fit: Fit, ax: Axes | None = None) -> Axes:
-    """What was measured and what the fit makes of it, into `ax` or new axes of pyplot."""
-    return draw_stage(fit.joint, fit.stage, ax)
-
-
 def draw_joint(joint: Joint, ax: Axes | None = None) -> Axes:
-    """The same of a joint: its friction vs velocity where it has points, else its moving runs, else its slow loading."""
+    """What was measured and what the fit makes of it: friction vs velocity where it has points, else its moving runs, else its slow loading."""
     points = any(static.velocity.size for static in joint.static.values())
     return draw_stage(joint, "static" if points else "dynamic" if joint.moving else "presliding", ax)
 
 
 def draw_stage(joint: Joint, stage: Stage, ax: Axes | None = None) -> Axes:
-    """The same of one stage of a joint."""
+    """The same of one stage of a joint, into `ax` or new axes of pyplot."""
     if ax is None:
         import matplotlib.pyplot as plt
 
         ax = plt.subplots()[1]
     kind = joint.kind
     {"static": _points, "presliding": _loadings, "dynamic": _motion}[stage](ax, joint)
-    across = {
-        "static": axis("velocity", kind),
-        "presliding": axis("displacement", kind),
-        "dynamic": "Time (s)",
-    }
+    across = {"static": axis("velocity", kind), "presliding": axis("displacement", kind), "dynamic": "Time (s)"}
     ax.set_xlabel(across[stage])
     ax.set_ylabel(axis("torque", kind))
     if ax.get_legend_handles_labels()[1]:
@@ -96,9 +87,9 @@ def _motion(ax: Axes, joint: Joint) -> None:
 
 @styled
 def html(fit: Fit) -> str:
-    """The same with the curve, for a notebook; text that may be anybody's is escaped."""
+    """A fit with its curve, for a notebook; text that may be anybody's is escaped."""
     figure = new_figure(3.6)
-    draw(fit, figure.subplots())
+    draw_stage(fit.joint, fit.stage, figure.subplots())
     curve_of = inline(render_as(figure, "svg"), "fit", "friction vs velocity, measured and fitted")
     paragraphs = "".join(f"<p>{escape(line)}</p>" for line in outcomes(fit))
     points = "".join(f"<li>{escape(line)}</li>" for line in serious(fit))

@@ -1,6 +1,6 @@
 """Fits of arrays: the joint that files of the same data would give, with a shorter way to its numbers."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -11,22 +11,16 @@ from bristle.arrays import Array, as_floats
 from bristle.control.adaptation import Law
 from bristle.control.compensator import Name
 from bristle.control.running import RunningCompensator
-from bristle.data.experiment.arrays import run_of_arrays, together
-from bristle.data.experiment.load import Experiment, Run
 from bristle.errors import InputError, short
 from bristle.estimation.covariance import student
 from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import Finding
-from bristle.identification.curve import curve
 from bristle.identification.fits import Estimate, Uncertainty
-from bristle.identification.identify import identify_joint
 from bristle.identification.joint_model import JointModel
-from bristle.identification.known_joint import known_joint
-from bristle.identification.measured import Measured, measured_of
+from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import load_columns, regressors_of, terms_of
 from bristle.identification.results import Joint
-from bristle.model.parameters import SIGNED, Direction, Kind, Lugre, Pair, ParameterName, fields_of, lugre_of
-from bristle.model.rollout import rollout
+from bristle.model.parameters import Direction, ParameterName
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -170,9 +164,9 @@ class Fit:
         Points over velocity with the fitted curve and its 95 % band; slow loading as torque over displacement; a motion as
         torque over time.
         """
-        from bristle.questions.array_fit.figure import draw
+        from bristle.questions.array_fit.figure import draw_stage
 
-        return draw(self, ax)
+        return draw_stage(self.joint, self.stage, ax)
 
     def __repr__(self) -> str:
         """The fit report, as the command line prints it."""
@@ -210,111 +204,23 @@ def _named(name: str, direction: str) -> str:
 
 def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, float]:
     """Of one parameter; nan where there is none."""
-    e, ways = row.estimate, row.ways
+    e, ways, none = row.estimate, row.ways, (np.nan, np.nan)
     if e.value is None:
-        return np.nan, np.nan
+        return none
     if method is None and level == CONFIDENCE:
-        return e.interval or (np.nan, np.nan)
-    if method == "covariance" and ways is not None and ways.covariance is not None and level == CONFIDENCE:
-        return ways.covariance
+        return e.interval or none
+    made: tuple[float, float] | None = getattr(ways, method) if ways is not None and method is not None else None
+    if made is not None and level == CONFIDENCE:
+        return made
     if method in (None, "covariance"):
         reach = student(row.freedom, level) * (e.total_error or np.nan)
         return e.value - reach, e.value + reach
-    if ways is None:
-        return np.nan, np.nan
-    return ways.bootstrap or (np.nan, np.nan) if method == "bootstrap" else _by_profile(ways, level, row.freedom)
-
-
-def _by_profile(ways: Uncertainty, level: float, freedom: float) -> tuple[float, float]:
-    """Where the profile passes the threshold of a level, which is F's quantile beside that of 95 %."""
-    if ways.profile is None or level == CONFIDENCE:
-        return ways.profile or (np.nan, np.nan)
+    if made is None or ways is None or not ways.curve[0].size:
+        return none
+    # Where the profile passes the threshold of the level, which is F's quantile beside that of 95 %; F(1, n) is t squared.
     values, cost = ways.curve
-    if not values.size:
-        return np.nan, np.nan
-    height = (student(freedom, level) / student(freedom, CONFIDENCE)) ** 2  # F(1, n) is t squared
+    height = (student(row.freedom, level) / student(row.freedom, CONFIDENCE)) ** 2
     least = int(np.argmin(cost))
     low = float(np.interp(-height, -cost[: least + 1], values[: least + 1]))
     high = float(np.interp(height, cost[least:], values[least:]))
     return low, high
-
-
-def fit_points(signals: Mapping[str, Any], units: Mapping[str, str], kind: Kind, options: Mapping[str, Any]) -> Fit:
-    """The fit of velocity-torque points; arguments and errors as of `bristle.fit`."""
-    experiment, run = run_of_arrays("points", signals, units, kind, options)
-    return _fitted("static", (experiment, (run,)), ())
-
-
-def fit_slow_loading(
-    signals: Mapping[str, Any], units: Mapping[str, str], kind: Kind, options: Mapping[str, Any], breakaway: Fit | None
-) -> Fit:
-    """The bristle from slow loading, g0 from the fit of points where there is one; arguments and errors as of `bristle.fit_presliding`."""
-    experiment, run = run_of_arrays("presliding", signals, units, kind, _options(breakaway, options))
-    return _fitted("presliding", (experiment, (run,)), [breakaway] if breakaway else ())
-
-
-def fit_motion(
-    signals: Mapping[str, Any],
-    units: Mapping[str, str],
-    kind: Kind,
-    options: Mapping[str, Any],
-    priors: Sequence[Fit],
-    inertia: float | str | None,
-    *,
-    uncertainty: bool,
-) -> Fit:
-    """All parameters from a motion, with what other fits say; arguments and errors as of `bristle.fit_dynamic`."""
-    more = {} if inertia is None else {"inertia": inertia}
-    own = _options(next(iter(priors), None), options)
-    experiment, run = run_of_arrays("tracking", signals, units, kind, own, **more)
-    return _fitted("dynamic", (experiment, (run,)), priors, uncertainty=uncertainty)
-
-
-def _options(other: Fit | None, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The options asked for, and the directions and the law of another fit of the same joint where none are asked for."""
-    taken = {} if other is None else other.measured.experiment.fit.model_dump(include={"directions", "law"})
-    return {**taken, **options}
-
-
-def _fitted(
-    stage: Stage, own: tuple[Experiment, tuple[Run, ...]], others: Sequence[Fit], *, uncertainty: bool = False
-) -> Fit:
-    """What runs and those of other fits give together, as one experiment."""
-    measured = measured_of(*together(own, *((x.measured.experiment, x.measured.runs) for x in others)))
-    return Fit(joint=identify_joint(measured, uncertainty=uncertainty), measured=measured, stage=stage)
-
-
-def segments_frame(signals: Mapping[str, Any], units: Mapping[str, str], kind: Kind) -> "pd.DataFrame":
-    """The candidates at constant velocity of a run; arguments, columns and errors as of `bristle.find_segments`."""
-    experiment, run = run_of_arrays("ramp", signals, units, kind, {})
-    return measured_of(experiment, (run,)).to_frame().drop(columns="file")
-
-
-def simulated_torque(velocity: ArrayLike, dt: float, fit: Fit) -> Array:
-    """Friction torque of the bristle along a velocity; arguments and errors as of `bristle.simulate`."""
-    known = known_joint(fit.joint)
-    for d in SIGNED:
-        names = known.missing(d)
-        if not known.has_law(d) or "sigma_0" in names or "sigma_1" in names:
-            what = ", ".join(names) or "friction vs velocity"
-            raise InputError(
-                f"simulate: {what} of direction {d} is not known; fit a motion that shows it, or give a Lugre"
-            )
-    sets = [lugre_of(known.law)(*(known.values(d)[name] for name in fields_of(known.law))) for d in SIGNED]
-    return along(velocity, dt, Pair(*sets))
-
-
-def steady(velocity: ArrayLike, p: Lugre[float]) -> Array:
-    """Friction (9) of given parameters, N*m, in the shape of `velocity`, rad/s; 0 at rest."""
-    v = as_floats(velocity)
-    return np.asarray(np.where(v == 0, 0.0, curve(v, p.stribeck)))
-
-
-def along(velocity: ArrayLike, dt: float, parameters: Lugre[float] | Pair[float]) -> Array:
-    """The same of given parameters."""
-    v = as_floats(velocity)
-    if v.ndim != 1 or not np.isfinite(v).all():
-        raise InputError(f"velocity has shape {v.shape}; expected (n,), and finite numbers")
-    if not (np.isfinite(dt) and dt > 0):
-        raise InputError(f"dt: got {dt!r}; expected seconds between samples, more than 0")
-    return rollout(v, float(dt), parameters).torque

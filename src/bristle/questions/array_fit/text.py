@@ -14,16 +14,13 @@ if TYPE_CHECKING:
 
 def text(fit: "Fit") -> str:
     """How the fit ended, its parameters with their errors and 95 % intervals, and what to be careful about; 80 columns wide."""
-    return "\n".join(wrapped([*outcomes(fit), *columns(list(_rows(fit))), *serious(fit)]))
-
-
-def _rows(fit: "Fit") -> Iterator[tuple[str, ...]]:
-    yield "parameter", "value +/- standard error", "95 % interval"
-    ends = fit.conf_int()
+    ends, frame = fit.conf_int(), fit.to_frame()
+    rows = [("parameter", "value +/- standard error", "95 % interval")]
     for name, value in fit.params.items():
-        unit, known = fit.to_frame().unit[name], tuple(map(float, ends.loc[name]))
-        shown = "not identifiable" if isnan(value) else f"{pair(value, fit.stderr[name])} {unit}"
-        yield name, shown, "none" if isnan(sum(known)) else interval((known[0], known[1]))
+        low, high = map(float, ends.loc[name])
+        shown = "not identifiable" if isnan(value) else f"{pair(value, fit.stderr[name])} {frame.unit[name]}"
+        rows.append((name, shown, "none" if isnan(low + high) else interval((low, high))))
+    return "\n".join(wrapped([*outcomes(fit), *columns(rows), *serious(fit)]))
 
 
 def outcomes(fit: "Fit") -> Iterator[str]:

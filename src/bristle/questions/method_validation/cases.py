@@ -1,32 +1,33 @@
-"""What the grid search is validated on.
-
-A joint's own directions as they were measured, or a declared sweep over Table 1.
-"""
+"""What the grid search is validated on: a joint's own directions as they were measured, or a sweep over Table 1."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import NOTE, Finding
-from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import fault_of
 from bristle.identification.results import Joint
 from bristle.identification.static.grid import default_range
-from bristle.model.parameters import Direction, ParameterName, Stribeck
+from bristle.model.parameters import Direction, ParameterName
 from bristle.model.parameters import Kind as JointKind
 from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.simulation import edro
 
 NOISES = (0.005, 0.05)
 """Of the sweep: standard deviation of a point's torque over alpha_0."""
-FASTEST = 11.0
-"""Of the sweep: the fastest speed over v_s."""
 MOST_POINTS = 400
 """Points of a case; of more equations so many are simulated, with as much less noise as there are fewer."""
+
+
+_SIMULATED = (
+    "SIMULATED: torques are those of the model at the given velocities, with white Gaussian noise; no run is simulated, "
+    "and the velocities have no error."
+)
+_ALONE = "Each direction is validated separately: what directions share (inertia, gravity, offset) is taken as known."
+_ASSUMED = Finding("points-simulated", NOTE, _SIMULATED), Finding("directions-alone", NOTE, _ALONE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,41 +39,32 @@ class CaseSet:
     cases: tuple[ValidationCase, ...]
     skipped: Mapping[str, Finding] = field(default_factory=dict)
     """Directions that cannot be tried, each with the reason."""
-    assumptions: tuple[Finding, ...] = (
-        Finding(
-            "points-simulated",
-            NOTE,
-            "SIMULATED: torques are those of the model at the given velocities, with white Gaussian noise; no run is simulated, "
-            "and the velocities have no error.",
-        ),
-        Finding(
-            "directions-alone",
-            NOTE,
-            "Each direction is validated separately: what directions share (inertia, gravity, offset) is taken as known.",
-        ),
-    )
-
-
-def sweep_designs(v_s: float) -> dict[str, Array]:
-    """Three designs for a Stribeck velocity (rad/s): velocities, rad/s, by what they are."""
-    return {
-        "16 speeds, even in the logarithm, from 0.15 v_s": np.geomspace(0.15 * v_s, FASTEST * v_s, 16),
-        "12 speeds, even, from 0.5 v_s": np.linspace(0.5 * v_s, FASTEST * v_s, 12),
-        "12 speeds, even, none below 1.5 v_s": np.linspace(1.5 * v_s, FASTEST * v_s, 12),
-    }
+    assumptions: tuple[Finding, ...] = _ASSUMED
 
 
 def sweep(noise: float | None = None) -> CaseSet:
     """Every set of Table 1, at two noise levels (or at `noise`, a share of alpha_0, > 0) and three designs."""
-    levels = NOISES if noise is None else (noise,)
-    cases = tuple(
-        _case(f"{name} ({sign})", design, p.stribeck, speeds if sign == "+" else -speeds, level * p.alpha_0)
-        for name, pair in edro.TABLE_1.items()
-        for sign, p in zip("+-", pair, strict=True)
-        for design, speeds in sweep_designs(p.v_s).items()
-        for level in levels
-    )
-    return CaseSet(title="Table 1", kind="revolute", cases=cases)
+    levels, cases = NOISES if noise is None else (noise,), list[ValidationCase]()
+    for name, pair in edro.TABLE_1.items():
+        for sign, p in zip("+-", pair, strict=True):
+            designs = {
+                "16 speeds, even in the logarithm, from 0.15 v_s": np.geomspace(0.15 * p.v_s, 11 * p.v_s, 16),
+                "12 speeds, even, from 0.5 v_s": np.linspace(0.5 * p.v_s, 11 * p.v_s, 12),
+                "12 speeds, even, none below 1.5 v_s": np.linspace(1.5 * p.v_s, 11 * p.v_s, 12),
+            }
+            cases += [
+                ValidationCase(
+                    label=f"{name} ({sign})",
+                    design=design,
+                    truth=p.stribeck,
+                    velocity=speeds if sign == "+" else -speeds,
+                    noise=level * p.alpha_0,
+                    v_s_range=default_range(speeds),
+                )
+                for design, speeds in designs.items()
+                for level in levels
+            ]
+    return CaseSet(title="Table 1", kind="revolute", cases=tuple(cases))
 
 
 def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
@@ -80,8 +72,7 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
 
     Args:
         joint: identified.
-        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, its rms corrected for its
-            parameters.
+        noise: standard deviation of a point's torque over alpha_0, > 0; None: the fit's own, corrected for its parameters.
 
     Raises InputError where nothing at all was fitted, or a fit has a number that no joint has.
     """
@@ -96,28 +87,34 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
             continue
         if fit.velocity.size <= len(case_names(fit.law)):
             points = fit.velocity.size
-            skipped[direction] = Finding(
-                "too-few-to-validate",
-                NOTE,
-                f"nothing to validate: {points} points were fitted; four parameters and their noise need at least 5",
-                {"points": points},
-            )
+            few = f"nothing to validate: {points} points were fitted; four parameters and their noise need at least 5"
+            skipped[direction] = Finding("too-few-to-validate", NOTE, few, {"points": points})
             continue
         faults = (fault_of(ParameterName(name, Direction(direction)), x) for name, x in p._asdict().items())
         if fault := next(filter(None, faults), None):
             raise InputError(f"{joint.name}: {fault}: identify it anew")
-        velocity, fitted_noise = _points(fit)
-        level = fitted_noise if noise is None else noise * p.alpha_0
+        # Equations of moving data are thinned, their noise widened for its correlation.
+        velocity = fit.velocity
+        level = float(np.sqrt(np.sum(fit.residuals**2) / (velocity.size - len(case_names(fit.law)))))
+        if velocity.size > MOST_POINTS:
+            level *= float(np.sqrt(inflation(fit.residuals) * MOST_POINTS / velocity.size))
+            velocity = np.sort(velocity)[np.linspace(0, velocity.size - 1, MOST_POINTS).astype(np.intp)]
+            velocity = velocity[velocity != 0]
+        level = level if noise is None else noise * p.alpha_0
         if level <= 1e-9 * p.alpha_0:
-            skipped[direction] = Finding(
-                "points-without-noise",
-                NOTE,
-                "nothing to validate: the points lie on the model without noise; choose a noise level with --noise",
-            )
+            exact = "nothing to validate: the points lie on the model without noise; choose a noise level with --noise"
+            skipped[direction] = Finding("points-without-noise", NOTE, exact)
             continue
-        ends = (float(fit.profile.v_s[0]), float(fit.profile.v_s[-1]))
-        label = joint.name if direction == "both" else f"{joint.name} ({direction})"
-        cases.append(_case(label, f"the {fit.n} points measured", p, velocity, level, ends))
+        cases.append(
+            ValidationCase(
+                label=joint.name if direction == "both" else f"{joint.name} ({direction})",
+                design=f"the {fit.n} points measured",
+                truth=p,
+                velocity=velocity,
+                noise=level,
+                v_s_range=(float(fit.profile.v_s[0]), float(fit.profile.v_s[-1])),
+            )
+        )
     if not cases and not skipped:
         message = "nothing to validate: the grid fitted no friction curve."
         skipped["both directions"] = Finding("no-grid-fit", NOTE, message)
@@ -133,24 +130,3 @@ def check_fitted(joint: Joint) -> None:
         f"no fit of friction vs velocity ({outcomes})" if outcomes else "no ramp, points or tracking run that is fitted"
     )
     raise InputError(f"{joint.name}: nothing to check: got {got}; add ramp, points or tracking runs")
-
-
-def _points(fit: StaticFit) -> tuple[Array, float]:
-    """Velocities to simulate, rad/s, and their noise, N*m.
-
-    Equations of moving data are thinned, their noise widened for its correlation.
-    """
-    v = fit.velocity
-    level = float(np.sqrt(np.sum(fit.residuals**2) / (v.size - len(case_names(fit.law)))))
-    if v.size <= MOST_POINTS:
-        return v, level
-    evenly = np.sort(v)[np.linspace(0, v.size - 1, MOST_POINTS).astype(np.intp)]
-    return evenly[evenly != 0], level * float(np.sqrt(inflation(fit.residuals) * MOST_POINTS / v.size))
-
-
-def _case(
-    label: str, design: str, p: Stribeck[float], velocity: Array, noise: float, ends: tuple[float, float] | None = None
-) -> ValidationCase:
-    return ValidationCase(
-        label=label, design=design, truth=p, velocity=velocity, noise=noise, v_s_range=ends or default_range(velocity)
-    )

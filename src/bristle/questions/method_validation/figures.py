@@ -1,20 +1,17 @@
 """A validation as figures: cost vs v_s, error vs resolution, success vs start, and each method's v_s."""
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocator
-from numpy.typing import NDArray
 
-from bristle.arrays import Array
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.model.parameters import Kind
 from bristle.page.style import LINES, Look, decimal_log, new_figure, styled, title
 from bristle.page.wording import axis, shortened
-from bristle.questions.method_validation.results import FINE_ENOUGH, CaseResult, RandomStarts, Validation
+from bristle.questions.method_validation.results import FINE_ENOUGH, CaseResult, Validation
 from bristle.questions.method_validation.run import PLAIN_GRIDS, REFINED
 
 SOLVERS = {
@@ -24,30 +21,17 @@ SOLVERS = {
 }
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 _MARKERS = ("o", "s", "^", "D", "v", "P")
-_PLAIN = (16, 125, PLAIN_GRID)
-"""Plain grids whose answers are drawn."""
-_BINS = 6
-_MOST_FAILED = 0.2
-"""A method that fails more often than this does not widen the axis."""
 _LARGE = 3.0
 """Ratios beyond this are drawn on a logarithmic axis."""
-_NARROW = 0.1
-"""An axis of v_s reaches at least this share to both sides of the best."""
-_WIDE = 500.0
-"""An axis that spans more than this has labels at powers of ten alone."""
 
 
 @styled
 def cost_figure(result: CaseResult, kind: Kind) -> Figure:
-    """Cost vs v_s, all else re-optimised, relative to its minimum.
-
-    Where the refined grid and each solver's starts end; beneath, plain grids near it.
-    """
+    """Cost vs v_s, all else re-optimised, over its minimum, and where each method ends; beneath, plain grids near it."""
     figure = new_figure(6.4)
     figure.subplots_adjust(top=0.80, hspace=0.3)
     ax, near = figure.subplots(2, height_ratios=(3, 2))
     curve, starts = result.cost_curve, result.starts
-    _titled(ax, result.case.label, rows=5)
     lowest, limit = starts.best_cost, curve.threshold / starts.best_cost
     for part, label in ((ax, "cost (all else re-optimised)"), (near, None)):
         part.plot(curve.v_s, curve.cost / lowest, "-", color="#000000", label=label)
@@ -56,7 +40,7 @@ def cost_figure(result: CaseResult, kind: Kind) -> Figure:
         look = SOLVERS[name]
         x, y = starts.final[name][-1], np.maximum(starts.cost[name] / lowest, 1.0)
         ax.plot(x, y, look.marker, color=look.colour, mfc="none", alpha=0.75, label=f"{name}, from random starts")
-    for count, marker in zip(_PLAIN, ("v", "x", "+"), strict=True):
+    for count, marker in {16: "v", 125: "x", PLAIN_GRID: "+"}.items():
         at = curve.plain[count]
         height = np.interp(at, curve.v_s, curve.cost) / lowest
         for part, label in ((ax, f"plain grid of {count}"), (near, None)):
@@ -64,21 +48,22 @@ def cost_figure(result: CaseResult, kind: Kind) -> Figure:
     for part, label in ((ax, "refined grid"), (near, None)):
         part.plot(starts.best[-1], 1.0, "*", color="#E69F00", mec="#000000", markersize=12, label=label, zorder=1.5)
     allowed = curve.v_s[curve.cost <= curve.threshold]
-    near.set_xlim(*_widened(allowed.min(initial=starts.best[-1]), allowed.max(initial=starts.best[-1])))
+    low, high = allowed.min(initial=starts.best[-1]), allowed.max(initial=starts.best[-1])
+    margin = 0.15 * (high - low) or 0.05 * high
+    near.set_xlim(low - margin, high + margin)
     near.set_ylim(1 - 0.12 * (limit - 1), 1 + 1.15 * (limit - 1))
     decimal_log(ax)
-    _ratio_axis(ax)
+    top = ax.get_ylim()[1]
+    if top > _LARGE:
+        _decimal(ax)
+        ax.set_ylim(top**-0.06, top**1.05)
+    else:
+        ax.set_ylim(1 - 0.06 * (top - 1), top)
     near.set_xlabel(axis("velocity", kind, "Stribeck"))
     for part in (ax, near):
         part.set_ylabel("Cost relative to\nthe refined grid")
-    _above(ax, columns=2)
+    _headed(ax, result.case.label, rows=5, columns=2)
     return figure
-
-
-def _widened(low: float, high: float) -> tuple[float, float]:
-    """A little more than an interval."""
-    margin = 0.15 * (high - low) or 0.05 * high
-    return low - margin, high + margin
 
 
 @styled
@@ -88,8 +73,7 @@ def starts_figure(result: CaseResult, kind: Kind) -> Figure:
     figure.subplots_adjust(left=0.19, hspace=0.12)
     ax, below = figure.subplots(2, height_ratios=(3, 2), sharex=True)
     starts = result.starts
-    _titled(ax, result.case.label, rows=1)
-    edges = np.geomspace(*result.case.v_s_range, _BINS + 1)
+    edges = np.geomspace(*result.case.v_s_range, 7)
     for name in starts.solvers:
         look = SOLVERS[name]
         other, final = starts.in_other_minimum(name), starts.final[name][-1]
@@ -97,26 +81,32 @@ def starts_figure(result: CaseResult, kind: Kind) -> Figure:
             style: dict[str, Any] = {"color": look.colour, "markerfacecolor": fill, "markersize": 5, "alpha": 0.8}
             ax.plot(starts.initial_v_s[chosen], final[chosen], look.marker, **style)
         ax.plot([], [], look.marker, color=look.colour, label=name)
-        share = _shares(starts.initial_v_s, ~other, edges)
+        every, good = (np.histogram(v_s, edges)[0] for v_s in (starts.initial_v_s, starts.initial_v_s[~other]))
+        share = np.divide(good, every, out=np.full(every.size, np.nan), where=every > 0)  # nan in an empty bin
         below.plot(np.sqrt(edges[1:] * edges[:-1]), 100 * share, look.marker + look.line, color=look.colour, label=name)
     ax.plot([], [], "o", color="#444444", markerfacecolor="none", label="hollow: another minimum")
     ax.axhline(starts.best[-1], color="#000000", linewidth=1, label="refined grid")
     decimal_log(below)
-    _final(ax, starts)
+    # Final v_s is logarithmic where it differs by a factor, else plain, and reaches a tenth to both sides of the best.
+    ends = np.concatenate([starts.best[-1:], *(starts.final[name][-1] for name in starts.solvers)])
+    low, high, best = float(ends.min()), float(ends.max()), starts.best[-1]
+    if high > _LARGE * low:
+        _decimal(ax)
+    else:
+        ax.set_ylim(min(low * 0.98, 0.9 * best), max(high * 1.02, 1.1 * best))
+        ax.yaxis.set_major_locator(MaxNLocator(5))
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:.3g}"))
     below.set_ylim(-5, 105)
     ax.set_ylabel(axis("velocity", kind, "final Stribeck").replace("Stribeck ", "Stribeck\n"))
     below.set_xlabel(axis("velocity", kind, "Stribeck velocity of the start:").replace(": velocity", ""))
     below.set_ylabel("Ends in the best\nminimum (%)")
-    _above(ax, columns=5, small=True)
+    _headed(ax, result.case.label, 1, 5, handletextpad=0.3, columnspacing=0.7, handlelength=1.6)
     return figure
 
 
 @styled
 def resolution_figure(validation: Validation) -> Figure | None:
-    """Error of v_s by a plain grid relative to the statistical one, vs the number of its values.
-
-    None where v_s can be known nowhere.
-    """
+    """Error of v_s by a plain grid over the statistical one, vs the number of its values; None where v_s can be known nowhere."""
     knowable = validation.resolvable
     if not knowable:
         return None
@@ -124,7 +114,6 @@ def resolution_figure(validation: Validation) -> Figure | None:
     figure = new_figure(5.4 if many else 4.2)
     figure.subplots_adjust(top=0.66 if many else 0.78)
     ax = figure.subplots()
-    _titled(ax, validation.case_set.title, rows=2 + len({x.case.design for x in knowable}) * 2 if many else 2)
     groups = list(dict.fromkeys(_group(x, many=many) for x in knowable))
     for result in knowable:
         r, label = result.resolution, _group(result, many=many)
@@ -139,7 +128,8 @@ def resolution_figure(validation: Validation) -> Figure | None:
     ax.set_xticks(knowable[0].resolution.counts, [str(n) for n in knowable[0].resolution.counts])
     ax.set_xlabel("Values of vₛ in the plain grid")
     ax.set_ylabel("Grid error of vₛ /\nits standard error")
-    _above(ax, columns=1 if many else 2)
+    rows = 2 + 2 * len({x.case.design for x in knowable}) if many else 2
+    _headed(ax, validation.case_set.title, rows, columns=1 if many else 2)
     return figure
 
 
@@ -151,15 +141,15 @@ def methods_figure(result: CaseResult) -> Figure:
     ax = figure.subplots()
     title(ax, result.case.label, simulated=True)
     rows, v_s = list(result.methods.values()), result.case.truth.v_s
-    reach = 100 * max(abs(m.bias[-1]) + m.spread[-1] for m in rows if m.failed <= _MOST_FAILED) / v_s
+    # A method that fails in more than a fifth of the sets does not widen the axis.
+    reach = 100 * max(abs(m.bias[-1]) + m.spread[-1] for m in rows if m.failed <= 0.2) / v_s
     edge: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 9}
     for k, m in enumerate(rows):
         colour = "#D55E00" if m.name == REFINED else "#666666" if m.name in PLAIN_GRIDS.values() else "#0072B2"
         centre, half = 100 * m.bias[-1] / v_s, 100 * m.spread[-1] / v_s
         if abs(centre) + half <= 1.1 * reach:
-            ax.errorbar(
-                centre, k, xerr=half, fmt="s" if m.name == REFINED else "o", color=colour, capsize=3, markersize=5
-            )
+            marker = "s" if m.name == REFINED else "o"
+            ax.errorbar(centre, k, xerr=half, fmt=marker, color=colour, capsize=3, markersize=5)
         else:
             x, side = (0.87, "right") if centre > 0 else (0.02, "left")
             ax.annotate(f"off by {centre:.3g} %", (x, k), ha=side, color=colour, **edge)
@@ -173,81 +163,24 @@ def methods_figure(result: CaseResult) -> Figure:
     return figure
 
 
-def _shares(v_s: Array, reached: NDArray[np.bool_], edges: Array) -> Array:
-    """Share of the starts in each bin that reached, nan in an empty one."""
-    every = np.histogram(v_s, edges)[0]
-    good = np.histogram(v_s[reached], edges)[0]
-    share: Array = np.divide(good, every, out=np.full(every.size, np.nan), where=every > 0)
-    return share
-
-
 def _group(result: CaseResult, *, many: bool) -> str:
     if not many:
         return shortened(result.case.label, 40)
     return f"{result.case.design}, noise {100 * result.case.noise / result.case.truth.alpha_0:.2g} %"
 
 
-def _final(ax: Axes, starts: RandomStarts) -> None:
-    """The axis of final v_s.
-
-    Logarithmic where they differ by a factor, else plain, and never so narrow that it shows rounding.
-    """
-    ends = np.concatenate([[starts.best[-1]], *(starts.final[name][-1] for name in starts.solvers)])
-    low, high = float(ends.min()), float(ends.max())
-    if high > _LARGE * low:
-        _decimal(ax)
-        return
-    ax.set_ylim(min(low * 0.98, (1 - _NARROW) * starts.best[-1]), max(high * 1.02, (1 + _NARROW) * starts.best[-1]))
-    ax.yaxis.set_major_locator(MaxNLocator(5))
-    ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:.3g}"))
-
-
-def _ratio_axis(ax: Axes) -> None:
-    """Ratios from 1 up, with a little room beneath: a logarithmic axis where they are large."""
-    top = ax.get_ylim()[1]
-    if top > _LARGE:
-        _decimal(ax)
-        ax.set_ylim(top**-0.06, top**1.05)
-    else:
-        ax.set_ylim(1 - 0.06 * (top - 1), top)
-
-
 def _decimal(ax: Axes) -> None:
-    """A logarithmic y axis with plain decimal labels."""
-    wide = ax.dataLim.y1 > _WIDE * max(ax.dataLim.y0, 1e-300)
+    """A logarithmic y axis with plain decimal labels: where it is wide, at powers of ten alone."""
+    wide = ax.dataLim.y1 > 500 * max(ax.dataLim.y0, 1e-300)
     ax.set_yscale("log")
     ax.yaxis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=12))
     ax.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
     ax.yaxis.set_minor_locator(NullLocator())
 
 
-def _titled(ax: Axes, label: str, rows: int) -> None:
-    """The title above a legend of so many rows, which stands above the axes."""
+def _headed(ax: Axes, label: str, rows: int, columns: int, **look: Any) -> None:
+    """The title, and between it and the axes the legend of so many rows."""
     title(ax, label, simulated=True)
     ax.set_title(ax.get_title(loc="left"), loc="left", pad=8 + 13.5 * rows)
-
-
-def _above(ax: Axes, columns: int, *, small: bool = False) -> None:
-    """The legend above the axes."""
-    extra: dict[str, Any] = {"handletextpad": 0.3, "columnspacing": 0.7, "handlelength": 1.6} if small else {}
-    ax.legend(
-        loc="lower left",
-        bbox_to_anchor=(0, 1.0),
-        ncols=columns,
-        frameon=False,
-        borderaxespad=0.2,
-        fontsize=8.5,
-        **extra,
-    )
-
-
-def showcase(validation: Validation, most: int) -> Sequence[CaseResult]:
-    """The cases that are drawn one by one.
-
-    All where they are at most so many, else those of the first set at its highest noise level.
-    """
-    if len(validation.cases) <= most:
-        return validation.cases
-    first = [x for x in validation.cases if x.case.label == validation.cases[0].case.label]
-    noise = max(x.case.noise for x in first)
-    return [x for x in first if x.case.noise == noise]
+    look |= {"ncols": columns, "frameon": False, "borderaxespad": 0.2, "fontsize": 8.5}
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1.0), **look)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array, result
+from bristle.identification.static.grid import PLAIN_GRID
 from bristle.questions.method_validation.cases import CaseSet
 from bristle.questions.method_validation.solvers import ValidationCase
 
@@ -18,8 +19,7 @@ if TYPE_CHECKING:
 SAME_COST = 1e-6
 """Relative difference in cost below which two minima are the same."""
 FINE_ENOUGH = 0.1
-"""A grid is fine enough where its error of v_s is at most this share of the statistical one: together they are then 0.5
-% larger."""
+"""A grid is fine enough where its error of v_s is at most this share of the statistical one, which it widens by 0.5 %."""
 MOST_DECLINED = 0.5
 """Share of data sets without a finite interval of v_s, beyond which no method can know it."""
 FREE = "IPOPT, v_s free"
@@ -34,16 +34,13 @@ class MethodResult:
     bias: Array
     """Median estimate minus truth."""
     spread: Array
-    """Half the width that holds the middle 68.3 % of the estimates: their standard deviation where they are Gaussian,
-    and no outlier's."""
+    """Half the width that holds the middle 68.3 % of the estimates: the standard deviation of Gaussian ones."""
     coverage: Array
-    """Share of the repetitions in which the 95 % interval by covariance covers the truth; one that does not exist does
-    not cover."""
+    """Share of the repetitions in which the 95 % interval by covariance exists and covers the truth."""
     failed: float
-    """Share that ended outside the 95 % region: at a cost at which even the right model is refused."""
+    """Share that ended outside the 95 % region."""
     other_minimum: float | None
-    """Share that ended more than 1e-6, relative, above the lowest cost of any method; None for a plain grid, which
-    always does."""
+    """Share that ended more than `SAME_COST` above the lowest cost of any method; None for a plain grid, which always does."""
     seconds: float
     """Mean time of one data set."""
 
@@ -58,15 +55,11 @@ class GridResolution:
     floor: float
     """`MethodResult.spread` of v_s at the continuous minimum, rad/s: what noise alone does."""
     predicted: int
-    """Values with which the error of even rounding, a step over the square root of 12, is `FINE_ENOUGH` times the
-    floor; 0 without a floor."""
+    """Values with which the error of even rounding, step / sqrt(12), is `FINE_ENOUGH` times the floor; 0 without a floor."""
 
     @property
     def enough(self) -> int | None:
-        """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor.
-
-        None where not even the last is.
-        """
+        """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor; None where not even the last is."""
         fine = self.error <= FINE_ENOUGH * self.floor
         first = next((k for k in range(fine.size) if fine[k:].all()), None)
         return None if first is None else self.counts[first]
@@ -145,11 +138,9 @@ class CaseResult:
     declined: float
     """Share of the repetitions in which bristle says that v_s is not identifiable, or gives it no finite interval."""
     polish_shift: float
-    """How far IPOPT goes from the grid's answer, at most, in spreads of any parameter; infinite where one does not
-    spread."""
+    """How far IPOPT goes from the grid's answer, at most, in spreads of a parameter; infinite where one does not spread."""
     cost_deficit: float
-    """By how much IPOPT's lowest cost within the range undercuts the refined grid's, relative, at most over all starts
-    and repetitions."""
+    """By how much IPOPT's lowest cost within the range undercuts the refined grid's, relative, at most over all fits."""
     outside_range: NDArray[np.bool_]
     """Which starts end beyond the grid's range at a lower cost than any within, where v_s is free, (s,)."""
 
@@ -157,6 +148,13 @@ class CaseResult:
     def not_identifiable(self) -> bool:
         """Whether these data cannot tell v_s, whatever the method."""
         return self.declined > MOST_DECLINED
+
+    @property
+    def which(self) -> dict[str, object]:
+        """What names the case in tables."""
+        case = self.case
+        share = 100 * case.noise / case.truth.alpha_0 if case.truth.alpha_0 else None
+        return {"of": case.label, "design": case.design, "noise_percent": share}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -183,15 +181,29 @@ class Validation:
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per case: what was simulated, and how local solvers and the plain grid did."""
-        from bristle.questions.method_validation.tables import cases
+        import pandas as pd
 
-        return cases(self)
+        rows = []
+        for x in self.cases:
+            starts, grid, knowable = x.starts, x.resolution, not x.not_identifiable
+            elsewhere = {name: 100 * float(starts.in_other_minimum(name).mean()) for name in starts.solvers}
+            rows.append(
+                {
+                    **x.which,
+                    "declined_percent": 100 * x.declined,
+                    **{f"{name} elsewhere_percent": percent for name, percent in elsewhere.items()},
+                    "lower_beyond_percent": 100 * float(x.outside_range.mean()),
+                    "ipopt_lead": max(x.cost_deficit, 0.0),
+                    f"plain_{PLAIN_GRID}_error_percent": 100 * grid.share(PLAIN_GRID) if knowable else None,
+                    "values_needed": str(grid.enough) if knowable and grid.enough is not None else None,
+                }
+            )
+        return pd.DataFrame(rows)
 
     def write(self, folder: Path | str) -> Path:
         """Write a page with figures and tables into a folder; returns the path of index.html.
 
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
-        half-written.
+        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
         """
         from bristle.questions.method_validation.page import write_validation
 

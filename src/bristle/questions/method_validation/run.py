@@ -1,28 +1,28 @@
-"""The grid search validated where the truth is known.
+"""The grid search compared with itself at other resolutions and with full nonlinear fits, on SIMULATED points.
 
-It is compared with itself at other resolutions and with full nonlinear fits, on SIMULATED points.
-
-The points are those that a user measured, their torque simulated from the fitted model with the fit's own noise; or a
-declared sweep: every set of Table 1, at two noise levels and three designs. Every method gets the same data sets; local
-solvers begin anywhere within the grid's bounds.
+Every method gets the same data sets; local solvers begin anywhere within the grid's bounds.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.data.experiment.schema import FitOptions
 from bristle.errors import InputError
+from bristle.estimation import covariance
 from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.batch import COARSE, Batch
-from bristle.identification.static.grid import PLAIN_GRID, Projected, plain_grid
+from bristle.identification.static.fit import estimate_static
+from bristle.identification.static.fit_warnings import is_closed
+from bristle.identification.static.grid import PLAIN_GRID, Projected, plain_grid, solve
 from bristle.identification.static.problem import log_grid
+from bristle.identification.static.uncertainty import resample
 from bristle.progress import Progress
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import CaseSet
-from bristle.questions.method_validation.intervals import covers_truth, declined_share, interval_coverage
 from bristle.questions.method_validation.results import (
     FINE_ENOUGH,
     FREE,
@@ -30,6 +30,7 @@ from bristle.questions.method_validation.results import (
     SAME_COST,
     CaseResult,
     CostCurve,
+    Coverage,
     GridResolution,
     MethodResult,
     RandomStarts,
@@ -41,17 +42,15 @@ from bristle.simulation.bench import steady_points
 SEED, REPETITIONS, STARTS = 0, 1000, 100
 LOCAL_SETS = 50
 """Data sets at most that the local solvers see, which take up to a hundred times as long as a grid."""
+INTERVAL_SETS, BOOTSTRAP_SETS, DRAWS = 200, 100, 399
+"""Data sets at most of which the intervals are counted, and the bootstrap's, from so many draws each."""
 RESOLUTIONS = (8, 16, 32, 64, 125, 250, PLAIN_GRID, 1000, 2000)
 """Values of the plain grids."""
 PLAIN_GRIDS = {values: f"plain grid of {values}" for values in RESOLUTIONS}
 """Their names."""
 REFINED, POLISHED = "refined grid", "IPOPT from the grid"
-_TIMED = 20
-"""Data sets on which the time of each plain grid is taken."""
 _DRAWN = 300
 """Values of v_s over which the cost is drawn, and as many again where the data allow it."""
-_MIDDLE = (0.15865525393145707, 0.8413447460685429)
-"""Quantiles a standard deviation off the middle of a Gaussian."""
 _MOST = 100_000  # data sets, or starts
 _LOUDEST = 100.0
 """Noise of a point over alpha_0, in which nothing is left to be seen."""
@@ -96,14 +95,48 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     local = few.shape[1]
     initial = methods.random_starts(case, local + starts, rng)
     solvers = methods.local_methods(case)
-    answers = _answers(case, torques, few, initial[:local], solvers)
+
+    # Theta (p, s) and seconds per data set of each method: grids on all data sets, local solvers on a few.
+    answers = {REFINED: _timed(lambda: methods.refined(case, torques), repetitions)}
     grid = answers[REFINED][0]
-    lowest = _lowest(case, torques, [theta for theta, _ in answers.values()])
-    by_method = {name: _method_result(case, name, torques, *answer, lowest) for name, answer in answers.items()}
+    answers["refined grid, batch"] = _timed(
+        lambda: Batch(case.problem(torques[:, 0]), torques, case.v_s_range, COARSE).theta, repetitions
+    )
+    timed = torques[:, :20].T
+    for values, name in PLAIN_GRIDS.items():  # all data sets at once, in the time that the paper's takes set by set
+        began = perf_counter()
+        for torque in timed:
+            plain_grid(case.problem(torque), case.v_s_range, values)
+        seconds = (perf_counter() - began) / len(timed)
+        answers[name] = methods.plain(case, torques, values), seconds
+    answers[POLISHED] = _each(solvers["IPOPT"], few, grid[:, :local].T)
+    answers |= {f"{name}, random start": _each(fit, few, initial[:local]) for name, fit in solvers.items()}
+
+    # Each beside the lowest cost of a data set that any method found; some saw the first sets only.
+    costs = {name: methods.costs(case, torques[:, : x.shape[1]], x) for name, (x, _) in answers.items()}
+    lowest = np.full(repetitions, np.inf)
+    for cost in costs.values():
+        lowest[: cost.size] = np.fmin(lowest[: cost.size], cost)
+    refused = profile_threshold(1.0, case.velocity.size, len(case.names))
+    by_method = {
+        name: MethodResult(
+            name=name,
+            repetitions=costs[name].size,
+            bias=np.median(theta, axis=1) - case.theta,
+            spread=spread(theta),
+            coverage=covers_truth(case, theta, costs[name]).mean(axis=1),
+            failed=_share_above(costs[name], lowest, refused),
+            other_minimum=None if name in PLAIN_GRIDS.values() else _share_above(costs[name], lowest, 1 + SAME_COST),
+            seconds=seconds,
+        )
+        for name, (theta, seconds) in answers.items()
+    }
+
     random_starts = _from_starts(case, torques[:, 0], grid[:, 0], initial[local:], solvers)
-    ipopt_cost = methods.costs(case, few, answers["IPOPT, random start"][0])
-    deficits = 1 - ipopt_cost / methods.costs(case, few, grid[:, :local])
-    declined = declined_share(case, few)
+    deficits = 1 - costs["IPOPT, random start"] / methods.costs(case, few, grid[:, :local])
+    steps = np.abs(answers[POLISHED][0] - grid[:, :local]).max(axis=1)
+    v_s = [estimate_static(case.problem(t), FitOptions(), "revolute", case.v_s_range).get("v_s") for t in few.T]
+    declined = float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in v_s]))
     return CaseResult(
         case=case,
         methods=by_method,
@@ -112,41 +145,24 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
         cost_curve=_cost_curve(case, torques[:, 0], random_starts),
         coverage=interval_coverage(case, torques, identifiable=declined <= MOST_DECLINED),
         declined=declined,
-        polish_shift=_largest_step(answers[POLISHED][0] - grid[:, :local], by_method[REFINED].spread),
+        polish_shift=max(
+            float(step / s) if s > 0 else np.inf for step, s in zip(steps, by_method[REFINED].spread, strict=True)
+        ),
         cost_deficit=float(max(deficits.max(), 1 - random_starts.cost["IPOPT"].min() / random_starts.best_cost)),
         outside_range=_outside_range(case, random_starts),
     )
 
 
-def _answers(
-    case: ValidationCase, torques: Array, few: Array, initial: Array, solvers: Mapping[str, Local]
-) -> dict[str, tuple[Array, float]]:
-    """Theta (p, s) by each method and its seconds per data set.
-
-    Grids of all data sets, local solvers of a few, one start (s, p) each.
-    """
-    repetitions = torques.shape[1]
-    grid, seconds = _timed(lambda: methods.refined(case, torques), repetitions)
-    answers = {REFINED: (grid, seconds)}
-    answers["refined grid, batch"] = _timed(
-        lambda: Batch(case.problem(torques[:, 0]), torques, case.v_s_range, COARSE).theta, repetitions
-    )
-    answers |= {name: _plain(case, torques, values) for values, name in PLAIN_GRIDS.items()}
-    answers[POLISHED] = _each(solvers["IPOPT"], few, grid[:, : few.shape[1]].T)
-    return answers | {f"{name}, random start": _each(fit, few, initial) for name, fit in solvers.items()}
-
-
 def spread(values: Array) -> Array:
     """Half the width of the middle 68.3 % along the last axis: the standard deviation of Gaussian values."""
-    low, high = np.quantile(values, _MIDDLE, axis=-1)
+    low, high = np.quantile(values, [0.15865525393145707, 0.8413447460685429], axis=-1)
     half: Array = (high - low) / 2
     return half
 
 
-def _largest_step(steps: Array, spreads: Array) -> float:
-    """The largest step, (p, s), in spreads (p,) of its parameter."""
-    farthest = np.abs(steps).max(axis=1)
-    return float(max(f / s if s > 0 else np.inf for f, s in zip(farthest, spreads, strict=True)))
+def _share_above(cost: Array, lowest: Array, factor: float) -> float:
+    """Share of the data sets whose cost is above a multiple of the lowest."""
+    return float((~(cost <= lowest[: cost.size] * factor)).mean())
 
 
 def _timed(call: Callable[[], Array], sets: int) -> tuple[Array, float]:
@@ -160,45 +176,6 @@ def _each(fit: Local, torques: Array, initial: Array) -> tuple[Array, float]:
     """A local solver over data sets (n, s), each from its own start, (s, p)."""
     return _timed(
         lambda: np.stack([fit(t, x) for t, x in zip(torques.T, initial, strict=True)], axis=1), torques.shape[1]
-    )
-
-
-def _plain(case: ValidationCase, torques: Array, count: int) -> tuple[Array, float]:
-    """A plain grid over all data sets, in the time that the paper's takes set by set."""
-    few = torques[:, :_TIMED].T
-    _, seconds = _timed(
-        lambda: np.stack([plain_grid(case.problem(t), case.v_s_range, count)[2] for t in few]), len(few)
-    )
-    return methods.plain(case, torques, count), seconds
-
-
-def _lowest(case: ValidationCase, torques: Array, thetas: Iterable[Array]) -> Array:
-    """The lowest cost of each data set that any method found, (sets,); a method may have seen the first sets only."""
-    lowest = np.full(torques.shape[1], np.inf)
-    for theta in thetas:
-        seen = theta.shape[1]
-        lowest[:seen] = np.fmin(lowest[:seen], methods.costs(case, torques[:, :seen], theta))
-    return lowest
-
-
-def _method_result(
-    case: ValidationCase, name: str, torques: Array, theta: Array, seconds: float, lowest: Array
-) -> MethodResult:
-    seen = theta.shape[1]
-    cost = methods.costs(case, torques[:, :seen], theta)
-    n, p = case.velocity.size, len(case.names)
-    outside = ~(cost <= lowest[:seen] * profile_threshold(1.0, n, p))
-    return MethodResult(
-        name=name,
-        repetitions=seen,
-        bias=np.median(theta, axis=1) - case.theta,
-        spread=spread(theta),
-        coverage=covers_truth(case, theta, cost).mean(axis=1),
-        failed=float(outside.mean()),
-        other_minimum=None
-        if name in PLAIN_GRIDS.values()
-        else float((~(cost <= lowest[:seen] * (1 + SAME_COST))).mean()),
-        seconds=seconds,
     )
 
 
@@ -249,4 +226,43 @@ def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> Co
         cost=projected.costs(values),
         threshold=threshold,
         plain={n: float(methods.plain(case, torque[:, None], n)[-1, 0]) for n in PLAIN_GRIDS},
+    )
+
+
+def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.bool_]:
+    """Which intervals by the exact Jacobian's covariance cover the truth, (p, sets); theta (p, sets), cost (sets,)."""
+    n, p = case.velocity.size, len(case.names)
+    jacobian = methods.jacobians(case, theta)
+    length = np.linalg.norm(jacobian, axis=1)
+    alive = (length > 0).all(axis=1)
+    scaled = jacobian[alive] / length[alive, None, :]
+    values, vectors = np.linalg.eigh(scaled.transpose(0, 2, 1) @ scaled)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = np.einsum("sij,sj->si", vectors**2, np.where(values > 1e-13, 1 / values, np.inf))
+    error = np.full((p, cost.size), np.nan)
+    error[:, alive] = np.sqrt(inverse).T / length[alive].T * np.sqrt(cost[alive] / (n - p))
+    error[~np.isfinite(error)] = np.nan
+    inside: NDArray[np.bool_] = np.abs(theta - case.theta[:, None]) <= covariance.student(n - p) * error
+    return inside
+
+
+def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: bool) -> tuple[Coverage, ...]:
+    """Coverage of bristle's own intervals; the bootstrap only where v_s can be known."""
+    few = np.ascontiguousarray(torques[:, :INTERVAL_SETS])
+    fits = Batch(case.problem(few[:, 0]), few, case.v_s_range)
+    ends = {"covariance": fits.covariance_intervals(), "profile": fits.profile_intervals()}
+    if identifiable:
+        problems = [case.problem(torque) for torque in few.T[:BOOTSTRAP_SETS]]
+        resampled = [resample(p, solve(p, case.v_s_range), case.v_s_range, DRAWS) for p in problems]
+        ends["bootstrap-t"] = (
+            np.stack([x.low for x in resampled], axis=1),
+            np.stack([x.high for x in resampled], axis=1),
+        )
+    return tuple(
+        Coverage(
+            kind=kind,
+            repetitions=low.shape[1],
+            share=((low <= case.theta[:, None]) & (case.theta[:, None] <= high)).mean(axis=1),
+        )
+        for kind, (low, high) in ends.items()
     )

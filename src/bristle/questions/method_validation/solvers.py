@@ -1,9 +1,7 @@
 """The methods compared: grids, and local solvers from a start, for velocity-torque points of one direction.
 
-Each takes torques (n, sets) that share their velocities and returns theta (p, sets), in the order of the case's `names`,
-which is `Regression.names`': four of the paper's law. What the shape of a peak takes beside v_s is held at its true
-value. Local solvers see the same scaled variables, v_s by its logarithm, and stay within the grid's bounds: alpha >= 0,
-v_s in its range.
+Torques are (n, sets) at the same velocities, theta (p, sets) in the order of the case's `names`; what the shape of a peak takes
+beside v_s is held at its true value. Local solvers see v_s by its logarithm, and stay within the grid's bounds.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,10 +27,6 @@ from bristle.model.vectorize import evaluate
 
 LMFIT = find_spec("lmfit") is not None
 """Whether lmfit is installed."""
-_BEYOND = 1e3
-"""How far beyond the grid's range v_s may go where it is set free, as a factor."""
-_TOLERANCE = 1e-12
-"""Of SciPy's solver, so that it ends in a minimum and not before."""
 
 Local = Callable[[Array, Array], Array]
 """From torques (n,) and a start theta (p,) to theta (p,)."""
@@ -127,7 +121,7 @@ def refined(case: ValidationCase, torques: Array) -> Array:
 def ipopt(case: ValidationCase, *, free: bool = False) -> Local:
     """All parameters at once by CasADi and IPOPT, built once, each data set a parameter; `free`: v_s up to 1000 times beyond the grid's range."""
     unknowns = case.unknowns
-    beyond = np.where(unknowns.logarithmic, np.log(_BEYOND), 0.0) * free
+    beyond = np.where(unknowns.logarithmic, np.log(1000), 0.0) * free
     unknowns = replace(unknowns, lower=unknowns.lower - beyond, upper=unknowns.upper + beyond)
     x, torque, top = ca.SX.sym("x", len(case.names)), ca.SX.sym("torque", case.velocity.size), float(unknowns.scale[0])
     curve = law.steady_torque(ca.DM(case.velocity), case.parameters(natural(unknowns, x)))
@@ -135,7 +129,6 @@ def ipopt(case: ValidationCase, *, free: bool = False) -> Local:
     full = solver("full", x, ca.dot(residual, residual), torque, **OPTIONS)
 
     def fit(measured: Array, start: Array) -> Array:
-        """Where IPOPT ends."""
         return unknowns.natural(ends(full, unknowns, [_scaled(unknowns, start)], p=measured)[0])
 
     return fit
@@ -147,22 +140,19 @@ def trf(case: ValidationCase) -> Local:
     lower, upper, top = unknowns.lower, unknowns.upper, float(unknowns.scale[0])
 
     def fit(measured: Array, start: Array) -> Array:
-        """Where SciPy ends; residuals are scaled by the largest torque."""
+        # Residuals are scaled by the largest torque.
         problem = case.problem(measured)
 
         def residuals(x: Array) -> Array:
-            """Measured minus modelled torque, (n,)."""
             return problem.residuals(unknowns.natural(x)) / top
 
         def jacobian(x: Array) -> Array:
-            """Its exact derivative with respect to x, (n, p)."""
             slopes: Array = -problem.jacobian(unknowns.natural(x)) * unknowns.slopes(x) / top
             return slopes
 
         x0 = np.clip(_scaled(unknowns, start), lower, upper)
-        found = least_squares(
-            residuals, x0, jacobian, (lower, upper), method="trf", ftol=_TOLERANCE, xtol=_TOLERANCE, gtol=_TOLERANCE
-        )
+        tight = 1e-12  # so that it ends in a minimum and not before
+        found = least_squares(residuals, x0, jacobian, (lower, upper), method="trf", ftol=tight, xtol=tight, gtol=tight)
         return unknowns.natural(found.x)
 
     return fit
@@ -179,14 +169,12 @@ def lmfit(case: ValidationCase) -> Local:
     names, (low, high), least = case.names, case.v_s_range, case.problem(np.zeros(case.velocity.size)).least
 
     def fit(measured: Array, start: Array) -> Array:
-        """Where lmfit ends."""
         problem, parameters = case.problem(measured), Parameters()
         for name, value, lowest in zip(names[:-1], start[:-1].tolist(), least[:-1].tolist(), strict=True):
             parameters.add(name, value=value, min=lowest)
         parameters.add(names[-1], value=float(np.clip(start[-1], low, high)), min=low, max=high)
 
         def residuals(at: Parameters) -> Array:
-            """Measured minus modelled torque, (n,)."""
             return problem.residuals(np.array([at[name].value for name in names]))
 
         found = minimize(residuals, parameters).params

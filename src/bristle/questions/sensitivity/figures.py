@@ -1,6 +1,5 @@
 """Sensitivity as matplotlib figures: derivatives vs time, shares, maps, correlations, Sobol indices."""
 
-from collections.abc import Mapping
 from itertools import cycle, islice
 from textwrap import fill
 from typing import Any
@@ -27,39 +26,21 @@ _DARK = {_COLOURS[0], _COLOURS[2], _COLOURS[3], *_MORE_COLOURS}
 """On which text is white."""
 _PARAMETERS = len(Lugre._fields)
 """For so many parameters figures have the height that they name; more take more."""
-_STAR: Mapping[str, Any] = {
-    "marker": "*",
-    "linestyle": "",
-    "color": "white",
-    "markeredgecolor": "black",
-    "markersize": 9,
-}
+_STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "color": "white", "markeredgecolor": "black", "markersize": 9}
 """Where the motion is on the map."""
 _PERIODS = 2
 """Of the motion, drawn over time."""
-_BEYOND = 4.0
-"""A derivative at fixed z that is more than so many times the largest total one leaves its panel."""
-_MOST = 900
 LEAST = 1e-3
 """Shares below this are drawn as this."""
-_INDICES = (
-    ("first", "first order: alone", "#0072B2", "", -0.19),
-    ("total", "total: with interactions", "#E69F00", "///", 0.19),
-)
-"""Of each kind of Sobol index: label, colour, hatch, and where its bar stands beside the parameter."""
 _WIDTH = 0.36
 """Of a bar, two to a parameter."""
-_ROOM = 0.3
-"""Above the largest bar of the first panel of Sobol indices, for the legend."""
-_LINE = 68
-"""Characters of a line inside a panel."""
 
 
 @styled
 def time_figure(study: SensitivityStudy) -> Figure:
     """Velocity, and under it each parameter's derivative of torque vs time: total (solid), at fixed z (dashed)."""
     seen = in_view(study)
-    k = seen[thinned(seen.size, _MOST)]
+    k = seen[thinned(seen.size, 900)]
     time, velocity = study.local.time[k], study.local.velocity[k]
     names = study.local.names
     figure = new_figure(8.6 + 1.15 * (len(names) - _PARAMETERS))
@@ -74,7 +55,7 @@ def time_figure(study: SensitivityStudy) -> Figure:
         ax.plot(time, partial, "--", color="#666666", linewidth=1.2)
         ax.plot(time, total, "-", color=colour, linewidth=1.5)
         ax.set_ylabel(_starred(study, name))
-        limit = _BEYOND * float(np.abs(total).max())
+        limit = 4 * float(np.abs(total).max())  # a derivative at fixed z that is larger leaves its panel
         if 0 < limit < np.abs(partial).max():
             ax.set_ylim(-limit, limit)
         ax.yaxis.set_major_locator(MaxNLocator(3))
@@ -254,14 +235,7 @@ def correlated(correlation: float) -> str:
 
 @styled
 def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Figure:
-    """First-order and total index of each parameter with its confidence interval, a panel for each output.
-
-    Args:
-        sobol: what to draw.
-        kind: of the joint.
-        name: of the joint.
-        simulated: whether what is known of the joint comes from simulated data; the loops always are.
-    """
+    """First-order and total index of each parameter with its confidence interval, a panel for each output."""
     figure = new_figure(0.5 + 2.35 * len(sobol.outputs))
     figure.subplots_adjust(hspace=0.5)
     axes = figure.subplots(len(sobol.outputs), squeeze=False)[:, 0]
@@ -270,15 +244,18 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
         heading, indices = output.heading(kind), output.indices
         if indices is None:
             ax.set(xticks=[], yticks=[])
-            reason = fill(printable(str(output.reason)), _LINE)
+            reason = fill(printable(str(output.reason)), 68)
             ax.annotate(reason, (0.5, 0.5), xycoords="axes fraction", ha="center", va="center", fontsize=9)
         else:
             mean = f"{measured(indices.mean, indices.deviation)} {pretty(unit(output.quantity, kind))}"
             heading += f": {mean}; {indices.samples} samples"
             ax.set_ylabel("Share of variance")
             x, ends = np.arange(len(indices.effects)), [0.0, 1.0]
-            for what, label, colour, hatch, shift in _INDICES:
-                height, half = np.array([(getattr(e, what), getattr(e, f"{what}_half")) for e in indices.effects]).T
+            _, first, first_half, total, total_half = map(np.array, zip(*indices.effects, strict=True))
+            for height, half, label, colour, hatch, shift in (
+                (first, first_half, "first order: alone", "#0072B2", "", -0.19),
+                (total, total_half, "total: with interactions", "#E69F00", "///", 0.19),
+            ):
                 ax.bar(
                     x + shift, height, _WIDTH, color=colour, hatch=hatch, edgecolor="black", linewidth=0.6, label=label
                 )
@@ -292,6 +269,6 @@ def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Fi
         ax.annotate(heading, (0, 1), (0, 4), "axes fraction", "offset points", fontsize=9)
     if drawn := [ax for ax, output in zip(axes, sobol.outputs, strict=True) if output.indices is not None]:
         low, high = drawn[0].get_ylim()
-        drawn[0].set_ylim(low, high + _ROOM)
+        drawn[0].set_ylim(low, high + 0.3)  # for the legend
         drawn[0].legend(loc="upper right", ncols=2)
     return figure

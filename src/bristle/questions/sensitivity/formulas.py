@@ -91,19 +91,12 @@ class Formulas:
 
 
 def formulas(of: Law = GAUSSIAN) -> Formulas:
-    """The formulas of a law, from `model.law` by CasADi; those of the paper's are what `bristle sensitivity --symbolic` prints.
-
-    The viscous friction is written as it is up to the fastest speed that was measured: there no coefficient's sign
-    matters.
-
-    Raises InputError where SymPy is not installed, and ValueError as `formula_of` does.
-    """
+    """The formulas of a law, viscous friction up to the fastest measured speed. Raises InputError without SymPy, ValueError as `formula_of`."""
     z, v, p = ca.SX.sym("z"), ca.SX.sym("v"), lugre_of(of)(*map(ca.SX.sym, lugre_of(of)._fields))
     torque, steady = law.torque(z, v, p), law.steady_torque(v, p)
     estimated = [getattr(p, name) for name in estimated_of(of)]
 
     def written(expression: Any) -> Formula:
-        """As a formula."""
         return formula_of(expression, dict.fromkeys(of.coefficients, 0.0))
 
     return Formulas(

@@ -1,6 +1,6 @@
 """What sensitivity is explored of: a user's joint or the paper's gripper, with its motion; what is not known of it is assumed, and said."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -8,14 +8,7 @@ from bristle.data.units import positive_si
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
-from bristle.identification.known_joint import (
-    DEFLECTION,
-    KnownJoint,
-    guessed_inertia,
-    inertia_of,
-    known_joint,
-    without_load,
-)
+from bristle.identification.known_joint import DEFLECTION, guessed_inertia, inertia_of, known_joint, without_load
 from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
@@ -35,8 +28,6 @@ from bristle.simulation.joint_loop import (
 
 RANGE = (1e-6, 1e4)
 """Of a motion's amplitude over the measured travel, and of its peak speed over the fastest measured one."""
-_BRISTLE = ("sigma_0", "sigma_1")
-"""What is guessed where nothing was seen of it."""
 
 
 class KnownFriction(NamedTuple):
@@ -53,10 +44,7 @@ class KnownFriction(NamedTuple):
 def motion_of(
     kind: JointKind, amplitude: str | float | None, frequency: str | float | None, default: tuple[float, float]
 ) -> SineMotion:
-    """The motion asked for, as quantities with units or SI numbers; what is None is the default's (amplitude, frequency).
-
-    Raises InputError where it is no quantity of its kind, or not positive.
-    """
+    """The motion asked for, by quantities or SI numbers; None: the default's. Raises InputError where one is of another kind or not positive."""
     asked = (("amplitude", amplitude, unit("position", kind)), ("frequency", frequency, "Hz"))
     found = [
         standard if given is None else positive_si(name, given, si)
@@ -66,10 +54,7 @@ def motion_of(
 
 
 def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
-    """The motion, if its amplitude and its peak speed are within `RANGE` of what was measured (or declared under `plan`).
-
-    Raises InputError where they are not: there the model is of nothing.
-    """
+    """The motion. Raises InputError where amplitude or peak speed is not within `RANGE` of what was measured (or declared under `plan`)."""
     q, v = unit("position", kind), unit("velocity", kind)
     how = f", which is {moved.amplitude:g} {q} at {moved.frequency:g} Hz"
     for name, got, known, si, what, whose in (
@@ -88,19 +73,47 @@ def within(moved: SineMotion, kind: JointKind, limits: Limits) -> SineMotion:
 def of_joint(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
 ) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
-    """A user's joint, as identified from `measured`: what is known of it, the motion, and its loop, or the sentence why there is none.
-
-    Raises InputError where nothing is known of its friction vs velocity, or the motion cannot be.
-    """
+    """A user's joint: what is known of it, the motion, and its loop, or why there is none. Raises InputError where law or motion cannot be."""
     experiment, known = measured.experiment, known_joint(joint)
-    if not known.directions:
+    directions = known.directions
+    if not directions:
         raise InputError(
             f"{joint.name}: nothing is known of its friction vs velocity; sensitivity needs ramp, points or tracking runs that were fitted"
         )
     limits = _limits(measured)
     default = requested_motion(experiment.adapt, fastest_measured(joint))
     moved = within(motion_of(joint.kind, amplitude, frequency, default), joint.kind, limits)
-    model = _model(measured, joint, known, limits)
+
+    # One set or a pair, with a bristle where none was seen, which is among the assumptions.
+    assumptions = [*without_load(joint), *([joint.torque_scale] if joint.torque_scale else [])]
+    if len(directions) == 1 and directions != (Direction.BOTH,):
+        message = f"Only direction {directions[0]} is known; it is used for both."
+        assumptions.append(Finding("one-direction-known", CAUTION, message, {"direction": directions[0]}))
+    identified = inertia_of(experiment, joint)
+    J = identified or guessed_inertia(max(known.values(d)["alpha_0"] for d in directions), limits.acceleration)
+    sets, estimates, assumed = [], dict[ParameterName, Estimate](), list[ParameterName]()
+    for d in directions:
+        filled, missing = known.filled(d, limits.travel, J), known.missing(d)
+        sets.append(filled)
+        own = d if len(directions) > 1 else Direction.BOTH
+        assumed += [ParameterName(name, own) for name in missing]
+        inertia = "" if identified else f" and a guessed inertia of {J:.2g} {unit('inertia', joint.kind)}"
+        guesses = {
+            "sigma_0": f"from a deflection of {DEFLECTION:g} of the travel",
+            "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}{inertia}",
+        }
+        for name in missing:
+            how = guesses.get(name, "as it was held in the fit")
+            guessed, value = ParameterName(name, own), getattr(filled, name)
+            message = (
+                f"{guessed}: not identifiable from these data; assumed {value:.3g} {unit(name, joint.kind)}, {how}."
+            )
+            assumptions.append(Finding("bristle-assumed", CAUTION, message, {"name": guessed, "value": value}))
+        for parameter, e in known.estimates.items():
+            if of_friction(parameter.name) and parameter.direction in (d, Direction.BOTH):
+                estimates[parameter if len(directions) > 1 else parameter._replace(direction=own)] = e
+    p = sets[0] if len(sets) == 1 else Pair(*sets)
+    model = KnownFriction(p, estimates, tuple(assumed), tuple(assumptions))
     try:
         return model, moved, replace(of_experiment(experiment, joint), carried=None)
     except InputError as error:
@@ -120,10 +133,7 @@ def _limits(measured: Measured) -> Limits:
 def of_gripper(
     measured: Measured, joint: Joint, amplitude: str | float | None = None, frequency: str | float | None = None
 ) -> tuple[KnownFriction, SineMotion, JointLoop | str]:
-    """The paper's gripper rotation (+) in both directions, with the intervals that its simulated logs give; `joint` as identified from them.
-
-    Raises InputError where the motion cannot be.
-    """
+    """The paper's gripper rotation (+) in both directions, with intervals as identified from its simulated logs. Raises as `of_joint` does."""
     subject = one_way(of_paper([joint])[0])
     default = (subject.amplitude, subject.frequency)
     moved = within(motion_of("revolute", amplitude, frequency, default), "revolute", _limits(measured))
@@ -145,61 +155,18 @@ def of_gripper(
             )
         if e is not None:
             estimates[ParameterName(name, Direction.BOTH)] = e
+    friction = "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers."
+    intervals = (
+        "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these "
+        "numbers; the paper gives none."
+    )
+    reference = (
+        "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion."
+    )
     assumptions = (
-        Finding(
-            "gripper-friction",
-            NOTE,
-            "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers.",
-        ),
-        Finding(
-            "gripper-intervals",
-            CAUTION,
-            "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these "
-            "numbers; the paper gives none.",
-        ),
+        Finding("gripper-friction", NOTE, friction),
+        Finding("gripper-intervals", CAUTION, intervals),
         Finding("gripper-noise", CAUTION, "Noise: of the same simulated logs."),
-        Finding(
-            "gripper-reference",
-            CAUTION,
-            "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; "
-            "the paper names no motion.",
-        ),
+        Finding("gripper-reference", CAUTION, reference),
     )
     return KnownFriction(p, estimates, (), assumptions), moved, subject
-
-
-def _model(measured: Measured, joint: Joint, known: KnownJoint, limits: Limits) -> KnownFriction:
-    """The friction of a joint, one set or a pair, with a bristle where none was seen, which is among the assumptions."""
-    directions = known.directions
-    assumptions = [*without_load(joint), *([joint.torque_scale] if joint.torque_scale else [])]
-    if len(directions) == 1 and directions != (Direction.BOTH,):
-        message = f"Only direction {directions[0]} is known; it is used for both."
-        assumptions.append(Finding("one-direction-known", CAUTION, message, {"direction": directions[0]}))
-    identified = inertia_of(measured.experiment, joint)
-    J = identified or guessed_inertia(max(known.values(d)["alpha_0"] for d in directions), limits.acceleration)
-    sets, estimates, assumed = [], dict[ParameterName, Estimate](), list[ParameterName]()
-    for d in directions:
-        p, missing = known.filled(d, limits.travel, J), known.missing(d)
-        sets.append(p)
-        own = d if len(directions) > 1 else Direction.BOTH
-        assumed += [ParameterName(name, own) for name in missing]
-        for name, how in _how(missing, None if identified else J, joint.kind).items():
-            guessed, value = ParameterName(name, own), getattr(p, name)
-            message = (
-                f"{guessed}: not identifiable from these data; assumed {value:.3g} {unit(name, joint.kind)}, {how}."
-            )
-            assumptions.append(Finding("bristle-assumed", CAUTION, message, {"name": guessed, "value": value}))
-        for parameter, e in known.estimates.items():
-            if of_friction(parameter.name) and parameter.direction in (d, Direction.BOTH):
-                estimates[parameter if len(directions) > 1 else parameter._replace(direction=own)] = e
-    return KnownFriction(sets[0] if len(sets) == 1 else Pair(*sets), estimates, tuple(assumed), tuple(assumptions))
-
-
-def _how(missing: Sequence[str], guessed_J: float | None, kind: JointKind) -> dict[str, str]:
-    """How each parameter that the data do not show was found; `guessed_J` is the inertia (kg*m**2) where that is a guess."""
-    inertia = "" if guessed_J is None else f" and a guessed inertia of {guessed_J:.2g} {unit('inertia', kind)}"
-    guesses = {
-        "sigma_0": f"from a deflection of {DEFLECTION:g} of the travel",
-        "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}{inertia}",
-    }
-    return {name: guesses.get(name, "as it was held in the fit") for name in missing}

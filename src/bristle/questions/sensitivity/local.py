@@ -29,8 +29,6 @@ DURATION, PERIOD = 10.0, 1e-3
 """Of a motion, s; slow ones last two of their periods, fast ones are sampled as often as a period needs."""
 _OFTEN = 200
 """Samples of a period, at least; a motion that is faster than so many periods in `DURATION` is cut there."""
-_CELL = 1000
-"""Samples of a period in the map."""
 FREQUENCIES = (1e-6, 1e4)
 """Hz, of a motion that makes sense."""
 
@@ -51,16 +49,6 @@ class SineMotion(NamedTuple):
     def course(self) -> Reference:
         """Position, velocity and acceleration at the samples."""
         return Sine(self.amplitude, self.frequency).sampled(self.duration, self.period)
-
-    @property
-    def time(self) -> Array:
-        """Of the samples, s, (n,)."""
-        return self.period * np.arange(self.course.velocity.size, dtype=np.float64)
-
-    @property
-    def samples(self) -> int:
-        """Of one period."""
-        return round(1 / (self.frequency * self.period))
 
     @property
     def top_speed(self) -> float:
@@ -142,7 +130,7 @@ def local(p: Lugre[float] | Pair[float], reference: SineMotion) -> Local:
     by_name = dict(zip(fields_of(p.law), zip(acting, slopes, strict=True), strict=True))
     return Local(
         names=names,
-        time=reference.time,
+        time=reference.period * np.arange(velocity.size, dtype=np.float64),
         velocity=velocity,
         torque=rolled.torque,
         partial=np.column_stack([np.multiply(*by_name[name]) for name in names]),
@@ -181,20 +169,16 @@ def claimed(shares: Array, names: Sequence[str]) -> bool:
 
 
 def grid(reference: SineMotion) -> tuple[Array, Array]:
-    """Amplitudes (13,), rad, and frequencies (9,), Hz, of a map around a motion, in thirds of a decade.
-
-    Amplitudes go from 1/1000 to 10 times its own, frequencies from 1/20 to 20 times; the motion is among them.
-    """
+    """Amplitudes (13,), rad, 1/1000 to 10 times the motion's, and frequencies (9,), Hz, 1/20 to 20 times, in thirds of a decade."""
     third = np.arange(-9, 4) / 3
     return reference.amplitude * 10**third, reference.frequency * 10 ** (np.arange(-4, 5) / 3)
 
 
 def sensitivity_map(p: Lugre[float] | Pair[float], amplitudes: Array, frequencies: Array) -> Map:
     """The total shares of a sine's third period from rest, for each amplitude (a,), rad, and frequency (f,), Hz."""
-
-    def settled(amplitude: float, frequency: float) -> Array:
-        """Of one motion."""
-        return local(p, SineMotion(amplitude, frequency, 3 / frequency, 1 / (_CELL * frequency))).shares(last=_CELL)
-
-    shares = np.array([[settled(a, f) for f in frequencies.tolist()] for a in amplitudes.tolist()])
+    cell = 1000  # samples of a period
+    shares = np.empty((amplitudes.size, frequencies.size, len(estimated_of(p.law))))
+    for i, j in np.ndindex(shares.shape[:2]):
+        a, f = float(amplitudes[i]), float(frequencies[j])
+        shares[i, j] = local(p, SineMotion(a, f, 3 / f, 1 / (cell * f))).shares(last=cell)
     return Map(names=estimated_of(p.law), amplitudes=amplitudes, frequencies=frequencies, shares=shares)

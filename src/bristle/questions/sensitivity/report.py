@@ -12,10 +12,9 @@ from bristle.page.page import Drawing
 from bristle.page.report import Report, Section, Table
 from bristle.page.wording import in_percent, in_print, measured, number, pretty, symbol
 from bristle.questions.sensitivity import figures
-from bristle.questions.sensitivity.findings import findings, sobol_sentences
 from bristle.questions.sensitivity.local import CLAIMED, ranked
 from bristle.questions.sensitivity.sobol import Global
-from bristle.questions.sensitivity.study import Expected, SensitivityStudy
+from bristle.questions.sensitivity.study import Expected, SensitivityStudy, findings, sobol_sentences
 
 
 def report(study: SensitivityStudy) -> Report:

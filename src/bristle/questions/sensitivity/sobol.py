@@ -16,43 +16,61 @@ from bristle.control.control_period import LoopOptions
 from bristle.errors import InputError
 from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
+from bristle.identification.fits import Estimate
 from bristle.model import functions
+from bristle.model.laws.parts import FASTEST, Law
+from bristle.model.parameters import (
+    Direction,
+    Lugre,
+    Pair,
+    ParameterName,
+    effort,
+    estimated_of,
+    in_direction,
+    is_positive,
+    is_possible,
+    least_of,
+    lugre_of,
+    of_friction,
+    unit,
+)
 from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import Lugre, Pair, ParameterName, effort, lugre_of, unit
 from bristle.model.periodic import rms_torque
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress, teller
-from bristle.questions.sensitivity.parameter_box import Span, joints_at, ordered, spans_of
 from bristle.simulation.joint_loop import JointLoop
 
 if TYPE_CHECKING:
     import pandas as pd
 
-RMS_TORQUE, BREAKAWAY, TRACKING = "RMS friction torque", "breakaway torque", "RMS error of the simulated loop"
-"""Names of the outputs."""
+TRACKING = "RMS error of the simulated loop"
 _Quantity = Literal["torque", "position"]
-RESAMPLES = 200
-"""... so often."""
 PERIODS, COUNTED = 2, 1
 """Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
 _TICKS = 9_000_000
 """Control periods of all closed loops together, which bounds their samples: about half a minute."""
 _LEAST = 32
 """Fewer samples tell nothing."""
-_LONGEST = 300_000
-"""Control periods of one loop, beyond which it is not simulated; ..."""
-_COARSE = 0.02
-"""... nor is it where one of them is a larger share of the reference's period."""
-_BATCH = 128
-"""Closed loops, and ..."""
-_ROWS = 1024
-"""... joints of the other outputs, between two calls of the progress."""
-_LOST = 10.0
-"""A loop diverges where its error is so many amplitudes."""
-_SAME = 1e-12
-"""An output that varies by no more than this share of itself does not depend on the parameters."""
-_BARELY = 1e-200
-"""A speed whose square is zero, rad/s."""
+_LONGEST, _COARSE = 300_000, 0.02
+"""A loop is not simulated over more control periods, nor where one of them is a larger share of the reference's period."""
+_BATCH, _ROWS = 128, 1024
+"""Closed loops, and joints of the other outputs, between two calls of the progress."""
+
+
+class Span(NamedTuple):
+    """The interval from which one parameter is drawn."""
+
+    parameter: ParameterName
+    low: float
+    high: float
+    logarithmic: bool
+    """Whether its logarithm is uniform, else itself: where the interval spans more than a decade."""
+
+    def at(self, share: Array) -> Array:
+        """The values at shares 0 to 1 of the way from low to high."""
+        if self.logarithmic:
+            return np.asarray(self.low * (self.high / self.low) ** share)
+        return self.low + (self.high - self.low) * share
 
 
 class Effect(NamedTuple):
@@ -131,33 +149,7 @@ class Global:
         return pd.DataFrame(rows)
 
 
-def indices(
-    function: Callable[[Array], Array], box: Mapping[ParameterName, tuple[float, float]], samples: int, seed: int = 0
-) -> tuple[Indices, ...]:
-    """First-order and total Sobol indices of each output of a function over a box; Saltelli et al. 2010, by SALib.
-
-    Args:
-        function: (n, p) -> (n,), or (n, outputs); columns in the order of the box.
-        box: low and high of each parameter, drawn uniformly, or log-uniformly where they span more than a decade.
-        samples: a power of two; the function is evaluated at samples * (p + 2) points.
-        seed: of the sampling and of the bootstrap, >= 0; the same seed gives the same result.
-
-    Raises InputError where SALib is not installed, the box or the samples cannot be used, or the function's values are
-    not finite, and ValueError where they are not of that shape.
-    """
-    spans = spans_of(box)
-    points = _points(spans, samples, seed)
-    values = np.asarray(function(points), dtype=np.float64)
-    if values.ndim not in (1, 2) or len(values) != len(points):
-        raise ValueError(
-            f"function returned shape {values.shape}; expected ({len(points)},) or ({len(points)}, outputs)"
-        )
-    if not np.isfinite(values).all():
-        raise InputError("function returned a value that is not finite; expected numbers throughout: narrow the box")
-    return tuple(_analysed(spans, column, seed) for column in values.reshape(len(points), -1).T)
-
-
-def _points(spans: Sequence[Span], samples: int, seed: int) -> Array:
+def saltelli(spans: Sequence[Span], samples: int, seed: int) -> Array:
     """Saltelli's sample of the box, (samples * (p + 2), p)."""
     if samples < 2 or samples & (samples - 1) or seed < 0:
         raise InputError(
@@ -168,17 +160,12 @@ def _points(spans: Sequence[Span], samples: int, seed: int) -> Array:
     return np.column_stack([span.at(share) for span, share in zip(spans, shares.T, strict=True)])
 
 
-def _analysed(spans: Sequence[Span], values: Array, seed: int) -> Indices:
-    """The indices of one output by its values at the points of `_points`, (samples * (p + 2),)."""
+def analysed(spans: Sequence[Span], values: Array, seed: int) -> Indices:
+    """The indices of one output by its values at the points of `saltelli`, (samples * (p + 2),)."""
     effects: tuple[Effect, ...] = ()
-    if np.ptp(values) > _SAME * np.abs(values).max():
+    if np.ptp(values) > 1e-12 * np.abs(values).max():  # else it does not depend on the parameters
         by_kind = _salib().analyze.sobol.analyze(
-            _problem(spans),
-            values,
-            calc_second_order=False,
-            num_resamples=RESAMPLES,
-            conf_level=CONFIDENCE,
-            seed=seed + 1,
+            _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=CONFIDENCE, seed=seed + 1
         )  # SALib takes a seed of zero for none
         columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
         effects = tuple(Effect(span.parameter, *row) for span, *row in zip(spans, *columns, strict=True))
@@ -227,7 +214,7 @@ def global_sensitivity(
         box: intervals by name: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one.
         subject: whose loop and reference it is; its own friction is not used.
         samples: a power of two, >= 32; of torque and breakaway.
-        seed: as in `indices`.
+        seed: of the sampling and of the bootstrap, >= 0; the same seed gives the same result.
         progress: told of every batch.
 
     Raises InputError where SALib is not installed, or the box or the samples cannot be used.
@@ -236,8 +223,8 @@ def global_sensitivity(
     spans = ordered(box, pair.law)
     if samples < _LEAST:
         raise InputError(f"got {samples} samples; expected a power of two, at least {_LEAST}")
-    points = _points(spans, samples, seed)
-    loop_points = _points(spans, min(samples, _affordable(len(spans), _ticks(subject))), seed)
+    points = saltelli(spans, samples, seed)
+    loop_points = saltelli(spans, min(samples, _affordable(len(spans), _ticks(subject))), seed)
     tell = teller(progress, -(-len(points) // _ROWS) - (-len(loop_points) // _BATCH))
 
     def torque(batch: Array) -> Array:
@@ -254,16 +241,39 @@ def global_sensitivity(
         run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)
         return run.rms_error((PERIODS - COUNTED) / subject.frequency)
 
+    def tracking() -> Output:
+        """The loop's output; without indices where a plant drawn cannot be run, or its loop diverges."""
+        how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
+        try:
+            if subject.frequency * subject.period > _COARSE:
+                raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
+            if _ticks(subject) > _LONGEST:
+                raise InputError(
+                    f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated"
+                )
+            errors = _batched(error, loop_points, _BATCH)
+        except InputError as refused:
+            why = Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
+            return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+        diverged = int(np.count_nonzero(~(errors < 10 * subject.amplitude)))
+        if not diverged:
+            return _output(TRACKING, "position", spans, errors, seed)
+        message = (
+            f"The loop diverges with {diverged} of the {errors.size} plants drawn; narrow the box, or lower the gains."
+        )
+        why = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": errors.size})
+        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+
     # g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions.
     drawn = joints_at(pair, spans, points)
-    levels = [evaluate(functions.steady_torque_function(p.law), _BARELY, *p.stribeck)[0] for p in drawn]
+    levels = [evaluate(functions.steady_torque_function(p.law), 1e-200, *p.stribeck)[0] for p in drawn]
     breakaways = np.asarray(np.mean(levels, axis=0))
     return Global(
         spans=spans,
         outputs=(
-            _output(RMS_TORQUE, "torque", spans, _batched(torque, points, _ROWS), seed),
-            _output(BREAKAWAY, "torque", spans, breakaways, seed),
-            _tracking_output(subject, spans, error, loop_points, seed),
+            _output("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
+            _output("breakaway torque", "torque", spans, breakaways, seed),
+            tracking(),
         ),
         amplitude=subject.amplitude,
         frequency=subject.frequency,
@@ -288,32 +298,75 @@ def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Ar
 
 def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array, seed: int) -> Output:
     """An output by its values at Saltelli's points."""
-    indices = _analysed(spans, values, seed)
+    indices = analysed(spans, values, seed)
     if indices.effects:
         return Output(name=name, quantity=quantity, indices=indices)
     why = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
     return Output(name=name, quantity=quantity, indices=None, reason=why)
 
 
-def _tracking_output(
-    subject: JointLoop, spans: Sequence[Span], error: Callable[[Array], Array], points: Array, seed: int
-) -> Output:
-    """The loop's output; without indices where a plant drawn cannot be run, or its loop diverges."""
-    how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
-    try:
-        if subject.frequency * subject.period > _COARSE:
-            raise InputError(f"{how}, which is more than {_COARSE:g} of the reference's")
-        if _ticks(subject) > _LONGEST:
-            raise InputError(f"{how}, of which one loop would take {_ticks(subject)}; at most {_LONGEST} are simulated")
-        errors = _batched(error, points, _BATCH)
-    except InputError as refused:
-        why = Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
-        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
-    diverged = int(np.count_nonzero(~(errors < _LOST * subject.amplitude)))
-    if diverged:
-        message = (
-            f"The loop diverges with {diverged} of the {errors.size} plants drawn; narrow the box, or lower the gains."
+def spans_of(box: Mapping[ParameterName, tuple[float, float]]) -> tuple[Span, ...]:
+    """The intervals of a box, in its order. Raises InputError where it is empty or one of them is not an interval."""
+    if not box:
+        raise InputError("box is empty; expected at least one parameter with its interval")
+    for name, (low, high) in box.items():
+        if not (np.isfinite([low, high]).all() and low < high):
+            raise InputError(
+                f"box: {name}: got [{low:g}, {high:g}]; expected finite numbers, low < high: "
+                "leave out what is to stay as it is"
+            )
+    return tuple(Span(name, low, high, low > 0 and high > 10 * low) for name, (low, high) in box.items())
+
+
+def ordered(box: Mapping[ParameterName, tuple[float, float]], law: Law) -> tuple[Span, ...]:
+    """The intervals in the order of the law's tuple, on which the samples depend. Raises InputError where a name or an interval cannot be."""
+    directions = (Direction.BOTH, Direction.POSITIVE, Direction.NEGATIVE)
+    known = [ParameterName(name, d) for name in estimated_of(law) for d in directions]
+    for name, (low, _) in box.items():
+        whole = name._replace(direction=Direction.BOTH)
+        if name not in known or (name != whole and whole in box):
+            raise InputError(
+                f"box: got {str(name)!r} among {', '.join(map(str, box))}; expected {', '.join(estimated_of(law))}, "
+                "each for both directions, or with + and - for one"
+            )
+        if not is_possible(name.name, low):
+            raise InputError(f"box: {name}: got a low end of {low:g}; expected a physical value, not below zero")
+    return spans_of({name: box[name] for name in known if name in box})
+
+
+def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[Array]:
+    """Both sets of the joint at each point, each parameter (n,); points (n, p), one column for each of the spans."""
+    drawn = {span.parameter: column for span, column in zip(spans, points.T, strict=True)}
+    sets = []
+    for d, p in zip("+-", pair, strict=True):
+        own = {name: in_direction(drawn, name, d) for name in p._fields}
+        sets.append(
+            lugre_of(pair.law)(*(np.full(len(points), getattr(p, n)) if x is None else x for n, x in own.items()))
         )
-        why = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": errors.size})
-        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
-    return _output(TRACKING, "position", spans, errors, seed)
+    return Pair(*sets)
+
+
+def box_of(
+    estimates: Mapping[ParameterName, Estimate],
+) -> tuple[dict[ParameterName, tuple[float, float]], tuple[Finding, ...]]:
+    """The 95 % intervals of the estimated friction parameters; a finding on each that is not finite, or is cut at its physical bound."""
+    box: dict[ParameterName, tuple[float, float]] = {}
+    notes = []
+    for name, e in estimates.items():
+        bare = name.name
+        least = least_of(bare)
+        if not of_friction(bare) or bare == FASTEST or e.value is None:
+            continue
+        if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], least) < e.interval[1]:
+            message = f"{name}: no finite 95 % interval; it is held at {e.value:.3g} {e.unit}."
+            notes.append(Finding("box-held", CAUTION, message, {"name": name, "value": e.value}))
+            continue
+        low, high = e.interval
+        if not is_possible(bare, low):
+            low = 0.01 * min(e.value, high) if is_positive(bare) else least
+            message = (
+                f"{name}: its interval includes impossible values; it is drawn from {low:.3g} {e.unit} up (assumed)."
+            )
+            notes.append(Finding("box-cut", CAUTION, message, {"name": name, "low": low}))
+        box[name] = (low, high)
+    return box, tuple(notes)

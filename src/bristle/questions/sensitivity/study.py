@@ -11,27 +11,18 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
-from bristle.model.laws.parts import Law
-from bristle.model.parameters import (
-    Direction,
-    Lugre,
-    Pair,
-    ParameterName,
-    peak_parameters,
-    static_estimated_of,
-    unit,
-)
+from bristle.model.parameters import Direction, Lugre, ParameterName, peak_parameters, static_estimated_of, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import KnownFriction
-from bristle.questions.sensitivity.local import Local, Map, SineMotion, grid, local, sensitivity_map
-from bristle.questions.sensitivity.parameter_box import box_of
-from bristle.questions.sensitivity.sobol import Global, global_sensitivity
+from bristle.questions.sensitivity.local import Local, Map, SineMotion, claimed, grid, local, ranked, sensitivity_map
+from bristle.questions.sensitivity.sobol import Global, box_of, global_sensitivity
 from bristle.simulation.joint_loop import JointLoop
 
 if TYPE_CHECKING:
@@ -44,11 +35,12 @@ _FEWEST, _MOST = 32, 2**17
 """Samples of the Sobol indices; with the most of them a joint of six parameters takes some minutes."""
 _NOISE = 0.05
 """Where no moving run tells the noise: this share of alpha_0, white, at 1 kHz."""
-_STEPS = 5
-_UNSEEN = 0.5
-"""A parameter with a larger standard error than this share of its value is not identifiable from a measurement."""
-_MAY_BE_ZERO = ("offset", "gravity", "quadratic", "inertia")
-"""Identifiable with any finite standard error."""
+
+
+_NAMED = 3
+"""Parameters whose shares a sentence names."""
+_SMALL_INDEX = 0.05
+"""A parameter or an interaction with a smaller share of an output's variance is not named."""
 
 
 class Expected(NamedTuple):
@@ -63,10 +55,10 @@ class Expected(NamedTuple):
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """Whether the measurement would identify each parameter of the information, (p,)."""
-        errors = self.information.standard_errors
-        may_be_zero = np.array([x.name.startswith(_MAY_BE_ZERO) for x in self.information.names], dtype=bool)
-        return (errors < _UNSEEN * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
+        """Whether the measurement identifies each parameter, (p,): to half its value, or with any finite error where it may be zero."""
+        errors, zero = self.information.standard_errors, ("offset", "gravity", "quadratic", "inertia")
+        may_be_zero = np.array([x.name.startswith(zero) for x in self.information.names], dtype=bool)
+        return (errors < 0.5 * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
 
     def to_frame(self, kind: JointKind) -> "pd.DataFrame":
         """One row per parameter: expected standard error, that of the joint's fit, whether it is identifiable."""
@@ -151,7 +143,7 @@ def study_sensitivity(
     """
     check_samples(samples)
     model, motion, loop = request
-    tell = teller(progress, _STEPS)
+    tell = teller(progress, 5)
     tell("derivatives along the motion")
     along_motion = local(model.p, motion)
     tell("map over amplitude and frequency")
@@ -159,50 +151,52 @@ def study_sensitivity(
     box, cut = box_of(model.estimates)
     tell("information")
     expected = (_motion_tells(joint, model, motion), _constant_velocities_tell(joint))
-    sobol, no_sobol = _sobol(model, box, motion, loop, samples, progress)
-    written, no_formulas = _formulas(model.p.law)
+    sobol, written, left_out = None, None, list[Finding]()
+    along = loop if isinstance(loop, str) else replace(loop, amplitude=motion.amplitude, frequency=motion.frequency)
+    if not samples:
+        left_out.append(Finding("sobol-not-asked", NOTE, "Sobol indices were not asked for (samples: 0)."))
+    else:
+        try:
+            if isinstance(along, str) or not box:
+                raise InputError(along if isinstance(along, str) else "no parameter has a finite interval")
+            sobol = global_sensitivity(model.p, box, along, samples=samples, seed=SEED, progress=progress)
+        except InputError as why:
+            left_out.append(Finding("no-sobol", NOTE, f"No Sobol indices: {why}."))
+    try:
+        written = formulas(model.p.law)
+    except ValueError as error:  # no SymPy, or a law with an operation that no formula has
+        left_out.append(Finding("no-formulas", NOTE, f"No formulas: {error}."))
+    period = round(1 / (motion.frequency * motion.period))  # in samples
     return SensitivityStudy(
         name=joint.name, kind=joint.kind, simulated=joint.simulated, model=model, motion=motion, box=box, local=along_motion,
-        settled=along_motion.shares(last=motion.samples), map=mapped,
+        settled=along_motion.shares(last=period), map=mapped,
         expected=tuple(x for x in expected if x is not None), sobol=sobol, formulas=written,
-        assumptions=(*model.assumptions, *cut, *no_sobol, *no_formulas),
+        assumptions=(*model.assumptions, *cut, *left_out),
     )  # fmt: skip  # a list of values
-
-
-def _sobol(
-    model: KnownFriction, box: Mapping[ParameterName, tuple[float, float]], motion: SineMotion, loop: JointLoop | str, samples: int,
-    progress: Progress | None,
-) -> tuple[Global | None, tuple[Finding, ...]]:  # fmt: skip
-    """Sobol indices over the intervals, or why there are none."""
-    if not samples:
-        return None, (Finding("sobol-not-asked", NOTE, "Sobol indices were not asked for (samples: 0)."),)
-    if isinstance(loop, str):
-        return None, _no_sobol(loop)
-    if not box:
-        return None, _no_sobol("no parameter has a finite interval")
-    along_motion = replace(loop, amplitude=motion.amplitude, frequency=motion.frequency)
-    try:
-        return global_sensitivity(model.p, box, along_motion, samples=samples, seed=SEED, progress=progress), ()
-    except InputError as error:
-        return None, _no_sobol(str(error))
-
-
-def _no_sobol(why: str) -> tuple[Finding, ...]:
-    return (Finding("no-sobol", NOTE, f"No Sobol indices: {why}."),)
-
-
-def _formulas(law: Law) -> tuple[Formulas | None, tuple[Finding, ...]]:
-    """The derivatives as formulas, or why there are none."""
-    try:
-        return formulas(law), ()
-    except ValueError as error:  # no SymPy, or a law with an operation that no formula has
-        return None, (Finding("no-formulas", NOTE, f"No formulas: {error}."),)
 
 
 def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Expected:
     """What the torque along the motion tells, beside the extra terms that the joint's own fit has to find as well."""
-    noise, noise_source = _noise(joint, model.p, motion.period)
-    course, fit = motion.course, joint.moving
+    # Standard deviation of the white noise of a torque sample at the motion's period, N*m, and where it is from.
+    fit, torque_unit = joint.moving, unit("torque", joint.kind)
+    if fit is not None and fit.quantity == "torque" and fit.rms > 0:
+        steps = np.diff(fit.time)
+        between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
+        ratio = np.sqrt(variance_inflation)
+        correlated = f", times {ratio:.1f} for their correlation" if ratio > 1 else ""
+        message = f"Noise: residuals of the moving runs' fit, {fit.rms:.2g} {torque_unit} per sample every {between:.3g} s{correlated}."
+        source = Finding("noise-of-fit", NOTE, message, {"rms": fit.rms, "step": between, "ratio": ratio})
+        noise = fit.rms * float(np.sqrt(variance_inflation * between / motion.period))
+    else:
+        white = _NOISE * float(np.mean([one.alpha_0 for one in ([model.p] if isinstance(model.p, Lugre) else model.p)]))
+        message = (
+            f"Noise: assumed white, {white:.2g} {torque_unit} ({100 * _NOISE:.0f} % of alpha_0) at 1 kHz; "
+            "standard errors are proportional to it."
+        )
+        source = Finding("noise-assumed", CAUTION, message, {"noise": white})
+        noise = white * float(np.sqrt(1e-3 / motion.period))
+
+    course = motion.course
     values = fit.known if fit is not None else {ParameterName.parse("inertia"): 0.0}
     asked = [x for x in regressors_of([name.name for name in values], joint.kind) if x != "links"]
     columns = load_columns(asked, partial(getattr, course), course.velocity.size)
@@ -216,45 +210,19 @@ def _motion_tells(joint: Joint, model: KnownFriction, motion: SineMotion) -> Exp
     if fit is not None:
         errors |= {n: e.standard_error for n, e in fit.parameters.items() if n in extra and e.standard_error}
     information = Information(names=(*friction, *extra), point=point, matrix=matrix)
-    return _expected("the motion", information, errors, noise_source, held)
+    return _expected("the motion", information, errors, source, held)
 
 
 def _expected(
-    what: str,
-    full: Information,
-    errors: Mapping[ParameterName, float],
-    noise: Finding,
-    held: Sequence[ParameterName],
+    what: str, full: Information, errors: Mapping[ParameterName, float], noise: Finding, held: Sequence[ParameterName]
 ) -> Expected:
     """The information of all but what is held, which the joint's own fit does not have."""
     kept = [k for k, name in enumerate(full.names) if name not in held]
     names = tuple(full.names[k] for k in kept)
     information = Information(names=names, point=full.point[kept], matrix=full.matrix[np.ix_(kept, kept)])
-    if not held:
-        return Expected(what, information, errors, (noise,))
     message = f"Taken as known, because the joint's own fit has none: {', '.join(map(str, held))}."
-    return Expected(
-        what, information, errors, (noise, Finding("held-as-known", CAUTION, message, {"names": tuple(held)}))
-    )
-
-
-def _noise(joint: Joint, p: Lugre[float] | Pair[float], period: float) -> tuple[float, Finding]:
-    """Standard deviation of the white noise of a torque sample at this period, N*m, and where it is from."""
-    fit, torque_unit = joint.moving, unit("torque", joint.kind)
-    if fit is not None and fit.quantity == "torque" and fit.rms > 0:
-        steps = np.diff(fit.time)
-        between, variance_inflation = float(np.median(steps[steps > 0])), inflation(fit.residuals)
-        ratio = np.sqrt(variance_inflation)
-        correlated = f", times {ratio:.1f} for their correlation" if ratio > 1 else ""
-        message = f"Noise: residuals of the moving runs' fit, {fit.rms:.2g} {torque_unit} per sample every {between:.3g} s{correlated}."
-        source = Finding("noise-of-fit", NOTE, message, {"rms": fit.rms, "step": between, "ratio": ratio})
-        return fit.rms * float(np.sqrt(variance_inflation * between / period)), source
-    noise = _NOISE * float(np.mean([one.alpha_0 for one in ([p] if isinstance(p, Lugre) else p)]))
-    message = (
-        f"Noise: assumed white, {noise:.2g} {torque_unit} ({100 * _NOISE:.0f} % of alpha_0) at 1 kHz; "
-        "standard errors are proportional to it."
-    )
-    return noise * float(np.sqrt(1e-3 / period)), Finding("noise-assumed", CAUTION, message, {"noise": noise})
+    known = [Finding("held-as-known", CAUTION, message, {"names": tuple(held)})] if held else []
+    return Expected(what, information, errors, (noise, *known))
 
 
 def _constant_velocities_tell(joint: Joint) -> Expected | None:
@@ -282,3 +250,101 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
     information = Information(names=names, point=point, matrix=matrix)
     noise = Finding("noise-of-static-fit", NOTE, "Noise: the scatter of the points about the static fit.")
     return _expected("the constant velocities", information, errors, noise, held)
+
+
+def findings(study: SensitivityStudy) -> tuple[Finding, ...]:
+    """Whether the paper's claim holds, along the motion and over the map, and what each measurement would tell."""
+    total, at_fixed_z, names = study.local.shares(), study.local.shares(partial=True), study.local.names
+    holds, largest, settled = claimed(total, names), _largest(total, names), _largest(study.settled, names)
+    later = f" In its last period, after the bristle's first deflection: {_listed(settled)}."
+    message = (
+        f"The paper's claim that alpha_0 and alpha_2 matter most {'holds' if holds else 'does not hold'} for "
+        f"{study.motion.amplitude:.3g} {unit('position', study.kind)} at {study.motion.frequency:.3g} Hz: "
+        f"RMS of p dT/dp relative to that of T: {_listed(largest)} (total).{later if list(settled) != list(largest) else ''}"
+    )
+    motion = {"amplitude": study.motion.amplitude, "frequency": study.motion.frequency}
+    numbers = {**motion, "largest": tuple(largest.items())}
+    found = [Finding("claim-holds" if holds else "claim-fails", NOTE, message, numbers)]
+    first = ranked(at_fixed_z, names)[:_NAMED]
+    if first != tuple(largest):
+        message = f"At fixed z the order would be {', '.join(first)}: the bristle's response to a parameter matters."
+        found.append(Finding("other-at-fixed-z", NOTE, message, {"names": first}))
+
+    # Where on the map the claim holds: at the lowest, the motion's own and the highest frequency.
+    claim, amplitudes, frequencies = study.map.claim, study.map.amplitudes, study.map.frequencies
+    where = []
+    for j in dict.fromkeys((0, int(np.argmin(np.abs(frequencies - study.motion.frequency))), frequencies.size - 1)):
+        broken, at = np.flatnonzero(~claim[:, j]), f"at {frequencies[j]:.2g} Hz"
+        if broken.size == 0:
+            where.append(f"{at} at every amplitude")
+        elif broken[-1] + 1 == amplitudes.size:
+            where.append(f"{at} not at the largest amplitude")
+        else:
+            where.append(f"{at} from {amplitudes[broken[-1] + 1]:.2g} {unit('position', study.kind)} up")
+    leading, held = tuple(names[k] for k in np.unique(study.map.first)), int(claim.sum())
+    message = (
+        f"Of {claim.size} motions on the map it holds for {held}: {', '.join(where)}. "
+        f"Parameters that rank first somewhere: {', '.join(leading)}."
+    )
+    found.append(Finding("claim-on-map", NOTE, message, {"motions": claim.size, "held": held, "first": leading}))
+
+    # Which parameters each measurement identifies, and which combinations it hardly does.
+    for expected in study.expected:
+        all_of, more = expected.information.names, "".join(f" {x.message}" for x in expected.information.unseen)
+        lost = tuple(name for name, seen in zip(all_of, expected.seen, strict=True) if not seen)
+        if lost:
+            message = (
+                f"From {expected.what} alone {', '.join(map(str, lost))} would not be identifiable "
+                f"(standard error over half the value).{more}"
+            )
+            found.append(Finding("not-told", CAUTION, message, {"names": lost}))
+        else:
+            message = f"From {expected.what} alone all of {', '.join(map(str, all_of))} are identifiable.{more}"
+            found.append(Finding("all-told", NOTE, message, {"names": all_of}))
+    return tuple(found)
+
+
+def _largest(shares: Array, names: Sequence[str]) -> dict[str, float]:
+    """The largest of the shares, (6,), by the parameter's name, in their order."""
+    by_name = dict(zip(names, shares.tolist(), strict=True))
+    return {name: by_name[name] for name in ranked(shares, names)[:_NAMED]}
+
+
+def _listed(shares: dict[str, float]) -> str:
+    return ", ".join(f"{name} {share:.2g}" for name, share in shares.items())
+
+
+def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
+    """Each output's parameters by their share of its variance, then what was drawn and what is not in it."""
+    spans = ", ".join(
+        f"{s.parameter} [{s.low:.3g}, {s.high:.3g}]{' (log-uniform)' if s.logarithmic else ''}" for s in sobol.spans
+    )
+    drawn = (
+        "Parameters are drawn uniformly unless stated otherwise, and independently, although those of a fit are "
+        f"correlated: {spans}. Seed {sobol.seed}."
+    )
+    simulated = (
+        f"SIMULATED: a sine of {sobol.amplitude:.3g} {unit('position', kind)} at {sobol.frequency:.3g} Hz; in the loop the "
+        "compensator keeps the nominal parameters while the plant is drawn. ± of an index is its "
+        f"{100 * CONFIDENCE:.0f} % bootstrap interval, which is conservative for these samples."
+    )
+    found = []
+    for output in sobol.outputs:
+        start, indices = output.heading(kind), output.indices
+        if indices is None:
+            found.append(Finding("no-indices", NOTE, f"{start}: {output.reason}"))
+            continue
+        first, *others = sorted(indices.effects, key=lambda e: -e.total)
+        named = [first, *(e for e in others if e.total >= _SMALL_INDEX)]
+        listed = ", ".join(f"{e.parameter} {e.total:.2f} ± {e.total_half:.2f} ({e.first:.2f} alone)" for e in named)
+        share = 1 - sum(e.first for e in indices.effects)
+        more = f"; interactions account for {share:.2f}" if share >= _SMALL_INDEX else ""
+        message = f"{start}: total index {listed}{more}; {indices.samples} samples, {indices.evaluations} evaluations."
+        total = tuple((e.parameter, e.total) for e in (first, *others))
+        numbers = {"total": total, "samples": indices.samples, "evaluations": indices.evaluations}
+        found.append(Finding("sobol-indices", NOTE, message, numbers))
+    return (
+        *found,
+        Finding("drawn-from", NOTE, drawn, {"spans": tuple(map(tuple, sobol.spans)), "seed": sobol.seed}),
+        Finding("indices-simulated", NOTE, simulated, {"amplitude": sobol.amplitude, "frequency": sobol.frequency}),
+    )
