@@ -246,7 +246,9 @@ def refitted(
 
     problem = posed(records)
     start = {name: value for name, value in carried(problem, alone.known).items() if name not in problem.fixed}
-    values, minimum = fit(problem, near or with_deflections(problem, start), _STEPS)
+    begin = with_deflections(problem, start)  # the law, or what is held, may have changed since `near`
+    begin |= {name: value for name, value in (near or {}).items() if name in begin}
+    values, minimum = fit(problem, begin, _STEPS)
     known = {name: value for name, value in values.items() if isinstance(name, ParameterName)}
     return ModelCandidate(
         model=LUGRE,
