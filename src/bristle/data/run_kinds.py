@@ -33,6 +33,8 @@ _AT_REST = 0.5
 """Of the time below the breakaway torque: a joint that is loaded slowly rests for so long, one that moves passes."""
 _SPRING = 0.3
 """Correlation of torque and position of a joint that rests on its bristles."""
+_FLAT = (0.8, 1 / 3)
+"""A joint that slides has this share of its largest torque for this share of the time; slow loading passes it."""
 _MOSTLY = 0.79
 """Of its motion: a run that holds velocities for less tells more as a tracking run."""
 
@@ -162,9 +164,9 @@ def _until_unloaded(record: Record, loading: Loading) -> tuple[int, int]:
 
 
 def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
-    """Whether the torque goes with the position in the stretches that load, more than with the direction of motion, as that of a joint that slides.
+    """Whether the torque goes with the position in the stretches that load, each of which begins anew, where the joint slid to.
 
-    Each begins anew, where the joint slid to.
+    That of a joint that slides goes more with the direction of motion, and is flat.
     """
     if record.position is None or record.torque is None or np.count_nonzero(loaded) < 2:
         return False
@@ -175,7 +177,9 @@ def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
         for x in (record.position, direction, record.torque)
     )
     with_q, with_side = (float(x @ T) / max(float(np.linalg.norm(x)), 1e-300) for x in (q, side))
-    return with_q > max(_SPRING * float(np.linalg.norm(T)), with_side)
+    size, (share, most) = np.abs(record.torque[loaded]), _FLAT
+    slides = with_side > with_q and float(np.mean(size > share * np.quantile(size, 0.99))) > most
+    return with_q > _SPRING * float(np.linalg.norm(T)) and not slides
 
 
 def _breaks_away(record: Record, loadings: Sequence[Loading], loaded: NDArray[np.bool_]) -> NDArray[np.bool_]:

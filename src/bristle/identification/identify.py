@@ -113,18 +113,17 @@ def identify_joint(
     joint = identified(measured, under)
     measured, joint, delay = _on_time(measured, joint, partial(identified, laws=under))
     told |= delay
-    if auto and not bic and joint.tracking is not None:
-        bic, ended = bic_of_directions(measured.experiment, measured.moving(hold_out=False), joint.tracking)
-        if bic and bic[APART] < bic[SYMMETRIC] - _CLEARLY:
-            sided = _with_directions(measured, "separate")
-            each = identified(sided, under, near=ended)
-            bic[APART] = _as_two(each, bic[APART])
-            measured, joint = (sided, each) if np.isfinite(bic[APART]) else (measured, joint)
+    of_motion = auto and not bic
+    if of_motion:
+        measured, joint, bic, ended = _sided(measured, joint, partial(identified, laws=under))
     if wider := _wider(measured, joint.tracking):
         measured, joint = wider, identified(wider, under, near=joint.tracking)
     if laws is None and joint.tracking is not None:
         step(progress, "comparing friction laws")
+        before = measured.experiment.fit.law
         measured, joint, laws, under = _law_of_motion(measured, joint, asked, identified)
+        if of_motion and measured.experiment.fit.law != before and measured.experiment.fit.directions == "symmetric":
+            measured, joint, bic, ended = _sided(measured, joint, partial(identified, laws=under))
     if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
         joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
     step(progress, "comparing friction models")
@@ -136,6 +135,21 @@ def identify_joint(
         joint = replace(joint, settings={**joint.settings, "chosen directions": _chosen(bic, apart=apart)})
         other = float(expit(-np.nan_to_num(abs(bic[APART] - bic[SYMMETRIC]), nan=np.inf) / 2))
     return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
+
+
+def _sided(
+    measured: Measured, joint: Joint, identified: Callable[..., Joint]
+) -> tuple[Measured, Joint, dict[str, float], Values | None]:
+    """Moving runs with a friction for each direction, where that has a clearly better BIC, else as they were; and `bic_of_directions`."""
+    if joint.tracking is None:
+        return measured, joint, {}, None
+    bic, ended = bic_of_directions(measured.experiment, measured.moving(hold_out=False), joint.tracking)
+    if bic and bic[APART] < bic[SYMMETRIC] - _CLEARLY:
+        sided = _with_directions(measured, "separate")
+        each = identified(sided, near=ended)
+        bic[APART] = _as_two(each, bic[APART])
+        measured, joint = (sided, each) if np.isfinite(bic[APART]) else (measured, joint)
+    return measured, joint, bic, ended
 
 
 def _law_of_motion(
