@@ -203,6 +203,16 @@ def test_what_is_identified_is_not_identified_again(
     assert compared.to_frame().equals(bristle.compare(clean, clean).to_frame())
 
 
+def test_one_joint_of_a_results_file_is_taken(tmp_path: Path, clean: Results) -> None:
+    """A results file of several joints gives the one that is named, as `bristle validate --joint` needs it, or says what there is."""
+    (joint,) = clean.joints
+    file = tmp_path / "results.json"
+    file.write_text(Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs).to_json(), encoding="utf-8")
+    assert [x.name for x in identifying.identified(file, joint="elbow").joints] == ["elbow"]
+    with pytest.raises(ValueError, match="one of wrist, elbow"):
+        identifying.identified(file, joint="knee")
+
+
 def test_results_of_several_joints_are_no_joint(clean: Results) -> None:
     """What asks about one joint refuses results of two, and such as hold no data, with what it got."""
     (joint,) = clean.joints

@@ -76,10 +76,11 @@ def identified(
     if len(experiments) == 1:
         known = read_if_results(experiments[0])
         if isinstance(known, Results):
-            if need is None:
-                return known
-            wanted = percent(need)
-            return replace(known, joints=tuple(replace(x, need=wanted) for x in known.joints))
+            joints = known.joints if joint is None else (known.joint(joint),)
+            if need is not None:
+                wanted = percent(need)
+                joints = tuple(replace(x, need=wanted) for x in joints)
+            return replace(known, joints=joints)
         experiments = (known,)
     files = open_all(experiments)
     return _identified(files, joint, share, progress, each, crosscheck=crosscheck, uncertainty=uncertainty, need=need)

@@ -143,7 +143,7 @@ def study_sensitivity(
     """
     check_samples(samples)
     model, motion, loop = request
-    tell = teller(progress, 5)
+    tell = teller(progress, 3)
     tell("derivatives along the motion")
     along_motion = local(model.p, motion)
     tell("map over amplitude and frequency")
