@@ -52,6 +52,7 @@ from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
 from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.settings import settings_of
+from bristle.identification.settling import without_settling
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.runs import fit_moving, fit_points
@@ -73,6 +74,8 @@ _LATEST = 0.05
 """s: no log is later, and what asks for more is another term, as friction that rises with load."""
 _SHIFTS = 3
 """Times that a delay of the torque is looked for: each is told to first order."""
+_ROUNDS = 4
+"""Times that holds are told what they had not settled, at the most."""
 _NOTHING = 1e-3
 """Of the torque: a Coulomb friction that is less is none."""
 _CHOICES = 2
@@ -124,6 +127,11 @@ def identify_joint(
         measured, joint, laws, under = _law_of_motion(measured, joint, asked, identified)
         if of_motion and measured.experiment.fit.law != before and measured.experiment.fit.directions == "symmetric":
             measured, joint, bic, ended = _sided(measured, joint, partial(identified, laws=under))
+    held = measured
+    for _ in range(_ROUNDS):
+        if (settled := without_settling(held, joint, measured)) is None:
+            break
+        measured, joint = settled, identified(settled, under, near=joint.tracking)
     if joint.tracking is not None and (crosscheck or uncertainty):  # of what was decided, once
         joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
     step(progress, "comparing friction models")

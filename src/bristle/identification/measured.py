@@ -112,9 +112,13 @@ def measure(experiment: Experiment | Path | str) -> Measured:
 def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
     """Runs that were read, the constant-velocity ones cut into segments. Raises InputError as `measure`."""
     experiment, runs = _filtered(experiment, runs)
-    whole = Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs))
-    searches = search_points(experiment, whole.points(hold_out=False))
-    left_out = {s.place: s for s in without_strays(experiment, searches)}
+    return judged(Measured(experiment=experiment, runs=runs, segments=_included(experiment, runs)))
+
+
+def judged(whole: Measured) -> Measured:
+    """The same with points left out that do not belong to the law of the others."""
+    searches = search_points(whole.experiment, whole.points(hold_out=False))
+    left_out = {s.place: s for s in without_strays(whole.experiment, searches)}
     segments = tuple(tuple(left_out.get(s.place, s) for s in candidates) for candidates in whole.segments)
     return replace(whole, segments=segments, searches=searches)
 

@@ -1,0 +1,61 @@
+"""What the holds of constant velocity had not settled of the bristle, found by running the joint along them as it was identified.
+
+After a reversal the torque comes to steady friction as exp(-x / b) does over the way x, b = g / sigma_0: slow holds of a
+soft bristle are low before that, and a Stribeck fit of some speeds takes that up without a trace in what it leaves.
+"""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from bristle.identification.known_joint import chosen
+from bristle.identification.measured import Measured, judged
+from bristle.identification.results import Joint
+from bristle.model import functions
+from bristle.model.parameters import SIGNED, Pair, in_direction, lugre_of
+from bristle.model.rollout import rollout
+from bristle.model.vectorize import evaluate
+
+_MATTERS = 0.2
+"""Of a point's standard error, as a median: what is less in all points is left as it is."""
+_FIRST = 100
+"""The first of so many parts of a log tells where its bristle begins."""
+
+
+def without_settling(measured: Measured, joint: Joint, before: Measured) -> Measured | None:
+    """The same with each point less what its hold had not settled of the bristle.
+
+    None where points are then as they were `before`, or the bristle is not known.
+    """
+    known, sets, curves = {row.parameter: row.estimate.value for row in chosen(joint)}, [], []
+    for d in SIGNED:
+        fit = joint.static.get(d) or joint.static.get("both") or next(iter(joint.static.values()), None)
+        curve, stiffness = None if fit is None else fit.values(), in_direction(known, "sigma_0", d)
+        if fit is None or curve is None or not stiffness:
+            return None
+        damping = in_direction(known, "sigma_1", d) or 0.0
+        curves.append(curve)
+        sets.append(lugre_of(fit.law)(**curve._asdict(), sigma_0=stiffness, sigma_1=damping))
+    steady, largest, segments = functions.steady_torque_function(sets[0].law), 0.0, []
+    for run, found, last in zip(measured.runs, measured.segments, before.segments, strict=True):
+        record, own = run.record, list(found)
+        points = [k for k, s in enumerate(found) if s.accepted]
+        if run.kind == "ramp" and record.velocity is not None and record.torque is not None and points:
+            velocity, torque = np.array(record.velocity), np.empty(record.time.size)
+            for s in (found[k] for k in points):
+                velocity[s.start : s.stop] = s.velocity  # without its noise, which changes its sign in a slow hold
+            for start, stop in pairwise([*record.starts, velocity.size]):
+                T0 = record.torque[start : start + max((stop - start) // _FIRST, 1)].mean()
+                p = sets[int(T0 < 0)]
+                z0 = float(np.clip(T0, -p.alpha_0 - p.alpha_1, p.alpha_0 + p.alpha_1)) / p.sigma_0
+                steps = np.diff(record.time[start:stop])
+                torque[start:stop] = rollout(velocity[start:stop], steps, Pair(*sets), z0).torque
+            error = float(np.median([found[k].standard_error or np.inf for k in points]))  # they count alike in the fit
+            for k in points:
+                s = found[k]
+                (settled,) = evaluate(steady, s.velocity, *curves[s.velocity < 0])
+                own[k] = replace(s, torque=s.torque - float(torque[s.start : s.stop].mean() - settled))
+                largest = max(largest, abs(own[k].torque - last[k].torque) / error)
+        segments.append(tuple(own))
+    return judged(replace(measured, segments=tuple(segments))) if largest > _MATTERS else None
