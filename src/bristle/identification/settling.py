@@ -19,6 +19,8 @@ from bristle.model.vectorize import evaluate
 
 _MATTERS = 0.2
 """Of a point's standard error, as a median: what is less in all points is left as it is."""
+_NEAR = 0.1
+"""Of a hold's speed: what is faster or slower by less is on the way to it."""
 _FIRST = 100
 """The first of so many parts of a log tells where its bristle begins."""
 
@@ -26,7 +28,8 @@ _FIRST = 100
 def without_settling(measured: Measured, joint: Joint, before: Measured) -> Measured | None:
     """The same with each point less what its hold had not settled of the bristle.
 
-    None where points are then as they were `before`, or the bristle is not known.
+    None where points are then as they were `before`, or the bristle is not known. A run whose torque on the way to its holds, at their
+    speeds, is steady friction rather than what the bristle makes of it keeps its points.
     """
     known, sets, curves = {row.parameter: row.estimate.value for row in chosen(joint)}, [], []
     for d in SIGNED:
@@ -52,10 +55,20 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                 steps = np.diff(record.time[start:stop])
                 torque[start:stop] = rollout(velocity[start:stop], steps, Pair(*sets), z0).torque
             error = float(np.median([found[k].standard_error or np.inf for k in points]))  # they count alike in the fit
+            turns, squares, off = np.flatnonzero(np.diff(np.sign(velocity))) + 1, np.zeros(2), dict[int, float]()
             for k in points:
                 s = found[k]
                 (settled,) = evaluate(steady, s.velocity, *curves[s.velocity < 0])
-                own[k] = replace(s, torque=s.torque - float(torque[s.start : s.stop].mean() - settled))
-                largest = max(largest, abs(own[k].torque - last[k].torque) / error)
+                off[k] = float(torque[s.start : s.stop].mean() - settled)
+                begun = slice(
+                    max(turns[turns <= s.start], default=0), s.start
+                )  # on the way there, which no fit has seen
+                near = np.abs(velocity[begun] - s.velocity) < _NEAR * abs(s.velocity)
+                left = record.torque[begun][near] - np.stack([torque[begun][near], np.full(near.sum(), settled)])
+                squares += (left**2).sum(axis=1)
+            if squares[0] < squares[1]:
+                for k in points:
+                    own[k] = replace(found[k], torque=found[k].torque - off[k])
+            largest = max(largest, *(abs(own[k].torque - last[k].torque) / error for k in points))
         segments.append(tuple(own))
     return judged(replace(measured, segments=tuple(segments))) if largest > _MATTERS else None
