@@ -79,13 +79,11 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
         thinned = f" Evenly thinned to {MOST} points." if last.time.size > MOST else ""
         caption = (
             f"{_left(joint, last)} Measured {last.quantity} (circles) and what the {_name(joint)} predicts (dots) vs "
-            f"velocity{terms}. "
-            f"Below: measured minus predicted.{thinned}"
+            f"velocity{terms}. Below: measured minus predicted.{thinned}"
         )
         load = (
             "Measured friction along the motion vs the load that it rises with, in three bands of speed (the slowest "
-            "quarter "
-            "left out), each with the model's line in steady sliding at its median speed."
+            "quarter left out), each with the model's line in steady sliding at its median speed."
         )
         drawn = figures["tracking-velocity"]._replace(caption=caption), figures["tracking-load"]._replace(caption=load)
         sections.append(Section("", figures=drawn, form="part"))
@@ -98,8 +96,7 @@ def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
     windows = f", simulated in {fit.windows} windows" if fit.windows else ""
     said: list[Said] = [
         f"{in_print(fit.outcome)} Relative error {number(fit.relative_error, 3)} %, rms residual {rms}, {fit.n} "
-        "samples, "
-        f"{counted(len(fit.starts_of_runs), 'segment')}{windows}. {reached(fit)}",
+        f"samples, {counted(len(fit.starts_of_runs), 'segment')}{windows}. {reached(fit)}",
         f"Condition number of the scaled Jacobian: {number(fit.condition, 2)}.",
     ]
     added = [f"{symbol(name)} {pretty(bias_text(fit, name, bias, share))}" for name, bias, share in biased(fit)]

@@ -15,10 +15,8 @@ from bristle.questions.joint_report.interval_tables import WAYS, rows, scatter
 
 INTRO = (
     "Each 95 % interval by the covariance of the exact Jacobian, by the profile of the cost (the parameter held, all "
-    "others "
-    "re-optimised), and by the bootstrap (fits of resampled data). Use the interval by profile; for fits of moving "
-    "runs that by "
-    "covariance. Where the bounds differ by more than 1.5x, the last column says why."
+    "others re-optimised), and by the bootstrap (fits of resampled data). Use the interval by profile; for fits of "
+    "moving runs that by covariance. Where the bounds differ by more than 1.5x, the last column says why."
 )
 
 
@@ -62,9 +60,8 @@ def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     caption = f"{of} {'has' if apart <= 1 else 'have'} bounds that differ by more than 1.5x."
     how = (
         "Per parameter: change of cost with all others re-optimised, 0 at the minimum and 1 at the 95 % threshold "
-        "(dotted); "
-        "bootstrap samples (grey); below, the intervals by covariance (top), profile and bootstrap (bottom); dashed: "
-        "the estimate."
+        "(dotted); bootstrap samples (grey); below, the intervals by covariance (top), profile and bootstrap (bottom); "
+        "dashed: the estimate."
     )
     if held := " and ".join(own.symbol for own in joint.law.peak.own):
         caption += f" The drawn cost holds {held} at its estimate; the profile intervals are over all that the data allow of it."

@@ -23,10 +23,8 @@ def method() -> tuple[Section, ...]:
     least, at = number(float(torque[low]), 3), number(float(v[low]), 2)
     caption = (
         f"Friction is highest at rest, {number(FIG_1.alpha_0 + FIG_1.alpha_1, 3)} N·m, and lowest at {at} rad/s, "
-        f"{least} N·m, for "
-        f"vₛ = {FIG_1_V_S[1]} rad/s. Computed from (9), no data: α₀ = {FIG_1.alpha_0}, α₁ = {FIG_1.alpha_1}, α₂ = "
-        f"{FIG_1.alpha_2} "
-        "as in the paper; the three vₛ are assumed: the paper names none."
+        f"{least} N·m, for vₛ = {FIG_1_V_S[1]} rad/s. Computed from (9), no data: α₀ = {FIG_1.alpha_0}, α₁ = "
+        f"{FIG_1.alpha_1}, α₂ = {FIG_1.alpha_2} as in the paper; the three vₛ are assumed: the paper names none."
     )
     shape = Drawing(stribeck_figure, "fig1-stribeck", "the steady-state curve", caption, paper="Fig. 1")
     return _of(steps), Section("The shape of the curve", figure=shape), _of(opened)

@@ -35,10 +35,8 @@ def _stiffness(joint: Joint, slow: Presliding) -> Section:
     frame.insert(3, "recommended", frame.pop("recommended"))
     notes = [
         "± one standard error. The intervals of (14) and of its inverse allow for any rest position inside a count; a "
-        "value that "
-        "this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is insensitive to "
-        "where inside "
-        "a count the joint rests."
+        "value that this excludes has none. Count edge to count edge, σ₀ comes from encoder transitions and is "
+        "insensitive to where inside a count the joint rests."
     ]
     if joint.truth:
         notes.append("True: the value that was simulated. Error: (value − true) / true.")
@@ -74,12 +72,9 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
     )
     how = (
         "Torque vs displacement of each loading (grey), shifted so that its fitted rest position is at zero; circles: "
-        "count "
-        "edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of three methods; "
-        "they "
-        "level off at g₀ (where it is a lower bound alone, at the one above it with which σ₀ fits the edges best), and "
-        "end with "
-        "the displacement that was measured."
+        "count edges, evenly thinned where there are many. Lines: T = g₀ (1 − exp(−σ₀ y / g₀)) with the σ₀ of three "
+        "methods; they level off at g₀ (where it is a lower bound alone, at the one above it with which σ₀ fits the "
+        "edges best), and end with the displacement that was measured."
     )
     yield figures["presliding"]._replace(caption=sentence(found), how=how)
     losses = [x.loss for x in slow.loops]
@@ -91,10 +86,8 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
     )
     how = (
         "Closed cycles of torque vs displacement (grey), from one peak of the torque to the next of the same sign. "
-        "Solid: "
-        "regression of torque on displacement; dashed: one over the regression of displacement on torque; dotted: "
-        "between the "
-        "extremes of the torque. The area is the energy dissipated."
+        "Solid: regression of torque on displacement; dashed: one over the regression of displacement on torque; "
+        "dotted: between the extremes of the torque. The area is the energy dissipated."
     )
     left_out = len(losses) - len(loops_drawn(slow.loops))
     rest = f" The first {MOST_LOOPS} are drawn; {left_out} more are in the table." if left_out else ""

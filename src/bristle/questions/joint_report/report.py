@@ -244,15 +244,13 @@ def _how_to_read(joints: Sequence[Joint], things: Sequence[Answered]) -> str:
     other_law = any(joint.law != GAUSSIAN for joint in joints)
     linked = any(joint.link_inertia is not None for joint in joints)
     return (
-        "Value to use ± one standard error, errors of constants included, and [95 % interval]"
-        f"{'; n.i.: not identifiable from these data' * missing}. "
-        f"{other * other_law}{'All others' if other_law else 'All'} are "
-        f"positive in both directions: α₀ Coulomb, α₁ Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous "
-        "friction, "
-        "vₛ Stribeck velocity, σ₀ and σ₁ bristle stiffness and damping. Joint fit: of all runs at once. Held out: "
-        "error of the "
-        "torque on runs that were not fitted, relative to its norm."
-        f"{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
+        "Value to use ± one standard error, errors of constants included, and [95 % "
+        f"interval]{'; n.i.: not identifiable from these data' * missing}. "
+        f"{other * other_law}{'All others' if other_law else 'All'} are positive in both directions: α₀ Coulomb, α₁ "
+        f"Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous friction, vₛ Stribeck velocity, σ₀ and σ₁ "
+        "bristle stiffness and damping. Joint fit: of all runs at once. Held out: error of the torque on runs that "
+        "were not fitted, relative to its "
+        f"norm.{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
     )
 
 
@@ -264,8 +262,7 @@ _PAGES: tuple[tuple[Any, ...], ...] = (
     (
         "presliding.html", "Presliding", "stiffness, breakaway and hysteresis from slow loading", presliding_sections.presliding,
         "While a joint loads slowly from rest, the bristle bends before anything slides: torque / displacement gives "
-        "its "
-        "stiffness σ₀, by four methods.",
+        "its stiffness σ₀, by four methods.",
     ),
     ("moving.html", "Moving runs", "all parameters at once", dynamic_sections.moving),
     ("checks.html", "Cross-checks", "the same numbers by other routes, and other models", static_sections.checks),

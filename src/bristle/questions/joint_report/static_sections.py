@@ -84,10 +84,8 @@ def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
         caption.append(f"At most {MOST_POINTS} points are drawn per direction.")
     how = (
         "Points: fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: "
-        "strays. "
-        f"Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given. Below: "
-        "magnitudes on "
-        "a logarithmic axis."
+        f"strays. Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given. "
+        "Below: magnitudes on a logarithmic axis."
     )
     return figures["curve"]._replace(caption=" ".join(caption), how=how, data="points", paper="Fig. 4")
 
@@ -138,8 +136,7 @@ def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
     if found:
         how = (
             "The cost Jₛ (10) near its minimum, all other parameters re-optimised; dashed: Jₘᵢₙ (1 + F(0.95; 1, n − p) "
-            "/ "
-            "(n − p)), the 95 % threshold."
+            "/ (n − p)), the 95 % threshold."
         )
         profile = figures["profile"]._replace(caption=sentence("; ".join(found)), how=how, data="profiles")
         yield Section("", figure=profile, form="part")
@@ -181,12 +178,9 @@ def _laws(joint: Joint) -> Iterator[Section]:
     frame["weight"] *= 100
     how = (
         "All on the same points or samples, those that do not belong left out, a Stribeck term in every direction. "
-        "ΔAICc, "
-        "ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Speeds left out: error, relative to the torque, "
-        "at "
-        "five blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law (gaussian) only "
-        "for one "
-        "whose BIC is lower by more than 10 and that predicts the speeds left out better."
+        "ΔAICc, ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Speeds left out: error, relative to the "
+        "torque, at five blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law "
+        "(gaussian) only for one whose BIC is lower by more than 10 and that predicts the speeds left out better."
     )
     table = Table("laws", "Laws", part=frame.rename(columns={**_LAWS, "rms": f"rms ({torque})"}), note=how)
     yield Section("All laws", table=table, form="folded")
@@ -206,10 +200,8 @@ def _models(joint: Joint) -> Iterator[Section]:
     torque = pretty(unit("torque", joint.kind))
     how = (
         "All on the same data. ΔAICc, ΔBIC: difference to the lowest; both weigh the residuals of the independent "
-        "samples "
-        "against the number of parameters, and lower is better. Stribeck curve: Coulomb, viscous and Stribeck "
-        "friction, "
-        "(9). Recommended: the lowest BIC among the models whose terms the fits above support."
+        "samples against the number of parameters, and lower is better. Stribeck curve: Coulomb, viscous and Stribeck "
+        "friction, (9). Recommended: the lowest BIC among the models whose terms the fits above support."
     )
     if joint.models:
         yield Section("Which friction model?", form="part")
@@ -243,8 +235,7 @@ def _stages(joint: Joint) -> Iterator[Section]:
     columns = ["parameter", "unit", "stage", "stage_value", "tracking_value", "joint_value", "difference", "verdict"]
     how = (
         "± one standard error. Difference: moving runs alone minus the separate stage, in combined standard errors; "
-        "chance "
-        "alone exceeds 2.6 in one case in a hundred."
+        "chance alone exceeds 2.6 in one case in a hundred."
     )
     frame = pd.DataFrame(rows, columns=columns).astype({"difference": float})
     yield Section("Do the stages agree?", form="part")
