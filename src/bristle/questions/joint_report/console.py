@@ -7,10 +7,11 @@ from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.identification.verdict import verdict
 from bristle.model.parameters import unit
-from bristle.page.plain import columns, pair, wrapped
-from bristle.page.wording import counted, printable
+from bristle.page.plain import columns, interval, pair, wrapped
+from bristle.page.wording import FITS, counted, printable
 from bristle.questions.joint_report.brief import verdicts
 from bristle.questions.joint_report.sentences import cost_change, known_to
+from bristle.questions.joint_report.tables import WAYS, IntervalRow, interval_rows
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
@@ -64,6 +65,21 @@ def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> It
         distance = check.difference_in_se.get(name)
         apart = "" if distance is None else f" {distance:+.1e} standard errors from {first}"
         yield f"  {name.within(direction):<12} {value:<12.4g}{apart}"
+
+
+def interval_lines(joints: Sequence[Joint]) -> Iterator[str]:
+    """Each parameter's 95 % interval three ways, fit by fit, and the warnings about them, each once."""
+    for joint in joints:
+        by_fit: dict[str, list[IntervalRow]] = {}
+        for row in interval_rows(joint):
+            by_fit.setdefault(row.fit, []).append(row)
+        for fit, own in by_fit.items():
+            yield f"{printable(joint.name)}, {FITS.get(fit, fit)}: 95 % intervals"
+            cells = [(x.estimate.unit, (x.name, *(interval(getattr(x.three, way)) for way in WAYS))) for x in own]
+            for si in dict.fromkeys(si for si, _ in cells):
+                yield from columns([(si, *WAYS), *(row for of, row in cells if of == si)], indent=0)
+            said = {warning: x.name for x in own for warning in x.three.warnings}
+            yield from (f"  {name}: {printable(warning.flagged)}" for warning, name in said.items())
 
 
 def segment_lines(measured: Measured) -> Iterator[str]:

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from bristle.identification.results import Joint
 from bristle.page.page import Drawing, begun
-from bristle.questions.joint_report import dynamic_figures, interval_figures, presliding_figures, static_figures
+from bristle.questions.joint_report import dynamic_figures, interval_sections, presliding_figures, static_figures
 from bristle.workers import Share
 
 DRAW: dict[str, Callable[[Joint], Figure | None]] = {
@@ -32,7 +32,7 @@ def drawings(joint: Joint, share: Share = map) -> dict[str, Drawing]:
         for kind, draw in DRAW.items()
         if joint.static or kind not in _OF_STATIC
     }
-    for fit, draw_intervals in interval_figures.figures(joint).items():
+    for fit, draw_intervals in interval_sections.figures(joint).items():
         kind = f"uncertainty-{fit}"
         found[kind] = Drawing(draw_intervals, kind, f"intervals of {joint.name}, {fit}")
     return {kind: begun(x._replace(simulated=joint.simulated), share) for kind, x in found.items()}

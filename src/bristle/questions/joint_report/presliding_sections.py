@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from bristle.identification.fits import Presliding, PreslidingFit
+from bristle.identification.fits import Presliding
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.page import Drawing
@@ -10,7 +10,7 @@ from bristle.page.report import Section, Table
 from bristle.page.said import Said
 from bristle.page.wording import WORK, counted, direction, in_print, measured, number, pretty, sentence
 from bristle.questions.joint_report import tables
-from bristle.questions.joint_report.presliding_figures import MOST_LOOPS, loops_drawn
+from bristle.questions.joint_report.presliding_figures import MOST_LOOPS
 from bristle.questions.joint_report.sentences import bias, choice, level, median_breakaway, pair
 
 
@@ -40,26 +40,23 @@ def _stiffness(joint: Joint, slow: Presliding) -> Section:
     ]
     if joint.truth:
         notes.append("True: the value that was simulated. Error: (value − true) / true.")
+    facts: list[tuple[str, tuple[Said, ...]]] = []
+    for fit in slow.fits.values():
+        prior, counts = fit.sigma_1, counted(fit.counts, "count edge")
+        damping = "none" if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}"
+        said = (
+            f"{in_print(choice(fit))} {counted(len(fit.loadings), 'loading')} and {counts} crossed.",
+            f"g₀ = {pretty(level(fit, joint.kind))}, from {in_print(fit.level_source)}.",
+            f"Bias of (14) as printed with this encoder: {in_print(bias(fit, joint.kind))}",
+            f"σ₁ of an assumed damping ratio: {damping}.",
+        )
+        facts.append((direction(fit.direction), (*said, *prior.warnings)))
     return Section(
         "Stiffness",
         text="" if slow.fits else "No σ₀: see below for what is missing.",
-        facts=tuple((direction(fit.direction), _said(joint, fit)) for fit in slow.fits.values()),
+        facts=tuple(facts),
         table=Table("presliding", "Stiffness by four methods", part=frame, note=" ".join(notes)),
         form="part",
-    )
-
-
-def _said(joint: Joint, fit: PreslidingFit) -> tuple[Said, ...]:
-    """One direction in words."""
-    prior = fit.sigma_1
-    damping = "none" if prior.value is None else f"{pair(prior)} {pretty(prior.unit)}"
-    return (
-        f"{in_print(choice(fit))} {counted(len(fit.loadings), 'loading')} and {counted(fit.counts, 'count edge')} "
-        "crossed.",
-        f"g₀ = {pretty(level(fit, joint.kind))}, from {in_print(fit.level_source)}.",
-        f"Bias of (14) as printed with this encoder: {in_print(bias(fit, joint.kind))}",
-        f"σ₁ of an assumed damping ratio: {damping}.",
-        *prior.warnings,
     )
 
 
@@ -89,8 +86,8 @@ def _figures(slow: Presliding, figures: Mapping[str, Drawing]) -> Iterator[Drawi
         "Solid: regression of torque on displacement; dashed: one over the regression of displacement on torque; "
         "dotted: between the extremes of the torque. The area is the energy dissipated."
     )
-    left_out = len(losses) - len(loops_drawn(slow.loops))
-    rest = f" The first {MOST_LOOPS} are drawn; {left_out} more are in the table." if left_out else ""
+    left_out = len(losses) - MOST_LOOPS
+    rest = f" The first {MOST_LOOPS} are drawn; {left_out} more are in the table." if left_out > 0 else ""
     yield figures["hysteresis"]._replace(caption=f"{lost}{rest}", how=how, data="hysteresis")
 
 

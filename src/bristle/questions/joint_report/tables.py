@@ -2,19 +2,21 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from bristle.identification.fits import PreslidingFit, StaticFit
+from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, StaticFit, Uncertainty
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.page.wording import WORK
-from bristle.questions.joint_report.interval_tables import repeats, uncertainty
 from bristle.questions.joint_report.results_file import declared, estimates, identified
 from bristle.questions.joint_report.sentences import methods
+
+WAYS = ("covariance", "profile", "bootstrap")
+"""In which an interval is found."""
 
 
 def parameters(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -272,6 +274,77 @@ def true_value(joints: Sequence[Joint], joint: Any, direction: Any, parameter: A
     given = next((j.truth for j in joints if j.name == joint), {})
     truth = given.get(direction, given.get(Direction.BOTH))
     return float(getattr(truth, parameter)) if truth is not None and parameter in truth._fields else math.nan
+
+
+class IntervalRow(NamedTuple):
+    """One parameter of one fit."""
+
+    fit: str
+    """`static`, `presliding`, `tracking` or `joint`."""
+    direction: str
+    parameter: str
+    estimate: Estimate
+    three: Uncertainty
+
+    @property
+    def name(self) -> str:
+        """The parameter with its direction, as alpha_0+."""
+        return str(ParameterName(self.parameter, Direction(self.direction)))
+
+
+def interval_rows(joint: Joint) -> Iterator[IntervalRow]:
+    """Every parameter whose interval is known three ways, fit by fit."""
+    for d, static in joint.static.items():
+        yield from (
+            IntervalRow("static", d, name, static.parameters[name], u) for name, u in static.uncertainty.items()
+        )
+    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
+        yield from (IntervalRow("presliding", d, name, slow.sigma_0, u) for name, u in slow.uncertainty.items())
+    for kind, moving in moving_fits(joint).items():
+        yield from (
+            IntervalRow(kind, n.direction, n.name, moving.parameters[n], u) for n, u in moving.uncertainty.items()
+        )
+
+
+def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per fit and parameter: the value, and lower and upper end by each way; nan where a way has none."""
+    ends = [f"{way}_{end}" for way in WAYS for end in ("lower", "upper")]
+    found = [
+        (
+            joint.name, x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit,
+            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(map(str, x.three.warnings)),
+        )
+        for joint in joints
+        for x in interval_rows(joint)
+    ]  # fmt: skip  # one row, one line
+    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "warnings"]
+    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
+
+
+def repeats(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per fit, parameter and run that was fitted apart: its estimate, and the scatter of all of them.
+
+    `before` and `after` are sqrt(chi2_red) before and after widening, `widened` what the standard error is multiplied by.
+    """
+    found = [
+        (joint.name, kind, d, name, file, value, x.before, x.after, x.widened)
+        for joint in joints
+        for kind, d, name, x in scatter(joint)
+        for file, value in x.by_run.items()
+    ]
+    numbers = ["value", "before", "after", "widened"]
+    columns = ["joint", "fit", "direction", "parameter", "file", *numbers]
+    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(numbers, float))
+
+
+def scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
+    """Fit, direction and parameter, and how far it scatters over the runs."""
+    for d, static in joint.static.items():
+        yield from (("static", d, name, x) for name, x in static.repeats.items())
+    for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
+        yield from (("presliding", d, name, x) for name, x in slow.repeats.items())
+    for kind, moving in moving_fits(joint).items():
+        yield from ((kind, n.direction, n.name, x) for n, x in moving.repeats.items())
 
 
 def units(joints: Sequence[Joint]) -> pd.DataFrame:
