@@ -25,7 +25,13 @@ def brief_report(joints: Sequence[Joint]) -> str:
     """Of several joints one line each; then of each the table of its values, and its warnings, critical ones first."""
     lines = list(verdicts(joints)) if len(joints) > 1 else []
     for joint in joints:
-        lines += [*([""] if lines else []), *_joint(joint)]
+        found, simulated = verdict(joint), ", SIMULATED data" if joint.simulated else ""
+        trust = f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}. {known_to(joint, '+/-')}"
+        lines += [*([""] if lines else []), *wrapped([trust])]
+        if found.reason is not None:
+            lines += _sentence(joint, found.reason)
+        lines += wrapped([*law_in_force(joint), *_chosen(joint)])
+        lines += (*_values(joint), *_rest(joint, found.reason))
     return "\n".join([*lines, "", "What a code in brackets means: bristle explain CODE. Every fit: --full."]) + "\n"
 
 
@@ -42,16 +48,6 @@ def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
 
 def _code(reason: Finding | None) -> str:
     return "" if reason is None else f"[{reason.code}]"
-
-
-def _joint(joint: Joint) -> Iterator[str]:
-    found, simulated = verdict(joint), ", SIMULATED data" if joint.simulated else ""
-    yield from wrapped([f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}. {known_to(joint, '+/-')}"])
-    if found.reason is not None:
-        yield from _sentence(joint, found.reason)
-    yield from wrapped([*law_in_force(joint), *_chosen(joint)])
-    yield from _values(joint)
-    yield from _rest(joint, found.reason)
 
 
 def law_in_force(joint: Joint) -> Iterator[str]:
@@ -94,7 +90,13 @@ def _values(joint: Joint) -> Iterator[str]:
             value = in_unit(f"{fixed[name]:.6g}", unit(name.name, joint.kind))
             cells.append((str(name), value, "", "experiment file"))
         else:
-            missing.setdefault(name.direction, {}).setdefault(_why_none(name, row), []).append(str(name))
+            if row is None:
+                runs = "constant velocities" if of_curve(name.name) else "slow loading"
+                why = f"not measured; {runs} or tracking runs would show them"
+            else:
+                cautioned = any(warning.severity is not Severity.NOTE for warning in row.estimate.warnings)
+                why = "not identifiable" if cautioned else "not estimated"
+            missing.setdefault(name.direction, {}).setdefault(why, []).append(str(name))
     yield from columns(cells) if len(cells) > 1 else ()
     for by_reason in missing.values():
         yield from wrapped(f"  {', '.join(names)}: {why}" for why, names in by_reason.items())
@@ -120,22 +122,10 @@ def _unmeasured(names: set[ParameterName]) -> Iterator[ParameterName]:
             yield from (ParameterName(name, d) for d in lacking)
 
 
-def _why_none(name: ParameterName, row: Known | None) -> str:
-    if row is None:
-        runs = "constant velocities" if of_curve(name.name) else "slow loading"
-        return f"not measured; {runs} or tracking runs would show them"
-    cautioned = any(warning.severity is not Severity.NOTE for warning in row.estimate.warnings)
-    return "not identifiable" if cautioned else "not estimated"
-
-
-_SAYS_NOTHING = 1e6
-"""Times its lower end, from which the upper end of an interval says no more than that the value is positive."""
-
-
 def _bounded(e: Estimate) -> bool:
-    """Whether an interval says anything, of a value that is at least zero."""
+    """Whether an interval says anything, of a value that is at least zero: not from an end above 1e6 times the other on."""
     low, high = e.interval or (0.0, inf)
-    return (low > 0 or isfinite(high)) and not (low > 0 and _SAYS_NOTHING * low < high < inf)
+    return (low > 0 or isfinite(high)) and not (low > 0 and 1e6 * low < high < inf)
 
 
 def _cells(row: Known) -> tuple[str, ...]:

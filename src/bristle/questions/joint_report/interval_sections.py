@@ -27,13 +27,10 @@ INTRO = (
     "moving runs that by covariance. Where the bounds differ by more than 1.5x, the last column says why."
 )
 _COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))
-_HEIGHT = 2.6
-"""Inches for each row of panels."""
 _TOP = 2.4
 """How high the profile is drawn, in thresholds."""
 _NARROW = 1e-12
 """Of the value: a span that floating point does not divide, as of data without any noise."""
-_BINS = 24
 _FEW = 20
 """Points of a profile below which they are drawn as such, with a curve through them."""
 
@@ -65,8 +62,8 @@ def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     if scattered:
         how = (
             "How far the runs' estimates scatter beside their own standard errors: √(χ² / (k − 1)) over k runs, 1 "
-            "where chance "
-            "alone tells them apart. Where that is significant at 1 %, standard errors and intervals are widened by it."
+            "where chance alone tells them apart. Where that is significant at 1 %, standard errors and intervals are "
+            "widened by it."
         )
         frame = pd.DataFrame(scattered, columns=["fit", "parameter", "before", "after", "error times", "each run"])
         table = Table("repeats", "Scatter over the runs", part=frame)
@@ -102,7 +99,7 @@ def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:
 def uncertainty_figure(joint: Joint, own: Sequence[IntervalRow]) -> Figure:
     """A panel per parameter: the profile with its threshold, the bootstrap's draws, and the three intervals as bars beneath."""
     count = (len(own) + 1) // 2
-    height = 1.1 + _HEIGHT * count
+    height = 1.1 + 2.6 * count
     figure = new_figure(height)
     figure.subplots_adjust(hspace=0.42, wspace=0.14, left=0.105, right=0.945, bottom=1.15 / height)
     axes = figure.subplots(count, 2, squeeze=False)
@@ -128,7 +125,7 @@ def _panel(ax: Axes, row: IntervalRow) -> None:
         ax.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
     if three.draws.size and high - low > _NARROW * abs(high):
         inside = three.draws[(three.draws >= low) & (three.draws <= high)]
-        counts, edges = np.histogram(inside, _BINS, (low, high))
+        counts, edges = np.histogram(inside, 24, (low, high))
         ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
     ax.plot(*_smooth(three.curve, value), "-", color=_COLOURS["profile"], linewidth=1.4, label="cost (1: threshold)")
     if three.curve.shape[1] < _FEW:

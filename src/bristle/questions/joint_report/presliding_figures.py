@@ -19,8 +19,6 @@ MOST_LOOPS = 3
 _GREY = "#999999"
 _CURVES = {"printed": (":", "#D55E00"), "samples": ("--", "#0072B2"), "edges": ("-", "#000000")}
 """Line and colour of the methods that are drawn; the inverse of (14) would lie among them and show nothing new."""
-_ASYMPTOTE = 1e-3
-"""Of g0: how close to it the curves are drawn; they reach it nowhere."""
 _ABOVE = 1 + np.geomspace(1e-3, 20.0, 80)
 """Times the largest torque held: the g0 that are tried where none is known, from just above it to a curve that is straight."""
 _MOST_EDGES = 90
@@ -72,7 +70,19 @@ def presliding_figure(joint: Joint) -> Figure | None:
     figure, axes = _panels(joint, len(fits), 1.1 + 2.9 * len(fits), "displacement from rest")
     for ax, fit in zip(axes, fits, strict=True):
         _loadings(ax, fit)
-        _fitted(ax, fit)
+        # y(T) of the methods up to the displacement that was measured, and the level at which they slide.
+        measured = max((float(x.displacement.max(initial=0.0)) - rest(x, fit) for x in fit.loadings), default=0.0)
+        level = level_drawn(fit)
+        T = level * (1 - np.geomspace(1.0, 1e-3, 200))  # close to g0, which the curves reach nowhere
+        for name, (line, colour) in _CURVES.items():
+            sigma_0 = getattr(fit, name).value
+            if sigma_0 is not None and sigma_0 > 0:
+                chosen = " (use this)" if name == fit.recommended else ""
+                y = displacement(T, level, sigma_0)
+                inside = y <= measured
+                ax.plot(y[inside], T[inside], line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")
+        label = "g₀, at least" if np.isinf(fit.level_standard_error) else "g₀"
+        ax.axhline(fit.level, color="black", linestyle=(0, (8, 3, 1, 3)), linewidth=0.8, label=label)
         ax.text(0.98, 0.06, direction(fit.direction), transform=ax.transAxes, ha="right")
     _legend(figure, 3)
     return figure
@@ -111,22 +121,6 @@ def _loadings(ax: Axes, fit: PreslidingFit) -> None:
     y, T = np.concatenate(edges, axis=1)
     if y.size:
         ax.plot(y, T, "o", color="#009E73", markerfacecolor="white", markersize=4, label="count edges")
-
-
-def _fitted(ax: Axes, fit: PreslidingFit) -> None:
-    """y(T) of the methods up to the displacement that was measured, and the level at which they slide."""
-    measured = max((float(x.displacement.max(initial=0.0)) - rest(x, fit) for x in fit.loadings), default=0.0)
-    level = level_drawn(fit)
-    T = level * (1 - np.geomspace(1.0, _ASYMPTOTE, 200))
-    for name, (line, colour) in _CURVES.items():
-        sigma_0 = getattr(fit, name).value
-        if sigma_0 is not None and sigma_0 > 0:
-            chosen = " (use this)" if name == fit.recommended else ""
-            y = displacement(T, level, sigma_0)
-            inside = y <= measured
-            ax.plot(y[inside], T[inside], line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")
-    label = "g₀, at least" if np.isinf(fit.level_standard_error) else "g₀"
-    ax.axhline(fit.level, color="black", linestyle=(0, (8, 3, 1, 3)), linewidth=0.8, label=label)
 
 
 @styled

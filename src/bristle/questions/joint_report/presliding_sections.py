@@ -8,10 +8,10 @@ from bristle.model.parameters import unit
 from bristle.page.page import Drawing
 from bristle.page.report import Section, Table
 from bristle.page.said import Said
-from bristle.page.wording import WORK, counted, direction, in_print, measured, number, pretty, sentence
+from bristle.page.wording import WORK, counted, direction, in_print, measured, number, pretty, sentence, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.presliding_figures import MOST_LOOPS
-from bristle.questions.joint_report.sentences import bias, choice, level, median_breakaway, pair
+from bristle.questions.joint_report.sentences import bias, choice, level, pair
 
 
 def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
@@ -23,8 +23,7 @@ def presliding(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
         _stiffness(joint, slow),
         Section("", figures=tuple(_figures(slow, figures)), form="part"),
         *_amplitudes(joint, slow),
-        *_breakaway(joint, slow),
-        *_cycles(joint, slow),
+        *_breakaway_and_cycles(joint, slow),
         Section("As a whole" if slow.warnings else "", findings=slow.warnings, form="part"),
     ]
 
@@ -109,39 +108,32 @@ def _amplitudes(joint: Joint, slow: Presliding) -> Iterator[Section]:
     yield Section(f"Stiffness vs amplitude: {found} LuGre's own exponential", table=table, form="folded")
 
 
-def _breakaway(joint: Joint, slow: Presliding) -> Iterator[Section]:
+def _breakaway_and_cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
+    """Each breakaway, and closed cycles, likewise narrow: rows in one column, amplitudes as half of a range."""
+    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
     frame = tables.breakaway([joint])
-    if frame.empty:
-        return
-    headings = {"breakaway": f"torque ({pretty(unit('torque', joint.kind))})", "start": "first sample"}
-    medians = tuple((direction(d), in_print(median_breakaway(e))) for d, e in slow.breakaway.items())
-    yield Section("", facts=medians, form="part")
-    table = Table("breakaway", "Breakaway", part=frame.rename(columns=headings))
-    yield Section("Each breakaway", table=table, form="folded")
-
-
-def _cycles(joint: Joint, slow: Presliding) -> Iterator[Section]:
-    """Closed cycles, likewise narrow: rows in one column, amplitudes as half of a range."""
+    if not frame.empty:
+        medians = []
+        for d, e in slow.breakaway.items():
+            ends = "" if e.interval is None else f", 95 %: {span(e.interval)}"
+            medians.append((direction(d), in_print(f"the median breakaway torque is {pair(e)} {e.unit}{ends}.")))
+        yield Section("", facts=tuple(medians), form="part")
+        headings = {"breakaway": f"torque ({torque})", "start": "first sample"}
+        table = Table("breakaway", "Breakaway", part=frame.rename(columns=headings))
+        yield Section("Each breakaway", table=table, form="folded")
     if not slow.loops:
         return
     frame = tables.hysteresis([joint])
     frame["samples"] = [f"{start}\u2013{stop}" for start, stop in zip(frame["start"], frame["stop"], strict=True)]
-    torque, position = (pretty(unit(name, joint.kind)) for name in ("torque", "position"))
     columns = {
-        "file": "file",
-        "samples": "samples",
-        "counts": "counts",
-        "torque_amplitude": f"± torque ({torque})",
-        "displacement_amplitude": f"± displacement ({position})",
-        "slope": "regression",
-        "inverse_slope": "inverse",
-        "secant": "secant",
-        "loss": f"loss per cycle ({WORK})",
-    }
+        "file": "file", "samples": "samples", "counts": "counts", "torque_amplitude": f"± torque ({torque})",
+        "displacement_amplitude": f"± displacement ({position})", "slope": "regression", "inverse_slope": "inverse",
+        "secant": "secant", "loss": f"loss per cycle ({WORK})",
+    }  # fmt: skip  # a table of words
     how = (
         "Regression of torque on displacement, inverse regression and secant, in "
-        f"{pretty(unit('sigma_0', joint.kind))}, differ "
-        "because the loop is wide: none of them is σ₀. Amplitudes are half of the range."
+        f"{pretty(unit('sigma_0', joint.kind))}, differ because the loop is wide: none of them is σ₀. Amplitudes are "
+        "half of the range."
     )
     table = Table("hysteresis", "Cycles", part=frame[[*columns]].rename(columns=columns), note=how)
     yield Section("Each cycle", table=table, form="folded")

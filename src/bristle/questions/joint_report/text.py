@@ -22,18 +22,7 @@ from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.wording import FITS, WORK, counted, percent, printable, shortened
-from bristle.questions.joint_report.sentences import (
-    bias,
-    bias_text,
-    biased,
-    choice,
-    cost_change,
-    critical_titles,
-    level,
-    methods,
-    reached,
-    systematic,
-)
+from bristle.questions.joint_report import sentences
 
 _CORRELATED = 0.5
 """Correlations below this are not printed."""
@@ -53,9 +42,14 @@ def fit_report(joints: Sequence[Joint]) -> str:
 def _joint(joint: Joint) -> Iterator[str]:
     yield f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' if joint.simulated else ''}"
     said: set[str] = set()
-    for warning, title in critical_titles(joint).items():
+    critical: dict[Finding, dict[str, None]] = {}  # each once, with all that it is about
+    for warning in joint.all_warnings():
+        if warning.severity is Severity.CRITICAL:
+            critical.setdefault(warning, {})[" ".join(warning.subject)] = None
+    for warning, about in critical.items():
         said.add(printable(str(warning)))
-        yield f"    {printable(title)}: {printable(warning.coded)}"
+        where = ", ".join(filter(None, about))
+        yield f"    critical{f' ({printable(where)})' if where else ''}: {printable(warning.coded)}"
     yield from _sentences([*filter(None, (joint.torque_scale,)), *joint.warnings], said)
     for direction, fit in joint.static.items():
         yield from _fit(direction, fit, said)
@@ -127,7 +121,7 @@ def _cells(e: Estimate) -> tuple[str, ...]:
         return "not estimated", "", "" if e.interval is None else in_unit(interval(e.interval), e.unit)
     share = percent(e.value, e.standard_error)
     relative = "" if share is None else f"{share:.2g} %" if share < 99.5 else f"{share:.0f} %"
-    beside = systematic(e, "systematic +/- {}")
+    beside = sentences.systematic(e, "systematic +/- {}")
     ends = "no interval" if e.interval is None else interval(e.interval)
     return in_unit(pair(e.value, e.standard_error), e.unit), relative, *([beside] if beside else []), ends
 
@@ -161,7 +155,7 @@ def _check(check: Crosscheck, of: str = "the grid") -> Iterator[str]:
     yield "    [[cross-check]]"
     yield f"      {printable(str(check.verdict))}"
     if not check.agrees:
-        yield f"      cost: {cost_change(check, of)}"
+        yield f"      cost: {sentences.cost_change(check, of)}"
 
 
 def _presliding(joint: Joint, slow: Presliding, said: set[str]) -> Iterator[str]:
@@ -181,14 +175,14 @@ def _presliding(joint: Joint, slow: Presliding, said: set[str]) -> Iterator[str]
 
 
 def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None, said: set[str]) -> Iterator[str]:
-    yield _heading(f"presliding {fit.direction}", choice(fit), fit.warnings)
+    yield _heading(f"presliding {fit.direction}", sentences.choice(fit), fit.warnings)
     yield f"    {'data':<15}= {counted(len(fit.loadings), 'loading')}, {counted(fit.counts, 'count edge')}"
-    yield f"    {'level g0':<15}= {level(fit, joint.kind).replace('±', '+/-')}, from {fit.level_source}"
-    yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
+    yield f"    {'level g0':<15}= {sentences.level(fit, joint.kind).replace('±', '+/-')}, from {fit.level_source}"
+    yield f"    {'bias of (14)':<15}= {sentences.bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {', '.join(filter(None, _cells(breakaway)))}"
         yield from (f"        ({_once(warning, said)})" for warning in breakaway.warnings)
-    by_method = {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
+    by_method = {f"{name}{'*' * (name == fit.recommended)}": e for name, e in sentences.methods(fit).items()}
     yield from _parameters("sigma_0", by_method, said)
     yield from _repeats(fit.repeats)
     yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1}, said)
@@ -213,14 +207,13 @@ def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iter
     yield f"    {'relative error':<15}= {_percent(fit.relative_error)} of the {fit.quantity}"
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
-    yield f"    {'starts':<15}= {reached(fit)}"
+    yield f"    {'starts':<15}= {sentences.reached(fit)}"
     yield f"    {'condition':<15}= {_number(fit.condition)}"
     yield from _parameters("parameters", fit.parameters, said)
     yield from _repeats(fit.repeats)
-    found = biased(fit)
-    if found:
+    if added := sentences.biased(fit):
         yield "    [[what encoder counts added, which is taken off]]"
-    yield from (f"      {f'{name}:':<13}{bias_text(fit, name, bias, share)}" for name, bias, share in found)
+        yield from (f"      {f'{name}:':<13}{text}" for name, text in added.items())
     yield from _correlations(fit.names, fit.covariance)
     yield from _sentences(fit.warnings, said)
     if fit.crosscheck:
