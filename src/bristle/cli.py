@@ -232,7 +232,7 @@ def identify(
         complain(f"guessed: {sentence}")
     _tell([results.text(full=full)])
     if uncertainty:
-        from bristle.questions.joint_report.interval_tables import interval_lines
+        from bristle.questions.joint_report.console import interval_lines
 
         _tell(interval_lines(results.joints))
     if laws:

@@ -20,7 +20,7 @@ from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Kind
 from bristle.page.wording import MISSING
-from bristle.questions.joint_report import interval_figures, interval_tables, results_file
+from bristle.questions.joint_report import interval_sections, results_file, tables
 from bristle.questions.joint_report.report import report
 from bristle.questions.joint_report.text import fit_report
 
@@ -82,14 +82,14 @@ def test_static_intervals_are_the_profiles(good: Joint, open_: Joint) -> None:
 def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -> None:
     """Fit, direction, parameter, value, unit, six ends as numbers: those of the fit."""
     joint = built(fits(SPEEDS, 1e-4, kind), kind)
-    frame = interval_tables.uncertainty([joint, replace(joint, name="other")])
+    frame = tables.uncertainty([joint, replace(joint, name="other")])
     assert list(frame["joint"].unique()) == ["wrist", "other"]
     own = frame[frame["joint"] == "wrist"].set_index("parameter")
     order = ("alpha_0", "alpha_1", "alpha_2", "v_s")
     assert tuple(own.loc[list(order), "unit"]) == UNITS[kind]
     for name in order:
         three = joint.static["+"].uncertainty[name]
-        for way in interval_tables.WAYS:
+        for way in tables.WAYS:
             assert (own.loc[name, f"{way}_lower"], own.loc[name, f"{way}_upper"]) == getattr(three, way)
         assert own.loc[name, "value"] == joint.static["+"].parameters[name].value
     assert all(frame[c].dtype == float for c in frame.columns if c.endswith(("lower", "upper")))
@@ -98,10 +98,10 @@ def test_the_table_has_a_row_per_parameter_with_units_and_all_ends(kind: Kind) -
 def test_no_joint_and_no_intervals_give_an_empty_table(slide: Joint) -> None:
     """A joint without fits, and no joint at all: the columns and no row, and no figure."""
     for joints in ([], [slide]):
-        frame = interval_tables.uncertainty(joints)
+        frame = tables.uncertainty(joints)
         assert frame.empty
         assert list(frame.columns)[:4] == ["joint", "fit", "direction", "parameter"]
-    assert interval_figures.figures(slide) == {}
+    assert interval_sections.figures(slide) == {}
     assert all(x.file != "uncertainty.html" for x in report([slide], title="t", seed=0).pages)
 
 
@@ -134,25 +134,25 @@ def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path
 def test_figures_have_a_panel_per_parameter_with_all_it_says(good: Joint) -> None:
     """One figure per fit and direction; each panel: unit on its axis, three bars at the very ends, threshold at one, the estimate dashed."""
     joint = built({"+": good.static["+"], "-": replace(good.static["+"], direction="-")})
-    drawn = interval_figures.figures(joint)
+    drawn = interval_sections.figures(joint)
     assert set(drawn) == {"static-positive", "static-negative"}
     axes = [ax for ax in drawn["static-positive"]().axes if ax.has_data()]
     assert len(axes) == 4
     for ax, (name, own) in zip(axes, good.static["+"].uncertainty.items(), strict=True):
         assert re.search(r"\([^()]+\)$", ax.get_xlabel())
         lines = {str(line.get_label()): np.asarray(line.get_xdata(), dtype=float) for line in ax.lines}
-        for way in interval_tables.WAYS:
+        for way in tables.WAYS:
             assert lines[way] == pytest.approx(getattr(own, way))
         assert lines["cost (1: threshold)"] == pytest.approx(own.curve[0])
         value = good.static["+"].parameters[name].value
         assert any(line.get_xdata()[0] == value for line in ax.lines if len(line.get_xdata()) == 2)  # type: ignore[arg-type,index]
         low, high = ax.get_xlim()
-        assert all(low <= end <= high for way in interval_tables.WAYS for end in getattr(own, way))
+        assert all(low <= end <= high for way in tables.WAYS for end in getattr(own, way))
 
 
 def test_open_intervals_are_drawn_within_a_finite_frame(open_: Joint) -> None:
     """Open ends reach the frame's edge; every axis is finite and holds its estimate."""
-    for draw in interval_figures.figures(open_).values():
+    for draw in interval_sections.figures(open_).values():
         for ax, (name, own) in zip(
             (ax for ax in draw().axes if ax.has_data()), open_.static["+"].uncertainty.items(), strict=True
         ):
@@ -174,14 +174,14 @@ def test_results_keep_the_three_intervals(open_: Joint) -> None:
 
 def test_the_scatter_of_runs_stands_in_text_table_and_page(good: Joint, tmp_path: Path) -> None:
     """Before and after widening with each run's estimate; without repeats there is no word of it."""
-    assert interval_tables.repeats([good]).empty
+    assert tables.repeats([good]).empty
     assert "fitted apart" not in fit_report([good])
     by_run = {"one.csv": 0.0190, "two.csv": 0.0200}
     x = RunScatter(before=2.34, after=1.0, widened=2.34, stretched=10.0, by_run=by_run)
     fit = replace(good.static["+"], repeats={"alpha_0": x})
     joint = replace(good, static={"+": fit})
     assert "alpha_0:     2.34 -> 1.00, 2 runs: 0.019, 0.02" in fit_report([joint])
-    frame = interval_tables.repeats([joint])
+    frame = tables.repeats([joint])
     assert list(frame["file"]) == list(by_run)
     assert frame[["value", "before", "after", "widened"]].iloc[0].tolist() == [0.0190, 2.34, 1.0, 2.34]
     write_report([joint], tmp_path / "out")

@@ -140,7 +140,7 @@ def crowded(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Elements]:
     with pytest.MonkeyPatch.context() as patch:
         nothing = dict.fromkeys(figures.DRAW, lambda _: None)
         patch.setattr(figures, "DRAW", {**nothing, "curve": static_figures.curve_figure})
-        drawn = "bristle.questions.joint_report.interval_figures.figures"
+        drawn = "bristle.questions.joint_report.interval_sections.figures"
         patch.setattr(drawn, lambda _: {"curve": partial(static_figures.stribeck_figure)})
         patch.setattr("bristle.page.page.render", lambda figure: (render_as(figure, "svg"), b""))  # a PNG holds no name
         folder = tmp_path_factory.mktemp("crowded")

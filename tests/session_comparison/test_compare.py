@@ -33,8 +33,7 @@ from bristle.identification.systematic import shifted
 from bristle.model.parameters import Lugre, ParameterName, unit
 from bristle.questions.session_comparison import results_file
 from bristle.questions.session_comparison.compare import compare, holm
-from bristle.questions.session_comparison.figures import forest_figure
-from bristle.questions.session_comparison.report import report
+from bristle.questions.session_comparison.report import forest_figure, report
 from bristle.questions.session_comparison.results import Change, Comparison, Session, SessionFit, SessionJoint
 from bristle.simulation.bench import steady_points
 

@@ -150,7 +150,7 @@ class Results:
 
     def uncertainty(self) -> "pd.DataFrame":
         """One row per joint, fit and parameter: the 95 % interval by covariance, profile and bootstrap, and their warnings."""
-        from bristle.questions.joint_report.interval_tables import uncertainty
+        from bristle.questions.joint_report.tables import uncertainty
 
         return uncertainty(self.joints)
 

@@ -39,8 +39,7 @@ def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:
     stay.
     """
     safe = frame.rename(columns=plain)
-    texts = [k for k, kind in enumerate(frame.dtypes) if not _is_number(kind)]
-    for k in texts:
+    for k in (k for k, kind in enumerate(frame.dtypes) if getattr(kind, "kind", "O") not in "biufc"):  # no numbers
         safe.isetitem(k, [plain(x) for x in frame.iloc[:, k]])
     text: str = safe.to_csv(index=False, lineterminator="\n", float_format=float_format)
     return text
@@ -59,7 +58,3 @@ def plain(value: Any) -> Any:
         return value
     formula = _FORMULA.match(value) and not _HARMLESS.fullmatch(value)
     return "'" * bool(formula) + value.replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _is_number(kind: Any) -> bool:
-    return getattr(kind, "kind", "O") in "biufc"

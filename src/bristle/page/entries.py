@@ -84,15 +84,9 @@ def flagged(said: object) -> Markup:
 
 def entries_linked(page: str) -> list[dict[str, object]]:
     """What a page's template names of each entry that the page links to, the critical ones first."""
-    codes = set(_LINKED.findall(page))
-    return [
-        {"id": f"{_ANCHOR}{x.code}", "code": x.code, "severity": x.severity, "reason": x.reason, **_marked(x)}
-        for x in entries().values()
-        if x.code in codes
-    ]
-
-
-def _marked(x: Entry) -> dict[str, Markup]:
-    """Its meaning and advice as HTML."""
-    texts = {"meaning": in_print(x.meaning), "advice": x.advice}
-    return {k: Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", str(escape(t)))) for k, t in texts.items()}  # noqa: S704  # escaped
+    codes, found = set(_LINKED.findall(page)), []
+    for x in (x for x in entries().values() if x.code in codes):
+        texts = {"meaning": in_print(x.meaning), "advice": x.advice}
+        marked = {k: Markup(re.sub(r"`(.+?)`", r"<code>\1</code>", str(escape(t)))) for k, t in texts.items()}  # noqa: S704  # escaped
+        found.append({**x._asdict(), "id": f"{_ANCHOR}{x.code}", **marked})
+    return found

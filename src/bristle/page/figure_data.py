@@ -22,9 +22,6 @@ from bristle.page.columns import cells
 _GIVEN = re.compile(r"_(child|container|nolegend_|image)\d*")
 """A label that matplotlib gives. A label of ours after an underscore names a series that has no place in the legend."""
 
-_BESIDE = 0.5
-"""Of the distance between ticks that are words: bars of one word stand side by side."""
-
 
 def csv_of(figure: Figure) -> bytes:
     """Every line, point, bar, band and map of a figure as CSV, a row for each of its places.
@@ -34,11 +31,7 @@ def csv_of(figure: Figure) -> bytes:
     `value`, the number behind the colour of a map, else empty. A bar has its end, a band its outline, and pieces of one series
     are apart by an empty row. A text that a spreadsheet could run is as in `to_csv`.
     """
-    return "".join(f"{line}\n" for line in _lines(figure)).encode("utf-8")
-
-
-def _lines(figure: Figure) -> Iterator[str]:
-    yield cells(("panel", "series", "x", "y", "value"))
+    lines = [cells(("panel", "series", "x", "y", "value"))]
     scales = [x.colorbar.ax for ax in figure.axes for x in (*ax.images, *ax.collections) if x.colorbar]
     for number, ax in enumerate((ax for ax in figure.axes if ax not in scales), 1):
         axes = " vs ".join(filter(None, (_label(ax, "y"), _label(ax, "x"))))
@@ -48,14 +41,14 @@ def _lines(figure: Figure) -> Iterator[str]:
         for series, places in _series(ax):
             begun = cells((panel, series))
             if series in seen and len(places) > 1:
-                yield f"{begun},,,"
+                lines.append(f"{begun},,,")
             seen.add(series)
-            if across or up:
-                yield from (
-                    f"{begun},{cells((_text(x, across), _text(y, up), _text(z, {})))}" for x, y, z in places.tolist()
-                )
-            else:  # most lines: written at once, they take a seventh of the time
-                yield from (begun + f",{x:.7g},{y:.7g},{z:.7g}".replace("nan", "") for x, y, z in places.tolist())
+            for x, y, z in places.tolist():
+                if across or up:
+                    lines.append(f"{begun},{cells((_text(x, across), _text(y, up), _text(z, {})))}")
+                else:  # most lines: written at once, they take a seventh of the time
+                    lines.append(begun + f",{x:.7g},{y:.7g},{z:.7g}".replace("nan", ""))
+    return "".join(f"{line}\n" for line in lines).encode("utf-8")
 
 
 def _label(ax: Axes, which: str) -> str:
@@ -81,7 +74,7 @@ def _text(x: float, words: Mapping[float, str]) -> str:
     if np.isnan(x):
         return ""
     nearest = min(words, key=lambda place: abs(place - x), default=np.nan)
-    return words[nearest] if abs(nearest - x) < _BESIDE else f"{x:.7g}"
+    return words[nearest] if abs(nearest - x) < 0.5 else f"{x:.7g}"  # bars of one word stand side by side
 
 
 def _series(ax: Axes) -> Iterator[tuple[str, Array]]:
@@ -117,18 +110,22 @@ def _within(container: Any) -> Iterator[Artist]:
 
 def _rows(artist: Artist, ax: Axes) -> tuple[str, Array]:
     """What an artist is called, and its x, y and value, (n, 3); none where it is no mark on the axes."""
-    if isinstance(artist, AxesImage | QuadMesh):
-        return "map", _image(artist) if isinstance(artist, AxesImage) else _mesh(artist)
+    if isinstance(artist, AxesImage):
+        return "map", _image(artist)
+    if isinstance(artist, QuadMesh):
+        corners = np.asarray(artist.get_coordinates(), dtype=float)
+        return "map", _valued(((corners[1:, 1:] + corners[:-1, :-1]) / 2).reshape(-1, 2), artist.get_array())
     if isinstance(artist, PathCollection):
         at: Array = as_floats(artist.get_offsets())
         return "points", _valued(at, artist.get_array())
     if isinstance(artist, Line2D):
         x, y = (np.asarray(values, dtype=float) for values in artist.get_data())
         return "line", _placed(artist, ax, np.column_stack([x, y]))
-    if isinstance(artist, Collection):
+    if isinstance(artist, Collection):  # its pieces one below the other, with an empty row between
         pieces = [np.asarray(path.vertices, dtype=float) for path in artist.get_paths()]
+        parts = [part for piece in pieces for part in (piece, np.full((1, 2), np.nan))][:-1]
         kind = "segments" if isinstance(artist, LineCollection) else "band"
-        return kind, _placed(artist, ax, _apart(pieces))
+        return kind, _placed(artist, ax, np.concatenate(parts) if parts else np.zeros((0, 2)))
     return _patch(artist, ax) if isinstance(artist, Patch) and artist in ax.patches else ("", np.zeros((0, 3)))
 
 
@@ -171,15 +168,3 @@ def _image(image: AxesImage) -> Array:
     low, high = (top, bottom) if image.origin == "upper" else (bottom, top)
     y = low + (np.arange(rows) + 0.5) * (high - low) / rows
     return _valued(np.column_stack([np.tile(x, rows), np.repeat(y, columns)]), values)
-
-
-def _mesh(mesh: QuadMesh) -> Array:
-    """The same of a map whose cells may differ in size."""
-    at = np.asarray(mesh.get_coordinates(), dtype=float)
-    return _valued(((at[1:, 1:] + at[:-1, :-1]) / 2).reshape(-1, 2), mesh.get_array())
-
-
-def _apart(pieces: list[Array]) -> Array:
-    """Pieces, (n, 2) each, one below the other with an empty row between."""
-    gap = np.full((1, 2), np.nan)
-    return np.concatenate([part for piece in pieces for part in (piece, gap)][:-1]) if pieces else np.zeros((0, 2))

@@ -27,9 +27,6 @@ _WHOLE = {"results.json": "a report", "ledger.parquet": "a fleet"}
 """What tells whose folder it is: no page of another question replaces that."""
 _FILES = ("index.html", "results.json", "timings.json", "report.zip")
 """Files that most pages have."""
-_TAKEN = frozenset({MARKER, *_FILES, "figures", "tables"})
-"""Files and folders of a report."""
-_FORBIDDEN = frozenset({errno.EACCES, errno.EPERM, errno.EROFS})
 
 
 def write_text(path: Path, text: str) -> None:
@@ -101,8 +98,14 @@ def check_folder(folder: Path, claims: Collection[str] = ()) -> set[str]:
     Raises InputError as `made_in` does, and where the folder, one in it that a page writes to, or the nearest one above that exists is not writable.
     """
     with _named(folder, "folder"):
-        made = made_in(folder, claims)
-        _check_folders(folder, ("figures", "tables"))
+        made, real = made_in(folder, claims), resolved(folder)
+        nearest = next(path for path in (real, *real.parents) if path.exists())
+        shown = next((path for path in (folder, *folder.parents) if resolved(path) == nearest), nearest)
+        if not nearest.is_dir():
+            raise InputError(f"{folder}: {shown} cannot be written, for it is no folder; name another one")
+        _check_writable(shown, folder, "folder")
+        for path in filter(Path.exists, (folder / "figures", folder / "tables")):
+            _check_writable(path, folder, "folder")
         return made
 
 
@@ -177,7 +180,7 @@ def check_apart(file: Path, folder: Path) -> None:
     at, real = resolved(file), resolved(folder)
     if at in (real, *real.parents):
         raise InputError(f"{file}: is in the way of the page in {folder}; name another file or folder")
-    if real in at.parents and at.relative_to(real).parts[0].lower() in _TAKEN:
+    if real in at.parents and at.relative_to(real).parts[0].lower() in {MARKER, *_FILES, "figures", "tables"}:
         raise InputError(f"{file}: is where the page in {folder} puts its own files; name another file or folder")
 
 
@@ -187,19 +190,6 @@ def resolved(path: Path) -> Path:
         return path.resolve()
     except (OSError, RuntimeError) as error:
         raise InputError(f"{path}: its symbolic links lead round in a circle; name another path") from error
-
-
-def _check_folders(folder: Path, parts: Iterable[str]) -> None:
-    """InputError where a folder, or the nearest above it that exists, or one of these in it, cannot be written."""
-    real = resolved(folder)
-    nearest = next(path for path in (real, *real.parents) if path.exists())
-    shown = next((path for path in (folder, *folder.parents) if resolved(path) == nearest), nearest)
-    if not nearest.is_dir():
-        raise InputError(f"{folder}: {shown} cannot be written, for it is no folder; name another one")
-    _check_writable(shown, folder, "folder")
-    for path in (folder / part for part in sorted(parts)):
-        if path.exists():
-            _check_writable(path, folder, "folder")
 
 
 def _check_writable(folder: Path, given: Path, what: str) -> None:
@@ -232,7 +222,7 @@ def _named(path: Path, what: str) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        if error.errno in _FORBIDDEN:
+        if error.errno in {errno.EACCES, errno.EPERM, errno.EROFS}:
             why = f"cannot be read or written ({error.strerror})"
             raise InputError(f"{path}: {why}; name another {what}, or change its permissions") from error
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error

@@ -129,13 +129,7 @@ def write_part(
 def write_page(
     folder: Path, package: str, template: str, context: Mapping[str, Any], files: Mapping[str, bytes]
 ) -> Path:
-    """Write index.html, from a template of a package, and the files beside it; returns the path of index.html.
-
-    Everything is written before anything is moved to its place; only what bristle made there before is replaced.
-
-    Raises InputError where the folder is a file, or holds files in the way that bristle did not make, and OSError where it cannot be written; nothing
-    in it is then changed.
-    """
+    """Write index.html, from a template of a package, and the files beside it; returns its path. Raises as `replace_files`."""
     return write_pages(folder, [("index.html", package, template, context)], files)
 
 
@@ -146,14 +140,13 @@ Filled = tuple[str, str, str, Mapping[str, Any]]
 def write_pages(folder: Path, pages: Iterable[Filled], files: Mapping[str, bytes], *, mailed: bool = False) -> Path:
     """Write pages, whose figures are numbered through, and the files beside them; returns the path of index.html.
 
-    What makes the pages may add files. `mailed`: all of it as report.zip in the folder as well. Raises as `write_page`.
+    What makes the pages may add files. `mailed`: all of it as report.zip in the folder as well. Raises as `replace_files`.
     """
     number = count(1).__next__
     environment = cache(lambda package: _environment(package, number))  # which compiles a template once
-    texts = {
-        name: encoded(environment(package).get_template(template).render(named))
-        for name, package, template, named in pages
-    }
+    texts = {}
+    for name, package, template, named in pages:
+        texts[name] = encoded(environment(package).get_template(template).render(named))
     every = {**files, **texts}
     replace_files(folder, every | {"report.zip": zipped(every)} if mailed else every)
     return folder / "index.html"
@@ -191,9 +184,8 @@ def drawn(
         forms = next(drawing.done or begun(drawing).done or iter(()))
         if forms is not None:
             name = free(drawing.name, lambda tried: f"figures/{tried}.svg" in files)
-            files.update(
-                (f"figures/{name}.{kind}", form) for kind, form in zip(("svg", "png", "csv"), forms, strict=True)
-            )
+            for kind, form in zip(("svg", "png", "csv"), forms, strict=True):
+                files[f"figures/{name}.{kind}"] = form
             svg = inline(forms[0], name, escape(wording.printable(drawing.label)))
             found[key] = Drawn(Markup(svg), name)  # noqa: S704 # matplotlib escaped every text in it, and `escape` the label
     return found
@@ -225,8 +217,10 @@ def _environment(package: str, number: Callable[[], int]) -> Environment:
         "direction": wording.direction, "symbol": symbol_html, "plain_symbol": wording.symbol,
         "warned": warned, "flagged": flagged, "said": said, "with_places": with_places, "entries": entries_linked,
     }  # fmt: skip  # a table of names
-    environment.globals["next_figure"] = number
-    environment.globals |= _script()
+    # The one script of a page, and its hash, by which a browser runs it and no other.
+    script = (resources.files("bristle.page") / "templates" / "tables.js").read_text(encoding="utf-8")
+    script = f"\n{script.rstrip()}\n"
+    environment.globals |= {"next_figure": number, "script": Markup(script), "script_hash": digest(script)}  # noqa: S704  # a file of ours
     return environment
 
 
@@ -247,15 +241,6 @@ class _Compiled(BytecodeCache):
 
 
 _COMPILED = _Compiled()
-
-
-@cache
-def _script() -> dict[str, object]:
-    """The one script of a page, and its hash, by which a browser runs it and no other."""
-    text = (
-        "\n" + (resources.files("bristle.page") / "templates" / "tables.js").read_text(encoding="utf-8").rstrip() + "\n"
-    )
-    return {"script": Markup(text), "script_hash": digest(text)}  # noqa: S704  # a file of ours
 
 
 def digest(script: str) -> str:

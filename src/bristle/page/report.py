@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -15,8 +16,6 @@ from bristle.page.page import Drawing, Filled, Templated, drawn, html, tables_of
 from bristle.page.said import Link, Said
 from bristle.page.wording import printable, slugs
 from bristle.progress import Progress, step, teller
-
-_TEMPLATE = "bristle.page", "report.html"
 
 
 class Table(NamedTuple):
@@ -210,22 +209,16 @@ class Report:
         figures = drawn(drawings, files, tell)
         common = {**versions(self.seed), "report": self, "figures": figures, "pages": self._menu}
         for page in pages:
-            named = {**common, "here": page, "once": _once()}
+            named = {**common, "here": page, "once": partial(_once, set())}
             if page.templated is not None:
                 own = page.templated
                 yield page.file, own.package, own.template, {**named, **own.context(drawn(own.drawings, files))}
             elif page.file not in self.files:
-                yield page.file, *_TEMPLATE, named
+                yield page.file, "bristle.page", "report.html", named
 
 
-def _once() -> Callable[[str], str]:
-    """What passes a text the first time, and nothing from then on."""
-    told = set[str]()
-
-    def once(text: str) -> str:
-        """The text, or nothing."""
-        new = text not in told
-        told.add(text)
-        return text * new
-
-    return once
+def _once(told: set[str], text: str) -> str:
+    """A text the first time, and nothing from then on."""
+    new = text not in told
+    told.add(text)
+    return text * new

@@ -62,11 +62,7 @@ class Look(NamedTuple):
     line: str
 
 
-DIRECTION = {
-    "+": Look("#0072B2", "o", "-"),
-    "-": Look("#D55E00", "s", "--"),
-    "both": Look("#0072B2", "o", "-"),
-}
+DIRECTION = {"+": Look("#0072B2", "o", "-"), "-": Look("#D55E00", "s", "--"), "both": Look("#0072B2", "o", "-")}
 """Okabe and Ito's blue and vermilion."""
 
 
@@ -90,14 +86,8 @@ def styled(draw: Callable[P, R]) -> Callable[P, R]:
 def new_figure(height: float, width: float = WIDTH) -> Figure:
     """An empty figure, inches, with fixed margins: a layout engine would take as long as the drawing."""
     figure = Figure(figsize=(width, height))
-    figure.subplots_adjust(
-        left=0.95 / width,
-        right=1 - 0.15 / width,
-        bottom=0.55 / height,
-        top=1 - 0.45 / height,
-        hspace=0.36,
-        wspace=0.36,
-    )
+    figure.subplots_adjust(left=0.95 / width, right=1 - 0.15 / width, bottom=0.55 / height, top=1 - 0.45 / height)
+    figure.subplots_adjust(hspace=0.36, wspace=0.36)
     return figure
 
 
@@ -148,14 +138,20 @@ def render_as(figure: Figure, kind: str) -> bytes:
         for axis in (ax.xaxis, ax.yaxis):
             if isinstance(axis.get_major_locator(), AutoLocator):
                 axis.set_major_locator(MaxNLocator(_TICKS, steps=[1, 2, 2.5, 5, 10]))
-    return _svg(figure) if kind == "svg" else _png(figure)
+    raw, written = io.BytesIO(), io.BytesIO()
+    if kind == "svg":  # with fonts that every system has, coordinates to a hundredth of a point, and no metadata
+        figure.savefig(raw, format="svg", dpi=DPI, metadata={"Date": None, "Creator": "bristle"})
+        text = raw.getvalue().decode("utf-8").replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
+        text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
 
+        def rounded(tag: re.Match[str]) -> str:
+            return _PLACES.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), tag[0])
 
-def _png(figure: Figure) -> bytes:
-    """In 256 colours, of which a figure hardly has more: half the size in half the time."""
+        return _TAG.sub(rounded, text).encode("utf-8")
+    # In 256 colours, of which a figure hardly has more: half the size in half the time.
     from PIL import Image, PngImagePlugin
 
-    raw, written, told = io.BytesIO(), io.BytesIO(), PngImagePlugin.PngInfo()
+    told = PngImagePlugin.PngInfo()
     figure.savefig(raw, format="rgba", dpi=DPI)
     width = int(figure.get_figwidth() * DPI)
     size = (width, len(raw.getbuffer()) // (4 * width))
@@ -167,29 +163,14 @@ def _png(figure: Figure) -> bytes:
     return written.getvalue()
 
 
-def _svg(figure: Figure) -> bytes:
-    """With fonts that every system has, coordinates to a hundredth of a point, and no metadata."""
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None, "Creator": "bristle"})
-    text = buffer.getvalue().decode("utf-8").replace("'DejaVu Sans'", "'DejaVu Sans', Verdana, sans-serif")
-    text = re.sub(r"\s*<metadata>.*?</metadata>", "", text, flags=re.DOTALL)
-    return _TAG.sub(
-        lambda tag: _PLACES.sub(lambda x: f"{float(x[0]):.2f}".rstrip("0").rstrip("."), tag[0]), text
-    ).encode("utf-8")
-
-
 _PLACES = re.compile(r"(?<=[\s\"',(])-?\d+\.\d{3,}(?=[\s\"',)])")
 """A coordinate with more places than a screen shows."""
-
-
 _TAG = re.compile(r"<[^>]*>")
 """Matplotlib writes no bare > into an attribute."""
 _NAMED = re.compile(r'\sid="|url\(#|href="#')
 """Before an id, where it is given or used."""
 _ID = re.compile(r'\sid="([^"]*)"')
 _SIZED = re.compile(r'^<svg (.*?)width="[^"]*" height="[^"]*"')
-
-
 _VARIABLES = {"#000000": "ink", "#ffffff": "paper", "#dddddd": "line", "#666666": "quiet", "#999999": "mid"}
 """What of a figure turns with a light or dark page: variables of the style sheet."""
 _INK = re.compile(rf"(fill|stroke): ({'|'.join(_VARIABLES)})")

@@ -1,9 +1,8 @@
 """The short fit report: of each joint the values to use, whether to trust them and why not, and what it is warned of."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from math import inf, isfinite
-from typing import NamedTuple
 
 from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, TrackingFit
@@ -20,16 +19,20 @@ from bristle.questions.joint_report.sentences import known_to
 LINES = 3
 """Of findings that are not critical."""
 _SOURCES = {Source.STATIC: "static fit", Source.PRESLIDING: "presliding"}
-_HEAD = ("parameter", "value +/- standard error", "95 % interval", "from")
-_END = "What a code in brackets means: bristle explain CODE. Every fit: --full."
 
 
 def brief_report(joints: Sequence[Joint]) -> str:
     """Of several joints one line each; then of each the table of its values, and its warnings, critical ones first."""
     lines = list(verdicts(joints)) if len(joints) > 1 else []
     for joint in joints:
-        lines += [*([""] if lines else []), *_joint(joint)]
-    return "\n".join([*lines, "", _END]) + "\n"
+        found, simulated = verdict(joint), ", SIMULATED data" if joint.simulated else ""
+        trust = f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}. {known_to(joint, '+/-')}"
+        lines += [*([""] if lines else []), *wrapped([trust])]
+        if found.reason is not None:
+            lines += _sentence(joint, found.reason)
+        lines += wrapped([*law_in_force(joint), *_chosen(joint)])
+        lines += (*_values(joint), *_rest(joint, found.reason))
+    return "\n".join([*lines, "", "What a code in brackets means: bristle explain CODE. Every fit: --full."]) + "\n"
 
 
 def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
@@ -45,17 +48,6 @@ def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
 
 def _code(reason: Finding | None) -> str:
     return "" if reason is None else f"[{reason.code}]"
-
-
-def _joint(joint: Joint) -> Iterator[str]:
-    found, simulated = verdict(joint), ", SIMULATED data" if joint.simulated else ""
-    lines = list(
-        wrapped([f"{printable(joint.name)} ({joint.kind}{simulated}): {found.trust}. {known_to(joint, '+/-')}"])
-    )
-    if found.reason is not None:
-        lines += _sentence(joint, found.reason)
-    lines += wrapped([*law_in_force(joint), *_chosen(joint)])
-    yield from (*lines, *_values(joint), *_rest(joint, found.reason))
 
 
 def law_in_force(joint: Joint) -> Iterator[str]:
@@ -84,56 +76,44 @@ def _chosen(joint: Joint) -> Iterator[str]:
         yield f"  points: {resting} that did not slide left out (bristle inspect lists them)"
 
 
-class _Given(NamedTuple):
-    """A parameter that the experiment file fixed."""
-
-    parameter: ParameterName
-    value: float
-
-
 def _values(joint: Joint) -> Iterator[str]:
     """The table, direction by direction, what is shared last; parameters without a value in one line a direction."""
     rows, known = {row.parameter: row for row in chosen(joint)}, as_identified(joint)
-    fixed = {
-        name: _Given(name, value) for name, value in known.given.items() if name not in rows and name.name != FASTEST
-    }
-    cells: list[tuple[str, ...]] = [_HEAD]
+    fixed = {name: value for name, value in known.given.items() if name not in rows and name.name != FASTEST}
+    cells: list[tuple[str, ...]] = [("parameter", "value +/- standard error", "95 % interval", "from")]
     missing: dict[Direction, dict[str, list[str]]] = {}
-    for name in sorted({*rows, *fixed, *_unmeasured(rows, fixed)}, key=_place):
+    for name in sorted({*rows, *fixed, *_unmeasured({*rows, *fixed})}, key=_place):
         row = rows.get(name)
         if row is not None and (row.estimate.value is not None or _bounded(row.estimate)):
             cells.append(_cells(row))
         elif name in fixed:
-            cells.append(
-                (str(name), in_unit(f"{fixed[name].value:.6g}", unit(name.name, joint.kind)), "", "experiment file")
-            )
+            value = in_unit(f"{fixed[name]:.6g}", unit(name.name, joint.kind))
+            cells.append((str(name), value, "", "experiment file"))
         else:
-            missing.setdefault(name.direction, {}).setdefault(_why_none(name, row), []).append(str(name))
+            if row is None:
+                runs = "constant velocities" if of_curve(name.name) else "slow loading"
+                why = f"not measured; {runs} or tracking runs would show them"
+            else:
+                cautioned = any(warning.severity is not Severity.NOTE for warning in row.estimate.warnings)
+                why = "not identifiable" if cautioned else "not estimated"
+            missing.setdefault(name.direction, {}).setdefault(why, []).append(str(name))
     yield from columns(cells) if len(cells) > 1 else ()
     for by_reason in missing.values():
         yield from wrapped(f"  {', '.join(names)}: {why}" for why, names in by_reason.items())
     if joint.torque_scale is not None:
-        yield from wrapped([f"  {printable(_scale(joint, joint.torque_scale))}"])
-
-
-def _scale(joint: Joint, said: Finding) -> str:
-    """Which constants have an error that the table includes, or else are taken as exact."""
-    uncertain = " and ".join(joint.uncertain_constants)
-    return f"Standard errors include that of {uncertain}{said.numbers['rest']}." if uncertain else str(said)
+        uncertain, rest = " and ".join(joint.uncertain_constants), joint.torque_scale.numbers.get("rest", "")
+        said = f"Standard errors include that of {uncertain}{rest}." if uncertain else str(joint.torque_scale)
+        yield from wrapped([f"  {printable(said)}"])
 
 
 def _place(name: ParameterName) -> tuple[int, int, str]:
     order = Lugre._fields
-    return (
-        list(Direction).index(name.direction),
-        order.index(name.name) if name.name in order else len(order),
-        name.name,
-    )
+    at = order.index(name.name) if name.name in order else len(order)
+    return list(Direction).index(name.direction), at, name.name
 
 
-def _unmeasured(*known: Mapping[ParameterName, object]) -> Iterator[ParameterName]:
+def _unmeasured(names: set[ParameterName]) -> Iterator[ParameterName]:
     """The LuGre parameters that no run is about, of each direction that there is."""
-    names = {name for some in known for name in some}
     directions = {d for name, d in names if of_friction(name)}
     for name in Lugre._fields:
         there = {d for own, d in names if own == name}
@@ -142,22 +122,10 @@ def _unmeasured(*known: Mapping[ParameterName, object]) -> Iterator[ParameterNam
             yield from (ParameterName(name, d) for d in lacking)
 
 
-def _why_none(name: ParameterName, row: Known | None) -> str:
-    if row is None:
-        runs = "constant velocities" if of_curve(name.name) else "slow loading"
-        return f"not measured; {runs} or tracking runs would show them"
-    cautioned = any(warning.severity is not Severity.NOTE for warning in row.estimate.warnings)
-    return "not identifiable" if cautioned else "not estimated"
-
-
-_SAYS_NOTHING = 1e6
-"""Times its lower end, from which the upper end of an interval says no more than that the value is positive."""
-
-
 def _bounded(e: Estimate) -> bool:
-    """Whether an interval says anything, of a value that is at least zero."""
+    """Whether an interval says anything, of a value that is at least zero: not from an end above 1e6 times the other on."""
     low, high = e.interval or (0.0, inf)
-    return (low > 0 or isfinite(high)) and not (low > 0 and _SAYS_NOTHING * low < high < inf)
+    return (low > 0 or isfinite(high)) and not (low > 0 and 1e6 * low < high < inf)
 
 
 def _cells(row: Known) -> tuple[str, ...]:

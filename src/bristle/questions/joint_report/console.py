@@ -2,16 +2,16 @@
 
 from collections.abc import Iterator, Sequence
 
-from bristle.data.constant_velocity.segments import Segment
 from bristle.identification.fits import Crosscheck
 from bristle.identification.measured import Measured
-from bristle.identification.results import Joint, LawRow
+from bristle.identification.results import Joint
 from bristle.identification.verdict import verdict
 from bristle.model.parameters import unit
-from bristle.page.plain import columns, pair, wrapped
-from bristle.page.wording import counted, printable
+from bristle.page.plain import columns, interval, pair, wrapped
+from bristle.page.wording import FITS, counted, printable
 from bristle.questions.joint_report.brief import verdicts
 from bristle.questions.joint_report.sentences import cost_change, known_to
+from bristle.questions.joint_report.tables import WAYS, IntervalRow, interval_rows
 
 
 def outcomes(joints: Sequence[Joint]) -> Iterator[str]:
@@ -45,17 +45,16 @@ def law_lines(joints: Sequence[Joint]) -> Iterator[str]:
         yield f"{printable(joint.name)}: friction laws on {counted(found.n, 'point' if found.data == 'points' else 'sample')}"
         by_run = any(row.run_left_out is not None for row in found.rows)
         heads = ("law", "parameters", "BIC", "AICc", "left out", *(("runs",) if by_run else ()), "weight", "")
-        rows = [_law_row(row, by_run=by_run) for row in sorted(found.rows, key=lambda row: row.bic)]
-        yield from columns([heads, *rows])
+        rows: list[tuple[str, ...]] = [heads]
+        for row in sorted(found.rows, key=lambda row: row.bic):
+            left = [
+                "-" if x is None else f"{x:.3g} %" for x in (row.left_out, *((row.run_left_out,) if by_run else ()))
+            ]
+            bic, aicc = f"+{row.bic:.1f}", "-" if row.aicc is None else f"+{row.aicc:.1f}"
+            told = "in use" if row.in_force else "wanted" if row.chosen else ""
+            rows.append((row.law, str(row.parameters), bic, aicc, *left, f"{100 * row.weight:.0f} %", told))
+        yield from columns(rows)
         yield from wrapped([f"  {printable(str(found.sentence))}"])
-
-
-def _law_row(row: LawRow, *, by_run: bool) -> tuple[str, ...]:
-    """One law: BIC and AICc above the lowest, and errors at what was left out, in percent of the torque."""
-    left = ["-" if x is None else f"{x:.3g} %" for x in (row.left_out, *((row.run_left_out,) if by_run else ()))]
-    told = "in use" if row.in_force else "wanted" if row.chosen else ""
-    aicc = "-" if row.aicc is None else f"+{row.aicc:.1f}"
-    return row.law, str(row.parameters), f"+{row.bic:.1f}", aicc, *left, f"{row.weight:.0%}".replace("%", " %"), told
 
 
 def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> Iterator[str]:
@@ -68,6 +67,21 @@ def _check(title: str, first: str, check: Crosscheck, direction: str = "") -> It
         yield f"  {name.within(direction):<12} {value:<12.4g}{apart}"
 
 
+def interval_lines(joints: Sequence[Joint]) -> Iterator[str]:
+    """Each parameter's 95 % interval three ways, fit by fit, and the warnings about them, each once."""
+    for joint in joints:
+        by_fit: dict[str, list[IntervalRow]] = {}
+        for row in interval_rows(joint):
+            by_fit.setdefault(row.fit, []).append(row)
+        for fit, own in by_fit.items():
+            yield f"{printable(joint.name)}, {FITS.get(fit, fit)}: 95 % intervals"
+            cells = [(x.estimate.unit, (x.name, *(interval(getattr(x.three, way)) for way in WAYS))) for x in own]
+            for si in dict.fromkeys(si for si, _ in cells):
+                yield from columns([(si, *WAYS), *(row for of, row in cells if of == si)], indent=0)
+            said = {warning: x.name for x in own for warning in x.three.warnings}
+            yield from (f"  {name}: {printable(warning.flagged)}" for warning, name in said.items())
+
+
 def segment_lines(measured: Measured) -> Iterator[str]:
     """What each run holds: its notes, and its candidate segments, kept or rejected with their reasons."""
     v, T = (unit(name, measured.experiment.joint.kind) for name in ("velocity", "torque"))
@@ -75,18 +89,12 @@ def segment_lines(measured: Measured) -> Iterator[str]:
         record = recorded.record
         yield f"{record.file} ({recorded.kind}{', held out' if recorded.hold_out else ''}): {record.rows} rows, {record.dropped} dropped"
         yield from (f"    {note.flagged}" for note in (*record.notes, *record.warnings))
-        for s in found:
-            yield from () if _passes_through(s) else _segment(s, v, T)
-        if passing := sum(map(_passes_through, found)):
+        told = [s for s in found if not any(reason.code == "transient" for reason in s.reasons)]
+        for s in told:
+            values = f"{s.velocity:.4g} {v}, {pair(s.torque, s.standard_error)} {T}"
+            yield f"  {'kept    ' if s.accepted else 'rejected'} {s.where}: {values}"
+            yield from (f"           {reason.coded}" for reason in (*s.reasons, *s.warnings))
+        if passing := len(found) - len(told):
             yield f"  rejected {counted(passing, 'transient')} from one speed to another"
     kept = sum(s.accepted for found in measured.segments for s in found)
     yield f"{kept} of {sum(map(len, measured.segments))} candidates kept."
-
-
-def _passes_through(s: Segment) -> bool:
-    return any(reason.code == "transient" for reason in s.reasons)
-
-
-def _segment(s: Segment, v: str, T: str) -> Iterator[str]:
-    yield f"  {'kept    ' if s.accepted else 'rejected'} {s.where}: {s.velocity:.4g} {v}, {pair(s.torque, s.standard_error)} {T}"
-    yield from (f"           {reason.coded}" for reason in (*s.reasons, *s.warnings))

@@ -7,7 +7,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from bristle.arrays import Array
 from bristle.identification.fits import TrackingFit
 from bristle.identification.load_levels import friction_rise
 from bristle.identification.results import Joint
@@ -37,21 +36,20 @@ def stretches(fit: TrackingFit) -> list[slice]:
 
 def window(fit: TrackingFit) -> slice:
     """The piece of at most SPAN seconds, within one stretch, whose reversals are the strongest: the largest sum of |dv/dt| where v changes sign."""
-    found = [_window(fit.time[own], fit.velocity[own], own.start) for own in stretches(fit)]
+    found = []
+    for own in stretches(fit):
+        t, v = fit.time[own], fit.velocity[own]
+        turns = np.flatnonzero(np.signbit(v[1:]) != np.signbit(v[:-1]))
+        strength = np.zeros(t.size)
+        strength[turns] = np.abs(v[turns + 1] - v[turns]) / (t[turns + 1] - t[turns])
+        total = np.concatenate([[0.0], np.cumsum(strength)])
+        begins = np.clip(np.concatenate([t[:1], t[turns] - _LEAD]), t[0], max(t[0], t[-1] - SPAN))
+        start = np.searchsorted(t, begins)
+        stop = np.searchsorted(t, t[start] + SPAN, side="right")
+        within = total[stop] - total[start]
+        k = int(np.argmax(within))
+        found.append((float(within[k]), slice(own.start + int(start[k]), own.start + int(stop[k]))))
     return max(found, key=lambda pair: pair[0])[1]
-
-
-def _window(t: Array, v: Array, offset: int) -> tuple[float, slice]:
-    """Strength of the best piece of a stretch, and where it lies in all equations."""
-    turns = np.flatnonzero(np.signbit(v[1:]) != np.signbit(v[:-1]))
-    strength = np.zeros(t.size)
-    strength[turns] = np.abs(v[turns + 1] - v[turns]) / (t[turns + 1] - t[turns])
-    total = np.concatenate([[0.0], np.cumsum(strength)])
-    begins = np.clip(np.concatenate([t[:1], t[turns] - _LEAD]), t[0], max(t[0], t[-1] - SPAN))
-    start = np.searchsorted(t, begins)
-    stop = np.searchsorted(t, t[start] + SPAN, side="right")
-    k = int(np.argmax(total[stop] - total[start]))
-    return float((total[stop] - total[start])[k]), slice(offset + int(start[k]), offset + int(stop[k]))
 
 
 @styled
@@ -96,32 +94,25 @@ def load_figure(joint: Joint) -> Figure | None:
     figure = new_figure(3.6)
     ax = figure.subplots()
     title(ax, joint.name, joint.simulated)
-    for (low, high), colour, marker, line in zip(speed_bands(fit), _BANDS, _MARKERS, _LINES, strict=True):
+    # The model in steady sliding, of the positive or the only direction, and what the load adds to it.
+    p = next((p for d in ("both", "+", "-") if (p := fit.values(d)) is not None), None)
+    rise = {name.name: x for name, x in fit.known.items() if of_load(name.name)}
+    # Three bands of speed that hold the faster three quarters of the equations alike.
+    ends: list[float] = np.quantile(np.abs(fit.velocity), [0.25, 0.5, 0.75, 1.0]).tolist()
+    for (low, high), colour, marker, line in zip(pairwise(ends), _BANDS, _MARKERS, _LINES, strict=True):
         inside = (np.abs(fit.velocity) >= low) & (np.abs(fit.velocity) <= high)
         k = np.flatnonzero(inside)[thinned(int(inside.sum()), MOST // 2)]
         along = np.sign(fit.velocity[k])
         told = f"{low:.2g} to {high:.2g} {pretty(unit('velocity', joint.kind))}"
         style: dict[str, Any] = {"markerfacecolor": "none", "markersize": 3.5, "alpha": 0.6}
         ax.plot(fit.load[k], fit.friction[k] * along, marker, color=colour, label=told, **style)
-        speed, reach = float(np.median(np.abs(fit.velocity[inside]))), np.linspace(0, float(fit.load.max()), 30)
-        ax.plot(reach, friction_under(fit, speed, reach), line, color=colour, linewidth=1.6, label="_model")
+        speed, reach = np.median(np.abs(fit.velocity[inside])), np.linspace(0, float(fit.load.max()), 30)
+        own = 0.0 if p is None else float(evaluate(steady_torque_function(p.law), np.array([speed]), *p.stribeck)[0][0])
+        ax.plot(reach, own + friction_rise(rise, reach), line, color=colour, linewidth=1.6, label="_model")
     ax.set_xlabel(axis("torque", joint.kind, _LOADS[next(n for n in _LOADS if n in {x.name for x in fit.parameters})]))
     ax.set_ylabel(axis("torque", joint.kind, "friction"))
     ax.legend(loc="upper left", fontsize="small")
     return figure
-
-
-def speed_bands(fit: TrackingFit) -> list[tuple[float, float]]:
-    """Three bands of speed that hold the faster three quarters of the equations alike, rad/s."""
-    ends = np.quantile(np.abs(fit.velocity), [0.25, 0.5, 0.75, 1.0]).tolist()
-    return list(pairwise(ends))
-
-
-def friction_under(fit: TrackingFit, speed: float, load: Array) -> Array:
-    """Steady friction of the positive, or the only, direction at a speed (rad/s) under loads, N*m, (k,)."""
-    p = next((p for d in ("both", "+", "-") if (p := fit.values(d)) is not None), None)
-    own = 0.0 if p is None else float(evaluate(steady_torque_function(p.law), np.array([speed]), *p.stribeck)[0][0])
-    return own + friction_rise({name.name: x for name, x in fit.known.items() if of_load(name.name)}, load)
 
 
 def _panels(joint: Joint) -> tuple[Figure, Axes, Axes]:

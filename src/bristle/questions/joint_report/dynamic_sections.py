@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import pandas as pd
 
 from bristle.identification.fits import TrackingFit
-from bristle.identification.known_joint import Source, moving_fits
+from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import unit
 from bristle.page.page import Drawing
@@ -14,7 +14,7 @@ from bristle.page.said import Said
 from bristle.page.wording import FITS, MISSING, counted, in_print, number, pretty, sentence, span, symbol
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.dynamic_figures import MOST, window
-from bristle.questions.joint_report.sentences import bias_text, biased, pair, reached
+from bristle.questions.joint_report.sentences import biased, pair, reached
 
 
 def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
@@ -28,8 +28,8 @@ def course(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing | None:
     where = f"segment {stretch} of {count}" if count > 1 else "the run"
     caption = (
         f"{_left(joint, fit)} Measured {fit.quantity} (wide grey line) and predicted by the {_name(joint)} (thin "
-        "line), from "
-        f"{start} to {end} s of {where}, where the reversals are strongest. Below: measured minus predicted."
+        f"line), from {start} to {end} s of {where}, where the reversals are strongest. Below: measured minus "
+        "predicted."
     )
     return figures["tracking"]._replace(caption=caption)
 
@@ -50,20 +50,28 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     if joint.tracking is None:
         return []
     fits, torque = moving_fits(joint), joint.tracking.quantity == "torque"
-    how = (
-        "the measured velocity drives the model, and its torque is compared with the measured one."
-        if torque
-        else "the motor is simulated, and its position is compared with the measured one, in windows with separate initial "
-        "values; no velocity is needed."
-    )
+    how = "the measured velocity drives the model, and its torque is compared with the measured one."
+    if not torque:
+        how = (
+            "the motor is simulated, and its position is compared with the measured one, in windows with separate "
+            "initial values; no velocity is needed."
+        )
     priors = " The joint fit adds the estimates of the other stages, with their uncertainty."
     shared = "± one standard error; parameters shared by both directions have no sign."
+    rows = []  # of each fit the value with its standard error, and the interval
+    for name in dict.fromkeys(name for fit in fits.values() for name in fit.parameters):
+        estimates = [fit.parameters.get(name) for fit in fits.values()]
+        row = {"parameter": str(name), "unit": next(e.unit for e in estimates if e is not None)}
+        for kind, e in zip(fits, estimates, strict=True):
+            row[FITS[kind]] = MISSING if e is None else pair(e)
+            row[f"{FITS[kind]}, 95 %"] = MISSING if e is None else span(e.interval)
+        rows.append(row)
     sections = [
         Section(
             "All parameters at once",
             text=f"From runs that move and reverse: {how}{priors if joint.joint_fit is not None else ''}",
             facts=tuple((FITS[kind].capitalize(), _said(joint, fit)) for kind, fit in fits.items()),
-            table=Table("tracking", "Parameters from the moving runs", part=_side_by_side(fits), note=shared),
+            table=Table("tracking", "Parameters from the moving runs", part=pd.DataFrame(rows), note=shared),
             form="part",
         )
     ]
@@ -79,13 +87,11 @@ def moving(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
         thinned = f" Evenly thinned to {MOST} points." if last.time.size > MOST else ""
         caption = (
             f"{_left(joint, last)} Measured {last.quantity} (circles) and what the {_name(joint)} predicts (dots) vs "
-            f"velocity{terms}. "
-            f"Below: measured minus predicted.{thinned}"
+            f"velocity{terms}. Below: measured minus predicted.{thinned}"
         )
         load = (
             "Measured friction along the motion vs the load that it rises with, in three bands of speed (the slowest "
-            "quarter "
-            "left out), each with the model's line in steady sliding at its median speed."
+            "quarter left out), each with the model's line in steady sliding at its median speed."
         )
         drawn = figures["tracking-velocity"]._replace(caption=caption), figures["tracking-load"]._replace(caption=load)
         sections.append(Section("", figures=drawn, form="part"))
@@ -98,11 +104,10 @@ def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
     windows = f", simulated in {fit.windows} windows" if fit.windows else ""
     said: list[Said] = [
         f"{in_print(fit.outcome)} Relative error {number(fit.relative_error, 3)} %, rms residual {rms}, {fit.n} "
-        "samples, "
-        f"{counted(len(fit.starts_of_runs), 'segment')}{windows}. {reached(fit)}",
+        f"samples, {counted(len(fit.starts_of_runs), 'segment')}{windows}. {reached(fit)}",
         f"Condition number of the scaled Jacobian: {number(fit.condition, 2)}.",
     ]
-    added = [f"{symbol(name)} {pretty(bias_text(fit, name, bias, share))}" for name, bias, share in biased(fit)]
+    added = [f"{symbol(name)} {pretty(text)}" for name, text in biased(fit).items()]
     if added:
         said.append(f"Bias by encoder counts, subtracted: {'; '.join(added)}.")
     elif fit.count_bias:
@@ -110,16 +115,3 @@ def _said(joint: Joint, fit: TrackingFit) -> tuple[Said, ...]:
     if fit.crosscheck:
         said += ["Cross-check:", in_print(fit.crosscheck.verdict)]
     return tuple(said)
-
-
-def _side_by_side(fits: Mapping[Source, TrackingFit]) -> pd.DataFrame:
-    """One row per parameter; of each fit the value with its standard error, and the interval."""
-    rows = []
-    for name in dict.fromkeys(name for fit in fits.values() for name in fit.parameters):
-        estimates = [fit.parameters.get(name) for fit in fits.values()]
-        row = {"parameter": str(name), "unit": next(e.unit for e in estimates if e is not None)}
-        for kind, e in zip(fits, estimates, strict=True):
-            row[FITS[kind]] = MISSING if e is None else pair(e)
-            row[f"{FITS[kind]}, 95 %"] = MISSING if e is None else span(e.interval)
-        rows.append(row)
-    return pd.DataFrame(rows)

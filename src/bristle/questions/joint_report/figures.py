@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from bristle.identification.results import Joint
 from bristle.page.page import Drawing, begun
-from bristle.questions.joint_report import dynamic_figures, interval_figures, presliding_figures, static_figures
+from bristle.questions.joint_report import dynamic_figures, interval_sections, presliding_figures, static_figures
 from bristle.workers import Share
 
 DRAW: dict[str, Callable[[Joint], Figure | None]] = {
@@ -21,8 +21,6 @@ DRAW: dict[str, Callable[[Joint], Figure | None]] = {
     "tracking-velocity": dynamic_figures.velocity_figure,
     "tracking-load": dynamic_figures.load_figure,
 }
-_OF_STATIC = ("small", "curve")
-"""Those that there are of a static fit alone; others draw nothing where there is nothing to draw."""
 
 
 def drawings(joint: Joint, share: Share = map) -> dict[str, Drawing]:
@@ -30,9 +28,9 @@ def drawings(joint: Joint, share: Share = map) -> dict[str, Drawing]:
     found = {
         kind: Drawing(partial(draw, joint), kind, f"{kind.replace('-', ' over ')} of {joint.name}")
         for kind, draw in DRAW.items()
-        if joint.static or kind not in _OF_STATIC
+        if joint.static or kind not in ("small", "curve")  # others draw nothing where there is nothing to draw
     }
-    for fit, draw_intervals in interval_figures.figures(joint).items():
+    for fit, draw_intervals in interval_sections.figures(joint).items():
         kind = f"uncertainty-{fit}"
         found[kind] = Drawing(draw_intervals, kind, f"intervals of {joint.name}, {fit}")
     return {kind: begun(x._replace(simulated=joint.simulated), share) for kind, x in found.items()}

@@ -1,35 +1,47 @@
-"""What the page shows of every interval three ways, and of how the runs scatter beside them."""
+"""What the page shows of every interval three ways - covariance, profile, bootstrap - and of how the runs scatter beside them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from scipy.interpolate import PchipInterpolator
 
+from bristle.arrays import Array
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.page import Drawing
 from bristle.page.report import Section, Table
-from bristle.page.wording import FITS, counted, in_print, number, span
-from bristle.questions.joint_report.interval_tables import WAYS, rows, scatter
+from bristle.page.style import LINES, decimal_log, new_figure, styled, title
+from bristle.page.wording import FITS, counted, direction, in_print, number, pretty, span, symbol
+from bristle.questions.joint_report.tables import WAYS, IntervalRow, interval_rows, scatter
 
 INTRO = (
     "Each 95 % interval by the covariance of the exact Jacobian, by the profile of the cost (the parameter held, all "
-    "others "
-    "re-optimised), and by the bootstrap (fits of resampled data). Use the interval by profile; for fits of moving "
-    "runs that by "
-    "covariance. Where the bounds differ by more than 1.5x, the last column says why."
+    "others re-optimised), and by the bootstrap (fits of resampled data). Use the interval by profile; for fits of "
+    "moving runs that by covariance. Where the bounds differ by more than 1.5x, the last column says why."
 )
+_COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))
+_TOP = 2.4
+"""How high the profile is drawn, in thresholds."""
+_NARROW = 1e-12
+"""Of the value: a span that floating point does not divide, as of data without any noise."""
+_FEW = 20
+"""Points of a profile below which they are drawn as such, with a curve through them."""
 
 
 def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """A table per fit with each interval in one cell, the scatter of the runs, and a figure per fit."""
-    every, by_fit = list(rows(joint)), dict[str, list[tuple[Any, ...]]]()
+    every, by_fit = list(interval_rows(joint)), dict[str, list[tuple[Any, ...]]]()
     for x in every:
-        name = str(ParameterName(x.parameter, Direction(x.direction)))
         ends = (span(getattr(x.three, way)) for way in WAYS)
-        warnings = " ".join(map(in_print, x.three.warnings))
-        by_fit.setdefault(FITS.get(x.fit, x.fit), []).append((name, x.estimate.value, *ends, x.estimate.unit, warnings))
+        cells = (x.name, x.estimate.value, *ends, x.estimate.unit, " ".join(map(in_print, x.three.warnings)))
+        by_fit.setdefault(FITS.get(x.fit, x.fit), []).append(cells)
     columns = ["parameter", "value", *WAYS, "unit", "warnings"]
     sections = [
         Section("", table=Table("uncertainty", fit.capitalize(), part=pd.DataFrame(own, columns=columns)), form="part")
@@ -50,8 +62,8 @@ def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     if scattered:
         how = (
             "How far the runs' estimates scatter beside their own standard errors: √(χ² / (k − 1)) over k runs, 1 "
-            "where chance "
-            "alone tells them apart. Where that is significant at 1 %, standard errors and intervals are widened by it."
+            "where chance alone tells them apart. Where that is significant at 1 %, standard errors and intervals are "
+            "widened by it."
         )
         frame = pd.DataFrame(scattered, columns=["fit", "parameter", "before", "after", "error times", "each run"])
         table = Table("repeats", "Scatter over the runs", part=frame)
@@ -62,9 +74,8 @@ def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     caption = f"{of} {'has' if apart <= 1 else 'have'} bounds that differ by more than 1.5x."
     how = (
         "Per parameter: change of cost with all others re-optimised, 0 at the minimum and 1 at the 95 % threshold "
-        "(dotted); "
-        "bootstrap samples (grey); below, the intervals by covariance (top), profile and bootstrap (bottom); dashed: "
-        "the estimate."
+        "(dotted); bootstrap samples (grey); below, the intervals by covariance (top), profile and bootstrap (bottom); "
+        "dashed: the estimate."
     )
     if held := " and ".join(own.symbol for own in joint.law.peak.own):
         caption += f" The drawn cost holds {held} at its estimate; the profile intervals are over all that the data allow of it."
@@ -73,3 +84,84 @@ def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
         own = tuple(x._replace(caption=caption, how=how, data="uncertainty") for x in drawn)
         sections.append(Section("", figures=own, form="part"))
     return sections
+
+
+def figures(joint: Joint) -> dict[str, Callable[[], Figure]]:
+    """What draws each fit's parameters, a panel each, by a name for its file."""
+    found: dict[str, list[IntervalRow]] = {}
+    for row in interval_rows(joint):
+        side = {"+": "-positive", "-": "-negative"}.get(row.direction, f"-{row.direction}")
+        found.setdefault(f"{row.fit}{'' if row.fit == 'presliding' else side}", []).append(row)
+    return {name: partial(uncertainty_figure, joint, own) for name, own in found.items()}
+
+
+@styled
+def uncertainty_figure(joint: Joint, own: Sequence[IntervalRow]) -> Figure:
+    """A panel per parameter: the profile with its threshold, the bootstrap's draws, and the three intervals as bars beneath."""
+    count = (len(own) + 1) // 2
+    height = 1.1 + 2.6 * count
+    figure = new_figure(height)
+    figure.subplots_adjust(hspace=0.42, wspace=0.14, left=0.105, right=0.945, bottom=1.15 / height)
+    axes = figure.subplots(count, 2, squeeze=False)
+    for ax in axes.ravel()[len(own) :]:
+        ax.set_axis_off()
+    for ax, row in zip(axes.ravel(), own, strict=False):
+        _panel(ax, row)
+    for ax in axes[:, 0]:
+        ax.set_ylabel("Change of cost (95 % thresholds)")
+    title(axes[0, 0], f"{joint.name}, {FITS.get(own[0].fit, own[0].fit)}", joint.simulated)
+    handles, labels = axes[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="lower center", ncols=3, bbox_to_anchor=(0.5, 0.0))
+    return figure
+
+
+def _panel(ax: Axes, row: IntervalRow) -> None:
+    three, value = row.three, row.estimate.value
+    low, high = _span(row)
+    ax.set_xlim(low, high)
+    if low > 0 and high > 8 * low:
+        decimal_log(ax)
+    else:
+        ax.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
+    if three.draws.size and high - low > _NARROW * abs(high):
+        inside = three.draws[(three.draws >= low) & (three.draws <= high)]
+        counts, edges = np.histogram(inside, 24, (low, high))
+        ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")
+    ax.plot(*_smooth(three.curve, value), "-", color=_COLOURS["profile"], linewidth=1.4, label="cost (1: threshold)")
+    if three.curve.shape[1] < _FEW:
+        ax.plot(*three.curve, ".", color=_COLOURS["profile"], markersize=5, label="_cost, computed")
+    ax.axhline(1.0, color="#666666", linestyle=":", linewidth=1, label="_95 % threshold")
+    for k, way in enumerate(WAYS):
+        interval = getattr(three, way)
+        if interval is not None:
+            ends = np.clip(interval, low, high)
+            ax.plot(ends, [-0.3 - 0.28 * k] * 2, LINES[k], marker="|", color=_COLOURS[way], linewidth=2, label=way)
+    if value is not None:
+        ax.axvline(value, color="black", linewidth=0.8, linestyle="--", label="_estimate")
+    ax.set_ylim(-1.15, _TOP)
+    ax.set_yticks([0.0, 1.0, 2.0])
+    where = "" if row.direction in {"both", "shared"} else f" {direction(row.direction)}"
+    ax.set_xlabel(f"{symbol(row.parameter)}{where} ({pretty(row.estimate.unit)})")
+
+
+def _smooth(curve: Array, value: float | None) -> Array:
+    """A profile of few points through more, (2, k): its root, with a sign, is nearly a line.
+
+    Values that stopped at a physical bound, and are there more than once, count once.
+    """
+    curve = curve[:, np.isfinite(curve).all(axis=0)]
+    curve = curve[:, np.unique(curve[0], return_index=True)[1]]
+    if not 2 < curve.shape[1] < _FEW or value is None:
+        return curve
+    x = np.linspace(curve[0, 0], curve[0, -1], 4 * _FEW)
+    root = PchipInterpolator(curve[0], np.sign(curve[0] - value) * np.sqrt(np.maximum(curve[1], 0.0)))(x)
+    return np.stack([x, root**2])
+
+
+def _span(row: IntervalRow) -> tuple[float, float]:
+    """What a panel shows: the finite ends of the three intervals and the estimate, with a margin."""
+    ends = [end for way in WAYS for end in getattr(row.three, way) or () if np.isfinite(end)]
+    ends += [row.estimate.value] if row.estimate.value is not None else []
+    low, high = min(ends, default=0.0), max(ends, default=1.0)
+    margin = 0.35 * (high - low) or 0.1 * abs(high) or 1.0
+    return (max(low - margin, 0.0) if low >= 0 else low - margin), high + margin

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from bristle.arrays import Array
 from bristle.findings import NOTE, Finding, unit_of, with_subjects
 from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import moving_fits
@@ -13,8 +12,6 @@ from bristle.model.parameters import units_of
 
 WIDE = 0.15
 """A standard error above this share of its value is called wide."""
-_CLEAR = 1.1
-"""How far above a speed that sticks and slips a proposed one lies."""
 
 
 def next_measurements(joint: Joint) -> tuple[Finding, ...]:
@@ -76,71 +73,52 @@ def _of_moving(joint: Joint) -> Iterator[Finding]:
 def _of_fit(joint: Joint, fit: StaticFit) -> Iterator[Finding]:
     speeds = np.abs(fit.velocity[fit.velocity != 0])
     if fit.outcome.code == "static-too-few" or speeds.size == 0:
-        eight = (
-            "Measure at least eight constant speeds, evenly spread in log(v) over two decades or what the joint allows."
-        )
-        yield Finding("measure-speeds", NOTE, eight)
+        spread = "evenly spread in log(v) over two decades or what the joint allows"
+        yield Finding("measure-speeds", NOTE, f"Measure at least eight constant speeds, {spread}.")
         return
-    slowest, fast, floor = float(speeds.min()), float(speeds.max()), _slowest(joint, fit)
+    # The slowest speed worth asking for: a hundredth of the fastest seen, and clear of where the joint sticks and slips.
+    signs = {1.0, -1.0} if fit.direction == "both" else {1.0 if fit.direction == "+" else -1.0}
+    sticking = [abs(s.velocity) for s in joint.segments if s.stick_slip and np.sign(s.velocity) in signs]
+    slowest, fast = float(speeds.min()), float(speeds.max())
+    floor = max(fast / 100, 1.1 * max(sticking, default=0.0))
     low, high = _between(slowest / 10, slowest, floor)
     if fit.outcome.code == "static-no-stribeck":
         below = slowest > floor
         where = "it does so below what was measured" if below else "these data do not show it"
-        yield Finding(
-            "rises-below" if below else "rise-not-shown",
-            NOTE,
-            f"If friction rises at low speed, {where}: try five constant speeds from {_speeds(low, high)}.",
-            {"low": low, "high": high},
-        )
+        message = f"If friction rises at low speed, {where}: try five constant speeds from {_speeds(low, high)}."
+        yield Finding("rises-below" if below else "rise-not-shown", NOTE, message, {"low": low, "high": high})
         return
-    yield from _of_stribeck(fit, speeds, (low, high), floor)
+    v_s = fit.parameters.get("v_s")
+    if v_s is not None and v_s.value is not None:
+        least, most = v_s.interval or (0.0, np.inf)
+        if np.count_nonzero(speeds < v_s.value) < 3:
+            first, last = _between(v_s.value / 5, v_s.value, floor)
+            few = f"Fewer than three points lie below v_s: measure five constant speeds from {_speeds(first, last)}."
+            yield Finding("few-points-below", NOTE, few, {"low": first, "high": last})
+        elif least <= 0:
+            slower = f"Nothing limits v_s below: measure five constant speeds from {_speeds(low, high)}."
+            yield Finding("unlimited-below", NOTE, slower, {"low": low, "high": high})
+        if np.isinf(most):
+            first, last = _between(v_s.value, 2 * fast, floor)
+            above = f"Nothing limits v_s above: measure more speeds from {_speeds(first, last)}."
+            yield Finding("unlimited-above", NOTE, above, {"low": first, "high": last})
+        elif v_s.standard_error and v_s.standard_error > WIDE * v_s.value:
+            first, last = _between(v_s.value / 2, 2 * v_s.value, floor)
+            near = f"measure more speeds, or longer runs, from {_speeds(first, last)}, where the curve bends"
+            yield Finding("v-s-wide", NOTE, f"v_s is wide: {near}.", {"low": first, "high": last})
     viscous = fit.parameters.get("alpha_2")
     if viscous and viscous.value and viscous.standard_error and viscous.standard_error > WIDE * viscous.value:
         faster = f"alpha_2 is wide: measure faster, {_speeds(fast, 2 * fast)}, where the viscous part is larger."
         yield Finding("alpha-2-wide", NOTE, faster, {"low": fast, "high": 2 * fast})
 
 
-def _slowest(joint: Joint, fit: StaticFit) -> float:
-    """The slowest speed worth asking for, rad/s or m/s: a hundredth of the fastest seen, and clear of where the joint sticks and slips."""
-    signs = {1.0, -1.0} if fit.direction == "both" else {1.0 if fit.direction == "+" else -1.0}
-    sticking = [abs(s.velocity) for s in joint.segments if s.stick_slip and np.sign(s.velocity) in signs]
-    return max(float(np.abs(fit.velocity).max()) / 100, _CLEAR * max(sticking, default=0.0))
-
-
 def _between(low: float, high: float, floor: float) -> tuple[float, float]:
-    """A range of speeds from `low`, or `floor` where that is higher, in two digits, to `high`, or to what leaves room for five speeds."""
+    """A range of speeds from `low`, or `floor` where that is higher, to `high`, or to what leaves room for five speeds."""
     low = max(low, floor)
-    return _rounded_up(low), high if high >= 1.5 * low else 3 * low
-
-
-def _rounded_up(x: float) -> float:
-    """To two digits, never less than it is."""
-    digit = 10.0 ** (np.floor(np.log10(x)) - 1)
-    return float(np.ceil(x / digit * (1 - 1e-12)) * digit)
+    digit = 10.0 ** (np.floor(np.log10(low)) - 1)
+    rounded_up = float(np.ceil(low / digit * (1 - 1e-12)) * digit)  # to two digits, never less than it is
+    return rounded_up, high if high >= 1.5 * low else 3 * low
 
 
 def _speeds(low: float, high: float) -> str:
     return f"{low:.2g} to {high:.2g}{unit_of('velocity')}"
-
-
-def _of_stribeck(fit: StaticFit, speeds: Array, slower: tuple[float, float], floor: float) -> Iterator[Finding]:
-    v_s = fit.parameters.get("v_s")
-    if v_s is None or v_s.value is None:
-        return
-    low, high = v_s.interval or (0.0, np.inf)
-    if np.count_nonzero(speeds < v_s.value) < 3:
-        first, last = _between(v_s.value / 5, v_s.value, floor)
-        few = f"Fewer than three points lie below v_s: measure five constant speeds from {_speeds(first, last)}."
-        yield Finding("few-points-below", NOTE, few, {"low": first, "high": last})
-    elif low <= 0:
-        first, last = slower
-        below = f"Nothing limits v_s below: measure five constant speeds from {_speeds(first, last)}."
-        yield Finding("unlimited-below", NOTE, below, {"low": first, "high": last})
-    if np.isinf(high):
-        first, last = _between(v_s.value, 2 * float(speeds.max()), floor)
-        above = f"Nothing limits v_s above: measure more speeds from {_speeds(first, last)}."
-        yield Finding("unlimited-above", NOTE, above, {"low": first, "high": last})
-    elif v_s.standard_error and v_s.standard_error > WIDE * v_s.value:
-        first, last = _between(v_s.value / 2, 2 * v_s.value, floor)
-        speeds_near = f"measure more speeds, or longer runs, from {_speeds(first, last)}, where the curve bends"
-        yield Finding("v-s-wide", NOTE, f"v_s is wide: {speeds_near}.", {"low": first, "high": last})

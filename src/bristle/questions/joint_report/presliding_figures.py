@@ -1,14 +1,12 @@
 """Presliding as matplotlib figures: torque over displacement of the loadings with the curves fitted to them, and of closed cycles."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from bristle.arrays import Array
-from bristle.data.slow_loading import Loading, Loop
+from bristle.data.slow_loading import Loading
 from bristle.identification.fits import PreslidingFit
 from bristle.identification.results import Joint
 from bristle.model.functions import loading_displacement_function
@@ -21,8 +19,6 @@ MOST_LOOPS = 3
 _GREY = "#999999"
 _CURVES = {"printed": (":", "#D55E00"), "samples": ("--", "#0072B2"), "edges": ("-", "#000000")}
 """Line and colour of the methods that are drawn; the inverse of (14) would lie among them and show nothing new."""
-_ASYMPTOTE = 1e-3
-"""Of g0: how close to it the curves are drawn; they reach it nowhere."""
 _ABOVE = 1 + np.geomspace(1e-3, 20.0, 80)
 """Times the largest torque held: the g0 that are tried where none is known, from just above it to a curve that is straight."""
 _MOST_EDGES = 90
@@ -71,28 +67,37 @@ def presliding_figure(joint: Joint) -> Figure | None:
     fits = list(joint.presliding.fits.values()) if joint.presliding else []
     if not fits:
         return None
-    figure, axes = _panels(joint, len(fits), 1.1 + 2.9 * len(fits))
+    figure, axes = _panels(joint, len(fits), 1.1 + 2.9 * len(fits), "displacement from rest")
     for ax, fit in zip(axes, fits, strict=True):
         _loadings(ax, fit)
-        _fitted(ax, fit)
+        # y(T) of the methods up to the displacement that was measured, and the level at which they slide.
+        measured = max((float(x.displacement.max(initial=0.0)) - rest(x, fit) for x in fit.loadings), default=0.0)
+        level = level_drawn(fit)
+        T = level * (1 - np.geomspace(1.0, 1e-3, 200))  # close to g0, which the curves reach nowhere
+        for name, (line, colour) in _CURVES.items():
+            sigma_0 = getattr(fit, name).value
+            if sigma_0 is not None and sigma_0 > 0:
+                chosen = " (use this)" if name == fit.recommended else ""
+                y = displacement(T, level, sigma_0)
+                inside = y <= measured
+                ax.plot(y[inside], T[inside], line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")
+        label = "g₀, at least" if np.isinf(fit.level_standard_error) else "g₀"
+        ax.axhline(fit.level, color="black", linestyle=(0, (8, 3, 1, 3)), linewidth=0.8, label=label)
         ax.text(0.98, 0.06, direction(fit.direction), transform=ax.transAxes, ha="right")
-        _label(ax, axis("displacement from rest", joint.kind), axis("torque", joint.kind))
     _legend(figure, 3)
     return figure
 
 
-def _panels(joint: Joint, count: int, height: float) -> tuple[Figure, list[Axes]]:
-    """A figure of this height, inches, with panels one below the other under the joint's name."""
+def _panels(joint: Joint, count: int, height: float, along: str) -> tuple[Figure, list[Axes]]:
+    """A figure of this height, inches, with panels of torque one below the other under the joint's name."""
     figure = new_figure(height)
     axes = list(figure.subplots(count, squeeze=False)[:, 0])
     title(axes[0], joint.name, joint.simulated)
+    for ax in axes:
+        ax.set_xlabel(axis(along, joint.kind))
+        ax.set_ylabel(axis("torque", joint.kind))
+        ax.xaxis.set_major_locator(MaxNLocator(6))
     return figure, axes
-
-
-def _label(ax: Axes, x: str, y: str) -> None:
-    ax.set_xlabel(x)
-    ax.set_ylabel(y)
-    ax.xaxis.set_major_locator(MaxNLocator(6))
 
 
 def _legend(figure: Figure, rows: int) -> None:
@@ -118,58 +123,30 @@ def _loadings(ax: Axes, fit: PreslidingFit) -> None:
         ax.plot(y, T, "o", color="#009E73", markerfacecolor="white", markersize=4, label="count edges")
 
 
-def _fitted(ax: Axes, fit: PreslidingFit) -> None:
-    """y(T) of the methods up to the displacement that was measured, and the level at which they slide."""
-    measured = max((float(x.displacement.max(initial=0.0)) - rest(x, fit) for x in fit.loadings), default=0.0)
-    level = level_drawn(fit)
-    T = level * (1 - np.geomspace(1.0, _ASYMPTOTE, 200))
-    for name, (line, colour) in _CURVES.items():
-        sigma_0 = getattr(fit, name).value
-        if sigma_0 is not None and sigma_0 > 0:
-            chosen = " (use this)" if name == fit.recommended else ""
-            y = displacement(T, level, sigma_0)
-            inside = y <= measured
-            ax.plot(y[inside], T[inside], line, color=colour, linewidth=1.6, label=f"{METHODS[name]}{chosen}")
-    at_least = np.isinf(fit.level_standard_error)
-    label = "g₀, at least" if at_least else "g₀"
-    ax.axhline(fit.level, color="black", linestyle=(0, (8, 3, 1, 3)), linewidth=0.8, label=label)
-
-
 @styled
 def hysteresis_figure(joint: Joint) -> Figure | None:
     """Closed cycles of torque over displacement, with regression, inverse regression and secant of each; None without one."""
-    loops = loops_drawn(joint.presliding.loops) if joint.presliding else ()
+    loops = joint.presliding.loops[:MOST_LOOPS] if joint.presliding else ()
     if not loops:
         return None
-    figure, axes = _panels(joint, len(loops), 0.9 + 2.5 * len(loops))
+    figure, axes = _panels(joint, len(loops), 0.9 + 2.5 * len(loops), "displacement")
     for ax, loop in zip(axes, loops, strict=True):
-        _loop(ax, loop)
+        y, T = loop.position - loop.position.mean(), loop.torque - loop.torque.mean()
+        level, kept = float(loop.torque.mean()), thinned(y.size)
+        ax.plot(y[kept], loop.torque[kept], "-", color=_GREY, linewidth=0.9, label="one cycle")
+        slopes = (
+            ("torque on displacement", "-", "#000000", loop.slope),
+            ("inverse regression", "--", "#0072B2", loop.inverse_slope),
+        )
+        for label, line, colour, slope in slopes:
+            if slope is not None and np.isfinite(slope):
+                reach = float(np.ptp(T)) / slope / 2
+                ends = np.array([max(-reach, float(y.min())), min(reach, float(y.max()))])
+                ax.plot(ends, level + slope * ends, line, color=colour, linewidth=1.6, label=label)
+        if loop.secant is not None:
+            k = [int(T.argmin()), int(T.argmax())]
+            ax.plot(y[k], loop.torque[k], ":o", color="#D55E00", linewidth=1.6, markersize=4, label="secant")
         name = f"{shortened(loop.file, 32, end=True)}\nsamples {loop.start}-{loop.stop}"
         ax.text(0.02, 0.96, name, transform=ax.transAxes, va="top", fontsize=9)
-        _label(ax, axis("displacement", joint.kind), axis("torque", joint.kind))
     _legend(figure, 2)
     return figure
-
-
-def loops_drawn(loops: Sequence[Loop]) -> tuple[Loop, ...]:
-    """The first MOST_LOOPS."""
-    return tuple(loops[:MOST_LOOPS])
-
-
-def _loop(ax: Axes, loop: Loop) -> None:
-    y, T = loop.position - loop.position.mean(), loop.torque - loop.torque.mean()
-    level = float(loop.torque.mean())
-    kept = thinned(y.size)
-    ax.plot(y[kept], loop.torque[kept], "-", color=_GREY, linewidth=0.9, label="one cycle")
-    slopes = (
-        ("torque on displacement", "-", "#000000", loop.slope),
-        ("inverse regression", "--", "#0072B2", loop.inverse_slope),
-    )
-    for name, line, colour, slope in slopes:
-        if slope is not None and np.isfinite(slope):
-            reach = float(np.ptp(T)) / slope / 2
-            ends = np.array([max(-reach, float(y.min())), min(reach, float(y.max()))])
-            ax.plot(ends, level + slope * ends, line, color=colour, linewidth=1.6, label=name)
-    corners = [int(T.argmin()), int(T.argmax())]
-    if loop.secant is not None:
-        ax.plot(y[corners], loop.torque[corners], ":o", color="#D55E00", linewidth=1.6, markersize=4, label="secant")

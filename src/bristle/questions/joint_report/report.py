@@ -2,30 +2,33 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from importlib import resources
 from types import MappingProxyType
 from typing import Any, Literal
 
+import numpy as np
+import pandas as pd
+
 from bristle.findings import CAUTION, CRITICAL, NOTE, Severity
+from bristle.identification.curve import curve
 from bristle.identification.known_joint import Known, chosen, moving_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import SIGNED, Direction, fields_of, in_direction, of_friction
+from bristle.model.parameters import SIGNED, Direction, fields_of, in_direction, of_friction, unit
 from bristle.page.page import Drawing, Templated
 from bristle.page.plain import in_unit
-from bristle.page.report import Answer, Answered, Cell, Page, Report, Section
+from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, Table
 from bristle.page.said import Link, Mark, Said
 from bristle.page.wording import FITS, counted, direction, in_print, in_symbols, measured, number, pretty, slugs, span
 from bristle.questions.joint_report import dynamic_sections, presliding_sections, static_sections, tables
 from bristle.questions.joint_report.brief import law_in_force
-from bristle.questions.joint_report.data_sections import data
 from bristle.questions.joint_report.figures import drawings
 from bristle.questions.joint_report.interval_sections import INTRO, intervals
-from bristle.questions.joint_report.method_sections import INTRO as METHOD
-from bristle.questions.joint_report.method_sections import method
 from bristle.questions.joint_report.next_measurements import next_measurements
 from bristle.questions.joint_report.sentences import choice, known_to
+from bristle.questions.joint_report.static_figures import FIG_1, FIG_1_V_S, stribeck_figure
 
 _Figures = Mapping[str, Drawing]
 _NONE = "n.i."
@@ -77,12 +80,12 @@ def report(
     pages = [page(*x) for x in _PAGES]
     worth = "what the model is worth in a loop, and adaptation: the paper's Figs 2 and 5 to 12, Table 2"
     pages[-1:-1] = [Page("compensation.html", "Compensation", worth, templated=compensation)]
-    pages.append(Page("method.html", "Method", "equations, and what the paper leaves open", method(), text=METHOD))
+    source = "Equation numbers are those of “Adaptive Friction Compensation: Application to a Robotic Manipulator”."
+    pages.append(Page("method.html", "Method", "equations, and what the paper leaves open", _method(), text=source))
     pages = [x for x in pages if x.sections or x.templated]
     if explored is not None:
-        pages.append(
-            Page("explore.html", "Explore", "the model in the hand: sliders, loops and responses that follow them")
-        )
+        hand = "the model in the hand: sliders, loops and responses that follow them"
+        pages.append(Page("explore.html", "Explore", hand))
 
     against = [
         replace(x, subject=(joint.name, *x.subject))
@@ -96,8 +99,8 @@ def report(
     if found:
         sections.append(Section(", and ".join(found).capitalize(), findings=(*against, *adverse)))
     if "curve" in figures[names[0]]:
-        curve = static_sections.curve(joints[0], figures[names[0]])
-        sections.append(Section("The fit in a picture", figure=curve))
+        picture = static_sections.curve(joints[0], figures[names[0]])
+        sections.append(Section("The fit in a picture", figure=picture))
     simulated = "Nothing here was measured on a real joint."
     if not all(joint.simulated for joint in joints):
         simulated = "Some of these joints were not measured but simulated; each says so."
@@ -121,21 +124,26 @@ def _mark(joint: Joint) -> Mark:
 
 def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
     """How each fit ended, the parameters, the figures, the warnings, and what to measure next."""
+
+    def error(count: str, relative: float | None) -> str:
+        return "" if relative is None else f"{count}, relative error {number(relative, 3)} %."
+
     ended: list[tuple[str, Said]] = []
     for d, fit in joint.static.items():
-        ended.append((direction(d), f"{in_print(fit.outcome)} {_error(fit.n, 'point', fit.relative_error)}"))
+        left = error(counted(fit.n, "point"), fit.relative_error)
+        ended.append((direction(d), f"{in_print(fit.outcome)} {left}"))
     for d, slow in (joint.presliding.fits if joint.presliding else {}).items():
         ended.append((f"presliding {direction(d)}", in_print(choice(slow))))
     for kind, moving in moving_fits(joint).items():
-        ended.append((FITS[kind], f"{in_print(moving.outcome)} {_error(moving.n, 'equation', moving.relative_error)}"))
+        left = error(counted(moving.n, "equation"), moving.relative_error)
+        ended.append((FITS[kind], f"{in_print(moving.outcome)} {left}"))
     if joint.torque_scale:
         ended.append(("torque", in_print(joint.torque_scale)))
     inside = tables.table_1([joint])["inside"].dropna().astype(bool)
     if len(inside):
         together = "; misses are not independent: the estimates of one direction come from the same data"
-        more = together if inside.mean() < 0.8 else ""
-        hold = f"{inside.sum()} of {len(inside)} true values lie inside their 95 % intervals{more}."
-        ended.append(("truth", hold))
+        more = together * bool(inside.mean() < 0.8)
+        ended.append(("truth", f"{inside.sum()} of {len(inside)} true values lie inside their 95 % intervals{more}."))
     drawn = static_sections.curve_and_residuals(joint, figures) if joint.static else ()
     course = dynamic_sections.course(joint, figures)
     critical = tuple(x for x in joint.all_warnings() if x.severity is CRITICAL)
@@ -154,15 +162,9 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
             title = counted(len({str(x) for x in own}), str(severity))
             sections.append(Section(title, findings=own, coded=True, form=form))
     nothing = "Nothing in particular: repeat the experiment on another day and compare."
-    advice = next_measurements(joint)
-    sections.append(
-        Section("What to measure next", text="" if advice else nothing, findings=advice, coded=True, form="part")
-    )
+    advice, name = next_measurements(joint), "What to measure next"
+    sections.append(Section(name, text="" if advice else nothing, findings=advice, coded=True, form="part"))
     return sections
-
-
-def _error(count: int, of: str, error: float | None) -> str:
-    return "" if error is None else f"{counted(count, of)}, relative error {number(error, 3)} %."
 
 
 def _answer(
@@ -202,29 +204,31 @@ def _answer(
         if joint.name in explored:
             line.append(Link("Explore", f"explore.html#joint={explored.index(joint.name)}"))
         there = [d for d in (*SIGNED, Direction.BOTH) if any(p.direction == d and of_friction(p.name) for p in rows)]
-        signed = [d for d in there if d in SIGNED] or there
-        things.append(
-            Answered(
-                Link(
-                    f"{joint.name}{' (SIMULATED)' * (joint.simulated and mixed)}",
-                    f"joints.html#{known_as[joint.name]}--joint",
-                ),
-                tuple(line),
-                tuple(
-                    (
-                        "+/−" if d == Direction.BOTH else direction(d).strip("()"),
-                        tuple(
-                            _cell(in_direction(rows, n, d), common, source) if n in fields_of(joint.law) else Cell("")
-                            for n in names
-                        ),
-                    )
-                    for d in signed
-                ),
-                figures[joint.name].get("small"),
-            )
-        )
+        lines = []
+        for d in [d for d in there if d in SIGNED] or there:
+            of_law = fields_of(joint.law)
+            cells = (_cell(in_direction(rows, n, d), common, source) if n in of_law else Cell("") for n in names)
+            lines.append(("+/−" if d == Direction.BOTH else direction(d).strip("()"), tuple(cells)))
+        shown = f"{joint.name}{' (SIMULATED)' * (joint.simulated and mixed)}"
+        place = Link(shown, f"joints.html#{known_as[joint.name]}--joint")
+        things.append(Answered(place, tuple(line), tuple(lines), figures[joint.name].get("small")))
     columns = tuple((name, "" if common.get(name) == "1" else common.get(name, "")) for name in names)
-    return Answer("dir.", columns, tuple(things), "curve", _how_to_read(joints, things))
+
+    missing = any(cell.value == _NONE for x in things for _, cells in x.rows for cell in cells)
+    loaded = " without load" if any(joint.law_name != joint.law.name for joint in joints) else ""
+    other = "vₛ is that of the law's own peak; α₃ multiplies v·|v| and may have either sign. "
+    other_law = any(joint.law != GAUSSIAN for joint in joints)
+    linked = any(joint.link_inertia is not None for joint in joints)
+    how = (
+        "Value to use ± one standard error, errors of constants included, and [95 % interval]"
+        f"{'; n.i.: not identifiable from these data' * missing}. "
+        f"{other * other_law}{'All others' if other_law else 'All'} are positive in both directions: α₀ Coulomb, α₁ "
+        f"Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous friction, vₛ Stribeck velocity, σ₀ and σ₁ "
+        "bristle stiffness and damping. Joint fit: of all runs at once. Held out: error of the torque on runs that "
+        "were not fitted, relative to its norm."
+        f"{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
+    )
+    return Answer("dir.", columns, tuple(things), "curve", how)
 
 
 def _cell(row: Known | None, common: Mapping[str, str], source: str) -> Cell:
@@ -237,23 +241,69 @@ def _cell(row: Known | None, common: Mapping[str, str], source: str) -> Cell:
     return Cell(value if common.get(row.parameter.name) else f"{value} {pretty(e.unit)}", below)
 
 
-def _how_to_read(joints: Sequence[Joint], things: Sequence[Answered]) -> str:
-    missing = any(cell.value == _NONE for x in things for _, cells in x.rows for cell in cells)
-    loaded = " without load" if any(joint.law_name != joint.law.name for joint in joints) else ""
-    other = "vₛ is that of the law's own peak; α₃ multiplies v·|v| and may have either sign. "
-    other_law = any(joint.law != GAUSSIAN for joint in joints)
-    linked = any(joint.link_inertia is not None for joint in joints)
-    return (
-        "Value to use ± one standard error, errors of constants included, and [95 % interval]"
-        f"{'; n.i.: not identifiable from these data' * missing}. "
-        f"{other * other_law}{'All others' if other_law else 'All'} are "
-        f"positive in both directions: α₀ Coulomb, α₁ Stribeck amplitude (breakaway is α₀ + α₁{loaded}), α₂ viscous "
-        "friction, "
-        "vₛ Stribeck velocity, σ₀ and σ₁ bristle stiffness and damping. Joint fit: of all runs at once. Held out: "
-        "error of the "
-        "torque on runs that were not fitted, relative to its norm."
-        f"{' The inertia of a joint with known links is what it has beside them: the rotor’s.' * linked}"
+def _data(joint: Joint, _: _Figures) -> list[Section]:
+    """The candidate segments, kept or rejected but for passing from one speed to another; each file; the settings in force."""
+    sections = []
+    if joint.segments:
+        velocity, torque = (f"{name} ({pretty(unit(name, joint.kind))})" for name in ("velocity", "torque"))
+        error = f"its standard error ({pretty(unit('torque', joint.kind))})"
+        headings = {"velocity": velocity, "torque": torque, "standard_error": error}
+        frame = tables.segments([joint]).rename(columns=headings)
+        for name in ("reasons", "warnings"):
+            frame[name] = pd.Series([getattr(x, name) for x in joint.segments], dtype=object)
+        passes = [any(reason.code == "transient" for reason in x.reasons) for x in joint.segments]
+        passing = pd.Series(passes, dtype=bool)
+        kept = frame[frame["accepted"]].drop(columns=["accepted", "reasons", "stick_slip", "start", "stop"])
+        rejected = frame[~frame["accepted"] & ~passing][["file", "where", velocity, torque, "reasons"]]
+        told = [f"{len(kept)} segments kept, {len(rejected)} rejected"]
+        if passing.any():
+            told.append(f"{passing.sum()} changes from one speed to another")
+        if frame["stick_slip"].any():
+            told.append(f"{frame['stick_slip'].sum()} stick-slip")
+        sections.append(Section("", text=f"{'; '.join(told)}.", form="part"))
+        parts = {"Rejected": (rejected, "Rejected, and what would make them pass"), "Kept": (kept, "Kept")}
+        for name, (part, title) in parts.items():
+            if len(part):
+                table = Table("segments", f"{name} segments", part=part)
+                sections.append(Section(title, table=table, form="folded"))
+    else:
+        moving = "moving data were fitted, not constant-velocity segments"
+        why = moving if joint.static else "no run at constant velocity was given"
+        sections.append(Section("", text=f"No segments: {why}.", form="part"))
+
+    rows, dropped = (sum(getattr(x, name) for x in joint.inputs) for name in ("rows", "dropped"))
+    files = f"{counted(len(joint.inputs), 'file')}, {rows} rows, {dropped} dropped."
+    frame = tables.inputs([joint])
+    frame["notes"] = pd.Series([x.notes for x in joint.inputs], dtype=object)
+    frame["sha256"] = [f"{text[:12]}…" if text else "" for text in frame["sha256"]]
+    table = Table("inputs", "Files", part=frame, note="The file has the whole of sha256.")
+    sections.append(Section("", text=files, form="part"))
+    sections.append(Section("Files and what was done with them", table=table, form="folded"))
+    if joint.settings:
+        sections.append(Section("Settings in force", facts=tuple(joint.settings.items()), form="folded"))
+    return sections
+
+
+def _method() -> tuple[Section, ...]:
+    """The paragraphs of method.txt, each after what it is about, and the paper's Fig. 1."""
+    text = resources.files("bristle.questions.joint_report").joinpath("method.txt").read_text(encoding="utf-8")
+    told = []
+    for part in text.split("\n\n\n"):
+        title, *lines = (" ".join(x.split()) for x in part.strip().split("\n\n"))
+        facts = (line.partition(": ") for line in lines)
+        told.append(Section(title, facts=tuple((about, said) for about, _, said in facts)))
+    steps, opened = told
+    v = np.linspace(1e-3, 0.5, 500)
+    torque = curve(v, FIG_1.stribeck)
+    low = int(np.argmin(torque))
+    least, at = number(float(torque[low]), 3), number(float(v[low]), 2)
+    caption = (
+        f"Friction is highest at rest, {number(FIG_1.alpha_0 + FIG_1.alpha_1, 3)} N·m, and lowest at {at} rad/s, "
+        f"{least} N·m, for vₛ = {FIG_1_V_S[1]} rad/s. Computed from (9), no data: α₀ = {FIG_1.alpha_0}, "
+        f"α₁ = {FIG_1.alpha_1}, α₂ = {FIG_1.alpha_2} as in the paper; the three vₛ are assumed: the paper names none."
     )
+    shape = Drawing(stribeck_figure, "fig1-stribeck", "the steady-state curve", caption, paper="Fig. 1")
+    return steps, Section("The shape of the curve", figure=shape), opened
 
 
 _PAGES: tuple[tuple[Any, ...], ...] = (
@@ -264,12 +314,11 @@ _PAGES: tuple[tuple[Any, ...], ...] = (
     (
         "presliding.html", "Presliding", "stiffness, breakaway and hysteresis from slow loading", presliding_sections.presliding,
         "While a joint loads slowly from rest, the bristle bends before anything slides: torque / displacement gives "
-        "its "
-        "stiffness σ₀, by four methods.",
+        "its stiffness σ₀, by four methods.",
     ),
     ("moving.html", "Moving runs", "all parameters at once", dynamic_sections.moving),
     ("checks.html", "Cross-checks", "the same numbers by other routes, and other models", static_sections.checks),
     ("uncertainty.html", "Uncertainty", "each interval three ways", intervals, INTRO),
-    ("data.html", "Data", "files, segments and settings", data),
+    ("data.html", "Data", "files, segments and settings", _data),
 )  # fmt: skip  # a table
 """File, name and purpose of each page that goes joint by joint, what makes a joint's sections, and its first line."""

@@ -8,7 +8,6 @@ from bristle import __version__
 from bristle.identification.known_joint import Known, chosen, moving_estimates, moving_fits, stage_estimates
 from bristle.identification.results import Document, Joint, WrittenExperiment, adapter
 from bristle.identification.samples import samples_of
-from bristle.model.parameters import Direction, ParameterName
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,20 +53,22 @@ def to_frame(joints: Sequence[Joint]) -> "pd.DataFrame":
     once) or, without a joint fit, `tracking` (the moving runs alone); and `use` which row of several of a parameter has the value to use.
     """
     frame = estimates(joints)
-    used = {(joint.name, str(row.source), row.parameter) for joint in joints for row in chosen(joint)}
-    keys = zip(
-        frame["joint"],
-        frame["source"],
-        map(ParameterName, frame["parameter"], map(Direction, frame["direction"])),
-        strict=True,
-    )
+    rows = [(joint.name, row) for joint in joints for row in chosen(joint)]
+    used = {(name, str(row.source), row.parameter.name, str(row.parameter.direction)) for name, row in rows}
+    keys = frame[["joint", "source", "parameter", "direction"]].itertuples(index=False, name=None)
     frame["use"] = [key in used for key in keys]
     return frame if (frame["source"] != "static").any() else frame.drop(columns=["source", "use"])
 
 
 def estimates(joints: Sequence[Joint]) -> "pd.DataFrame":
     """The rows of `to_frame`, `source` included whatever was found."""
-    return _framed((joint, row) for joint in joints for row in (*stage_estimates(joint), *_best_of_moving(joint)))
+    rows = []
+    for joint in joints:
+        rows += [(joint, row) for row in stage_estimates(joint)]
+        # The joint fit where there is one, else that of the moving runs alone.
+        for source in list(moving_fits(joint))[-1:]:
+            rows += [(joint, row) for row in moving_estimates(joint, source)]
+    return _framed(rows)
 
 
 def identified(joints: Sequence[Joint]) -> "pd.DataFrame":
@@ -75,25 +76,19 @@ def identified(joints: Sequence[Joint]) -> "pd.DataFrame":
     return _framed((joint, row) for joint in joints for row in chosen(joint))
 
 
-def _best_of_moving(joint: Joint) -> Iterable[Known]:
-    """The joint fit where there is one, else that of the moving runs alone."""
-    return (row for source in list(moving_fits(joint))[-1:] for row in moving_estimates(joint, source))
-
-
 def _framed(rows: Iterable[tuple[Joint, Known]]) -> "pd.DataFrame":
     import pandas as pd
 
-    return declared(pd.DataFrame([_row(joint.name, row) for joint, row in rows], columns=list(COLUMNS)))
+    cells = []
+    for joint, row in rows:
+        e, (name, direction) = row.estimate, row.parameter
+        lower, upper = (math.nan, math.nan) if e.interval is None else e.interval
+        value, error, systematic = (math.nan if x is None else x for x in (e.value, e.standard_error, e.systematic))
+        known = (value, e.unit, error, systematic, lower, upper, "; ".join(map(str, e.warnings)), str(row.source))
+        cells.append((joint.name, str(direction), name, *known))
+    return declared(pd.DataFrame(cells, columns=list(COLUMNS)))
 
 
 def declared(frame: "pd.DataFrame") -> "pd.DataFrame":
     """The frame without its column `systematic` where no constant has an error."""
     return frame.drop(columns="systematic") if frame["systematic"].isna().all() else frame
-
-
-def _row(joint: str, row: Known) -> tuple[object, ...]:
-    e, (name, direction) = row.estimate, row.parameter
-    lower, upper = (math.nan, math.nan) if e.interval is None else e.interval
-    value, error, systematic = (math.nan if x is None else x for x in (e.value, e.standard_error, e.systematic))
-    warnings = "; ".join(map(str, e.warnings))
-    return joint, str(direction), name, value, e.unit, error, systematic, lower, upper, warnings, str(row.source)

@@ -2,12 +2,12 @@
 
 import math
 
-from bristle.findings import CAUTION, NOTE, Finding, Severity
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
 from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Kind, ParameterName, effort, unit
-from bristle.page.wording import METHODS, measured, number, span
+from bristle.page.wording import METHODS, measured, number
 
 BIASED = 0.1
 """Of a standard error: what encoder counts add is named where it is more."""
@@ -43,19 +43,14 @@ def systematic(e: Estimate, words: str) -> str:
     return "" if e.systematic is None or e.value is None else words.format(number(e.systematic, 2))
 
 
-def biased(fit: TrackingFit) -> list[tuple[ParameterName, float, float]]:
-    """Parameter, what encoder counts added to it, and that in standard errors, where it is more than `BIASED` of one."""
-    found = []
-    for name, bias in fit.count_bias.items():
-        error = fit.parameters[name].standard_error if name in fit.parameters else None
-        if error and abs(bias) > BIASED * error:
-            found.append((name, bias, bias / error))
+def biased(fit: TrackingFit) -> dict[ParameterName, str]:
+    """What encoder counts added to each parameter, -0.12 N*m/rad (-0.4 standard errors), where it is more than `BIASED` of one."""
+    found = {}
+    for name, added in fit.count_bias.items():
+        e = fit.parameters.get(name)
+        if e is not None and e.standard_error and abs(added) > BIASED * e.standard_error:
+            found[name] = f"{added:+.3g} {e.unit} ({added / e.standard_error:+.1f} standard errors)"
     return found
-
-
-def bias_text(fit: TrackingFit, name: ParameterName, bias: float, share: float) -> str:
-    """What counts added to one parameter: -0.12 N*m/rad (-0.4 standard errors)."""
-    return f"{bias:+.3g} {fit.parameters[name].unit} ({share:+.1f} standard errors)"
 
 
 def reached(fit: TrackingFit) -> str:
@@ -89,21 +84,6 @@ def agreement(joint: Joint) -> str | None:
     )
 
 
-def critical(joint: Joint) -> dict[Finding, list[tuple[str, ...]]]:
-    """What is critical about a joint, which stands first wherever it is shown: each once, with all that it is about."""
-    about: dict[Finding, list[tuple[str, ...]]] = {}
-    for warning in joint.all_warnings():
-        if warning.severity is Severity.CRITICAL:
-            about.setdefault(warning, []).append(warning.subject)
-    return {warning: list(filter(None, dict.fromkeys(subjects))) for warning, subjects in about.items()}
-
-
-def critical_titles(joint: Joint) -> dict[Finding, str]:
-    """The same with the text that stands before each: `critical`, and what it is about in brackets."""
-    named = {warning: ", ".join(" ".join(x) for x in about) for warning, about in critical(joint).items()}
-    return {warning: f"critical{f' ({where})' if where else ''}" for warning, where in named.items()}
-
-
 def methods(fit: PreslidingFit) -> dict[str, Estimate]:
     """The estimates of sigma_0 by the name of their method, in the order of `METHODS`."""
     return {name: getattr(fit, name) for name in METHODS}
@@ -129,12 +109,6 @@ def level(fit: PreslidingFit, kind: Kind) -> str:
     at_least = math.isinf(fit.level_standard_error)
     value = measured(fit.level, None if at_least else fit.level_standard_error)
     return f"{'at least ' * at_least}{value} {unit('torque', kind)}"
-
-
-def median_breakaway(estimate: Estimate) -> str:
-    """The torque at which half of a direction's loadings slid, with its interval where it has one."""
-    ends = "" if estimate.interval is None else f", 95 %: {span(estimate.interval)}"
-    return f"the median breakaway torque is {pair(estimate)} {estimate.unit}{ends}."
 
 
 def bias(fit: PreslidingFit, kind: Kind) -> str:

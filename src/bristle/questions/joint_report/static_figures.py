@@ -8,10 +8,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.record import Record
 from bristle.identification.curve import band, curve
-from bristle.identification.fits import Profile, StaticFit
+from bristle.identification.fits import StaticFit
 from bristle.identification.known_joint import as_identified
 from bristle.identification.results import Joint
 from bristle.model.laws.parts import FASTEST
@@ -57,20 +58,29 @@ def curve_figure(joint: Joint) -> Figure:
     figure = new_figure(6.2)
     whole, slow = figure.subplots(2)
     title(whole, joint.name, joint.simulated)
-    _rejected(whole, joint)
+    # Rejected segments as crosses, accepted ones that were not fitted (held out) as diamonds.
+    fitted = {s.place for _, fit in _directions(joint) for s in fit.segments}
+    groups = (
+        ("rejected", "x", [s for s in joint.segments if not s.accepted]),
+        ("held out", "D", [s for s in joint.segments if s.accepted and s.place not in fitted]),
+    )
+    for name, marker, chosen in groups:
+        if chosen:
+            v, torque = np.array([(s.velocity, s.torque) for s in chosen]).T
+            whole.plot(v, torque, marker, color="#666666", markerfacecolor="none", markersize=5, label=name)
     _frame(whole, joint)
-    for d, fit in _directions(joint):
-        look = DIRECTION[d]
-        for sign in _signs(fit):
-            _curve(whole, fit, look, sign, magnitude=False)
-            _curve(slow, fit, look, sign, magnitude=True)
-        _fitted_points(whole, fit, look, direction(d))
-        _fitted_points(slow, fit, look, direction(d), magnitude=True)
     to_use = curves_to_use(joint)
-    _to_use(whole, joint, to_use, magnitude=False)
-    _to_use(slow, joint, to_use, magnitude=True)
-    _strays(whole, joint)
-    _strays(slow, joint, magnitude=True)
+    strays = [(x.velocity, x.torque) for _, fit in _directions(joint) for x in fit.strays]
+    for ax, magnitude in ((whole, False), (slow, True)):
+        for d, fit in _directions(joint):
+            for sign in _signs(fit):
+                _curve(ax, fit, DIRECTION[d], sign, magnitude=magnitude)
+            _fitted_points(ax, fit, DIRECTION[d], direction(d), magnitude=magnitude)
+        _to_use(ax, joint, to_use, magnitude=magnitude)
+        if strays:  # a ring about each point that the warnings name, fitted or left out
+            v, torque = np.array(strays).T
+            x, y = (np.abs(v), torque * np.sign(v)) if magnitude else (v, torque)
+            ax.plot(x, y, "o", color="black", markerfacecolor="none", markersize=11, label="stray, named")
     decimal_log(slow)
     _label(whole, axis("velocity", joint.kind), axis("torque", joint.kind, "friction"))
     _label(slow, axis("velocity", joint.kind, "magnitude of"), axis("torque", joint.kind, "magnitude of"))
@@ -86,14 +96,8 @@ def small_figure(joint: Joint) -> Figure:
     _frame(ax, joint)
     for d, fit in _directions(joint):
         look, k = DIRECTION[d], thinned(fit.velocity.size, 60)
-        ax.plot(
-            fit.velocity[k],
-            fit.torque[k],
-            look.marker,
-            color=look.colour,
-            markersize=2.2,
-            label=f"_fitted {direction(d)}",
-        )
+        v, torque, label = fit.velocity[k], fit.torque[k], f"_fitted {direction(d)}"
+        ax.plot(v, torque, look.marker, color=look.colour, markersize=2.2, label=label)
         for sign in _signs(fit):
             _curve(ax, fit, look, sign, magnitude=False)
     ax.axhline(0, color="#666666", linewidth=0.5, label="_zero")
@@ -111,44 +115,51 @@ def _signs(fit: StaticFit) -> list[float]:
 
 
 def _curve(ax: Axes, fit: StaticFit, look: Look, sign: float, *, magnitude: bool) -> None:
+    """The fitted curve of one sign of the velocity with its band; beyond the fastest speed held where it bends down."""
     p, speeds = fit.values(), np.abs(fit.velocity[fit.velocity * sign > 0])
     if p is None:
         return
     slowest = max(float(speeds.min()) / 2, 1e-3 * float(speeds.max()))
     v = sign * np.geomspace(slowest if magnitude else slowest / 50, 1.02 * float(speeds.max()), 200)
-    x, y, half = v, curve(v, p), band(v, fit)
-    if magnitude:
-        x, y = np.abs(v), np.abs(y)
-    of = direction("+" if sign > 0 else "-")
+    half, of = band(v, fit), direction("+" if sign > 0 else "-")
+    x, y = _drawn(v, p, magnitude)
     ax.plot(x, y, look.line, color=look.colour, label=f"_(9) {of}")
-    if _is_held(fit):
-        _held(ax, p, look, sign, magnitude=magnitude)
+    if bends_down(p):  # hatched, since nobody measured it
+        ends, held = _drawn(sign * getattr(p, FASTEST) * np.array([1.0, _BEYOND]), p, magnitude)
+        ax.plot(ends, held, ":", color=look.colour, linewidth=1.2, label=f"_held {of}")
+        hatched: dict[str, Any] = {"facecolor": "none", "edgecolor": "#666666", "hatch": "//", "linewidth": 0}
+        ax.axvspan(*sorted(ends.tolist()), **hatched, alpha=0.5, label=_once(ax, "not measured: held", str(sign)))
     if half is not None:
         label = "95 % band" if half.max() > _SEEN * np.ptp(fit.torque) else "95 % band (within the line)"
-        named = f"_{label} {of}" if label in ax.get_legend_handles_labels()[1] else label
+        named = _once(ax, label, of)
         ax.fill_between(x, y - half, y + half, color=look.colour, alpha=0.22, linewidth=0, label=named)
+
+
+def _drawn(v: Array, p: Stribeck[float], magnitude: bool) -> tuple[Array, Array]:
+    """A law over velocities, or its magnitude over speeds."""
+    return (np.abs(v), np.abs(curve(v, p))) if magnitude else (v, curve(v, p))
+
+
+def _once(ax: Axes, label: str, of: str) -> str:
+    """A label, which the legend has only the first time."""
+    return f"_{label} {of}" if label in ax.get_legend_handles_labels()[1] else label
 
 
 def curves_to_use(joint: Joint) -> dict[str, Stribeck[float]]:
     """By direction the law of the values to use, where these are of a fit of all parameters, and seen beside the curve that is drawn."""
     if joint.moving is None or not joint.static:
         return {}
-    known = as_identified(joint)
-    fields = static_of(known.law)._fields
-    sets = {str(d): known.values(d) for d in known.directions}
-    curves = {d: static_of(known.law)(*(values[name] for name in fields)) for d, values in sets.items()}
-    return {
-        d: p
-        for d, p in curves.items()
-        if any(_parts(fit, p) for of, fit in _directions(joint) if "both" in (of, d) or of == d)
-    }
-
-
-def _parts(fit: StaticFit, p: Stribeck[float]) -> bool:
-    """Whether a law is seen beside the curve of a fit."""
-    own = fit.values()
-    apart = np.inf if own is None else np.abs(curve(fit.velocity, own) - curve(fit.velocity, p)).max(initial=0.0)
-    return bool(apart > _SEEN * np.ptp(fit.torque))
+    known, seen = as_identified(joint), dict[str, Stribeck[float]]()
+    law = static_of(known.law)
+    for d in known.directions:
+        values = known.values(d)
+        p = law(*(values[name] for name in law._fields))
+        for fit in (fit for of, fit in _directions(joint) if "both" in (of, d) or of == d):
+            own, v = fit.values(), fit.velocity
+            apart = np.inf if own is None else np.abs(curve(v, own) - curve(v, p)).max(initial=0.0)
+            if apart > _SEEN * np.ptp(fit.torque):
+                seen[str(d)] = p
+    return seen
 
 
 def _to_use(ax: Axes, joint: Joint, curves: Mapping[str, Stribeck[float]], *, magnitude: bool) -> None:
@@ -160,54 +171,25 @@ def _to_use(ax: Axes, joint: Joint, curves: Mapping[str, Stribeck[float]], *, ma
             along = np.abs(speeds[speeds * sign > 0])
             if not along.size:
                 continue
-            v = sign * np.geomspace(
-                max(float(along.min()) / 2, 1e-3 * float(along.max())), 1.02 * float(along.max()), 200
-            )
-            x, y = (np.abs(v), np.abs(curve(v, p))) if magnitude else (v, curve(v, p))
-            named = f"_{label} {sign}" if label in ax.get_legend_handles_labels()[1] else label
-            ax.plot(x, y, "-.", color="black", linewidth=1.1, label=named)
+            slowest = max(float(along.min()) / 2, 1e-3 * float(along.max()))
+            v = sign * np.geomspace(slowest, 1.02 * float(along.max()), 200)
+            x, y = _drawn(v, p, magnitude)
+            ax.plot(x, y, "-.", color="black", linewidth=1.1, label=_once(ax, label, str(sign)))
 
 
-def _is_held(fit: StaticFit) -> bool:
-    """Whether the curve is held beyond the fastest measured speed."""
-    p = fit.values()
-    return p is not None and bends_down(p)
-
-
-def _held(ax: Axes, p: Stribeck[float], look: Look, sign: float, *, magnitude: bool) -> None:
-    """The curve beyond the fastest measured speed where it bends down: held as it is there, hatched, since nobody measured it."""
-    fastest = getattr(p, FASTEST)
-    v = sign * fastest * np.array([1.0, _BEYOND])
-    x, y = (np.abs(v), np.abs(curve(v, p))) if magnitude else (v, curve(v, p))
-    ax.plot(x, y, ":", color=look.colour, linewidth=1.2, label=f"_held {direction('+' if sign > 0 else '-')}")
-    label = "not measured: held"
-    named = f"_{label} {sign}" if label in ax.get_legend_handles_labels()[1] else label
-    ax.axvspan(
-        *sorted(x.tolist()), facecolor="none", edgecolor="#666666", hatch="//", linewidth=0, alpha=0.5, label=named
-    )
-
-
-def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitude: bool = False) -> None:
+def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitude: bool) -> None:
     """The points that were fitted, with the standard error of the segment that each came from; stick-slip points hollow."""
     k = thinned(fit.velocity.size)
-    behind = [fit.segments[i] for i in k] if fit.segments else []
-    error = np.array(
-        [np.nan if s.standard_error is None else s.standard_error for s in behind] or np.full(k.size, np.nan)
-    )
-    sticks = np.array([s.stick_slip for s in behind] or np.zeros(k.size), dtype=bool)
+    error, sticks = np.full(k.size, np.nan), np.zeros(k.size, dtype=bool)
+    if fit.segments:
+        error = np.array([fit.segments[i].standard_error for i in k], dtype=float)  # nan for None
+        sticks = np.array([fit.segments[i].stick_slip for i in k], dtype=bool)
     x, y = fit.velocity[k], fit.torque[k]
     if magnitude:
         x, y = np.abs(x), y * np.sign(x)
     bars = np.isfinite(error)
-    ax.errorbar(
-        x[bars],
-        y[bars],
-        1.96 * error[bars],
-        fmt="none",
-        ecolor=look.colour,
-        capsize=2,
-        label=f"_95 % error bars {label}",
-    )
+    named = f"_95 % error bars {label}"
+    ax.errorbar(x[bars], y[bars], 1.96 * error[bars], fmt="none", ecolor=look.colour, capsize=2, label=named)
     size = 2.0 if k.size > 100 else 5.5
     for chosen, fill, suffix in ((~sticks, look.colour, ""), (sticks, "white", ", stick-slip")):
         if chosen.any():
@@ -215,41 +197,13 @@ def _fitted_points(ax: Axes, fit: StaticFit, look: Look, label: str, *, magnitud
             ax.plot(x[chosen], y[chosen], look.marker, color=look.colour, mfc=fill, markersize=size, label=named)
 
 
-def _strays(ax: Axes, joint: Joint, *, magnitude: bool = False) -> None:
-    """A ring about each point that the warnings name as a stray, fitted or left out."""
-    found = [(x.velocity, x.torque) for _, fit in _directions(joint) for x in fit.strays]
-    if found:
-        v, torque = np.array(found).T
-        x, y = (np.abs(v), torque * np.sign(v)) if magnitude else (v, torque)
-        ax.plot(x, y, "o", color="black", markerfacecolor="none", markersize=11, label="stray, named")
-
-
-def _rejected(ax: Axes, joint: Joint) -> None:
-    """Rejected segments as crosses, accepted ones that were not fitted (held out) as diamonds."""
-    fitted = {s.place for _, fit in _directions(joint) for s in fit.segments}
-    groups = (
-        ("rejected", "x", [s for s in joint.segments if not s.accepted]),
-        ("held out", "D", [s for s in joint.segments if s.accepted and s.place not in fitted]),
-    )
-    for name, marker, chosen in groups:
-        if chosen:
-            v, torque = np.array([(s.velocity, s.torque) for s in chosen]).T
-            ax.plot(v, torque, marker, color="#666666", markerfacecolor="none", markersize=5, label=name)
-
-
 def _frame(ax: Axes, joint: Joint) -> None:
     """Limits from what was fitted, so that a wild rejected segment does not flatten the curve."""
     v = np.concatenate([np.zeros(1), *(fit.velocity for _, fit in _directions(joint))])
     torque = np.concatenate([np.zeros(1), *(fit.torque for _, fit in _directions(joint))])
-    v = np.append(
-        v,
-        [
-            sign * _BEYOND * np.abs(fit.velocity).max()
-            for _, fit in _directions(joint)
-            for sign in _signs(fit)
-            if _is_held(fit)
-        ],
-    )
+    for _, fit in _directions(joint):
+        if (p := fit.values()) is not None and bends_down(p):  # drawn held, beyond the fastest speed
+            v = np.append(v, [sign * _BEYOND * np.abs(fit.velocity).max() for sign in _signs(fit)])
     for limits, x in ((ax.set_xlim, v), (ax.set_ylim, torque)):
         low, high = float(x.min()), float(x.max())
         margin = 0.08 * (high - low)
@@ -266,33 +220,29 @@ def profile_figure(joint: Joint) -> Figure | None:
     figure = new_figure(0.4 + 2.9 * len(shown))
     axes = figure.subplots(len(shown), squeeze=False)[:, 0]
     title(axes[0], joint.name, joint.simulated)
-    for ax, (d, fit, profile) in zip(axes, shown, strict=True):
-        _profile(ax, fit, profile, DIRECTION[d])
+    for ax, (d, fit, p) in zip(axes, shown, strict=True):
+        look, left, right = DIRECTION[d], float(p.near_v_s[0]), float(p.near_v_s[-1])
+        plain = (p.plain_v_s >= left) & (p.plain_v_s <= right)
+        ax.plot(p.near_v_s, p.near_cost, "-", color=look.colour, linewidth=1.2, label="_cost near the minimum")
+        ax.plot(p.plain_v_s[plain], p.plain_cost[plain], "|", color="#666666", markersize=7, label="plain grid")
+        ax.plot(p.v_s, p.cost, look.marker, color=look.colour, markersize=5, label="grid")
+        ax.plot([p.best], [p.best_cost], "*", color="black", markersize=11, label="refined minimum")
+        ax.axhline(p.threshold, color="black", linestyle="--", linewidth=1, label="95 % threshold")
+        estimate = fit.parameters.get("v_s")
+        if estimate and estimate.interval:
+            low, high = np.clip(estimate.interval, left, right)
+            ax.axvspan(low, high, color=look.colour, alpha=0.15, linewidth=0, label="95 % interval")
+        if right > 4 * left:
+            decimal_log(ax)
+        ax.set_xlim(left, right)
+        top = min(p.best_cost + 10 * (p.threshold - p.best_cost), float(p.cost.max()))
+        top = top if top > p.best_cost else p.best_cost + max(float(np.ptp(p.cost)), 1e-300)
+        height = top - p.best_cost
+        ax.set_ylim(p.best_cost - 0.08 * height, top + 0.05 * height)
         cost_unit = f"({pretty(unit('torque', joint.kind))})²"
         _label(ax, f"vₛ {direction(d)} ({pretty(unit('v_s', joint.kind))})", f"Cost Jₛ ({cost_unit})")
     _legend(axes[0])
     return figure
-
-
-def _profile(ax: Axes, fit: StaticFit, p: Profile, look: Look) -> None:
-    top = min(p.best_cost + 10 * (p.threshold - p.best_cost), float(p.cost.max()))
-    top = top if top > p.best_cost else p.best_cost + max(float(np.ptp(p.cost)), 1e-300)
-    left, right = float(p.near_v_s[0]), float(p.near_v_s[-1])
-    plain = (p.plain_v_s >= left) & (p.plain_v_s <= right)
-    ax.plot(p.near_v_s, p.near_cost, "-", color=look.colour, linewidth=1.2, label="_cost near the minimum")
-    ax.plot(p.plain_v_s[plain], p.plain_cost[plain], "|", color="#666666", markersize=7, label="plain grid")
-    ax.plot(p.v_s, p.cost, look.marker, color=look.colour, markersize=5, label="grid")
-    ax.plot([p.best], [p.best_cost], "*", color="black", markersize=11, label="refined minimum")
-    ax.axhline(p.threshold, color="black", linestyle="--", linewidth=1, label="95 % threshold")
-    estimate = fit.parameters.get("v_s")
-    if estimate and estimate.interval:
-        low, high = np.clip(estimate.interval, left, right)
-        ax.axvspan(low, high, color=look.colour, alpha=0.15, linewidth=0, label="95 % interval")
-    height = top - p.best_cost
-    if right > 4 * left:
-        decimal_log(ax)
-    ax.set_xlim(left, right)
-    ax.set_ylim(p.best_cost - 0.08 * height, top + 0.05 * height)
 
 
 @styled
@@ -329,12 +279,17 @@ def inspect_figure(records: Sequence[Record], segments: Sequence[Segment], kind:
         own = [s for s in segments if s.file == record.file]
         for ax, quantity in zip(row, ("velocity", "torque"), strict=True):
             _signal(ax, record, quantity)
-            _shade(ax, record, own)
+            for s in own:
+                ends = float(record.time[s.start]), float(record.time[min(s.stop, record.time.size) - 1])
+                ax.axvspan(*ends, **_SHADES[_shade_of(s)])
             _label(ax, axis("time", kind), axis(quantity, kind))
         row[0].set_title(shortened(record.file, 48, end=True), loc="left")
-        _legend_of_shades(axes[0, 1], segments)
         kept = f"{sum(s.accepted for s in own)} of {len(own)} segments kept"
         row[1].set_title(kept if own else "not a ramp run, so not cut into segments", loc="left")
+    seen = {_shade_of(s) for s in segments}
+    handles = [Patch(**look, label=name) for name, look in _SHADES.items() if name in seen]
+    if handles:
+        axes[0, 1].legend(handles=handles, loc="lower right", ncols=len(handles), fontsize="small")
     return figure
 
 
@@ -350,21 +305,8 @@ def _signal(ax: Axes, record: Record, quantity: str) -> None:
         ax.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))
 
 
-def _shade(ax: Axes, record: Record, segments: Sequence[Segment]) -> None:
-    for s in segments:
-        ends = float(record.time[s.start]), float(record.time[min(s.stop, record.time.size) - 1])
-        ax.axvspan(*ends, **_SHADES[_shade_of(s)])
-
-
 def _shade_of(s: Segment) -> str:
     return "rejected" if not s.accepted else "kept, stick-slip" if s.stick_slip else "kept"
-
-
-def _legend_of_shades(ax: Axes, segments: Sequence[Segment]) -> None:
-    seen = {_shade_of(s) for s in segments}
-    handles = [Patch(**look, label=name) for name, look in _SHADES.items() if name in seen]
-    if handles:
-        ax.legend(handles=handles, loc="lower right", ncols=len(handles), fontsize="small")
 
 
 def _label(ax: Axes, x: str, y: str) -> None:

@@ -12,31 +12,16 @@ from bristle.model.parameters import of_curve, unit
 from bristle.page.page import Drawing
 from bristle.page.report import Section, Table
 from bristle.page.style import MOST_POINTS
-from bristle.page.wording import (
-    MISSING,
-    counted,
-    direction,
-    in_print,
-    measured,
-    number,
-    pretty,
-    sentence,
-    span,
-)
+from bristle.page.wording import MISSING, counted, direction, in_print, measured, number, pretty, sentence, span
 from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.sentences import agreement
 from bristle.questions.joint_report.static_figures import curves_to_use
 
-_LAWS = {
-    "aicc": "ΔAICc",
-    "bic": "ΔBIC",
-    "left_out": "speeds left out (%)",
-    "run_left_out": "runs left out (%)",
-    "weight": "weight (%)",
-    "in_force": "fitted?",
-    "chosen": "chosen?",
-}
-_MODELS = {"aicc": "ΔAICc", "bic": "ΔBIC", "hold_out": "hold-out (%)", "recommended": "use it?"}
+_HEADINGS = {
+    "aicc": "ΔAICc", "bic": "ΔBIC", "left_out": "speeds left out (%)", "run_left_out": "runs left out (%)",
+    "weight": "weight (%)", "in_force": "fitted?", "chosen": "chosen?", "hold_out": "hold-out (%)", "recommended": "use it?",
+}  # fmt: skip  # a table of words
+"""Of the tables of laws and models."""
 
 
 def parameters(joint: Joint) -> Iterator[Section]:
@@ -60,12 +45,9 @@ def parameters(joint: Joint) -> Iterator[Section]:
             alone = Table("", f"Parameters of {joint.name}, by stage", part=own)
             yield Section(f"From {stages} runs alone", table=alone, form="folded")
     if joint.assumptions:
-        points = counted(len(joint.assumptions), "point")
-        yield Section(
-            f"Assumed, not measured: {points} that the parameters depend on",
-            text="\n\n".join(map(in_print, joint.assumptions)),
-            form="unfolded" if len(joint.assumptions) <= 3 else "folded",
-        )
+        assumed = f"Assumed, not measured: {counted(len(joint.assumptions), 'point')} that the parameters depend on"
+        text = "\n\n".join(map(in_print, joint.assumptions))
+        yield Section(assumed, text=text, form="unfolded" if len(joint.assumptions) <= 3 else "folded")
 
 
 def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
@@ -77,17 +59,14 @@ def curve(joint: Joint, figures: Mapping[str, Drawing]) -> Drawing:
     )
     caption = [sentence(found)]
     if curves_to_use(joint):
-        caption.append(
-            "Black, dash-dotted: the law of the values to use, which the fit of all parameters of moving runs gives."
-        )
+        black = "the law of the values to use, which the fit of all parameters of moving runs gives"
+        caption.append(f"Black, dash-dotted: {black}.")
     if any(fit.velocity.size > MOST_POINTS for fit in joint.static.values()):
         caption.append(f"At most {MOST_POINTS} points are drawn per direction.")
     how = (
         "Points: fitted, with 95 % error bars; hollow: stick-slip; crosses: rejected; diamonds: held out; rings: "
-        "strays. "
-        f"Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given. Below: "
-        "magnitudes on "
-        "a logarithmic axis."
+        f"strays. Lines: {'(9)' if joint.law == GAUSSIAN else 'the law'}, and its 95 % band where it can be given. "
+        "Below: magnitudes on a logarithmic axis."
     )
     return figures["curve"]._replace(caption=" ".join(caption), how=how, data="points", paper="Fig. 4")
 
@@ -114,13 +93,7 @@ def hold_out(joint: Joint) -> Iterator[Section]:
 
 def checks(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
     """The same numbers by other routes, and whether another law or model would do."""
-    return [
-        *_grid(joint, figures),
-        *_crosscheck(joint),
-        *_laws(joint),
-        *_models(joint),
-        *_stages(joint),
-    ]
+    return [*_grid(joint, figures), *_crosscheck(joint), *_laws(joint), *_models(joint), *_stages(joint)]
 
 
 def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
@@ -138,8 +111,7 @@ def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
     if found:
         how = (
             "The cost Jₛ (10) near its minimum, all other parameters re-optimised; dashed: Jₘᵢₙ (1 + F(0.95; 1, n − p) "
-            "/ "
-            "(n − p)), the 95 % threshold."
+            "/ (n − p)), the 95 % threshold."
         )
         profile = figures["profile"]._replace(caption=sentence("; ".join(found)), how=how, data="profiles")
         yield Section("", figure=profile, form="part")
@@ -147,11 +119,9 @@ def _grid(joint: Joint, figures: Mapping[str, Drawing]) -> Iterator[Section]:
     if len(frame):
         with_slip = bool(frame["without_stick_slip"].notna().any())
         far = f"the plain grid is {number(max(shifts), 2)} standard errors off at most" if shifts else "side by side"
-        yield Section(
-            f"Plain grid, refined minimum{', without stick-slip' * with_slip}: {far}",
-            table=Table("comparison", "Ways to fit the same points", part=frame),
-            form="folded",
-        )
+        table = Table("comparison", "Ways to fit the same points", part=frame)
+        title = f"Plain grid, refined minimum{', without stick-slip' * with_slip}: {far}"
+        yield Section(title, table=table, form="folded")
 
 
 def _crosscheck(joint: Joint) -> Iterator[Section]:
@@ -160,12 +130,9 @@ def _crosscheck(joint: Joint) -> Iterator[Section]:
     frame = tables.crosscheck([joint])
     for d, check in joint.crosscheck.items():
         costs = f"Cost: grid {number(check.cost_grid, 5)}, full fit {number(check.cost_full, 5)}"
-        table = Table(
-            "crosscheck",
-            "Grid and full fit",
-            part=frame[frame["direction"] == d].drop(columns="direction"),
-            note=f"{costs}; {check.reached} of {check.starts} starts reached the lowest.",
-        )
+        note = f"{costs}; {check.reached} of {check.starts} starts reached the lowest."
+        own = frame[frame["direction"] == d].drop(columns="direction")
+        table = Table("crosscheck", "Grid and full fit", part=own, note=note)
         title = f"{direction(d)}: {in_print(check.verdict)}"
         yield Section(title, table=table, form="folded" if check.agrees else "unfolded")
 
@@ -181,14 +148,11 @@ def _laws(joint: Joint) -> Iterator[Section]:
     frame["weight"] *= 100
     how = (
         "All on the same points or samples, those that do not belong left out, a Stribeck term in every direction. "
-        "ΔAICc, "
-        "ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Speeds left out: error, relative to the torque, "
-        "at "
-        "five blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law (gaussian) only "
-        "for one "
-        "whose BIC is lower by more than 10 and that predicts the speeds left out better."
+        "ΔAICc, ΔBIC: difference to the lowest; weight: share of exp(−BIC/2). Speeds left out: error, relative to the "
+        "torque, at five blocks of speed, each predicted from the others. fit.law: auto leaves the paper's law "
+        "(gaussian) only for one whose BIC is lower by more than 10 and that predicts the speeds left out better."
     )
-    table = Table("laws", "Laws", part=frame.rename(columns={**_LAWS, "rms": f"rms ({torque})"}), note=how)
+    table = Table("laws", "Laws", part=frame.rename(columns={**_HEADINGS, "rms": f"rms ({torque})"}), note=how)
     yield Section("All laws", table=table, form="folded")
     rows = []
     for name, x in found.averaged.items():
@@ -206,10 +170,8 @@ def _models(joint: Joint) -> Iterator[Section]:
     torque = pretty(unit("torque", joint.kind))
     how = (
         "All on the same data. ΔAICc, ΔBIC: difference to the lowest; both weigh the residuals of the independent "
-        "samples "
-        "against the number of parameters, and lower is better. Stribeck curve: Coulomb, viscous and Stribeck "
-        "friction, "
-        "(9). Recommended: the lowest BIC among the models whose terms the fits above support."
+        "samples against the number of parameters, and lower is better. Stribeck curve: Coulomb, viscous and Stribeck "
+        "friction, (9). Recommended: the lowest BIC among the models whose terms the fits above support."
     )
     if joint.models:
         yield Section("Which friction model?", form="part")
@@ -220,12 +182,7 @@ def _models(joint: Joint) -> Iterator[Section]:
         by: tuple[Finding, ...] = () if x.hold_out_by is None else (x.hold_out_by,)
         more = " ".join(map(in_print, (*by, *x.left_out)))
         yield Section("", text=f"On {x.data}, {x.n} samples{independent}:", findings=(x.sentence,), form="part")
-        table = Table(
-            "models",
-            "Models",
-            part=own.rename(columns={**_MODELS, "rms": f"rms ({torque})"}),
-            note=how,
-        )
+        table = Table("models", "Models", part=own.rename(columns={**_HEADINGS, "rms": f"rms ({torque})"}), note=how)
         yield Section("All models", text=more, table=table, form="folded")
 
 
@@ -243,8 +200,7 @@ def _stages(joint: Joint) -> Iterator[Section]:
     columns = ["parameter", "unit", "stage", "stage_value", "tracking_value", "joint_value", "difference", "verdict"]
     how = (
         "± one standard error. Difference: moving runs alone minus the separate stage, in combined standard errors; "
-        "chance "
-        "alone exceeds 2.6 in one case in a hundred."
+        "chance alone exceeds 2.6 in one case in a hundred."
     )
     frame = pd.DataFrame(rows, columns=columns).astype({"difference": float})
     yield Section("Do the stages agree?", form="part")

@@ -2,19 +2,21 @@
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from bristle.identification.fits import PreslidingFit, StaticFit
+from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, Uncertainty
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.page.wording import WORK
-from bristle.questions.joint_report.interval_tables import repeats, uncertainty
 from bristle.questions.joint_report.results_file import declared, estimates, identified
 from bristle.questions.joint_report.sentences import methods
+
+WAYS = ("covariance", "profile", "bootstrap")
+"""In which an interval is found."""
 
 
 def parameters(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -79,21 +81,17 @@ def comparison(joints: Sequence[Joint]) -> pd.DataFrame:
 
 def crosscheck(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per parameter: the full nonlinear fit's value, the grid's, and their difference in standard errors."""
-    rows = (
-        (joint.name, d, name.within(d), _refined(joint, d, name), full, check.difference_in_se.get(name))
-        for joint in joints
-        for d, check in joint.crosscheck.items()
-        for name, full in check.parameters.items()
-    )
+    rows = []
+    checks = [(joint, d, check) for joint in joints for d, check in joint.crosscheck.items()]
+    for joint, d, check in checks:
+        for name, full in check.parameters.items():
+            # What is shared belongs to a fit of its own only where two directions share it.
+            fit = joint.static.get(name.direction) or joint.static.get(d)
+            e = None if fit is None else fit.parameters.get(name.name)
+            grid = None if e is None else e.value
+            rows.append((joint.name, d, name.within(d), grid, full, check.difference_in_se.get(name)))
     numbers = ("grid", "full", "difference_in_se")
     return _framed(rows, ("joint", "direction", "parameter", *numbers), numbers)
-
-
-def _refined(joint: Joint, direction: str, name: ParameterName) -> float | None:
-    """The grid's value; what is shared belongs to a fit of its own only where two directions share it."""
-    fit = joint.static.get(name.direction) or joint.static.get(direction)
-    estimate = None if fit is None else fit.parameters.get(name.name)
-    return None if estimate is None else estimate.value
 
 
 def hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -136,9 +134,8 @@ def hysteresis(joints: Sequence[Joint]) -> pd.DataFrame:
 def stiffness(joints: Sequence[Joint]) -> pd.DataFrame:
     """Stiffness against amplitude: initial and secants of each direction, beside what LuGre's own exponential gives from the initial one on."""
     numbers = ("torque", "displacement", "value", "standard_error", "lugre", "sigma_0")
-    rows = (
-        (joint.name, d, x.kind, *_fields(x, numbers)) for joint, d, fit in _slow_fits(joints) for x in fit.amplitudes
-    )
+    fits = _slow_fits(joints)
+    rows = ((joint.name, d, x.kind, *_fields(x, numbers)) for joint, d, fit in fits for x in fit.amplitudes)
     return _framed(rows, ("joint", "direction", "kind", *numbers), numbers)
 
 
@@ -156,19 +153,15 @@ def breakaway(joints: Sequence[Joint]) -> pd.DataFrame:
 
 def points(joints: Sequence[Joint]) -> pd.DataFrame:
     """What was fitted: velocity, torque, residual, time and position of every point, in SI units."""
-    frames = [
-        pd.DataFrame(list(_points(joint, d, fit))) for joint in joints for d, fit in joint.static.items() if fit.n
-    ]
+    frames = []
+    fits = [(x.name, d, fit) for x in joints for d, fit in x.static.items() if fit.velocity.size]
+    for joint, d, fit in fits:
+        signals = {"velocity": fit.velocity, "torque": fit.torque, "residual": fit.residuals}
+        signals |= {"time": fit.time, "position": fit.position}
+        whole = {name: x for name, x in signals.items() if x.size == fit.velocity.size}
+        frames.append(pd.DataFrame({"joint": joint, "direction": d, **whole}))
     columns = ["joint", "direction", "velocity", "torque", "residual", "time", "position"]
     return pd.concat(frames, ignore_index=True).reindex(columns=columns) if frames else pd.DataFrame(columns=columns)
-
-
-def _points(joint: Joint, direction: str, fit: StaticFit) -> Iterator[dict[str, Any]]:
-    columns = {"velocity": fit.velocity, "torque": fit.torque, "residual": fit.residuals}
-    columns |= {"time": fit.time, "position": fit.position}
-    whole = {name: x.tolist() for name, x in columns.items() if x.size == fit.velocity.size}
-    for k in range(fit.velocity.size):
-        yield {"joint": joint.name, "direction": direction, **{name: x[k] for name, x in whole.items()}}
 
 
 def profiles(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -258,29 +251,95 @@ def with_truth(frame: pd.DataFrame, joints: Sequence[Joint]) -> pd.DataFrame:
     `frame` has joint, direction, parameter, value, lower and upper. What is not known is nan; `inside` is None there.
     """
     frame, place = frame.copy(), list(frame.columns).index("upper") + 1
-    true = [true_value(joints, row.joint, row.direction, row.parameter) for row in frame.itertuples()]
+    truths, true = {joint.name: joint.truth for joint in joints}, []
+    for name, d, parameter in frame[["joint", "direction", "parameter"]].itertuples(index=False, name=None):
+        of_joint = truths.get(name, {})
+        truth = of_joint.get(d, of_joint.get(Direction.BOTH))  # a truth of both directions is that of each
+        known = truth is not None and parameter in truth._fields
+        true.append(float(getattr(truth, parameter)) if known else math.nan)
     frame.insert(place, "true", np.array(true, dtype=float))
     frame.insert(place + 1, "error_percent", 100 * (frame["value"] - frame["true"]) / frame["true"])
-    known = frame[["true", "lower", "upper"]].notna().all(axis=1)
+    told = frame[["true", "lower", "upper"]].notna().all(axis=1)
     inside = (frame["lower"] <= frame["true"]) & (frame["true"] <= frame["upper"])
-    frame.insert(place + 2, "inside", inside.astype(object).where(known, None))
+    frame.insert(place + 2, "inside", inside.astype(object).where(told, None))
     return frame
 
 
-def true_value(joints: Sequence[Joint], joint: Any, direction: Any, parameter: Any) -> float:
-    """The true value; nan where it is not known. A truth of both directions is that of each."""
-    given = next((j.truth for j in joints if j.name == joint), {})
-    truth = given.get(direction, given.get(Direction.BOTH))
-    return float(getattr(truth, parameter)) if truth is not None and parameter in truth._fields else math.nan
+class IntervalRow(NamedTuple):
+    """One parameter of one fit."""
+
+    fit: str
+    """`static`, `presliding`, `tracking` or `joint`."""
+    direction: str
+    parameter: str
+    estimate: Estimate
+    three: Uncertainty
+
+    @property
+    def name(self) -> str:
+        """The parameter with its direction, as alpha_0+."""
+        return str(ParameterName(self.parameter, Direction(self.direction)))
+
+
+def interval_rows(joint: Joint) -> Iterator[IntervalRow]:
+    """Every parameter whose interval is known three ways, fit by fit."""
+    for d, static in joint.static.items():
+        for name, three in static.uncertainty.items():
+            yield IntervalRow("static", d, name, static.parameters[name], three)
+    for _, d, slow in _slow_fits([joint]):
+        for name, three in slow.uncertainty.items():
+            yield IntervalRow("presliding", d, name, slow.sigma_0, three)
+    for kind, moving in moving_fits(joint).items():
+        for n, three in moving.uncertainty.items():
+            yield IntervalRow(kind, n.direction, n.name, moving.parameters[n], three)
+
+
+def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per fit and parameter: the value, and lower and upper end by each way; nan where a way has none."""
+    ends = [f"{way}_{end}" for way in WAYS for end in ("lower", "upper")]
+    found = [
+        (
+            joint.name, x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit,
+            *(end for way in WAYS for end in getattr(x.three, way) or (None, None)), " ".join(map(str, x.three.warnings)),
+        )
+        for joint in joints
+        for x in interval_rows(joint)
+    ]  # fmt: skip  # one row, one line
+    columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "warnings"]
+    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
+
+
+def repeats(joints: Sequence[Joint]) -> pd.DataFrame:
+    """One row per fit, parameter and run that was fitted apart: its estimate, and the scatter of all of them.
+
+    `before` and `after` are sqrt(chi2_red) before and after widening, `widened` what the standard error is multiplied by.
+    """
+    found = [
+        (joint.name, kind, d, name, file, value, x.before, x.after, x.widened)
+        for joint in joints
+        for kind, d, name, x in scatter(joint)
+        for file, value in x.by_run.items()
+    ]
+    numbers = ["value", "before", "after", "widened"]
+    columns = ["joint", "fit", "direction", "parameter", "file", *numbers]
+    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(numbers, float))
+
+
+def scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
+    """Fit, direction and parameter, and how far it scatters over the runs."""
+    for d, static in joint.static.items():
+        yield from (("static", d, name, x) for name, x in static.repeats.items())
+    for _, d, slow in _slow_fits([joint]):
+        yield from (("presliding", d, name, x) for name, x in slow.repeats.items())
+    for kind, moving in moving_fits(joint).items():
+        yield from ((kind, n.direction, n.name, x) for n, x in moving.repeats.items())
 
 
 def units(joints: Sequence[Joint]) -> pd.DataFrame:
     """The unit of every column that has one, per joint."""
     names = {"velocity": "velocity", "torque": "torque", "residual": "torque", "time": "time", "position": "position"}
-    names |= {
-        "breakaway": "torque",
-        **dict.fromkeys(("secant", "slope", "inverse_slope", "lugre", "sigma_0"), "sigma_0"),
-    }
+    names |= {"breakaway": "torque"}
+    names |= dict.fromkeys(("secant", "slope", "inverse_slope", "lugre", "sigma_0"), "sigma_0")
     names |= {"torque_amplitude": "torque", "displacement": "position", "displacement_amplitude": "position"}
     rows = [(joint.name, column, unit(quantity, joint.kind)) for joint in joints for column, quantity in names.items()]
     rows += [(joint.name, "loss", WORK) for joint in joints]

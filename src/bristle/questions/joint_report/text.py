@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.slow_loading import Loop
 from bristle.findings import Finding, Severity
 from bristle.identification.fits import (
     Crosscheck,
@@ -23,18 +22,7 @@ from bristle.identification.results import Joint
 from bristle.model.parameters import ParameterName, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.wording import FITS, WORK, counted, percent, printable, shortened
-from bristle.questions.joint_report.sentences import (
-    bias,
-    bias_text,
-    biased,
-    choice,
-    cost_change,
-    critical_titles,
-    level,
-    methods,
-    reached,
-    systematic,
-)
+from bristle.questions.joint_report import sentences
 
 _CORRELATED = 0.5
 """Correlations below this are not printed."""
@@ -54,7 +42,14 @@ def fit_report(joints: Sequence[Joint]) -> str:
 def _joint(joint: Joint) -> Iterator[str]:
     yield f"[[{printable(joint.name)}]] {joint.kind}{', SIMULATED data' if joint.simulated else ''}"
     said: set[str] = set()
-    yield from _critical(joint, said)
+    critical: dict[Finding, dict[str, None]] = {}  # each once, with all that it is about
+    for warning in joint.all_warnings():
+        if warning.severity is Severity.CRITICAL:
+            critical.setdefault(warning, {})[" ".join(warning.subject)] = None
+    for warning, about in critical.items():
+        said.add(printable(str(warning)))
+        where = ", ".join(filter(None, about))
+        yield f"    critical{f' ({printable(where)})' if where else ''}: {printable(warning.coded)}"
     yield from _sentences([*filter(None, (joint.torque_scale,)), *joint.warnings], said)
     for direction, fit in joint.static.items():
         yield from _fit(direction, fit, said)
@@ -68,17 +63,17 @@ def _joint(joint: Joint) -> Iterator[str]:
     for kind, moving in moving_fits(joint).items():
         yield from _tracking(joint, FITS[kind], moving, said)
     if joint.consistency:
-        yield from _consistency(joint)
+        yield "  [[consistency]] Each parameter from a stage of its own, beside the moving runs."
+    for x in joint.consistency:
+        si = unit(x.parameter.name, joint.kind)
+        own = f"{x.stage} {_with_unit(x.stage_value, x.stage_error, si)}"
+        runs = f"moving runs {_with_unit(x.tracking_value, x.tracking_error, si)}"
+        apart = "" if x.difference_in_se is None else f"; {x.difference_in_se:+.2f} standard errors apart"
+        both = f"joint fit {_with_unit(x.joint_value, x.joint_error, si)}"
+        yield f"    {f'{x.parameter}:':<13}{own}; {runs}{apart}; {both}. {printable(str(x.verdict))}"
     if joint.laws is not None:
         yield f"  [[laws on {joint.laws.data}]] fitted: {printable(joint.law_name)}. {printable(str(joint.laws.sentence))}"
     yield from (f"  [[models on {x.data}]] {printable(str(x.sentence))}" for x in joint.models)
-
-
-def _critical(joint: Joint, said: set[str]) -> Iterator[str]:
-    """What is critical stands first, each sentence once with all that it is about."""
-    for warning, title in critical_titles(joint).items():
-        said.add(printable(str(warning)))
-        yield f"    {printable(title)}: {printable(warning.coded)}"
 
 
 def _heading(name: str, outcome: object, warnings: Sequence[Finding]) -> str:
@@ -89,9 +84,10 @@ def _heading(name: str, outcome: object, warnings: Sequence[Finding]) -> str:
 
 def _fit(direction: str, fit: StaticFit, said: set[str]) -> Iterator[str]:
     points = f"{counted(fit.n, 'point' if fit.segments else 'sample')}, {counted(fit.degrees_of_freedom, 'degree')} of freedom"
+    torque_unit = fit.parameters["alpha_0"].unit if "alpha_0" in fit.parameters else ""
     yield _heading(direction, fit.outcome, fit.warnings)
     yield f"    {'data':<15}= {points}"
-    yield f"    {'rms residual':<15}= {_number(fit.rms)} {_torque_unit(fit) * (fit.rms is not None)}".rstrip()
+    yield f"    {'rms residual':<15}= {_number(fit.rms)} {torque_unit * (fit.rms is not None)}".rstrip()
     yield f"    {'relative error':<15}= {_percent(fit.relative_error)}"
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
@@ -99,21 +95,15 @@ def _fit(direction: str, fit: StaticFit, said: set[str]) -> Iterator[str]:
     yield from _repeats(fit.repeats)
     yield from _correlations(fit.names, fit.covariance)
     yield from _parameters("without the points that stick and slip", fit.without_stick_slip, said)
-    yield from _other_points(fit, said)
+    if (other := fit.other_points) is not None:  # without the strays, or with them where they are left out
+        how = "without" if other.n < fit.n else "with"
+        yield from _parameters(f"{how} the {counted(len(fit.strays), 'stray')}", other.parameters, said)
+        rms = f"{'rms residual:':<13} {_number(other.rms)} {torque_unit}"
+        yield f"      {rms}, relative error {_percent(other.relative_error)}"
+        for x in (stray for stray in fit.strays if stray.without):
+            alone = ", ".join(f"{name} {_number(value)}" for name, value in x.without.items())
+            yield f"      without {printable(x.file)} {x.where} alone: {alone}"
     yield from _sentences(fit.warnings, said)
-
-
-def _other_points(fit: StaticFit, said: set[str]) -> Iterator[str]:
-    """The fit without the strays, or with them where they are left out; and what each of them alone does."""
-    other = fit.other_points
-    if other is None:
-        return
-    how = "without" if other.n < fit.n else "with"
-    yield from _parameters(f"{how} the {counted(len(fit.strays), 'stray')}", other.parameters, said)
-    yield f"      {'rms residual:':<13} {_number(other.rms)} {_torque_unit(fit)}, relative error {_percent(other.relative_error)}".rstrip()
-    for x in (stray for stray in fit.strays if stray.without):
-        alone = ", ".join(f"{name} {_number(value)}" for name, value in x.without.items())
-        yield f"      without {printable(x.file)} {x.where} alone: {alone}"
 
 
 def _parameters(title: str, parameters: Mapping[Any, Estimate], said: set[str]) -> Iterator[str]:
@@ -131,7 +121,7 @@ def _cells(e: Estimate) -> tuple[str, ...]:
         return "not estimated", "", "" if e.interval is None else in_unit(interval(e.interval), e.unit)
     share = percent(e.value, e.standard_error)
     relative = "" if share is None else f"{share:.2g} %" if share < 99.5 else f"{share:.0f} %"
-    beside = systematic(e, "systematic +/- {}")
+    beside = sentences.systematic(e, "systematic +/- {}")
     ends = "no interval" if e.interval is None else interval(e.interval)
     return in_unit(pair(e.value, e.standard_error), e.unit), relative, *([beside] if beside else []), ends
 
@@ -165,51 +155,49 @@ def _check(check: Crosscheck, of: str = "the grid") -> Iterator[str]:
     yield "    [[cross-check]]"
     yield f"      {printable(str(check.verdict))}"
     if not check.agrees:
-        yield f"      cost: {cost_change(check, of)}"
+        yield f"      cost: {sentences.cost_change(check, of)}"
 
 
 def _presliding(joint: Joint, slow: Presliding, said: set[str]) -> Iterator[str]:
     for d, fit in slow.fits.items():
         yield from _slow(joint, fit, slow.breakaway.get(d), said)
-    yield from _hysteresis(joint, slow.loops)
+    torque, position, stiffness = (unit(name, joint.kind) for name in ("torque", "position", "sigma_0"))
+    if slow.loops:
+        yield "  [[hysteresis]] Regression of torque on displacement, inverse regression and secant differ because the loop is wide."
+    for x in slow.loops:
+        slopes = f"slope {_number(x.slope)}, inverse {_number(x.inverse_slope)}, secant {_number(x.secant)} {stiffness}"
+        reach = f"+/-{_number(x.torque_amplitude)} {torque}, +/-{_number(x.displacement_amplitude)} {position}"
+        where = f"{printable(x.file)} samples {x.start}-{x.stop}, {reach}"
+        yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {counted(x.counts, 'count')}"
     if slow.warnings:
         yield "  [[presliding as a whole]]"
     yield from _sentences(slow.warnings, said)
 
 
 def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None, said: set[str]) -> Iterator[str]:
-    yield _heading(f"presliding {fit.direction}", choice(fit), fit.warnings)
+    yield _heading(f"presliding {fit.direction}", sentences.choice(fit), fit.warnings)
     yield f"    {'data':<15}= {counted(len(fit.loadings), 'loading')}, {counted(fit.counts, 'count edge')}"
-    yield f"    {'level g0':<15}= {level(fit, joint.kind).replace('±', '+/-')}, from {fit.level_source}"
-    yield f"    {'bias of (14)':<15}= {bias(fit, joint.kind)}"
+    yield f"    {'level g0':<15}= {sentences.level(fit, joint.kind).replace('±', '+/-')}, from {fit.level_source}"
+    yield f"    {'bias of (14)':<15}= {sentences.bias(fit, joint.kind)}"
     if breakaway:
         yield f"    {'breakaway':<15}= {', '.join(filter(None, _cells(breakaway)))}"
         yield from (f"        ({_once(warning, said)})" for warning in breakaway.warnings)
-    by_method = {f"{name}{'*' * (name == fit.recommended)}": e for name, e in methods(fit).items()}
+    by_method = {f"{name}{'*' * (name == fit.recommended)}": e for name, e in sentences.methods(fit).items()}
     yield from _parameters("sigma_0", by_method, said)
     yield from _repeats(fit.repeats)
     yield from _parameters("sigma_1", {"sigma_1": fit.sigma_1}, said)
-    yield from _amplitudes(joint, fit)
-    yield from _sentences(fit.warnings, said)
-
-
-def _amplitudes(joint: Joint, fit: PreslidingFit) -> Iterator[str]:
-    """Stiffness at some amplitudes, and what LuGre gives there."""
     torque, position, stiffness = (unit(name, joint.kind) for name in ("torque", "position", "sigma_0"))
     if fit.amplitudes:
         yield "    [[stiffness vs amplitude]]"
-    yield from columns(
-        [
-            (
-                f"{x.kind}:",
-                f"{pair(x.value, x.standard_error)} {stiffness}",
-                f"at {_number(x.torque)} {torque}, {_number(x.displacement)} {position};",
-                f"LuGre {_number(x.lugre)}",
-            )
-            for x in fit.amplitudes
-        ],
-        indent=6,
-    )
+    rows = []
+    for x in fit.amplitudes:
+        value, at = (
+            pair(x.value, x.standard_error),
+            f"{_number(x.torque)} {torque}, {_number(x.displacement)} {position}",
+        )
+        rows.append((f"{x.kind}:", f"{value} {stiffness}", f"at {at};", f"LuGre {_number(x.lugre)}"))
+    yield from columns(rows, indent=6)
+    yield from _sentences(fit.warnings, said)
 
 
 def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iterator[str]:
@@ -219,50 +207,21 @@ def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iter
     yield f"    {'relative error':<15}= {_percent(fit.relative_error)} of the {fit.quantity}"
     for held in fit.hold_out:
         yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
-    yield f"    {'starts':<15}= {reached(fit)}"
+    yield f"    {'starts':<15}= {sentences.reached(fit)}"
     yield f"    {'condition':<15}= {_number(fit.condition)}"
     yield from _parameters("parameters", fit.parameters, said)
     yield from _repeats(fit.repeats)
-    yield from _count_bias(fit)
+    if added := sentences.biased(fit):
+        yield "    [[what encoder counts added, which is taken off]]"
+        yield from (f"      {f'{name}:':<13}{text}" for name, text in added.items())
     yield from _correlations(fit.names, fit.covariance)
     yield from _sentences(fit.warnings, said)
     if fit.crosscheck:
         yield from _check(fit.crosscheck, "this fit")
 
 
-def _count_bias(fit: TrackingFit) -> Iterator[str]:
-    found = biased(fit)
-    if found:
-        yield "    [[what encoder counts added, which is taken off]]"
-    yield from (f"      {f'{name}:':<13}{bias_text(fit, name, bias, share)}" for name, bias, share in found)
-
-
-def _consistency(joint: Joint) -> Iterator[str]:
-    """Each parameter from its own stage, the moving runs alone, and all at once."""
-    yield "  [[consistency]] Each parameter from a stage of its own, beside the moving runs."
-    for x in joint.consistency:
-        si = unit(x.parameter.name, joint.kind)
-        own = f"{x.stage} {_with_unit(x.stage_value, x.stage_error, si)}"
-        moving = f"moving runs {_with_unit(x.tracking_value, x.tracking_error, si)}"
-        apart = "" if x.difference_in_se is None else f"; {x.difference_in_se:+.2f} standard errors apart"
-        both = f"joint fit {_with_unit(x.joint_value, x.joint_error, si)}"
-        yield f"    {f'{x.parameter}:':<13}{own}; {moving}{apart}; {both}. {printable(str(x.verdict))}"
-
-
 def _with_unit(value: float | None, error: float | None, si: str) -> str:
     return pair(value, error) + f" {si}" * (value is not None)
-
-
-def _hysteresis(joint: Joint, loops: Sequence[Loop]) -> Iterator[str]:
-    stiffness = unit("sigma_0", joint.kind)
-    if loops:
-        yield "  [[hysteresis]] Regression of torque on displacement, inverse regression and secant differ because the loop is wide."
-    for x in loops:
-        slopes = f"slope {_number(x.slope)}, inverse {_number(x.inverse_slope)}, secant {_number(x.secant)} {stiffness}"
-        torque, position = (unit(name, joint.kind) for name in ("torque", "position"))
-        reach = f"+/-{_number(x.torque_amplitude)} {torque}, +/-{_number(x.displacement_amplitude)} {position}"
-        where = f"{printable(x.file)} samples {x.start}-{x.stop}, {reach}"
-        yield f"    {where}: {slopes}; loss {_number(x.loss)} {WORK} per cycle, {counted(x.counts, 'count')}"
 
 
 def _sentences(warnings: Sequence[Finding], said: set[str]) -> Iterator[str]:
@@ -284,10 +243,6 @@ def _once(warning: Finding, said: set[str]) -> str:
         return beginning
     said.add(sentence)
     return printable(warning.coded)
-
-
-def _torque_unit(fit: StaticFit) -> str:
-    return fit.parameters["alpha_0"].unit if "alpha_0" in fit.parameters else ""
 
 
 def _number(x: float | None) -> str:

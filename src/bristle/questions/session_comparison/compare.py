@@ -36,10 +36,6 @@ from bristle.questions.session_comparison.results import (
     usable,
 )
 
-_RATIOS = ("v_s", "sigma_0")
-"""What is positive and known by a factor, as the shape of a peak is: its logarithm is compared."""
-_SYMMETRIC = 1e-6
-"""Correlations that differ by more across the diagonal are none."""
 _LIST = 120
 """Characters of a list of names in an error."""
 _FEW = 4.0
@@ -138,11 +134,10 @@ def _changes(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[
             raise InputError(
                 f"{joint}: {name} is in {units[0]} and in {units[1]}; compare results of one joint, in one unit"
             )
-        yield (
-            incomparable(joint, name, first, second, same=bool(both))
-            if told is None
-            else _difference(joint, name, told)
-        )
+        if told is None:
+            yield incomparable(joint, name, first, second, same=bool(both))
+        else:
+            yield _difference(joint, name, told)
 
 
 def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
@@ -152,10 +147,8 @@ def _difference(joint: str, name: ParameterName, pair: FitPair) -> Change:
     by_factor = _by_factor(name) and lowest > 0
     scale = log if by_factor else float
     apart = scale(b.value or 0.0) - scale(a.value or 0.0)
-    errors = [
-        _facing(e, apart * side, fit.freedom, log_scale=by_factor)
-        for e, fit, side in zip((a, b), pair, (1, -1), strict=True)
-    ]
+    sides = zip((a, b), pair, (1, -1), strict=True)
+    errors = [_facing(e, apart * side, fit.freedom, log_scale=by_factor) for e, fit, side in sides]
     slopes = [1 / (e.value or 1.0) if by_factor else 1.0 for e in (a, b)]
     errors += _systematic(a, b, *slopes).values()
     z = apart / hypot(*errors)
@@ -223,14 +216,15 @@ def _statistic(a: SessionFit, b: SessionFit, names: Sequence[ParameterName]) -> 
         size = np.sqrt(np.diag(total))
         correlation = total / np.outer(size, size)
         correlation, far = (correlation + correlation.T) / 2, np.abs(correlation - correlation.T).max()
-        if not np.isfinite(correlation).all() or far > _SYMMETRIC or np.linalg.eigvalsh(correlation).min() <= 1e-10:
+        if not np.isfinite(correlation).all() or far > 1e-6 or np.linalg.eigvalsh(correlation).min() <= 1e-10:
             return None
         statistic = float(apart / size @ np.linalg.solve(correlation, apart / size)) / len(names)
     return statistic if isfinite(statistic) else None
 
 
 def _by_factor(name: ParameterName) -> bool:
-    return name.name in _RATIOS or of_shape(name.name)
+    """Whether it is positive and known by a factor, as the shape of a peak is: its logarithm is compared."""
+    return name.name in ("v_s", "sigma_0") or of_shape(name.name)
 
 
 def _scaled(fit: SessionFit, name: ParameterName) -> float:

@@ -11,24 +11,26 @@ from bristle.questions.session_comparison.results import Change, Session, Sessio
 
 _ALIKE = 0.5
 """Shares that differ by less than this part of their mean are one share."""
-_LARGE = 1e6
-"""A change of more percent is told by its power of ten."""
+_SCALED = (
+    "another load, or another scale of the torque (motor constant, drive gain), which would scale the friction alike,"
+)
+_CAUSES = {
+    "alpha_0": ("wear, dirt, a tighter preload or a colder joint", "running in, a warmer joint or a lost preload"),
+    "alpha_2": ("a colder or stiffer lubricant", "a warmer or thinner lubricant"),
+    "sigma_0": ("a tighter preload", "wear or a lost preload"),
+    "inertia": (_SCALED, _SCALED),
+}
+"""What may make a parameter rise, and fall."""
 NO_CHANGE = Finding("no-change", NOTE, "No change beyond the joint uncertainty.")
 
 
 def incomparable(joint: str, name: ParameterName, first: SessionJoint, second: SessionJoint, *, same: bool) -> Change:
     """A parameter that cannot be compared, with the reason; `same`: some stage has it in both sessions."""
     a, b = (_any(session, name) for session in (first, second))
+    why = Finding("not-comparable", NOTE, f"Not comparable: {_why_not(name, first, second, same=same)}.")
     known = a or b
-    return Change(
-        joint=joint,
-        parameter=name,
-        unit=known.unit if known else "",
-        source="",
-        first=a,
-        second=b,
-        verdict=Finding("not-comparable", NOTE, f"Not comparable: {_why_not(name, first, second, same=same)}."),
-    )
+    unit = known.unit if known else ""
+    return Change(joint=joint, parameter=name, unit=unit, source="", first=a, second=b, verdict=why)
 
 
 def _any(session: SessionJoint, name: ParameterName) -> Estimate | None:
@@ -83,13 +85,17 @@ def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Finding:
     left = len(changes) - len(compared)
     rest = f" {left} more cannot be compared." if left else ""
     if moved:
-        listed = ", ".join(_change(c, several=several) for c in moved)
+        listed = []  # and by how many percent of the first session's value, where that is not zero
+        for c in moved:
+            by = ""
+            if c.percent is not None:
+                by = f" ({c.percent:+.1f} %)" if abs(c.percent) < 1e6 else f" ({c.percent:+.1e} %)"
+            listed.append(f"{f'{c.joint} ' * several}{c.parameter}{by}")
         together = f" As a set, though none alone, so did those of the fit {'; '.join(fits)}." if fits else ""
-        message = f"{len(moved)} of {len(compared)} parameters changed beyond their joint uncertainty: {listed}.{together}{rest}"
+        message = f"{len(moved)} of {len(compared)} parameters changed beyond their joint uncertainty: {', '.join(listed)}.{together}{rest}"
         percents = tuple((c.joint, str(c.parameter), c.percent) for c in moved)
-        return Finding(
-            "parameters-changed", NOTE, message, {"compared": len(compared), "changes": percents, "fits": fits}
-        )
+        numbers = {"compared": len(compared), "changes": percents, "fits": fits}
+        return Finding("parameters-changed", NOTE, message, numbers)
     if fits:
         message = (
             f"None of {len(compared)} parameters changed beyond its joint uncertainty alone, but as a set those of "
@@ -100,58 +106,35 @@ def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Finding:
     return Finding("none-changed", NOTE, message, {"compared": len(compared)})
 
 
-def _change(c: Change, *, several: bool) -> str:
-    """A parameter that changed, and by how many percent of the first session's value, where that is not zero."""
-    name = f"{c.joint} {c.parameter}" if several else str(c.parameter)
-    if c.percent is None:
-        return name
-    return f"{name} ({c.percent:+.1f} %)" if abs(c.percent) < _LARGE else f"{name} ({c.percent:+.1e} %)"
-
-
 def hints(changes: Sequence[Change]) -> Iterator[Finding]:
     """What such changes may come from, joint by joint: guesses, said as such."""
     for joint in dict.fromkeys(c.joint for c in changes):
-        yield from _hints_of(joint, [c for c in changes if c.joint == joint and c.changed is not None])
-
-
-def _hints_of(joint: str, own: Sequence[Change]) -> Iterator[Finding]:
-    torques = [c for c in own if c.parameter.name in ("alpha_0", "alpha_2", "inertia")]
-    shares = [(c.difference or 0.0) / abs(c.first.value) for c in torques if c.first and c.first.value]
-    if len(shares) > 2 and any(c.changed for c in torques) and np.ptp(shares) < _ALIKE * abs(np.mean(shares)):
-        message = (
-            f"{joint}: friction and inertia changed by the same ratio; "
-            "that may be the torque's scale (motor constant, drive gain), not the friction."
-        )
-        yield Finding("torque-scale", NOTE, message)
-        return
-    for name in ("alpha_0", "alpha_2", "sigma_0", "inertia"):
-        found = [c for c in own if c.parameter.name == name]
-        signs = {(c.difference or 0.0) > 0 for c in found}
-        if not any(c.changed for c in found) or len(signs) > 1:
+        own = [c for c in changes if c.joint == joint and c.changed is not None]
+        torques = [c for c in own if c.parameter.name in ("alpha_0", "alpha_2", "inertia")]
+        shares = [(c.difference or 0.0) / abs(c.first.value) for c in torques if c.first and c.first.value]
+        if len(shares) > 2 and any(c.changed for c in torques) and np.ptp(shares) < _ALIKE * abs(np.mean(shares)):
+            message = (
+                f"{joint}: friction and inertia changed by the same ratio; that may be the torque's scale (motor "
+                "constant, drive gain), not the friction."
+            )
+            yield Finding("torque-scale", NOTE, message)
             continue
-        rose = signs == {True}
-        told = f"{joint}: {name} {'rose' if rose else 'fell'}{' in both directions' if len(found) > 1 else ''};"
-        match name:
-            case "alpha_0":
-                cause = (
-                    "wear, dirt, a tighter preload or a colder joint"
-                    if rose
-                    else "running in, a warmer joint or a lost preload"
-                )
-                message = f"{told} {cause} may do that."
-                yield Finding("alpha-0-rose" if rose else "alpha-0-fell", NOTE, message)
-            case "alpha_2":
-                message = f"{told} a {'colder or stiffer' if rose else 'warmer or thinner'} lubricant may do that."
-                yield Finding("alpha-2-rose" if rose else "alpha-2-fell", NOTE, message)
-            case "sigma_0":
-                message = f"{told} {'a tighter preload' if rose else 'wear or a lost preload'} may do that."
-                yield Finding("sigma-0-rose" if rose else "sigma-0-fell", NOTE, message)
-            case "inertia":
-                message = (
-                    f"{told} another load, or another scale of the torque (motor constant, drive gain), "
-                    "which would scale the friction alike, may do that."
-                )
-                yield Finding("inertia-rose" if rose else "inertia-fell", NOTE, message)
+        for name, (risen, fallen) in _CAUSES.items():
+            found = [c for c in own if c.parameter.name == name]
+            signs = {(c.difference or 0.0) > 0 for c in found}
+            if any(c.changed for c in found) and len(signs) == 1:
+                rose = signs == {True}
+                both = " in both directions" if len(found) > 1 else ""
+                told = f"{joint}: {name} {'rose' if rose else 'fell'}{both}; {risen if rose else fallen} may do that."
+                match name:
+                    case "alpha_0":
+                        yield Finding("alpha-0-rose" if rose else "alpha-0-fell", NOTE, told)
+                    case "alpha_2":
+                        yield Finding("alpha-2-rose" if rose else "alpha-2-fell", NOTE, told)
+                    case "sigma_0":
+                        yield Finding("sigma-0-rose" if rose else "sigma-0-fell", NOTE, told)
+                    case "inertia":
+                        yield Finding("inertia-rose" if rose else "inertia-fell", NOTE, told)
 
 
 def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator[Finding]:
@@ -159,27 +142,10 @@ def warnings(first: Session, second: Session, shared: Sequence[str]) -> Iterator
     for which, session, other in (("first", first, second), ("second", second, first)):
         alone = tuple(name for name in session if name not in other)
         if alone:
-            yield Finding(
-                "in-one-session", CAUTION, f"In the {which} session alone: {', '.join(alone)}.", {"names": alone}
-            )
+            message = f"In the {which} session alone: {', '.join(alone)}."
+            yield Finding("in-one-session", CAUTION, message, {"names": alone})
     for name in shared:
         yield from _warnings_of(name, first[name], second[name])
-
-
-def _of_constants(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Finding]:
-    """What is said of the constants that torques were computed with."""
-    of_a, of_b = ({c: 0 for fit in x.fits for e in fit.parameters.values() for c in e.shifts} for x in (a, b))
-    common, own = tuple(c for c in of_a if c in of_b), tuple(sorted(of_a.keys() ^ of_b.keys()))
-    if common:
-        message = (
-            f"{joint}: {' and '.join(common)} is common to both sessions: its error moves both alike, "
-            "and does not widen their difference."
-        )
-        yield Finding("common-constants", NOTE, message, {"constants": common})
-    if own:
-        message = f"{joint}: {' and '.join(own)} is of one session alone: its error widens the differences."
-        yield Finding("own-constants", NOTE, message, {"constants": own})
-    yield from dict.fromkeys(x.torque_scale for x in (a, b) if x.torque_scale and not (common or own))
 
 
 def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Finding]:
@@ -192,7 +158,19 @@ def _warnings_of(joint: str, a: SessionJoint, b: SessionJoint) -> Iterator[Findi
         )
         numbers = {"same": same, "files": files}
         yield Finding("files-all-shared" if same == files else "files-shared", CAUTION, message, numbers)
-    yield from _of_constants(joint, a, b)
+    # The constants that torques were computed with.
+    of_a, of_b = ({c: 0 for fit in x.fits for e in fit.parameters.values() for c in e.shifts} for x in (a, b))
+    common, alone = tuple(c for c in of_a if c in of_b), tuple(sorted(of_a.keys() ^ of_b.keys()))
+    if common:
+        message = (
+            f"{joint}: {' and '.join(common)} is common to both sessions: its error moves both alike, "
+            "and does not widen their difference."
+        )
+        yield Finding("common-constants", NOTE, message, {"constants": common})
+    if alone:
+        message = f"{joint}: {' and '.join(alone)} is of one session alone: its error widens the differences."
+        yield Finding("own-constants", NOTE, message, {"constants": alone})
+    yield from dict.fromkeys(x.torque_scale for x in (a, b) if x.torque_scale and not (common or alone))
     if a.simulated != b.simulated:
         yield Finding("one-simulated", CAUTION, f"{joint}: one session is SIMULATED, the other measured.")
     if a.law != b.law:

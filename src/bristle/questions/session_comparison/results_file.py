@@ -34,24 +34,19 @@ def read_session(path: Path) -> Session:
 
 def session_of(joints: Iterable[Joint]) -> Session:
     """Identified joints, by name, as a session to compare. Raises InputError where a number is none."""
-    return {joint.name: _joint(joint.name, joint, tuple(x.sha256 for x in joint.inputs)) for joint in joints}
-
-
-def _joint(name: str, joint: Joint, inputs: tuple[str, ...]) -> SessionJoint:
-    _shown(name, "joint")
-    try:
-        fits = tuple(_fits(joint))
-        check_most("parameters of a joint", sum(len(fit.parameters) for fit in fits))
-    except InputError as error:
-        raise InputError(f"{shortened(name)}: {error}") from error
-    return SessionJoint(
-        kind=joint.kind,
-        fits=fits,
-        law=joint.law,
-        simulated=joint.simulated,
-        torque_scale=joint.torque_scale,
-        inputs=inputs,
-    )
+    session = {}
+    for joint in joints:
+        _shown(joint.name, "joint")
+        try:
+            fits = tuple(_fits(joint))
+            check_most("parameters of a joint", sum(len(fit.parameters) for fit in fits))
+        except InputError as error:
+            raise InputError(f"{shortened(joint.name)}: {error}") from error
+        session[joint.name] = SessionJoint(
+            kind=joint.kind, fits=fits, law=joint.law, simulated=joint.simulated,
+            torque_scale=joint.torque_scale, inputs=tuple(x.sha256 for x in joint.inputs),
+        )  # fmt: skip  # a list of values
+    return session
 
 
 def _shown(text: str, what: str) -> str:
