@@ -63,6 +63,8 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
         try:
             yield pool.map
         except BaseException as error:
+            # A worker may end in the middle of a message: with no writer left, who reads it sees the end and waits no longer.
+            pool._result_queue._writer.close()  # type: ignore[attr-defined]  # no public way to it
             for child in set(active_children()) - others:
                 child.terminate()
             pool.shutdown(cancel_futures=True)

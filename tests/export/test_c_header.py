@@ -136,7 +136,7 @@ def flagged(joint: ExportedJoint, compensator: Compensator, single: bool, built:
     source = (Path(__file__).with_name("c_flags.c")).read_text(encoding="ascii")
     source = source.replace("PARAMS", "\n".join([*parameters, *(drawn("p", name) for name in printed.settings)]))
     source = source.replace("INPUTS", "\n".join(drawn("in", name) for name in printed.inputs))
-    options = ("-frounding-math", *(["-DBRISTLE_SINGLE"] if single else []))
+    options = ("-O1", "-frounding-math", *(["-DBRISTLE_SINGLE"] if single else []))
     library, refused = built(header(joint, compensator), source, *options), ctypes.c_int()
     return bool(library.flags(2000, 40, ctypes.byref(refused)) or refused.value)
 

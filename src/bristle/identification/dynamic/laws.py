@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
@@ -19,8 +18,8 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.nonlinear import Unknowns
-from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem, residuals
-from bristle.identification.dynamic.unknowns import fit, solved, with_deflections
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem, modelled
+from bristle.identification.dynamic.unknowns import solved, with_deflections
 from bristle.identification.fits import TrackingFit
 from bristle.identification.load_levels import LINEAR
 from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors
@@ -36,6 +35,8 @@ _ROUGH = 4.0
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
 """Where a term begins that the law in force does not show: shares of alpha_0, of the fastest speed, and of the load."""
+_UNSEEN = 1e-10
+"""A direction whose squared singular value is this share of the largest is not moved by what is left out."""
 _LEAST = 0.05
 """Of a change of the torque: that much of it is never made by the torque itself."""
 
@@ -121,30 +122,35 @@ def _start(problem: DynamicProblem, alone: TrackingFit) -> dict[ParameterName, f
 
 
 def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[float | None]:
-    """The squared error of each part of the equations, a mask (n,), predicted from all others; None where these tell too little."""
-    share = one.not_itself
-    return [_predicted(one, part, share) for part in parts]
+    """The squared error of each part of the equations, a mask (n,), predicted from all others; None where these tell too little.
 
-
-def _predicted(one: MovingLaw, part: NDArray[np.bool_], share: Array) -> float | None:
-    rest = _rows(one.problem, ~part)
-    try:
-        enough = _WORTH * float(one.residuals @ one.residuals) / one.effective
-        values, _ = fit(rest, dict(one.values), _STEPS, enough=enough)
-    except InputError:
-        return None
-    left, _ = residuals(one.problem, {**one.values, **values})
-    return float(np.sum((left[part] / share[part]) ** 2))
-
-
-def _rows(problem: DynamicProblem, keep: NDArray[np.bool_]) -> DynamicProblem:
-    """The problem with some of its equations, and the first of each motion, without which its deflection would be anything."""
-    motions = []
-    for m, block in zip(problem.motions, problem.blocks, strict=True):
-        every = sparse.csr_array(sparse.eye_array(m.time.size)) if m.smooth is None else m.smooth
-        kept = np.union1d(np.flatnonzero(keep[block.rows]), [0])
-        motions.append(replace(m, smooth=sparse.csr_array(every[kept])))
-    return replace(problem, motions=tuple(motions))
+    The others' own minimum is one step of Gauss and Newton away from that of all; the first equation of each motion is
+    always among them, without which its deflection would be anything.
+    """
+    share, problem, unknowns = one.not_itself, one.problem, one.unknowns
+    first = [block.rows.start for block in problem.blocks]
+    size = np.sqrt((one.jacobian**2).sum(axis=0))
+    free, measured = (size > 0) & (one.x > unknowns.lower) & (one.x < unknowns.upper), problem.measured
+    J = one.jacobian[:, free] / size[free]
+    gram, slope = J.T @ J, J.T @ one.residuals
+    costs = list[float | None]()
+    for part in parts:
+        out = part.copy()
+        out[first] = False
+        if part.size - out.sum() < free.sum():
+            costs.append(None)
+            continue
+        step = np.zeros(one.x.size)
+        rest = gram - J[out].T @ J[out]
+        step[free] = (
+            -np.linalg.pinv(rest, _UNSEEN, hermitian=True) @ (slope - J[out].T @ one.residuals[out]) / size[free]
+        )
+        x = np.clip(one.x + step, unknowns.lower, unknowns.upper)
+        model = modelled(problem, {**one.values, **unknowns.values(x)})
+        left = measured - np.concatenate([m.smoothed(T) for m, T in zip(problem.motions, model, strict=True)])
+        cost = float(np.sum((left[part] / share[part]) ** 2))
+        costs.append(cost if np.isfinite(cost) else None)
+    return costs
 
 
 def masks_of_runs(problem: DynamicProblem) -> list[NDArray[np.bool_]]:

@@ -347,7 +347,7 @@ def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[Parameter
     )
     rises, slopes = load.by({name.name: known[name] for name in weights})
     by = np.array([known[name] for name in levels])
-    return np.vstack([by @ rises, rises, np.tensordot(by, slopes, 1)]), (*levels, *weights)
+    return np.vstack([by @ rises, rises, np.einsum("m,mkn->kn", by, slopes)]), (*levels, *weights)
 
 
 def by_name(problem: DynamicProblem, rows: Iterable[Array]) -> dict[Unknown, Array]:
