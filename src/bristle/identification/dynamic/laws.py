@@ -22,6 +22,7 @@ from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dyna
 from bristle.identification.dynamic.unknowns import solved, with_deflections
 from bristle.identification.fits import TrackingFit
 from bristle.identification.load_levels import LINEAR
+from bristle.identification.model_criteria import power_of
 from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors
 from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, ParameterName, in_direction
@@ -35,8 +36,8 @@ _ROUGH = 4.0
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
 """Where a term begins that the law in force does not show: shares of alpha_0, of the fastest speed, and of the load."""
-_UNSEEN = 1e-10
-"""A direction whose squared singular value is this share of the largest is not moved by what is left out."""
+_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
+"""Of a step to the minimum of some equations, in turn: what is added to the squared length of each column, which is one."""
 _LEAST = 0.05
 """Of a change of the torque: that much of it is never made by the torque itself."""
 
@@ -124,8 +125,8 @@ def _start(problem: DynamicProblem, alone: TrackingFit) -> dict[ParameterName, f
 def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[float | None]:
     """The squared error of each part of the equations, a mask (n,), predicted from all others; None where these tell too little.
 
-    The others' own minimum is one step of Gauss and Newton away from that of all; the first equation of each motion is
-    always among them, without which its deflection would be anything.
+    The others' own minimum is one step of Gauss and Newton away from that of all, damped where it would leave them more;
+    the first equation of each motion is always among them, without which its deflection would be anything.
     """
     share, problem, unknowns = one.not_itself, one.problem, one.unknowns
     first = [block.rows.start for block in problem.blocks]
@@ -140,16 +141,18 @@ def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[f
         if part.size - out.sum() < free.sum():
             costs.append(None)
             continue
-        step = np.zeros(one.x.size)
-        rest = gram - J[out].T @ J[out]
-        step[free] = (
-            -np.linalg.pinv(rest, _UNSEEN, hermitian=True) @ (slope - J[out].T @ one.residuals[out]) / size[free]
-        )
-        x = np.clip(one.x + step, unknowns.lower, unknowns.upper)
-        model = modelled(problem, {**one.values, **unknowns.values(x)})
-        left = measured - np.concatenate([m.smoothed(T) for m, T in zip(problem.motions, model, strict=True)])
-        cost = float(np.sum((left[part] / share[part]) ** 2))
-        costs.append(cost if np.isfinite(cost) else None)
+        rest, pull = gram - J[out].T @ J[out], slope - J[out].T @ one.residuals[out]
+        left = one.residuals
+        for damping in _DAMPING:
+            x = one.x.copy()
+            x[free] -= np.linalg.solve(rest + damping * np.eye(pull.size), pull) / size[free]
+            x = np.clip(x, unknowns.lower, unknowns.upper)
+            model = modelled(problem, {**one.values, **unknowns.values(x)})
+            trial = measured - np.concatenate([m.smoothed(T) for m, T in zip(problem.motions, model, strict=True)])
+            if power_of(trial[~out]) <= power_of(one.residuals[~out]):
+                left = trial
+                break
+        costs.append(power_of(left[part] / share[part]))
     return costs
 
 
