@@ -25,9 +25,9 @@ import export_mujoco
 from bristle.api.exporting import exported_joints
 from bristle.control.adaptation import LAWS, STEPS, Adaptation
 from bristle.control.compensator import Compensator
-from bristle.questions.export.c_check import FLAGS, compiled, motion, python_torque
-from bristle.questions.export.c_header import header
+from bristle.questions.export.c_header import header, python_torque
 from bristle.questions.export.exported import ExportedJoint
+from export_checks.c import FLAGS, compiled, motion
 from timing import least
 
 RESULTS = Path(__file__).parents[1] / "reports" / "edro" / "results.json"

@@ -25,7 +25,8 @@ import numpy as np
 
 import bristle
 from bristle.questions.export.export import Export
-from bristle.questions.export.fmu_check import (
+from bristle.questions.export.loss import rms_percent
+from export_checks.fmu import (
     SECONDS,
     STEP,
     LoadedFmu,
@@ -41,7 +42,6 @@ from bristle.questions.export.fmu_check import (
     radau_held,
     source_only,
 )
-from bristle.questions.export.loss import rms_percent
 
 RESULTS = Path(__file__).parents[1] / "reports" / "edro" / "results.json"
 STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5)

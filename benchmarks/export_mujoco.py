@@ -34,7 +34,6 @@ from bristle.mujoco import Friction
 from bristle.questions.export import mjcf_frictionloss
 from bristle.questions.export.artefact import Request
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
-from bristle.questions.export.fmu_check import radau_continuous, radau_held
 from bristle.questions.export.loss import (
     StatedMotion,
     all_motions,
@@ -44,9 +43,11 @@ from bristle.questions.export.loss import (
     lugre,
     rms_percent,
 )
-from bristle.questions.export.mjcf_played import STEP, at_steps, last_period, step_times
+from bristle.questions.export.mjcf import STEP
 from bristle.questions.export.symmetric import best_symmetric
 from bristle.simulation.references import Sine
+from export_checks.fmu import radau_continuous, radau_held
+from export_checks.mjcf import at_steps, frictionloss_played, last_period, step_times
 
 RESULTS, JOINT = Path(__file__).parents[1] / "reports" / "edro" / "results.json", "wrist pitch"
 SECONDS, STEPS = 10.0, (0.002, 0.001)
@@ -159,7 +160,7 @@ def fall_backs(joint: ExportedJoint) -> Iterator[str]:
     yield f"  {'amplitude, rad':32}" + "".join(f"{x.amplitude:>9.3g}" for x in sines)
     artefact = mjcf_frictionloss.TARGET.write([joint], Request())
     compiled = mujoco.MjModel.from_xml_string(artefact.content.decode())
-    played = (mjcf_frictionloss.frictionloss_played(mujoco, compiled, joint, x) for x in sines)
+    played = (frictionloss_played(mujoco, compiled, joint, x) for x in sines)
     true = [at_steps(friction_of(joint), x) for x in sines]
     lost = {
         name: [rms_percent(at_steps(f, x), T) for x, T in zip(sines, true, strict=True)] for name, f in models.items()

@@ -85,7 +85,7 @@ def questions(results: bristle.Results) -> None:
     handed: bristle.Export = bristle.export(results, "json")
     with tempfile.TemporaryDirectory() as folder:
         assert bristle.read_export(handed.write(Path(folder) / "wrist.json")) == handed.joints
-    assert results.export("urdf").check()
+    assert results.export("urdf").content
     checked: pd.DataFrame = bristle.validate(results, repetitions=20, starts=2).to_frame()
     assert planned
     assert len(checked)

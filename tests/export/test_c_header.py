@@ -23,13 +23,14 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import Direction, Lugre, ParameterName, unit
 from bristle.questions.export import c_code
 from bristle.questions.export.artefact import Artefact, Request
-from bristle.questions.export.c_check import FLAGS, compiled, motion, python_torque
-from bristle.questions.export.c_header import TARGET, header, kind_of
+from bristle.questions.export.c_header import TARGET, header, kind_of, python_torque
 from bristle.questions.export.c_numbers import identifier, ranges
 from bristle.questions.export.c_step import printed_step
 from bristle.questions.export.export import export_joints
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.simulation import edro
+from export_checks import check
+from export_checks.c import FLAGS, compiled, motion
 
 from .conftest import OTHERS, Handed, of_law
 
@@ -86,10 +87,10 @@ def test_c_is_python(compensator: Compensator, handed: Handed) -> None:
 @needs_gcc
 @pytest.mark.parametrize("name", edro.TABLE_1)
 def test_every_joint_is_exported(name: str, handed: Handed) -> None:
-    """What `--check` says of the four joints holds the figures: 0 in double precision, the self-tests passed."""
+    """What `export_checks` says of the four joints holds the figures: 0 in double precision, the self-tests passed."""
     joint = handed(name)
     request = Request()
-    double, single = TARGET.check(TARGET.write([joint], request), [joint], request)
+    double, single = check("c", TARGET.write([joint], request), [joint], request)
     assert double.startswith("double precision: 0.0e+00 of the peak torque")
     assert double.endswith("passed")
     assert single.endswith("passed")

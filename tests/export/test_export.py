@@ -210,14 +210,6 @@ def test_a_compensator_without_a_bristle_says_what_it_leaves_out() -> None:
     assert not bristle.export(RESULTS, "c", joint="wrist pitch").artefact.losses
 
 
-def test_a_failed_check_ends_with_1(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A check that finds the artefact wrong is a defect of bristle, and said."""
-    monkeypatch.setattr("bristle.questions.export.json_document.as_values", lambda _: object())
-    ran = run("export", RESULTS, "--to", "json", "-o", tmp_path / "out.json", "--check")
-    assert ran.code == 1
-    assert "1 of the checks failed" in ran.err
-
-
 def test_what_is_doubtful_is_said(handed: Handed) -> None:
     """Base rotation is not passive, which stands in what is printed and in the artefact; an interval that holds zero is said too."""
     handed_over = bristle.export(RESULTS, "c", joint="base rotation")

@@ -23,29 +23,32 @@ import pytest
 from bristle.errors import InputError
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.page.output_folder import zipped
-from bristle.questions.export import c_check, fmu_check
-from bristle.questions.export.artefact import Artefact, NotInstalled, Request
+from bristle.questions.export.artefact import Artefact, Request
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.questions.export.fmu import TARGET, base_units, fmu_binary, fmu_variables, longest_step
-from bristle.questions.export.fmu_check import (
+from bristle.questions.export.loss import rms_percent
+from bristle.simulation import edro
+from export_checks import check
+from export_checks.c import FLAGS
+from export_checks.common import NotInstalled
+from export_checks.fmu import (
     STEP,
     LoadedFmu,
     Played,
     communication_points,
     drive_torque,
     fmu_problems,
+    installed_fmpy,
     loaded_fmu,
     of_largest,
     python_joint,
     radau_held,
 )
-from bristle.questions.export.loss import rms_percent
-from bristle.simulation import edro
 
 from .conftest import Handed
 
 try:
-    NO_FMPY = not fmu_check.installed_fmpy()
+    NO_FMPY = not installed_fmpy()
 except NotInstalled:
     NO_FMPY = True
 HERE = platform.system() == "Linux" and platform.machine() == "x86_64" and shutil.which("cc") is not None
@@ -98,11 +101,11 @@ def wrist(handed: Handed) -> Iterator[LoadedFmu]:
 
 @runs
 def test_check_holds_the_figures(handed: Handed) -> None:
-    """What `--check` says: valid; <= 1e-12 off Python; <= 0.01 % off Radau; the sources, built by fmpy, give the same."""
+    """What `export_checks` says: valid; <= 1e-12 off Python; <= 0.01 % off Radau; the sources, built by fmpy, give the same."""
     joint = handed("wrist pitch")
     if shutil.which("make") is None and shutil.which("ninja") is None:
         pytest.skip("fmpy needs make or ninja to build, which are not installed")
-    valid, python, radau, sources = TARGET.check(handed_over(joint), [joint], Request())
+    valid, python, radau, sources = check("fmu", handed_over(joint), [joint], Request())
     assert valid == "fmpy validation: no problem"
     assert float(re.findall(r"sliding: (\S+) of", python)[0]) <= 1e-12
     assert float(re.findall(r"Radau: (\S+) %", radau)[0]) <= 0.01
@@ -202,7 +205,7 @@ def test_no_warning(handed: Handed, tmp_path: Path) -> None:
         if name.startswith("sources/"):
             (tmp_path / Path(name).name).write_bytes(content)
     for options in ([], ["-DFMI2_FUNCTION_PREFIX=abc_"], ["-DBRISTLE_SINGLE"], ["-Wshadow", "-O0"]):
-        done = run(tmp_path, "gcc", *c_check.FLAGS, *options, "-c", "fmu.c", "-o", "fmu.o")
+        done = run(tmp_path, "gcc", *FLAGS, *options, "-c", "fmu.c", "-o", "fmu.o")
         assert (done.returncode, done.stderr) == (0, "")
 
 
@@ -426,7 +429,7 @@ def test_wrong_instances_are_not_made(wrist: LoadedFmu, capsys: pytest.CaptureFi
 @runs
 def test_memory_is_the_environments(wrist: LoadedFmu) -> None:
     """One piece for an instance and one for a state, by the given functions, all of it given back; none while it steps."""
-    fmpy = fmu_check.installed_fmpy()
+    fmpy = installed_fmpy()
     taken: list[int] = []
 
     def allocate(n: int, size: int) -> int:
@@ -490,7 +493,7 @@ def test_hostile_names_stay_harmless(name: str, handed: Handed, tmp_path: Path) 
     assert "<b>" not in text
     for file in ("fmu.c", "joint.h"):
         (tmp_path / file).write_text(content[f"sources/{file}"].decode("ascii"), encoding="ascii")
-    done = run(tmp_path, "gcc", *c_check.FLAGS, "-c", "fmu.c", "-o", "fmu.o")
+    done = run(tmp_path, "gcc", *FLAGS, "-c", "fmu.c", "-o", "fmu.o")
     assert (done.returncode, done.stderr) == (0, "")
     if not NO_FMPY:
         assert fmu_problems(artefact.content) == []
@@ -536,10 +539,10 @@ def test_a_machine_of_another_kind_gets_sources(handed: Handed, monkeypatch: pyt
 def test_a_check_says_that_fmpy_is_missing(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
     """Without fmpy, what to install."""
     monkeypatch.setattr(importlib, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
-    fmu_check.installed_fmpy.cache_clear()
+    installed_fmpy.cache_clear()
     joint = handed()
     with pytest.raises(NotInstalled, match=r"fmpy is not installed; install bristle\[fmu\]"):
-        TARGET.check(Artefact(name="x", content=b"", holds=""), [joint], Request())
+        check("fmu", Artefact(name="x", content=b"", holds=""), [joint], Request())
 
 
 @needs_fmpy
@@ -604,7 +607,7 @@ def test_what_is_left_out_is_said(handed: Handed) -> None:
 
 
 def test_a_played_joint_is_compared_by_its_largest() -> None:
-    """The measure of `check` is the largest difference over the largest value, of position or velocity, whichever is worse."""
+    """The measure of `export_checks` is the largest difference over the largest value, of position or velocity, whichever is worse."""
     one, zero = np.array([0.0, 2.0]), np.zeros(2)
     assert of_largest(
         Played(one, one + np.array([0.0, 0.02]), zero, zero), Played(one, one, zero, zero)

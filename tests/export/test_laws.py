@@ -22,15 +22,17 @@ from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.model.vectorize import evaluate
 from bristle.questions.export import c_header, export, fmu, mjcf
 from bristle.questions.export.artefact import Request
-from bristle.questions.export.c_check import compiled, motion
 from bristle.questions.export.equations import equations
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.json_document import check_json, read_export, write_json
-from bristle.questions.export.latex import check_latex, write_latex
+from bristle.questions.export.json_document import read_export, write_json
+from bristle.questions.export.latex import write_latex
 from bristle.questions.export.loss import all_motions, losses, lugre
 from bristle.questions.export.matlab import write_matlab
 from bristle.questions.export.symmetric import best_symmetric
 from bristle.questions.export.targets import TARGETS
+from export_checks import check
+from export_checks.c import compiled, motion
+from export_checks.documents import check_json, check_latex
 
 from .conftest import OTHERS, Handed, of_law
 
@@ -73,7 +75,7 @@ def outside(monkeypatch: pytest.MonkeyPatch) -> Law:
 def test_c_is_python(of: Law, compensator: Compensator, handed: Handed) -> None:
     """In double precision no torque differs, adapting or not, within v_end and beyond it; in single 5e-6; the self-tests pass."""
     joint, request = of_law(handed("wrist pitch"), of), Request(compensator=compensator)
-    double, single = c_header.TARGET.check(c_header.TARGET.write([joint], request), [joint], request)
+    double, single = check("c", c_header.TARGET.write([joint], request), [joint], request)
     assert double.startswith("double precision: 0.0e+00 of the peak torque")
     assert double.endswith("passed")
     assert single.endswith("passed")
@@ -116,13 +118,13 @@ def test_a_header_names_the_law_and_its_parameters(of: Law, handed: Handed) -> N
 @needs_gcc
 @pytest.mark.parametrize("of", [OTHERS[0], OTHERS[-1]], ids=lambda of: of.name)
 def test_the_fmu_is_the_joint(of: Law, handed: Handed) -> None:
-    """Its variables are the parameters of the law; `--check` finds it valid, as Python steps it, and close to the continuous equations."""
+    """Its variables are the parameters of the law; `export_checks` finds it valid, as Python steps it, and close to the continuous equations."""
     pytest.importorskip("fmpy", reason="needs fmpy: pip install fmpy")
     joint = of_law(handed("wrist pitch"), of)
     starts = {x.name: x.start for x in fmu.fmu_variables(joint)}
     for d, p in zip(("positive", "negative"), joint.pair, strict=True):
         assert {name: starts[f"{d}.{name}"] for name in p._fields} == p._asdict()
-    valid, python, radau, *_ = fmu.TARGET.check(fmu.TARGET.write([joint], ASK), [joint], ASK)
+    valid, python, radau, *_ = check("fmu", fmu.TARGET.write([joint], ASK), [joint], ASK)
     assert valid == "fmpy validation: no problem"
     assert float(re.findall(r"sliding: (\S+) of", python)[0]) <= 1e-12
     assert float(re.findall(r"Radau: (\S+) %", radau)[0]) <= 0.01
@@ -273,7 +275,7 @@ def test_every_target_takes_a_law(to: str, handed: Handed) -> None:
 def test_a_law_from_outside_is_handed_over(outside: Law, handed: Handed, tmp_path: Path) -> None:
     """C, FMU, JSON, MATLAB and LaTeX have a registered law as they have bristle's own; MJCF says what it loses."""
     joint = of_law(handed("wrist pitch"), outside)
-    double, single = export.export_joints([joint], "c", ASK).check()
+    double, single = check("c", c_header.TARGET.write([joint], ASK), [joint], ASK)
     assert double.startswith("double precision: 0.0e+00 of the peak torque")
     assert single.endswith("passed")
     assert "#define BR_ATAN atan\n" in c_header.header(joint, Compensator())

@@ -13,6 +13,7 @@ from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.questions.export.loss import all_motions, losses, lugre
 from bristle.questions.export.symmetric import best_symmetric
 from bristle.questions.export.xml_edit import as_read
+from export_checks import check
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 Handed = Callable[..., ExportedJoint]
@@ -63,7 +64,7 @@ def error(line: str, of: str) -> float:
 def test_one_set_is_what_mujoco_has(one_set: ExportedJoint) -> None:
     """One set imposed at 0.5 Hz and 2 ms: torque RMS error at most 0.5 % at 1, 0.1 and 0.02 rad, and nothing is lost."""
     artefact = mjcf.TARGET.write([one_set], Request())
-    lines = mjcf.TARGET.check(artefact, [one_set], Request())
+    lines = check("mujoco", artefact, [one_set], Request())
     assert [line.split()[2] for line in lines[:3]] == ["1", "0.1", "0.02"]
     assert all(error(line, "model held") <= 0.5 for line in lines)
     assert [x.percent for x in artefact.losses[one_set.name]] == [0.0] * 4
@@ -76,7 +77,7 @@ def test_a_pair_loses_what_is_said(handed: Handed, name: str) -> None:
     """Directions that differ: MuJoCo has the set that is written to 0.5 %, and loses of the joint what the artefact says, to 0.5 % of the torque."""
     joint = handed(name)
     artefact = mjcf.TARGET.write([joint], Request())
-    lines = mjcf.TARGET.check(artefact, [joint], Request())
+    lines = check("mujoco", artefact, [joint], Request())
     assert all(error(line, "model held") <= 0.5 for line in lines)
     for line, said in zip(lines[3:], artefact.losses[name], strict=True):
         assert abs(error(line, "joint") - said.percent) < 0.6
@@ -123,6 +124,11 @@ def test_the_largest_time_step_is_one(handed: Handed) -> None:
         assert bool(abs(data.qvel[0]) < 1e-6) is settles
 
 
+def called(target: ExportTarget) -> str:
+    """Its name."""
+    return mjcf.NAME if target is mjcf.TARGET else mjcf_frictionloss.NAME
+
+
 @pytest.mark.parametrize("target", TARGETS)
 def test_what_mujoco_loads_is_written(handed: Handed, target: ExportTarget) -> None:
     """Two joints, one that slides: the example loads by itself, with the armature that was identified, and checks itself."""
@@ -131,7 +137,7 @@ def test_what_mujoco_loads_is_written(handed: Handed, target: ExportTarget) -> N
     model = mujoco.MjModel.from_xml_string(artefact.content.decode())
     assert [model.joint(x.name).type[0] for x in joints] == [3, 2]
     assert [model.joint(x.name).armature[0] for x in joints] == [x.rotor_inertia for x in joints]
-    assert len(target.check(artefact, joints, Request())) == 14
+    assert len(check(called(target), artefact, joints, Request())) == 14
     assert artefact == target.write(joints, Request())
 
 
@@ -173,7 +179,7 @@ def test_hostile_names_stay_names(handed: Handed, target: ExportTarget, name: st
     assert model.joint(0).name == as_read(name)
     assert not any(ord(c) < 32 and c != "\n" for c in artefact.content.decode())
     assert "\u202e" not in artefact.content.decode()
-    assert target.check(artefact, [joint], Request())
+    assert check(called(target), artefact, [joint], Request())
 
 
 @pytest.mark.parametrize("target", TARGETS)
@@ -187,7 +193,7 @@ def test_merging_touches_nothing_else(handed: Handed, target: ExportTarget) -> N
     assert rest.startswith(old[:begin])
     assert rest.endswith(b"\n</mujoco>\n<!-- end -->\n")
     assert old.split(b'range="-90 90"/>')[1].split(b"\n</mujoco>")[0] in rest
-    lines = target.check(artefact, [joint], request)
+    lines = check(called(target), artefact, [joint], request)
     model = mujoco.MjModel.from_xml_string(rest.decode())
     assert model.dof_armature[0] == joint.inertia
     if target is mjcf.TARGET:
@@ -199,7 +205,7 @@ def test_a_model_that_needs_its_files_is_merged_into(handed: Handed) -> None:
     """A mesh that is not beside the text: the merge is written, and its friction is run in the example, which is said."""
     into = ROBOT.replace(b"<worldbody>", b'<asset><mesh file="no.stl"/></asset><worldbody>')
     request = Request(into=into, into_name="arm.xml")
-    lines = mjcf.TARGET.check(mjcf.TARGET.write([handed("wrist pitch")], request), [handed("wrist pitch")], request)
+    lines = check("mujoco", mjcf.TARGET.write([handed("wrist pitch")], request), [handed("wrist pitch")], request)
     assert "does not load" in lines[0]
     assert len(lines) == 8
 

@@ -40,6 +40,8 @@ from bristle.model.parameters import SIGNED, ParameterName
 
 _STEPS = 100
 """Of the LuGre fit that no stage has done yet, at the most: one set of friction for directions that differ has a long way along a flat valley."""
+_WORTH = 0.05
+"""Of BIC: less decides nothing about directions."""
 _DEPENDENT = 1e8
 """Condition number beyond which columns are told apart by rounding alone."""
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
@@ -235,8 +237,12 @@ def refitted(
     called: str,
     directions: tuple[str, ...],
     near: Values | None = None,
+    worth: float = 0.0,
 ) -> ModelCandidate:
-    """LuGre in other directions than those of the fit, from where that fit ended, or from values that are `near`."""
+    """LuGre in other directions than those of the fit, from where that fit ended, or from values that are `near`.
+
+    It ends where the next step would lower BIC by less than `worth`.
+    """
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
 
     def posed(chosen: Sequence[Record]) -> DynamicProblem:
@@ -248,7 +254,8 @@ def refitted(
     start = {name: value for name, value in carried(problem, alone.known).items() if name not in problem.fixed}
     begin = with_deflections(problem, start)  # the law, or what is held, may have changed since `near`
     begin |= {name: value for name, value in (near or {}).items() if name in begin}
-    values, minimum = fit(problem, begin, _STEPS)
+    enough = worth * alone.rms**2 * inflation(alone.residuals) if worth else 0.0
+    values, minimum = fit(problem, begin, _STEPS, enough)
     known = {name: value for name, value in values.items() if isinstance(name, ParameterName)}
     return ModelCandidate(
         model=LUGRE,
@@ -272,7 +279,7 @@ def bic_of_directions(
         return {}, {}
     count, symmetric = len(alone.names) + len(alone.starts_of_runs), alone.residuals
     try:
-        apart = refitted(experiment, records, (), alone, APART, tuple(DIRECTIONS))
+        apart = refitted(experiment, records, (), alone, APART, tuple(DIRECTIONS), worth=_WORTH)
     except InputError:  # a start that shows nothing is no reason to fail
         return {}, {}
     effective = symmetric.size / inflation(min(symmetric, apart.residuals, key=power_of))

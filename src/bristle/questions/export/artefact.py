@@ -45,11 +45,9 @@ class Artefact:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportTarget:
-    """A kind of artefact: who writes it, and who tries it."""
+    """A kind of artefact: who writes it, and of what."""
 
     write: Callable[[Sequence[ExportedJoint], Request], Artefact]
-    check: Callable[[Artefact, Sequence[ExportedJoint], Request], tuple[str, ...]]
-    """Runs it in its target, and says in lines what came out; raises `NotInstalled` where that is missing."""
     single: bool = False
     """Whether it holds one joint."""
     fitted: bool = False
@@ -58,21 +56,6 @@ class ExportTarget:
     """Whether it can be merged into a given model."""
     loaded: bool = False
     """Whether it has the load that friction rises with."""
-
-
-class Failed(str):
-    """A line of a check that found an artefact wrong."""
-
-    __slots__ = ()
-
-
-def told_by(holds: bool, line: str, otherwise: str) -> str:
-    """A line of a check, or what stands in its place where that does not hold."""
-    return line if holds else Failed(otherwise)
-
-
-class NotInstalled(Exception):  # noqa: N818  # no error: a check that cannot be made here
-    """Why an artefact cannot be tried on this machine, and what to install."""
 
 
 _LONGEST = 50

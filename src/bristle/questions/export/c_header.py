@@ -18,13 +18,12 @@ from bristle.control.compensator import Compensator
 from bristle.control.running import RunningCompensator
 from bristle.control.symbolic import settings_of
 from bristle.errors import InputError
-from bristle.model.laws.parts import Law
-from bristle.model.parameters import in_current, slides, unit
+from bristle.model.laws.parts import FASTEST, Law
+from bristle.model.parameters import Pair, in_current, lugre_of, slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export import c_code
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, large_losses, left_out, slug
-from bristle.questions.export.c_check import check_header, numbers_of, python_torque, top_speed
-from bristle.questions.export.c_numbers import c_field, digits, identifier, range_of, stem_of
+from bristle.questions.export.c_numbers import RANGES, c_field, digits, identifier, range_of, stem_of
 from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_joint, printed_step
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Friction, losses, lugre, stated_motions
@@ -34,6 +33,36 @@ _STEPS, _DT, _HERTZ = 48, 5e-3, 2.5
 """The test vector: steps, their length, s, and the frequency of its sine, Hz."""
 _DOUBLE, _SINGLE = 1e-12, 5e-6
 """How far a torque of the test vector may be off, over the largest."""
+
+
+def numbers_of(joint: ExportedJoint) -> Pair[float]:
+    """The joint's sets; without a bristle for compensators that have none, a stiffness of 1 standing for what does not enter."""
+    if joint.has_bristle:
+        return joint.pair
+    return Pair(*(lugre_of(joint.law)(**p._asdict(), sigma_0=1.0, sigma_1=0.0) for p in joint.curves))
+
+
+def top_speed(joint: ExportedJoint) -> float:
+    """The speed up to which the printed C is tried, rad/s: half of the fastest measured one, or, of a law with terms, beyond v_end.
+
+    Viscous friction is another there where a term is below zero.
+    """
+    beyond = [getattr(p, FASTEST) for p in joint.curves] if joint.law.terms else []
+    return min(1.2 * max(beyond), 0.9 * RANGES["velocity"][1]) if beyond else 0.5 * joint.fastest
+
+
+def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[str, Array]) -> Array:
+    """What the compensator in Python makes of it from rest, N*m, (n,)."""
+    rises = joint.rises
+    running = RunningCompensator(compensator, numbers_of(joint), rises=rises)
+    motion = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
+    rows = np.array([inputs[name] for name in (*motion, "motor_torque", "link_torque")]).T.tolist()
+    return np.array(
+        [
+            running.step(h, (y_ref, v_ref, a_ref), y, v, (tau_m, tau_l) if rises else None)
+            for h, y_ref, v_ref, a_ref, y, v, tau_m, tau_l in rows
+        ]
+    )
 
 
 def header(joint: ExportedJoint, compensator: Compensator) -> str:
@@ -209,4 +238,4 @@ def _alone(joint: ExportedJoint, compensator: Compensator) -> Friction:
     return torque
 
 
-TARGET = ExportTarget(write=_write, check=check_header, single=True, loaded=True)
+TARGET = ExportTarget(write=_write, single=True, loaded=True)

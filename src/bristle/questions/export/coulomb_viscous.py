@@ -3,11 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from bristle.errors import InputError, one_line, short, short_list
+from bristle.errors import InputError, one_line, short
 from bristle.findings import Finding
 from bristle.model.parameters import slides, unit
-from bristle.page.wording import counted, number
-from bristle.questions.export.artefact import Failed, Request, large_losses, left_out
+from bristle.page.wording import number
+from bristle.questions.export.artefact import Request, large_losses, left_out
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import (
     Loss,
@@ -18,12 +18,10 @@ from bristle.questions.export.loss import (
     losses,
 )
 from bristle.questions.export.notes import notes
-from bristle.questions.export.xml_edit import XmlElement, as_read, joint_named
+from bristle.questions.export.xml_edit import XmlElement, joint_named
 
 _TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
 """Of a joint in a URDF or an SDF, by whether the exported one slides."""
-Values = Mapping[str, tuple[float, float]]
-"""Damping and friction, N*m*s/rad and N*m, by the joint's name."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,19 +92,6 @@ def axis_note(one: CoulombViscous) -> str:
 def axis_values(one: CoulombViscous) -> dict[str, str]:
     """What `<dynamics>` has, every digit."""
     return {"damping": repr(one.viscous), "friction": repr(one.coulomb)}
-
-
-def expected_values(found: Sequence[CoulombViscous]) -> Values:
-    """What a reader of the XML must find, by the names that it has for the joints."""
-    return {as_read(one.joint.name): (one.viscous, one.coulomb) for one in found}
-
-
-def compared(who: str, held: Values, expected: Values) -> str:
-    """A line: whether these joints have the values that were exported."""
-    wrong = [name for name, values in expected.items() if held.get(name) != values]
-    if wrong:
-        return Failed(f"{who}: damping and friction are NOT as exported in {short_list(map(short, wrong))}")
-    return f"{who}: damping and friction are as exported, to the last bit, in {counted(len(expected), 'joint')}"
 
 
 def place_of(what: str, elements: Sequence[XmlElement], joint: ExportedJoint, remedy: str = "") -> XmlElement:

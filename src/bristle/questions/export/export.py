@@ -1,4 +1,4 @@
-"""An export as `bristle.export` returns it: it says what is lost, writes its file, and tries it in its target."""
+"""An export as `bristle.export` returns it: it says what is lost, and writes its file."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from bristle.identification.verdict import Trust
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import unit
 from bristle.page.output_folder import write_bytes
-from bristle.questions.export.artefact import Artefact, ExportTarget, Failed, NotInstalled, Request
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import told
 from bristle.questions.export.targets import target
@@ -46,18 +46,6 @@ class Export:
         path = Path(self.artefact.name if path is None else path)
         write_bytes(path, self.content)
         return path
-
-    def check(self) -> tuple[str, ...]:
-        """Run the artefact in its target, and say what came out, in lines; one line says why, where the target is not installed."""
-        try:
-            return target(self.to).check(self.artefact, self.joints, self.request)
-        except NotInstalled as missing:
-            return (f"not run in its target: {missing}",)
-
-    @staticmethod
-    def failed(lines: Sequence[str]) -> tuple[str, ...]:
-        """Those lines of a check that found the artefact wrong."""
-        return tuple(line for line in lines if isinstance(line, Failed))
 
 
 def export_joints(

@@ -26,7 +26,6 @@ from bristle.questions.export.c_code import escaped
 from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import RANGES, identifier, range_of
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.fmu_check import check_fmu
 from bristle.questions.export.loss import Loss, all_motions, losses, lugre
 from bristle.questions.export.notes import notes
 from bristle.questions.export.xml_edit import attribute
@@ -279,5 +278,5 @@ def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  #
     )
 
 
-TARGET = ExportTarget(write=write_fmu, check=check_fmu, single=True)
+TARGET = ExportTarget(write=write_fmu, single=True)
 """Joint and friction."""

@@ -1,13 +1,12 @@
 """JSON of schema bristle-export/1: all that is known of the joints, to the last digit; and how it is read back."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from bristle.errors import InputError, one_line, read_at_most
 from bristle.identification.results import first_reason
-from bristle.questions.export.artefact import Artefact, ExportTarget, Failed, Request, slug, told_by
-from bristle.questions.export.document_schema import SCHEMA, as_json, as_values, export_schema, joints_in
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
+from bristle.questions.export.document_schema import SCHEMA, as_json, joints_in
 from bristle.questions.export.exported import ExportedJoint
 
 LARGEST_EXPORT = 10_000_000
@@ -20,28 +19,6 @@ _SHOWN = 300
 def write_json(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
     """The document as JSON."""
     return Artefact(name=f"{slug(joints)}_friction.json", content=as_json(joints).encode(), holds=HOLDS_ALL)
-
-
-def check_json(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked
-    """Validates the document by its schema, and reads it back."""
-    text = artefact.content.decode()
-    return validated(json.loads(text)), told_back(joints_in(text), joints)
-
-
-def validated(values: object) -> str:
-    """A line: whether a document is as its schema says, by jsonschema, or else by pydantic as it is read."""
-    try:
-        import jsonschema
-    except ImportError:
-        return f"{SCHEMA}: pydantic takes it; install jsonschema to hold it to docs/export.schema.json"
-    wrong = next(iter(jsonschema.Draft202012Validator(export_schema()).iter_errors(values)), None)
-    return f"{SCHEMA}: valid" if wrong is None else Failed(f"{SCHEMA}: NOT valid ({one_line(wrong.message, 120)})")
-
-
-def told_back(read: Sequence[ExportedJoint], joints: Sequence[ExportedJoint]) -> str:
-    """A line: whether the joints that were read back are those that were exported."""
-    same = tuple(read) == tuple(joints) and as_values(read) == as_values(joints)
-    return told_by(same, "read back: equal to the last bit", "read back: NOT what was exported")
 
 
 def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
@@ -57,4 +34,4 @@ def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
         ) from error
 
 
-TARGET = ExportTarget(write=write_json, check=check_json, loaded=True)
+TARGET = ExportTarget(write=write_json, loaded=True)

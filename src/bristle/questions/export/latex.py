@@ -4,17 +4,13 @@ Where the friction law is not the paper's, its equations stand below the table.
 """
 
 import re
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from bristle.errors import one_line
 from bristle.model.formula import abbreviated, as_latex, formula_of, symbol_of
 from bristle.model.parameters import SIGNED, Direction, of_friction
 from bristle.page.wording import FITS, measured, shortened, slugs, span
-from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
 from bristle.questions.export.equations import equations
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.questions.export.notes import notes
@@ -142,20 +138,4 @@ def _letter(c: str) -> str:
     return c if c.isascii() or (c.isalpha() and "\u00c0" <= c <= "\u00ff" and c not in "ÐðÞþ") else f"[U+{ord(c):04X}]"
 
 
-def check_latex(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked
-    """Sets the table by pdflatex, without leave to run programs. Raises NotInstalled where that is not installed."""
-    program = shutil.which("pdflatex")
-    if program is None:
-        raise NotInstalled("pdflatex, which sets the table, is not here: install texlive")
-    with tempfile.TemporaryDirectory() as folder:
-        page = b"\\documentclass{article}\\begin{document}\n%b\\end{document}\n"
-        (Path(folder) / "checked.tex").write_bytes(page % artefact.content)
-        done = subprocess.run(  # noqa: S603  # the program that was found, and our own file
-            [program, "-no-shell-escape", "-interaction=nonstopmode", "-halt-on-error", "checked.tex"],
-            cwd=folder, capture_output=True, text=True, errors="replace", timeout=120, check=False,
-        )  # fmt: skip  # a call
-    wrong = next((line for line in done.stdout.splitlines() if line.startswith("!")), f"status {done.returncode}")
-    return ("pdflatex: sets it" if done.returncode == 0 else f"pdflatex refuses it: {one_line(wrong, 200)}",)
-
-
-TARGET = ExportTarget(write=write_latex, check=check_latex)
+TARGET = ExportTarget(write=write_latex)

@@ -5,16 +5,12 @@ Where the friction law is not the paper's, the struct has its equations as well,
 
 import math
 import re
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from bristle.errors import one_line
 from bristle.model.parameters import Direction, unit
 from bristle.page.wording import slugs
-from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
 from bristle.questions.export.equations import equations
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.questions.export.matlab_code import in_matlab
@@ -115,29 +111,4 @@ def _text(text: str) -> str:
     return f"native2unicode(uint8([{codes}]), 'UTF-8')"
 
 
-_ASSIGNED = re.compile(r"(\w[\w.]*) = struct\('value'")
-"""A parameter in the script."""
-
-
-def check_matlab(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:  # noqa: ARG001  # whatever is asked
-    """Runs the script in Octave, and compares every value. Raises NotInstalled where that is not installed."""
-    octave = shutil.which("octave-cli") or shutil.which("octave")
-    if octave is None:
-        raise NotInstalled("Octave, which runs the script, is not here: install octave")
-    lines = artefact.content.decode("ascii").splitlines()
-    places = [found[1] for line in lines if (found := _ASSIGNED.match(line))]
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "checked.m"
-        shown = "\n".join(f"printf('%.17g\\n', {place}.value);" for place in places)
-        path.write_bytes(artefact.content + shown.encode("ascii") + b"\n")
-        done = subprocess.run(  # noqa: S603  # the program that was found, and our own file
-            [octave, "--no-gui", "--norc", str(path)], capture_output=True, text=True, timeout=60, check=False
-        )
-    if done.returncode:
-        return (f"Octave refuses it: {one_line(done.stderr, 200)}",)
-    held = [float(x) for x in done.stdout.split()]
-    same = held == [one.value for joint in joints for one in joint.parameters]
-    return (f"Octave: its {len(held)} values are {'as exported, to the last bit' if same else 'NOT as exported'}",)
-
-
-TARGET = ExportTarget(write=write_matlab, check=check_matlab)
+TARGET = ExportTarget(write=write_matlab)

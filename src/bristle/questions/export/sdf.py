@@ -3,24 +3,18 @@
 SDF holds Coulomb friction and damping, N*m and N*m*s/rad (N and N*s/m where the joint slides), and no rotor inertia.
 """
 
-import shutil
-import subprocess
-import tempfile
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bristle.errors import InputError, one_line, short
 from bristle.model.parameters import slides
-from bristle.questions.export.artefact import Artefact, ExportTarget, NotInstalled, Request, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
 from bristle.questions.export.coulomb_viscous import (
     AXIS_HOLDS,
     CoulombViscous,
     axis_note,
     axis_values,
     best_values,
-    compared,
-    expected_values,
     losses_of,
     place_of,
     said_of,
@@ -29,7 +23,7 @@ from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment
 
 if TYPE_CHECKING:
-    from xml.etree import ElementTree as Xml
+    pass
 
 _PLACEHOLDERS = (
     "Links and axes are placeholders, so that this file loads; copy <dynamics> into your own SDF, or export into that."
@@ -138,37 +132,4 @@ def _ambiguous(axis: XmlElement) -> Iterator[tuple[str, str]]:
             yield "dynamics", tag
 
 
-def check_sdf(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:
-    """Parses the file again, and lets `gz sdf --check` read it. Raises NotInstalled where that is not installed."""
-    from xml.etree import ElementTree as Xml
-
-    root = Xml.fromstring(artefact.content)  # noqa: S314  # our own text, or one that `XmlDocument` found without entities
-    held = {
-        joint.get("name", ""): (_number(dynamics, "damping"), _number(dynamics, "friction"))
-        for joint in root.iter("joint")
-        for dynamics in joint.iterfind("axis/dynamics")
-    }
-    line = compared("parsed again", held, expected_values(best_values(joints, request, "sdf")))
-    gz = shutil.which("gz")
-    if gz is None:
-        raise NotInstalled(f"{line}; gz, whose `gz sdf --check` reads an SDF, is not here: install Gazebo")
-    return line, _by_gazebo(gz, artefact.content)
-
-
-def _number(dynamics: "Xml.Element", tag: str) -> float:
-    return float(dynamics.findtext(tag, "nan"))
-
-
-def _by_gazebo(gz: str, content: bytes) -> str:
-    """What `gz sdf --check` says of a file."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "exported.sdf"
-        path.write_bytes(content)
-        done = subprocess.run(  # noqa: S603  # the program that was found, and our own file
-            [gz, "sdf", "--check", str(path)], capture_output=True, text=True, timeout=60, check=False
-        )
-    said = one_line((done.stdout + done.stderr).replace(str(path), "the file"), 200)
-    return f"gz sdf --check: {said or 'nothing to say'} (status {done.returncode})"
-
-
-TARGET = ExportTarget(fitted=True, write=write_sdf, check=check_sdf, merges=True)
+TARGET = ExportTarget(fitted=True, write=write_sdf, merges=True)

@@ -147,7 +147,9 @@ def _sentence(joint: Joint, warning: Finding) -> list[str]:
 
 def _rest(joint: Joint, reason: Finding | None) -> Iterator[str]:
     """All that is critical but the reason, which stands above; then what else fits into a few lines, whole; the rest in number."""
-    rest, others = [x for x in value_warnings(joint) if x != reason], len(other_warnings(joint))
+    # what is unseen stands under the table
+    rest = [x for x in value_warnings(joint) if x != reason and x.code != "unseen"]
+    others = len(other_warnings(joint))
     critical = [x for x in rest if x.severity is Severity.CRITICAL]
     more, room = [x for x in rest if x not in critical], LINES
     for finding in critical:

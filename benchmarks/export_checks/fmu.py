@@ -23,10 +23,11 @@ from bristle.model import motor
 from bristle.model.parameters import Motor
 from bristle.model.vectorize import bound
 from bristle.page.output_folder import zipped
-from bristle.questions.export.artefact import Artefact, NotInstalled, Request
+from bristle.questions.export.artefact import Artefact, Request
 from bristle.questions.export.c_step import printed_joint
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import rms_percent
+from export_checks.common import NotInstalled
 
 STEP, SECONDS = 1e-3, 10.0
 """Communication step and length of what is simulated, s."""

@@ -12,14 +12,13 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.control.compensator import Compensator
-from bristle.control.running import RunningCompensator
 from bristle.errors import InputError
-from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import Pair, lugre_of
-from bristle.questions.export.artefact import Artefact, NotInstalled, Request, c_compiler, told_by
-from bristle.questions.export.c_numbers import RANGES, identifier
+from bristle.questions.export.artefact import Artefact, Request, c_compiler
+from bristle.questions.export.c_header import numbers_of, python_torque, top_speed
+from bristle.questions.export.c_numbers import identifier
 from bristle.questions.export.c_step import printed_step
 from bristle.questions.export.exported import ExportedJoint
+from export_checks.common import NotInstalled, told_by
 
 FLAGS = (
     "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wfloat-equal", "-Werror", "-std=c99", "-O2",
@@ -69,22 +68,6 @@ def check_header(artefact: Artefact, joints: Sequence[ExportedJoint], request: R
     return tuple(lines)
 
 
-def numbers_of(joint: ExportedJoint) -> Pair[float]:
-    """The joint's sets; without a bristle for compensators that have none, a stiffness of 1 standing for what does not enter."""
-    if joint.has_bristle:
-        return joint.pair
-    return Pair(*(lugre_of(joint.law)(**p._asdict(), sigma_0=1.0, sigma_1=0.0) for p in joint.curves))
-
-
-def top_speed(joint: ExportedJoint) -> float:
-    """The speed up to which the printed C is tried, rad/s: half of the fastest measured one, or, of a law with terms, beyond v_end.
-
-    Viscous friction is another there where a term is below zero.
-    """
-    beyond = [getattr(p, FASTEST) for p in joint.curves] if joint.law.terms else []
-    return min(1.2 * max(beyond), 0.9 * RANGES["velocity"][1]) if beyond else 0.5 * joint.fastest
-
-
 def motion(joint: ExportedJoint) -> dict[str, Array]:
     """What the compensator is given for 10 s at 1 kHz, (n,) each, as numbers of single precision.
 
@@ -108,20 +91,6 @@ def motion(joint: ExportedJoint) -> dict[str, Array]:
         "link_torque": joint.curves[0].alpha_0 * np.cos(2 * t),
     }
     return {name: x.astype(np.float32).astype(np.float64) for name, x in moved.items()}
-
-
-def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[str, Array]) -> Array:
-    """What the compensator in Python makes of it from rest, N*m, (n,)."""
-    rises = joint.rises
-    running = RunningCompensator(compensator, numbers_of(joint), rises=rises)
-    motion = ("dt", "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity")
-    rows = np.array([inputs[name] for name in (*motion, "motor_torque", "link_torque")]).T.tolist()
-    return np.array(
-        [
-            running.step(h, (y_ref, v_ref, a_ref), y, v, (tau_m, tau_l) if rises else None)
-            for h, y_ref, v_ref, a_ref, y, v, tau_m, tau_l in rows
-        ]
-    )
 
 
 class RefusedCodeError(Exception):

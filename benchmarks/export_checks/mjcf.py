@@ -1,6 +1,7 @@
 """An exported joint played in MuJoCo: position and velocity imposed along sines, its friction beside what is held and what was identified."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -9,13 +10,17 @@ from bristle.arrays import Array
 from bristle.errors import one_line
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import NotInstalled, Request
+from bristle.questions.export.artefact import Artefact, Request
+from bristle.questions.export.coulomb_viscous import best_values
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
-from bristle.questions.export.loss import Friction, StatedMotion, all_motions, friction_of, rms_percent
+from bristle.questions.export.loss import Friction, StatedMotion, all_motions, coulomb_viscous, friction_of, rms_percent
+from bristle.questions.export.mjcf import STEP, MjcfHeld, mjcf_actuators, mjcf_example, mjcf_held, own_actuator
+from bristle.questions.export.mjcf_frictionloss import NAME as FRICTIONLOSS
+from bristle.questions.export.mjcf_frictionloss import frictionloss_example
+from bristle.questions.export.xml_edit import as_read
 from bristle.simulation.references import Sine
+from export_checks.common import NotInstalled
 
-STEP = 0.002
-"""Time step of the example and of `check`, s."""
 _IMPOSED = (1.0, 0.1, 0.02)
 """Amplitudes, rad; of a joint that slides, of the declared motion."""
 _PERIODS = 3
@@ -94,3 +99,61 @@ def at_steps(friction: Friction, motion: StatedMotion) -> Array:
 def last_period(torque: Array) -> Array:
     """Of what `step_times` has."""
     return torque[-(torque.size // _PERIODS) :]
+
+
+def check_mjcf(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:
+    """Each joint along imposed motions: MuJoCo against what it holds, and against the joint."""
+    mujoco = mjcf_mujoco((3, 7))
+    found = [mjcf_held(joint, request) for joint in joints]
+    example = mjcf_example(found, [(one.joint, "", mjcf_actuators(one)) for one in found])
+    model, lines = mjcf_model(mujoco, artefact.content, None if request.into is None else example)
+    for one in found:
+        lines += mjcf_compared(one.joint, request, one.symmetric.friction, partial(_played, mujoco, model, one))
+    return tuple(lines)
+
+
+def _played(mujoco: Any, model: Any, held: MjcfHeld, motion: StatedMotion) -> Array:
+    """Position and velocity are set before each step; the actuators then have the friction of that instant."""
+    data, name = mujoco.MjData(model), held.joint.name
+    joint = model.joint(as_read(name))
+    own = [
+        model.actuator(as_read(x)).id
+        for x in (own_actuator(name), f"{own_actuator(name)} bias")[: 2 if held.symmetric.bias else 1]
+    ]
+    at = Sine(motion.amplitude, motion.frequency).at(step_times(motion))
+    q, v = joint.qposadr[0], joint.dofadr[0]
+    torque = np.empty(at.velocity.size)
+    for k, (position, velocity) in enumerate(zip(at.position, at.velocity, strict=True)):
+        data.qpos[:], data.qvel[:] = model.qpos0, 0.0
+        data.qpos[q] += position
+        data.qvel[v] = velocity
+        mujoco.mj_step(model, data)
+        torque[k] = -data.actuator_force[own].sum()
+    torque += (model.actuator_damping[own[0]] + model.dof_damping[v]) * at.velocity
+    return last_period(torque + model.dof_frictionloss[v] * np.sign(at.velocity))
+
+
+def check_frictionloss(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:
+    """Each joint along imposed motions: MuJoCo's inverse dynamics against what it holds, and against the joint."""
+    mujoco = mjcf_mujoco((2, 1))
+    found = best_values(joints, request, FRICTIONLOSS)
+    model, lines = mjcf_model(mujoco, artefact.content, None if request.into is None else frictionloss_example(found))
+    for one in found:
+        held = coulomb_viscous(one.coulomb, one.viscous)
+        lines += mjcf_compared(one.joint, request, held, partial(frictionloss_played, mujoco, model, one.joint))
+    return tuple(lines)
+
+
+def frictionloss_played(mujoco: Any, model: Any, joint: ExportedJoint, motion: StatedMotion) -> Array:
+    """Friction torque of the last period, N*m, (n,): what inverse dynamics asks for to keep to the motion."""
+    data, own = mujoco.MjData(model), model.joint(as_read(joint.name))
+    q, v = own.qposadr[0], own.dofadr[0]
+    at = Sine(motion.amplitude, motion.frequency).at(step_times(motion))
+    torque = np.empty(at.velocity.size)
+    for k, (position, velocity, acceleration) in enumerate(zip(*at[:3], strict=True)):
+        data.qpos[:], data.qvel[:], data.qacc[:] = model.qpos0, 0.0, 0.0
+        data.qpos[q] += position
+        data.qvel[v], data.qacc[v] = velocity, acceleration
+        mujoco.mj_inverse(model, data)
+        torque[k] = -data.qfrc_constraint[v] + model.dof_damping[v] * velocity
+    return last_period(torque)
