@@ -13,11 +13,12 @@ from bristle.identification.fisher import static_jacobian
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.plan import Plan, check_plan
 from bristle.questions.experiment_design.start import start_of
-from bristle.questions.experiment_design.tables import comparison, designs
+from bristle.questions.experiment_design.tables import designs
 from bristle.questions.experiment_design.velocities import DesignProblem, design, evaluate_design, spaced_speeds
 
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
 from ..pages import page_text
+from .simulated_fits import simulated_errors
 
 OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
 
@@ -55,7 +56,7 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     assert errors[-1] < 0.9 * errors[0]
     assert "v_end" not in {name.name for name in plan.start.names}
     assert set(plan.velocities[0].designs) == {"all", *plan.velocities[0].problem.names}
-    assert all(own in table(plan).columns for table in (designs, comparison))
+    assert own in designs(plan).columns
 
 
 @pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
@@ -67,8 +68,13 @@ def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None
 def test_fits_of_simulated_runs_scatter_as_predicted(plan: Plan) -> None:
     """The scatter of fits under the law is the prediction within a fifth, for planned and for spaced runs."""
     for x in plan.velocities:
-        for kind, found in x.alone.items():
-            assert x.simulated[kind] == pytest.approx(found.alone, rel=0.2)
+        own, count = (
+            replace(x.problem, prior_information=np.zeros_like(x.problem.prior_information)),
+            x.chosen.speeds.size,
+        )
+        spaced = (spaced_speeds(own, count, kind) for kind in ("log", "even"))
+        for speeds in (design(own, count, x.chosen.aim).speeds, *spaced):
+            assert simulated_errors(own, speeds) == pytest.approx(evaluate_design(own, speeds).alone, rel=0.2)
 
 
 @pytest.mark.parametrize("law", OWN)

@@ -11,8 +11,7 @@ from bristle.page.wording import counted, direction, number, pretty, symbol, two
 from bristle.questions.experiment_design.excitation import MotionDesign
 from bristle.questions.experiment_design.figures import CEILING, percentage
 from bristle.questions.experiment_design.plan import Plan
-from bristle.questions.experiment_design.tables import SPACINGS
-from bristle.questions.experiment_design.velocities import VelocityPlan, errors_by_v_s
+from bristle.questions.experiment_design.velocities import errors_by_v_s
 
 
 def captions(plan: Plan) -> dict[str, str]:
@@ -20,7 +19,6 @@ def captions(plan: Plan) -> dict[str, str]:
     found = {
         "intervals": _intervals(plan),
         "velocities": f"Constant velocities, {'; '.join(_velocities(plan))}",
-        "comparison": _comparison(plan),
         "robustness": f"Expected error of vₛ, {'; '.join(_robustness(plan))}",
         "loading": f"Expected error of σ₀, {'; '.join(_loading(plan))}",
         "motion": _motion(plan),
@@ -49,28 +47,6 @@ def _velocities(plan: Plan) -> Iterator[str]:
         ends = dict.fromkeys(number(speed, 3) for speed in (speeds[0], speeds[-1]))
         runs, at = counted(len(x.velocities), "run"), counted(len(speeds), "speed")
         yield f"{direction(x.direction)}: {runs} at {at}, {' to '.join(ends)} {v}"
-
-
-def _comparison(plan: Plan) -> str:
-    found = [(ratio, where, kind) for x in plan.velocities for kind in SPACINGS for ratio, where in _ratios(x, kind)]
-    if not found:
-        return f"No standard error of these runs alone is predicted below {CEILING:g} %"
-    planned = [ratio for ratio, _, kind in found if kind == "planned"]
-    of_planned = (
-        f"those of the planned runs by {' to '.join(_ends(planned))} times"
-        if planned
-        else f"no standard error of the planned runs alone is predicted below {CEILING:g} %"
-    )
-    most, where, kind = max(found)
-    return f"SIMULATED fits scatter by up to {two_digits(most)} times the prediction, for {where}, {SPACINGS[kind]}; {of_planned}"
-
-
-def _ratios(x: VelocityPlan, kind: str) -> Iterator[tuple[float, str]]:
-    """Scatter over prediction of each parameter that so many runs alone should show, and its symbol."""
-    predicted, scatter = x.alone[kind].errors, x.simulated[kind]
-    for name, value, error, seen in zip(x.problem.names, x.problem.estimate, predicted, scatter, strict=True):
-        if 100 * error / abs(value) < CEILING and np.isfinite(seen):
-            yield float(seen / error), symbol(f"{name}{x.direction}" if x.direction in ("+", "-") else name)
 
 
 def _robustness(plan: Plan) -> Iterator[str]:

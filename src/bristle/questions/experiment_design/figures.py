@@ -17,12 +17,9 @@ from bristle.page.style import DIRECTION, decimal_log, new_figure, styled, thinn
 from bristle.page.wording import axis, direction, symbol, two_digits
 from bristle.questions.experiment_design.loading import PEAKS
 from bristle.questions.experiment_design.plan import Plan
-from bristle.questions.experiment_design.tables import SPACINGS, references
+from bristle.questions.experiment_design.tables import references
 from bristle.questions.experiment_design.velocities import errors_by_v_s
 
-_COLOURS = {"planned": "#0072B2", "log": "#E69F00", "even": "#999999"}
-_MARKERS = {"planned": "o", "log": "s", "even": "^"}
-_LINES = {"planned": "-", "log": "--", "even": ":"}
 _MOTIONS = ("#0072B2", "#E69F00", "#999999")
 _RISES = (("#999999", ":"), ("#E69F00", "--"), ("#009E73", "-."), ("#CC79A7", (0, (5, 1))), ("#0072B2", "-"))
 CEILING = 200.0
@@ -115,49 +112,15 @@ def _write_counts(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
 
 
 @styled
-def comparison_figure(plan: Plan) -> Figure:
-    """As many runs by themselves.
-
-    Relative standard errors, predicted (bars) and of fits of simulated runs (markers).
-    """
-    figure, axes = _panels(plan)
-    for ax, velocities in zip(axes, plan.velocities, strict=True):
-        for j, (kind, label) in enumerate(SPACINGS.items()):
-            x = np.arange(len(velocities.problem.names)) + 0.27 * (j - 1)
-            values = 100 / np.abs(velocities.problem.estimate)
-            bars = np.minimum(velocities.alone[kind].errors * values, CEILING)
-            ax.bar(x, bars, 0.25, color=_COLOURS[kind], hatch=("", "//", "..")[j], edgecolor="white", label=label)
-            seen = np.minimum(velocities.simulated[kind] * values, CEILING)
-            for at, height, top in zip(x.tolist(), bars.tolist(), np.maximum(bars, seen).tolist(), strict=True):
-                ax.annotate(percentage(height), (at, top), (0, 4), textcoords="offset points", ha="center", fontsize=8)
-            ax.plot(x, seen, "D", color="black", markersize=3.5, label="SIMULATED fits" if j == 2 else None)
-        ax.set_yscale("log")
-        low, high = ax.get_ylim()
-        ax.set_ylim(low, high * (high / low) ** 0.45)  # room for the legend
-        _logarithmic(ax.yaxis)
-        ax.set_xticks(np.arange(len(velocities.problem.names)), list(map(symbol, velocities.problem.names)))
-        ax.set_ylabel("Standard error (%)")
-        ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
-    axes[0].legend(loc="upper center", ncols=4, fontsize=8.5, handlelength=1.4, columnspacing=1.0)
-    return figure
-
-
-@styled
 def robustness_figure(plan: Plan) -> Figure:
-    """The standard error of v_s to expect were v_s another one, for planned and for spaced velocities."""
+    """The standard error of v_s to expect were v_s another one."""
     figure, axes = _panels(plan, 2.3)
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         p = velocities.problem.p
         low, high = min(0.5 * p.v_s, velocities.problem.nodes.min()), max(2 * p.v_s, velocities.problem.nodes.max())
         v_s = np.geomspace(low, high, 60)
-        for kind, speeds in {
-            "planned": velocities.chosen.speeds,
-            **{k: d.speeds for k, d in velocities.spaced.items()},
-        }.items():
-            errors = 100 * errors_by_v_s(velocities.problem, speeds, v_s)[:, 3] / v_s
-            ax.plot(
-                v_s, np.minimum(errors, CEILING), linestyle=_LINES[kind], color=_COLOURS[kind], label=SPACINGS[kind]
-            )
+        errors = 100 * errors_by_v_s(velocities.problem, velocities.chosen.speeds, v_s)[:, 3] / v_s
+        ax.plot(v_s, np.minimum(errors, CEILING), color="#0072B2")
         ax.axvspan(velocities.problem.nodes.min(), velocities.problem.nodes.max(), color="#dddddd", zorder=0)
         ax.axvline(p.v_s, color="#555555", linewidth=0.8)
         decimal_log(ax)
@@ -165,7 +128,6 @@ def robustness_figure(plan: Plan) -> Figure:
         _logarithmic(ax.yaxis)
         ax.set_ylabel("Error of vₛ (%)")
         ax.annotate(direction(velocities.direction), (0.01, 1.02), xycoords="axes fraction", fontsize=9)
-    axes[0].legend(loc="best")
     axes[-1].set_xlabel(axis("velocity", plan.joint.kind, "Stribeck"))
     return figure
 

@@ -39,7 +39,6 @@ def draw(plan: Plan) -> Mapping[str, tuple[Callable[[], Figure | None], str]]:
     name = plan.joint.name
     drawn: dict[str, tuple[Callable[[Plan], Figure], str]] = {
         "velocities": (figures.velocities_figure, f"velocities to run on {name}"),
-        "comparison": (figures.comparison_figure, f"planned and spaced velocities of {name}"),
         "robustness": (figures.robustness_figure, f"error of the Stribeck velocity of {name}"),
         "intervals": (figures.intervals_figure, f"errors of {name} before and after"),
         "loading": (figures.loading_figure, f"error of the stiffness of {name} vs the peak torque"),
@@ -95,7 +94,6 @@ def _headings(kind: Kind, law: Law) -> dict[str, str]:
         **{column: f"{heading} ({pretty(unit(quantity, kind))})" for column, (heading, quantity) in units.items()},
         "in percent": "with motion (%)",
         "share_of_breakaway": "ratio to breakaway",
-        "way": "source",
         "rise": "rise (s)",
         "viscous_share": "viscous share",
         "frequency": "frequency (Hz)",

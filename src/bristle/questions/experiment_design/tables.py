@@ -11,8 +11,6 @@ from bristle.page import columns
 from bristle.questions.experiment_design.plan import NORMAL, Plan
 from bristle.questions.experiment_design.velocities import Design, DesignProblem
 
-SPACINGS = {"planned": "planned", "log": "log-spaced", "even": "evenly spaced"}
-
 
 def references(plan: Plan) -> pd.DataFrame:
     """Every sample to play, in order.
@@ -45,14 +43,10 @@ def velocities(plan: Plan) -> pd.DataFrame:
 
 
 def designs(plan: Plan) -> pd.DataFrame:
-    """Each design beside the spaced ones.
-
-    Relative standard error to expect of each parameter, what is known already included, percent.
-    """
+    """Of each design the relative standard error to expect of each parameter, what is known already included, percent."""
     rows = []
     for x in plan.velocities:
         named = {"D-optimal" if aim == "all" else f"for {aim} alone": design for aim, design in x.designs.items()}
-        named |= {SPACINGS[kind]: design for kind, design in x.spaced.items()}
         for name, design in named.items():
             errors = _percent(design.errors, x.problem)
             rows.append({"direction": x.direction, "design": name, **errors, "velocities": listed(design, "{:.3g}")})
@@ -62,20 +56,6 @@ def designs(plan: Plan) -> pd.DataFrame:
 def listed(design: Design, number: str) -> str:
     """The speeds of a design, each with how often it is run where that is more than once."""
     return ", ".join(number.format(speed) + (f" x{count}" if count > 1 else "") for speed, count in design.runs)
-
-
-def comparison(plan: Plan) -> pd.DataFrame:
-    """As many runs by themselves, nothing known before.
-
-    Relative standard error as predicted, and as fits of SIMULATED runs scatter, percent.
-    """
-    rows = [
-        {"direction": x.direction, "design": label, "way": how, **_percent(errors, x.problem)}
-        for x in plan.velocities
-        for kind, label in SPACINGS.items()
-        for how, errors in (("predicted", x.alone[kind].errors), ("simulated", x.simulated[kind]))
-    ]
-    return pd.DataFrame(rows)
 
 
 def intervals(plan: Plan) -> pd.DataFrame:
@@ -148,9 +128,7 @@ def motions(plan: Plan) -> pd.DataFrame:
 
 def all_tables(plan: Plan) -> Mapping[str, pd.DataFrame]:
     """Every table by the name of its file."""
-    return {
-        table.__name__: table(plan) for table in (velocities, designs, comparison, intervals, loading, lines, motions)
-    }
+    return {table.__name__: table(plan) for table in (velocities, designs, intervals, loading, lines, motions)}
 
 
 def _percent(errors: Array, problem: DesignProblem) -> dict[str, float | None]:

@@ -8,13 +8,11 @@ criterion is averaged over what v_s may be, and a poor estimate of it does not r
 law's peak takes stays at its estimate, and p are as many as the law has. One direction at a time; speeds are positive.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from scipy.special import ndtri
 
 from bristle.arrays import Array, result
@@ -26,9 +24,7 @@ from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, 
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.loading import seen_covariance
 from bristle.questions.experiment_design.references import fastest
-from bristle.questions.experiment_design.simulated_fits import fitted
 from bristle.questions.experiment_design.start import Start, inverse
-from bristle.simulation.bench import steady_points
 
 CANDIDATES = 200
 """Speeds that the exchange chooses from, spaced evenly in log(v)."""
@@ -44,9 +40,8 @@ _RIDGE = 1e-11
 one."""
 _SPREAD = 1.2
 """Of log(v_s): the most that nodes are spread by, as a standard deviation."""
-_SAME = (1.005, 1.05, 1.1, 1.2)
-"""Speeds nearer than the first of these factors are one; than the others where that costs no more than `_COST`: few
-speeds are easier to run."""
+_SAME = (1.05, 1.1, 1.2)
+"""Speeds nearer than these factors are one where that costs no more than `_COST`: few speeds are easier to run."""
 _COST = 0.01
 """In the logarithm of the variance."""
 _V_S = Stribeck._fields.index("v_s")
@@ -107,20 +102,13 @@ class Design(NamedTuple):
 
 @result
 class VelocityPlan:
-    """The constant velocities of one direction, and what else might be run."""
+    """The constant velocities of one direction."""
 
     direction: Direction
     problem: DesignProblem
     chosen: Design
     designs: Mapping[str, Design]
     """D-optimal (`all`), and c-optimal for each of the problem's names."""
-    spaced: Mapping[str, Design]
-    """As many runs over the same range, `log` and `even`."""
-    alone: Mapping[str, Design]
-    """The same beside `planned`, which is what would be run for the same aim were nothing known yet; judged without
-    what is known."""
-    simulated: Mapping[str, Array]
-    """Scatter of fits of the runs in `alone`, SIMULATED, (4,) each."""
 
     @property
     def velocities(self) -> list[float]:
@@ -158,19 +146,7 @@ def plan_velocities(
     )
     aim = aim if aim in problem.names else "all"
     designs = {name: design(problem, count, name) for name in ("all", *problem.names)}
-    spaced = {kind: evaluate_design(problem, spaced_speeds(problem, count, kind)) for kind in ("log", "even")}
-    fresh = replace(problem, prior_information=np.zeros_like(prior_information))
-    alone = {"planned": design(fresh, count, aim)}
-    alone |= {kind: evaluate_design(fresh, x.speeds) for kind, x in spaced.items()}
-    return VelocityPlan(
-        direction=direction,
-        problem=problem,
-        chosen=designs[aim],
-        designs=designs,
-        spaced=spaced,
-        alone=alone,
-        simulated={kind: simulated_errors(problem, x.speeds) for kind, x in alone.items()},
-    )
+    return VelocityPlan(direction=direction, problem=problem, chosen=designs[aim], designs=designs)
 
 
 def largest_deflection(start: Start) -> float:
@@ -218,7 +194,7 @@ def nodes_of(v_s: float, relative_error: float) -> Array:
 def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
     """The best `count` runs for one parameter, or for all.
 
-    Greedy exchange over a grid of speeds, then refined between its values.
+    Greedy exchange over a grid of speeds; near ones then become one.
 
     Args:
         problem: what is known, and where to measure.
@@ -241,8 +217,10 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
     ]
     starts += [rng.integers(0, grid.size, count) for _ in range(STARTS)]
     ends = dict.fromkeys(tuple(np.sort(_exchange(criterion, rows, start)).tolist()) for start in starts)
-    refined = [_refine(criterion, grid[[*end]]) for end in ends]  # most starts end at the same
-    return evaluate_design(problem, min(refined, key=criterion.value), aim)
+    best = min((grid[[*end]] for end in ends), key=criterion.value)
+    near = [_merge(best, factor) for factor in _SAME]
+    few = [x for x in near if criterion.value(x) <= criterion.value(best) + _COST]
+    return evaluate_design(problem, min([best, *few], key=lambda x: np.unique(x).size), aim)
 
 
 def evaluate_design(problem: DesignProblem, speeds: Array, aim: str = "") -> Design:
@@ -267,19 +245,6 @@ def errors_by_v_s(problem: DesignProblem, speeds: Array, v_s: Array) -> Array:
     sets = [problem.p._replace(v_s=float(x)) for x in v_s]
     information = [problem.prior_information + static_information(speeds, p, problem.noise) for p in sets]
     return np.array([covariance(matrix)[0] for matrix in information])
-
-
-def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
-    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as the problem's names.
-
-    Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is
-    not ruled by a few that fail.
-    """
-    torques = steady_points(problem.p, speeds, problem.noise, np.random.default_rng(seed), repetitions)
-    relative = evaluate_design(problem, speeds).alone / np.abs(problem.estimate)
-    found = fitted(problem.p, speeds, torques.T, dict(zip(problem.names, relative.tolist(), strict=True)))
-    low, high = np.percentile([found[name] for name in problem.names], [15.87, 84.13], axis=1)
-    return np.asarray((high - low) / 2)
 
 
 class _Criterion:
@@ -349,29 +314,7 @@ def _swap(criterion: _Criterion, rows: Array, whole: Array, leaving: int) -> tup
     return float(values[best]), best
 
 
-def _refine(criterion: _Criterion, speeds: Array) -> Array:
-    """Each distinct speed moved to where the criterion is least, how often each is run unchanged.
-
-    Near ones become one.
-    """
-    speeds = _merge(speeds)
-    distinct, counts = np.unique(speeds, return_counts=True)
-    ends = float(np.log(criterion.problem.low)), float(np.log(criterion.problem.high))
-
-    def value(u: Array) -> float:
-        """The criterion at log(v) of the distinct speeds."""
-        return criterion.value(np.repeat(np.exp(u), counts))
-
-    least = minimize(value, np.log(distinct), method="L-BFGS-B", bounds=[ends] * distinct.size)
-    moved = np.repeat(np.exp(least.x), counts)
-    designs = [speeds, *(_merge(moved, factor) for factor in _SAME)]
-    designs = [np.clip(x, criterion.problem.low, criterion.problem.high) for x in designs]
-    values = [criterion.value(x) for x in designs]
-    good = [x for x, value in zip(designs, values, strict=True) if value <= min(values) + _COST]
-    return min(good, key=lambda x: np.unique(x).size)
-
-
-def _merge(speeds: Sequence[float] | Array, factor: float = _SAME[0]) -> Array:
+def _merge(speeds: Array, factor: float) -> Array:
     """Speeds with neighbours that differ by less than a factor replaced by their mean, ascending.
 
     A group at the end of all becomes that end.

@@ -11,6 +11,8 @@ from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
 from bristle.model.parameters import Lugre
+from bristle.questions.experiment_design.velocities import SEED, DesignProblem, evaluate_design
+from bristle.simulation.bench import steady_points
 
 _SHAPES = 40
 """Shapes of a peak that are tried where there is more to it than v_s ..."""
@@ -41,3 +43,16 @@ def fitted(p: Lugre[float], speeds: Array, torques: Array, relative: Mapping[str
     theta = np.take_along_axis(np.array([batch.theta for batch in batches]), best[None, None], axis=0)[0]
     shape = zip((own.name for own in law.peak.own), np.array(shapes)[best].T, strict=True)
     return dict(zip((name.name for name in regression.names), theta, strict=True)) | dict(shape)
+
+
+def simulated_errors(problem: DesignProblem, speeds: Array, repetitions: int = 2000, seed: int = SEED) -> Array:
+    """How fits of these runs alone scatter, SIMULATED from the estimate with Gaussian noise, (4,), as the problem's names.
+
+    Half the width of the middle 68.3 % of the estimates, which is the standard deviation where they are normal and is
+    not ruled by a few that fail.
+    """
+    torques = steady_points(problem.p, speeds, problem.noise, np.random.default_rng(seed), repetitions)
+    relative = evaluate_design(problem, speeds).alone / np.abs(problem.estimate)
+    found = fitted(problem.p, speeds, torques.T, dict(zip(problem.names, relative.tolist(), strict=True)))
+    low, high = np.percentile([found[name] for name in problem.names], [15.87, 84.13], axis=1)
+    return np.asarray((high - low) / 2)
