@@ -21,6 +21,8 @@ _MATTERS = 0.2
 """Of a point's standard error, as a median: what is less in all points is left as it is."""
 _NEAR = 0.1
 """Of a hold's speed: what is faster or slower by less is on the way to it."""
+_STRAIGHT = 2.0
+"""Times the farthest that a hold's position is off its line: a joint that is no farther off before it moves as fast already."""
 _FIRST = 100
 """The first of so many parts of a log tells where its bristle begins."""
 
@@ -46,8 +48,17 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
         points = [k for k, s in enumerate(found) if s.accepted]
         if run.kind == "ramp" and record.velocity is not None and record.torque is not None and points:
             velocity, torque = np.array(record.velocity), np.empty(record.time.size)
-            for s in (found[k] for k in points):
-                velocity[s.start : s.stop] = s.velocity  # without its noise, which changes its sign in a slow hold
+            begins = {k: found[k].start for k in points}
+            for k in (
+                points
+            ):  # without noise, which changes the sign in a slow hold: from where its position is as straight on
+                s = found[k]
+                if record.position is not None:
+                    line = record.position - s.velocity * record.time
+                    line -= line[s.start : s.stop].mean()
+                    bent = np.flatnonzero(np.abs(line[: s.start]) > _STRAIGHT * np.abs(line[s.start : s.stop]).max())
+                    begins[k] = max(int(bent[-1]) + 1 if bent.size else 0, *(x for x in record.starts if x <= s.start))
+                velocity[begins[k] : s.stop] = s.velocity
             for start, stop in pairwise([*record.starts, velocity.size]):
                 T0 = record.torque[start : start + max((stop - start) // _FIRST, 1)].mean()
                 p = sets[int(T0 < 0)]
@@ -60,12 +71,11 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                 s = found[k]
                 (settled,) = evaluate(steady, s.velocity, *curves[s.velocity < 0])
                 off[k] = float(torque[s.start : s.stop].mean() - settled)
-                begun = slice(
-                    max(turns[turns <= s.start], default=0), s.start
-                )  # on the way there, which no fit has seen
+                # how the torque comes to its mean, which no fit has seen, from the last reversal on where it has that speed
+                begun = slice(max(turns[turns <= begins[k]], default=0), s.stop)
                 near = np.abs(velocity[begun] - s.velocity) < _NEAR * abs(s.velocity)
                 left = record.torque[begun][near] - np.stack([torque[begun][near], np.full(near.sum(), settled)])
-                squares += (left**2).sum(axis=1)
+                squares += ((left - left[:, s.start - s.stop :].mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
             if squares[0] < squares[1]:
                 for k in points:
                     own[k] = replace(found[k], torque=found[k].torque - off[k])
