@@ -18,11 +18,11 @@ NOISE = 0.02
 RATE = 500.0
 
 
-def logs(folder: Path) -> Path:
-    """Holds of some deflections each, from reversal to reversal, and a cycle of slow loading, with noise of 0.2 %."""
+def logs(folder: Path, count: float = 0.0, deflections: float = 5.0) -> Path:
+    """Holds of so many deflections at the least, from reversal to reversal, and a cycle of slow loading, with noise; counts in rad."""
     rng, bend = np.random.default_rng(0), (SOFT.alpha_0 + SOFT.alpha_1) / SOFT.sigma_0
     speeds = np.geomspace(0.012, 0.6, 9)
-    way = np.maximum(1.2 * speeds, 5 * bend)  # rad: the slow holds end after five deflections
+    way = np.maximum(1.2 * speeds, deflections * bend)  # rad
     holds = [np.full(int(RATE * x / s), sign * s) for s, x in zip(speeds, way, strict=True) for sign in (1, -1)]
     v = np.concatenate(holds)
     torque = rollout(v, 1 / RATE, SOFT).torque + NOISE * rng.standard_normal(v.size)
@@ -34,7 +34,8 @@ def logs(folder: Path) -> Path:
     )  # (4) under a slow torque
     load = load + NOISE / 10 * rng.standard_normal(load.size)
     for name, position, T in (("holds", np.cumsum(v) / RATE, torque), ("slow", q, load)):
-        rows = np.column_stack([np.arange(T.size) / RATE, position, T])
+        seen = count * np.round(position / count) if count and name == "holds" else position
+        rows = np.column_stack([np.arange(T.size) / RATE, seen, T])
         np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header="t,q,T", comments="")
     file = folder / "soft.yaml"
     file.write_text(
@@ -68,3 +69,12 @@ def test_what_holds_had_not_settled_is_taken_off(tmp_path: Path, monkeypatch: py
     low = of(bristle.identify(file).joints[0]).parameters["alpha_1"].interval
     assert low is not None
     assert low[1] < SOFT.alpha_1
+
+
+def test_a_coarse_encoder_makes_no_settling(tmp_path: Path) -> None:
+    """Holds of ten deflections have settled, also where counts make the estimated velocity change its sign: alpha_1 is within its interval."""
+    joint = bristle.identify(logs(tmp_path, 2 * np.pi / 2**12, 10.0)).joints[0]
+    interval = of(joint).parameters["alpha_1"].interval
+    assert interval is not None
+    assert interval[0] < SOFT.alpha_1 < interval[1]
+    assert interval[1] - interval[0] < 0.1 * SOFT.alpha_1
