@@ -132,6 +132,9 @@ def _cells(row: Known) -> tuple[str, ...]:
     e, source = row.estimate, _SOURCES.get(row.source) or FITS[row.source]
     one_speed = any(warning.code == "one-speed-only" for warning in e.warnings)
     if e.value is None or (one_speed and row.parameter.name == "alpha_2"):
+        low, high = e.interval or (0.0, inf)
+        if low == 0 and isfinite(high):  # consistent with zero
+            return str(row.parameter), in_unit(f"< {high:.3g}", e.unit), "(95 %)", source
         return str(row.parameter), "not identifiable", in_unit(interval(e.interval), e.unit), source
     if one_speed:  # of alpha_0 alone nothing but that interval is known
         return f"{row.parameter} + alpha_2 v", in_unit(pair(e.value, e.total_error), e.unit), "", source
