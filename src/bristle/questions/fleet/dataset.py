@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bristle.errors import InputError, one_line
-from bristle.identification.known_joint import Known, chosen
+from bristle.identification.known_joint import chosen
 from bristle.identification.results import Joint
 from bristle.identification.verdict import row_warnings, verdict
 from bristle.page.output_folder import RESULTS, TASKS
@@ -57,8 +57,17 @@ def schema_of(columns: Sequence[str], *, coded: bool) -> "pa.Schema":
 
 def task_bytes(key: str, joint: Joint) -> bytes:
     """The rows of a joint that was identified, as Parquet. Raises InputError where it has none."""
-    use = verdict(joint)
-    rows = [_task_row(key, joint, str(use.trust), row) for row in chosen(joint)]
+    use, rows = verdict(joint), []
+    for row in chosen(joint):
+        estimate, said = row.estimate, row_warnings(joint, row)
+        lower, upper = (None, None) if estimate.interval is None else estimate.interval
+        worst = max((_SEVERITIES.index(x.severity) for x in said), default=None)
+        rows.append({
+            "direction": str(row.parameter.direction), "parameter": row.parameter.name, "value": estimate.value, "value_unit": estimate.unit,
+            "standard_error": estimate.standard_error, "lower": lower, "upper": upper, "source": str(row.source),
+            "severity": "none" if worst is None else _SEVERITIES[worst], "warnings": " ".join(dict.fromkeys(x.code for x in said)),
+            "use": str(use.trust), "kind": joint.kind.partition(" ")[0], "simulated": joint.simulated, "key": key, "failure": None,
+        })  # fmt: skip  # a row
     if not rows:
         reason = f": {use.reason}" if use.reason else ""
         raise InputError(f"{joint.name}: nothing was identified{reason}")
@@ -80,18 +89,6 @@ def _written(rows: list[dict[str, Any]]) -> bytes:
     return sink.getvalue()
 
 
-def _task_row(key: str, joint: Joint, use: str, row: Known) -> dict[str, Any]:
-    estimate, said = row.estimate, row_warnings(joint, row)
-    lower, upper = (None, None) if estimate.interval is None else estimate.interval
-    worst = max((_SEVERITIES.index(x.severity) for x in said), default=None)
-    return {
-        "direction": str(row.parameter.direction), "parameter": row.parameter.name, "value": estimate.value, "value_unit": estimate.unit,
-        "standard_error": estimate.standard_error, "lower": lower, "upper": upper, "source": str(row.source),
-        "severity": "none" if worst is None else _SEVERITIES[worst], "warnings": " ".join(dict.fromkeys(x.code for x in said)),
-        "use": use, "kind": joint.kind.partition(" ")[0], "simulated": joint.simulated, "key": key, "failure": None,
-    }  # fmt: skip  # a row
-
-
 def task_file(folder: str, key: str) -> str:
     """Where the rows of a task lie."""
     return joined_path(folder, f"{TASKS}/{key}.parquet")
@@ -106,24 +103,21 @@ def task_keys(folder: str) -> set[str]:
 def read_tasks(folder: str, keys: Collection[str]) -> tuple["pa.Table", set[str]]:
     """The rows of some tasks, and the keys of those whose file is damaged or gone."""
     import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    def read(key: str) -> "pa.Table | None":
+        try:
+            table = pq.ParquetFile(pa.BufferReader(read_bytes(task_file(folder, key)))).read(use_threads=False)
+            return table.cast(schema_of(OF_TASK, coded=False))
+        except (pa.ArrowException, ValueError, OSError):
+            return None
 
     ordered = sorted(keys)
     with ThreadPoolExecutor(_READERS) as pool:
-        tables = list(pool.map(lambda key: _task_table(task_file(folder, key)), ordered))
+        tables = list(pool.map(read, ordered))
     good = [table for table in tables if table is not None]
     empty = schema_of(OF_TASK, coded=False).empty_table()
     return pa.concat_tables([empty, *good]), {key for key, table in zip(ordered, tables, strict=True) if table is None}
-
-
-def _task_table(name: str) -> "pa.Table | None":
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        table = pq.ParquetFile(pa.BufferReader(read_bytes(name))).read(use_threads=False)
-        return table.cast(schema_of(OF_TASK, coded=False))
-    except (pa.ArrowException, ValueError, OSError):
-        return None
 
 
 def parts_of(folder: str) -> list[str]:
