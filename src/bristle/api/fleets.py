@@ -3,7 +3,7 @@
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -207,8 +207,5 @@ def _client(client: Any, workers: int | None, memory: str | None) -> Iterator[An
         raise InputError(
             f"{name}: is for a cluster of this machine, and there is a client of a running one; leave it out"
         )
-    if known is not None:
-        yield known
-        return
-    with local_client(workers, memory) as own:
+    with local_client(workers, memory) if known is None else nullcontext(known) as own:
         yield own

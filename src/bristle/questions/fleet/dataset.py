@@ -207,7 +207,16 @@ def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
     within = np.arange(owner.size) - np.repeat(np.cumsum(many) - many, many)
     taken = np.where(of[owner] >= 0, (starts[of[owner]] if starts.size else 0) + within, -1)
     rows = pa.array(np.where(taken >= 0, order[taken] if order.size else 0, 0), mask=taken < 0)
-    columns = {name: results[name].take(rows) for name in OF_TASK} | _of_catalog(sessions, owner)
+    columns = {name: results[name].take(rows) for name in OF_TASK}
+    for name in (
+        x for x in COLUMNS if x not in OF_TASK
+    ):  # those of the catalog, each joint session as often as it has rows
+        if COLUMNS[name] == _TEXT:  # what is empty is null
+            text = pa.array(sessions[name].astype(object), pa.string())
+            column = pc.if_else(pc.equal(text, ""), None, text).dictionary_encode()
+        else:
+            column = pa.array(sessions[name].to_numpy(), from_pandas=True)
+        columns[name] = pa.chunked_array([column.take(owner)])
     own = pa.array(sessions["failure"].to_numpy(object)[owner], pa.string(), mask=of[owner] >= 0)
     failure = pc.coalesce(columns["failure"].cast(pa.string()).combine_chunks(), own)
     table = pa.table({name: (pa.chunked_array([failure]) if name == "failure" else columns[name]) for name in COLUMNS})
@@ -235,24 +244,6 @@ def _coded(table: "pa.Table") -> "pa.Table":
 def _last(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:
     codes = _codes(column)
     return np.where(codes < 0, codes.max(initial=0) + 1, codes) if column.null_count else codes
-
-
-def _of_catalog(sessions: "pd.DataFrame", owner: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, "pa.ChunkedArray"]:
-    """The columns that the catalog gives, each joint session as often as it has rows; what is empty is null."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    made = {}
-    for name, holds in COLUMNS.items():
-        if name in OF_TASK:
-            continue
-        if holds == _TEXT:
-            text = pa.array(sessions[name].astype(object), pa.string())
-            column = pc.if_else(pc.equal(text, ""), None, text).dictionary_encode()
-        else:
-            column = pa.array(sessions[name].to_numpy(), from_pandas=True)
-        made[name] = pa.chunked_array([column.take(owner)])
-    return made
 
 
 def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:
