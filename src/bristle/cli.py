@@ -471,17 +471,16 @@ def fleet(
     Example: bristle fleet catalog.csv -o reports/robots --strict
     """
     with shown() as progress:
-        from bristle.api.fleets import check_cluster, connected, fleet_on
+        from bristle.api.fleets import connected, fleet_on
         from bristle.questions.fleet.catalog import called
 
         certificates = {"ca": tls_ca_file, "cert": tls_cert, "key": tls_key}
-        check_cluster(scheduler, workers, memory, certificates)
+        cluster = connected(scheduler, workers, memory, certificates)
         if output is not None and not output:
             raise typer.BadParameter("got an empty path; name a folder, or . for the folder you are in")
         folder = output or str(Path("reports") / f"{called(catalog)}-fleet")
         if "://" not in folder:
             check_folder(Path(folder), FLEET)
-        cluster = connected(scheduler, workers, memory, certificates)
         found = fleet_on(
             cluster, catalog, folder, verify=verify, rate=rate, baseline=baseline, progress=progress,
             begun=lambda address: print_lines([f"Dashboard: {address}"] if address else []),

@@ -3,7 +3,7 @@
 import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -168,18 +168,12 @@ def identified_joint(path: Path, joint: str) -> tuple[Measured, Joint]:
 def connected(
     scheduler: str | None, workers: int | None, memory: str | None, certificates: Mapping[str, Path | None]
 ) -> AbstractContextManager[Any]:
-    """A client of a scheduler, or else of a cluster of this machine. Raises InputError, once entered, where no scheduler answers."""
+    """A client of a scheduler, or else of a cluster of this machine, as the options of the command line say.
+
+    Raises InputError where they do not go together, and, once entered, where no scheduler answers.
+    """
     from bristle.questions.fleet.cluster import local_client, remote_client
 
-    if scheduler is None:
-        return local_client(workers, memory)
-    return remote_client(scheduler, {name: str(path) for name, path in certificates.items() if path is not None})
-
-
-def check_cluster(
-    scheduler: str | None, workers: int | None, memory: str | None, certificates: Mapping[str, Path | None]
-) -> None:
-    """Raise InputError where options of the command line about the cluster do not go together."""
     own = {"--workers": workers, "--memory": memory}
     if scheduler is not None and (odd := [name for name, value in own.items() if value is not None]):
         raise InputError(
@@ -197,6 +191,9 @@ def check_cluster(
             raise InputError(f"{path}: no such file; expected a certificate or key of TLS, PEM")
     if scheduler is not None and not _ADDRESS.fullmatch(scheduler):
         raise InputError(f"--scheduler: got {short(scheduler)}; expected an address such as tcp://host:8786")
+    if scheduler is None:
+        return local_client(workers, memory)
+    return remote_client(scheduler, {name: str(path) for name, path in certificates.items() if path is not None})
 
 
 @contextmanager
@@ -210,8 +207,5 @@ def _client(client: Any, workers: int | None, memory: str | None) -> Iterator[An
         raise InputError(
             f"{name}: is for a cluster of this machine, and there is a client of a running one; leave it out"
         )
-    if known is not None:
-        yield known
-        return
-    with local_client(workers, memory) as own:
+    with local_client(workers, memory) if known is None else nullcontext(known) as own:
         yield own

@@ -29,20 +29,20 @@ class AskedJoint(NamedTuple):
 
     experiment: Experiment
     """As its file has it: of a robot with a torque constant that is still free."""
-    loaded: Experiment | Robot | None
-    known: tuple[Measured, Joint] | None
+    source: Experiment | Robot | tuple[Measured, Joint]
+    """What its file describes; or what is known of it already."""
 
     def measured(self, progress: Progress | None = None) -> Measured:
         """What it was, or is to be identified from."""
-        if self.known is not None or self.loaded is None:
-            return self.identified(progress)[0]
-        (measured,) = measure_joints(self.loaded, progress, only=self.experiment.joint.name)
+        if isinstance(self.source, tuple):
+            return self.source[0]
+        (measured,) = measure_joints(self.source, progress, only=self.experiment.joint.name)
         return measured
 
     def identified(self, progress: Progress | None) -> tuple[Measured, Joint]:
         """What it was measured by, and the joint: identified here unless it is already."""
-        if self.known is not None:
-            return self.known
+        if isinstance(self.source, tuple):
+            return self.source
         measured = self.measured(progress)
         if progress:
             progress(f"identifying {self.experiment.joint.name}", 0, 1)
@@ -55,8 +55,8 @@ def asked_joint(known: Known, name: str | None = None) -> AskedJoint:
     if isinstance(source, Results):
         joint = source.whole_joint(None if isinstance(known, Fit) else name)
         measured = source.measured_joint(joint.name)
-        return AskedJoint(measured.experiment, None, (measured, joint))
+        return AskedJoint(measured.experiment, (measured, joint))
     loaded, _ = opened(source)
     chosen = choose(names_of(loaded), name)
     own = pick(loaded, chosen).experiment if isinstance(loaded, Robot) else loaded
-    return AskedJoint(own, loaded, None)
+    return AskedJoint(own, loaded)

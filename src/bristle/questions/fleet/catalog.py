@@ -204,20 +204,18 @@ def _of_pattern(pattern: str) -> _Texts:
     except OSError as error:
         raise InputError(f"{pattern}: cannot be looked for ({error.strerror or error})") from error
     rows = []
+    before = (
+        whole.removesuffix(pattern) if whole.endswith(pattern) else ""
+    )  # as given: from where one is, or from anywhere
     for path in found:
         if match := matching.fullmatch(path):
             of = match.groupdict()
-            rows.append((_as_given(path, whole, pattern), *(of.get(x, "") for x in CATALOG[1:])))
+            rows.append((path.removeprefix(before), *(of.get(x, "") for x in CATALOG[1:])))
     if not rows:
         raise InputError(
             f"{pattern}: matches no file; expected a path from where you are, with {{unit}} and {{session}}"
         )
     return _Texts(rows, str(Path.cwd()), {})
-
-
-def _as_given(path: str, whole: str, pattern: str) -> str:
-    """A path as the pattern was given: from where one is, or from anywhere."""
-    return path.removeprefix(whole[: len(whole) - len(pattern)]) if whole.endswith(pattern) else path
 
 
 def _expression(pattern: str) -> str:

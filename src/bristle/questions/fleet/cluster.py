@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import secrets
+import socket
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
@@ -125,12 +126,18 @@ def local_client(workers: int | None = None, memory: str | None = None) -> Itera
         current_process(), "_inheriting", False
     ):  # a worker that begins, and runs the user's script to get there
         raise SystemExit(_UNGUARDED)
-    processes, limit = workers or cores(), _bytes_of(memory)
+    processes, limit, port = workers or cores(), _bytes_of(memory), _DASHBOARD
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            one.bind((_LOOPBACK, port))
+        except OSError:
+            port = 0  # any that is free
     with quiet(), pinned(), dask.config.set(_LEAN):
         try:
             cluster = LocalCluster(
                 n_workers=processes, threads_per_worker=1, processes=True, host=_LOOPBACK, memory_limit=limit or "auto",
-                dashboard_address=f"{_LOOPBACK}:{_free_port()}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
+                dashboard_address=f"{_LOOPBACK}:{port}", silence_logs=logging.CRITICAL, preload=[_UNINTERRUPTED],
             )  # fmt: skip  # a list of values
         except RuntimeError as error:
             raise InputError(
@@ -155,19 +162,6 @@ def _bytes_of(memory: str | None) -> int | None:
     if not 2**26 <= found <= 2**50:
         raise InputError(f"memory: got {short(memory)}; expected at least 64 MiB, such as 2 GiB")
     return found
-
-
-def _free_port() -> int:
-    """8787 for the dashboard, or 0, which is any that is free."""
-    import socket
-
-    with socket.socket() as one:
-        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            one.bind((_LOOPBACK, _DASHBOARD))
-        except OSError:
-            return 0
-    return _DASHBOARD
 
 
 @contextmanager

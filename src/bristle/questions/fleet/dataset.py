@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from bristle.errors import InputError, one_line
-from bristle.identification.known_joint import Known, chosen
+from bristle.identification.known_joint import chosen
 from bristle.identification.results import Joint
 from bristle.identification.verdict import row_warnings, verdict
 from bristle.page.output_folder import RESULTS, TASKS
@@ -57,8 +57,17 @@ def schema_of(columns: Sequence[str], *, coded: bool) -> "pa.Schema":
 
 def task_bytes(key: str, joint: Joint) -> bytes:
     """The rows of a joint that was identified, as Parquet. Raises InputError where it has none."""
-    use = verdict(joint)
-    rows = [_task_row(key, joint, str(use.trust), row) for row in chosen(joint)]
+    use, rows = verdict(joint), []
+    for row in chosen(joint):
+        estimate, said = row.estimate, row_warnings(joint, row)
+        lower, upper = (None, None) if estimate.interval is None else estimate.interval
+        worst = max((_SEVERITIES.index(x.severity) for x in said), default=None)
+        rows.append({
+            "direction": str(row.parameter.direction), "parameter": row.parameter.name, "value": estimate.value, "value_unit": estimate.unit,
+            "standard_error": estimate.standard_error, "lower": lower, "upper": upper, "source": str(row.source),
+            "severity": "none" if worst is None else _SEVERITIES[worst], "warnings": " ".join(dict.fromkeys(x.code for x in said)),
+            "use": str(use.trust), "kind": joint.kind.partition(" ")[0], "simulated": joint.simulated, "key": key, "failure": None,
+        })  # fmt: skip  # a row
     if not rows:
         reason = f": {use.reason}" if use.reason else ""
         raise InputError(f"{joint.name}: nothing was identified{reason}")
@@ -80,18 +89,6 @@ def _written(rows: list[dict[str, Any]]) -> bytes:
     return sink.getvalue()
 
 
-def _task_row(key: str, joint: Joint, use: str, row: Known) -> dict[str, Any]:
-    estimate, said = row.estimate, row_warnings(joint, row)
-    lower, upper = (None, None) if estimate.interval is None else estimate.interval
-    worst = max((_SEVERITIES.index(x.severity) for x in said), default=None)
-    return {
-        "direction": str(row.parameter.direction), "parameter": row.parameter.name, "value": estimate.value, "value_unit": estimate.unit,
-        "standard_error": estimate.standard_error, "lower": lower, "upper": upper, "source": str(row.source),
-        "severity": "none" if worst is None else _SEVERITIES[worst], "warnings": " ".join(dict.fromkeys(x.code for x in said)),
-        "use": use, "kind": joint.kind.partition(" ")[0], "simulated": joint.simulated, "key": key, "failure": None,
-    }  # fmt: skip  # a row
-
-
 def task_file(folder: str, key: str) -> str:
     """Where the rows of a task lie."""
     return joined_path(folder, f"{TASKS}/{key}.parquet")
@@ -106,24 +103,21 @@ def task_keys(folder: str) -> set[str]:
 def read_tasks(folder: str, keys: Collection[str]) -> tuple["pa.Table", set[str]]:
     """The rows of some tasks, and the keys of those whose file is damaged or gone."""
     import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    def read(key: str) -> "pa.Table | None":
+        try:
+            table = pq.ParquetFile(pa.BufferReader(read_bytes(task_file(folder, key)))).read(use_threads=False)
+            return table.cast(schema_of(OF_TASK, coded=False))
+        except (pa.ArrowException, ValueError, OSError):
+            return None
 
     ordered = sorted(keys)
     with ThreadPoolExecutor(_READERS) as pool:
-        tables = list(pool.map(lambda key: _task_table(task_file(folder, key)), ordered))
+        tables = list(pool.map(read, ordered))
     good = [table for table in tables if table is not None]
     empty = schema_of(OF_TASK, coded=False).empty_table()
     return pa.concat_tables([empty, *good]), {key for key, table in zip(ordered, tables, strict=True) if table is None}
-
-
-def _task_table(name: str) -> "pa.Table | None":
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        table = pq.ParquetFile(pa.BufferReader(read_bytes(name))).read(use_threads=False)
-        return table.cast(schema_of(OF_TASK, coded=False))
-    except (pa.ArrowException, ValueError, OSError):
-        return None
 
 
 def parts_of(folder: str) -> list[str]:
@@ -213,7 +207,16 @@ def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
     within = np.arange(owner.size) - np.repeat(np.cumsum(many) - many, many)
     taken = np.where(of[owner] >= 0, (starts[of[owner]] if starts.size else 0) + within, -1)
     rows = pa.array(np.where(taken >= 0, order[taken] if order.size else 0, 0), mask=taken < 0)
-    columns = {name: results[name].take(rows) for name in OF_TASK} | _of_catalog(sessions, owner)
+    columns = {name: results[name].take(rows) for name in OF_TASK}
+    for name in (
+        x for x in COLUMNS if x not in OF_TASK
+    ):  # those of the catalog, each joint session as often as it has rows
+        if COLUMNS[name] == _TEXT:  # what is empty is null
+            text = pa.array(sessions[name].astype(object), pa.string())
+            column = pc.if_else(pc.equal(text, ""), None, text).dictionary_encode()
+        else:
+            column = pa.array(sessions[name].to_numpy(), from_pandas=True)
+        columns[name] = pa.chunked_array([column.take(owner)])
     own = pa.array(sessions["failure"].to_numpy(object)[owner], pa.string(), mask=of[owner] >= 0)
     failure = pc.coalesce(columns["failure"].cast(pa.string()).combine_chunks(), own)
     table = pa.table({name: (pa.chunked_array([failure]) if name == "failure" else columns[name]) for name in COLUMNS})
@@ -241,24 +244,6 @@ def _coded(table: "pa.Table") -> "pa.Table":
 def _last(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:
     codes = _codes(column)
     return np.where(codes < 0, codes.max(initial=0) + 1, codes) if column.null_count else codes
-
-
-def _of_catalog(sessions: "pd.DataFrame", owner: np.ndarray[Any, np.dtype[np.int64]]) -> dict[str, "pa.ChunkedArray"]:
-    """The columns that the catalog gives, each joint session as often as it has rows; what is empty is null."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    made = {}
-    for name, holds in COLUMNS.items():
-        if name in OF_TASK:
-            continue
-        if holds == _TEXT:
-            text = pa.array(sessions[name].astype(object), pa.string())
-            column = pc.if_else(pc.equal(text, ""), None, text).dictionary_encode()
-        else:
-            column = pa.array(sessions[name].to_numpy(), from_pandas=True)
-        made[name] = pa.chunked_array([column.take(owner)])
-    return made
 
 
 def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:

@@ -8,7 +8,6 @@ import os
 import secrets
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -76,14 +75,6 @@ class FleetRun(NamedTuple):
     """Joint sessions whose results were known."""
     failed: int
     """Those without a result."""
-
-
-class _Ended(NamedTuple):
-    """What the tasks came to."""
-
-    identified: set[str]
-    failures: dict[str, str]
-    """By key, of tasks that are to be tried again."""
 
 
 class _Telling:
@@ -163,8 +154,24 @@ def held(output: str) -> Iterator[None]:
     if folder is None:
         yield
         return
-    with os.fdopen(_lock_file(folder / LOCK), "wb") as file:
-        _lock(file.fileno(), output)
+    # The lock is a new file, or the one that is there, which is neither a link nor emptied.
+    flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
+    try:
+        opened = os.open(folder / LOCK, flags | os.O_CREAT | os.O_EXCL, 0o644)
+    except FileExistsError:
+        opened = os.open(folder / LOCK, flags)
+    with os.fdopen(opened, "wb") as file:
+        with suppress(ImportError):  # a system without advisory locks
+            import fcntl
+
+            try:
+                fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise InputError(
+                    f"{output}: another run writes there; wait until it has ended, or name another folder"
+                ) from error
+            except OSError:  # a file system without them
+                pass
         try:
             yield
         except InputError:
@@ -176,30 +183,6 @@ def held(output: str) -> Iterator[None]:
                     if absent:
                         folder.rmdir()
             raise
-
-
-def _lock_file(path: Path) -> int:
-    """The lock of an output, opened: a new file, or the one that is there, which is neither a link nor emptied."""
-    flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0)
-    try:
-        return os.open(path, flags | os.O_CREAT | os.O_EXCL, 0o644)
-    except FileExistsError:
-        return os.open(path, flags)
-
-
-def _lock(number: int, output: str) -> None:
-    try:
-        import fcntl
-    except ImportError:  # a system without advisory locks
-        return
-    try:
-        fcntl.flock(number, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise InputError(
-            f"{output}: another run writes there; wait until it has ended, or name another folder"
-        ) from error
-    except OSError:  # a file system without them
-        return
 
 
 def _samples(rows: Iterable[CatalogRow]) -> list[str]:
@@ -293,10 +276,10 @@ def _run(
     cached, written = set(known["key"].to_pylist()) & set(wanted.index), task_keys(output)
     todo = wanted[~wanted.index.isin(list(cached | written))]
     tasks = _tasks(todo, files, output, reach)
-    ended = _identified(client, tasks, len(todo), output, identify, progress, sent=not reach.inputs)
+    identified, untold = _identified(client, tasks, len(todo), output, identify, progress, sent=not reach.inputs)
     step(progress, "writing the dataset")
-    read, damaged = read_tasks(output, set(wanted.index) - cached - set(ended.failures))
-    failures = ended.failures | dict.fromkeys(damaged, "its rows in the output are damaged; run again")
+    read, damaged = read_tasks(output, set(wanted.index) - cached - set(untold))
+    failures = untold | dict.fromkeys(damaged, "its rows in the output are damaged; run again")
     for key in damaged:
         remove(task_file(output, key))
     failed = sessions["key"].isin(list(failures)) & (sessions["failure"] == "")
@@ -306,7 +289,7 @@ def _run(
     refused = set(table.filter(pc.is_valid(table["failure"]))["key"].to_pylist())
     unchanged = int(good["key"].isin(list((cached | written) - refused)).sum())
     lost = table["failure"].length() - table["failure"].null_count
-    return FleetRun(table, len(ended.identified - refused - damaged), unchanged, lost)
+    return FleetRun(table, len(identified - refused - damaged), unchanged, lost)
 
 
 def _tasks(todo: "pd.DataFrame", files: Mapping[str, Surveyed], output: str, reach: Reach) -> Iterator[FleetTask]:
@@ -327,32 +310,30 @@ def _identified(
     progress: Progress | None,
     *,
     sent: bool,
-) -> _Ended:
-    """Run tasks on the workers, and write the rows that these do not write themselves."""
+) -> tuple[set[str], dict[str, str]]:
+    """Run tasks on the workers, and write the rows that these do not write themselves.
+
+    Returns the keys that were identified, and by key the failures that are to be tried again. Raises InputError where a worker
+    cannot take part, and OSError where the output is full.
+    """
     token, threads = secrets.token_hex(4), threads_of(client)
     window = SENT_WINDOW * threads if sent else max(LEAST_WINDOW, WINDOW * threads)
     calls = (Call(f"bristle-identify-{task.key}-{token}", identify_task, (task, identify)) for task in tasks)
-    telling, found = _Telling(progress, "identifying", total), _Ended(set(), {})
+    telling, identified, failures = _Telling(progress, "identifying", total), set[str](), dict[str, str]()
     telling.tell(0)
     for done, (call, end) in enumerate(spread(client, calls, window), 1):
-        _take(found, call.arguments[0].key, end, output)
+        key = call.arguments[0].key
+        how = TaskEnd(key, failure=_of_worker(end)) if isinstance(end, BaseException) else end
+        if how.refused:
+            raise InputError(how.refused)
+        if how.rows is not None:
+            write_whole(task_file(output, key), how.rows)
+        if how.failure:
+            failures[key] = how.failure
+        else:
+            identified.add(key)
         telling.tell(done)
-    return found
-
-
-def _take(found: _Ended, key: str, end: TaskEnd | BaseException, output: str) -> None:
-    """Take up how one task ended. Raises InputError where its worker cannot take part, and OSError where the output is full."""
-    if isinstance(end, BaseException):
-        found.failures[key] = _of_worker(end)
-        return
-    if end.refused:
-        raise InputError(end.refused)
-    if end.rows is not None:
-        write_whole(task_file(output, key), end.rows)
-    if end.failure:
-        found.failures[key] = end.failure
-    else:
-        found.identified.add(key)
+    return identified, failures
 
 
 def _compacted(

@@ -3,7 +3,7 @@
 No text of a user goes into a model. A source's name is its renderer's; the script finds figures and sources by them.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -164,7 +164,8 @@ def packed_series(
         known: what `quantities_of` gave.
     """
     number = _ranks(series, joints)
-    most = min(JOINTS, _affordable(number, len(joints)))
+    points = np.bincount(number[number >= 0], minlength=len(joints)).cumsum()
+    most = min(JOINTS, int(np.searchsorted(points, POINTS, side="right")))
     rows = series[(number >= 0) & (number < most)]
     grid = _grid(number[(number >= 0) & (number < most)], codes_in(rows, known), rows["session"], most)
     low, step, codes = _quantised(rows, grid)
@@ -185,12 +186,6 @@ def _ranks(frame: pd.DataFrame, joints: pd.DataFrame) -> NDArray[np.intp]:
     return pairs.get_indexer(pd.MultiIndex.from_frame(frame[["unit", "joint"]].astype(str))).astype(np.intp)
 
 
-def _affordable(number: NDArray[np.intp], joints: int) -> int:
-    """How many joints have their series on the page."""
-    points = np.bincount(number[number >= 0], minlength=joints).cumsum()
-    return int(np.searchsorted(points, POINTS, side="right"))
-
-
 def _grid(number: NDArray[np.intp], quantity: NDArray[np.intp], session: pd.Series, joints: int) -> Grid:
     ms = session.to_numpy("datetime64[ms]").astype(np.int64)
     visits, visit = np.unique(np.stack([number, ms]), axis=1, return_inverse=True)
@@ -203,17 +198,13 @@ def _grid(number: NDArray[np.intp], quantity: NDArray[np.intp], session: pd.Seri
     return Grid(blocks[0], blocks[1], begin, int(length.sum()), visits[1], counts, place)
 
 
+@np.errstate(invalid="ignore")  # an open interval has no width, and a block without values no range
 def _quantised(rows: pd.DataFrame, grid: Grid) -> tuple[Array, Array, NDArray[np.int64]]:
     """Of each block the least value told and the step, and every column in steps."""
     values = np.full((len(COLUMNS), grid.size), np.nan)
     values[:, grid.place] = rows[list(COLUMNS)].to_numpy(float).T
     if not grid.begin.size:
         return np.zeros(0), np.zeros(0), np.zeros((len(COLUMNS), 0), dtype=np.int64)
-    with np.errstate(invalid="ignore"):  # an open interval has no width, and a block without values no range
-        return _in_steps(values, grid)
-
-
-def _in_steps(values: Array, grid: Grid) -> tuple[Array, Array, NDArray[np.int64]]:
     block = np.repeat(np.arange(grid.begin.size), np.diff([*grid.begin, grid.size]))
     core = values[[0, 3]]
     least, most = (_over(way, core, empty, grid.begin) for way, empty in ((np.minimum, np.inf), (np.maximum, -np.inf)))
@@ -261,7 +252,13 @@ def spreads(types: pd.DataFrame, units: pd.DataFrame, known: pd.DataFrame) -> li
         key = (str(row.type), code)
         if key not in counts.index:
             continue
-        low, high = _band(float(row.mean), 1.96 * float(row.spread_percent) / 100, level.loc[[key]].to_numpy(float))
+        # By logarithms where every value is positive, as the spread was estimated; else in parts of the median size.
+        mean, reach = float(row.mean), 1.96 * float(row.spread_percent) / 100
+        values = level.loc[[key]].to_numpy(float)
+        size = reach * float(np.median(np.abs(values)))
+        low, high = mean - size, mean + size
+        if (values > 0).all():
+            low, high = mean * float(np.exp(-reach)), mean * float(np.exp(reach))
         found.append(
             {
                 "type": key[0], "quantity": code, "mean": row.mean, "low": low, "high": high, "count": int(counts.loc[key]),
@@ -269,14 +266,6 @@ def spreads(types: pd.DataFrame, units: pd.DataFrame, known: pd.DataFrame) -> li
             }
         )  # fmt: skip  # a table
     return found
-
-
-def _band(mean: float, reach: float, level: Array) -> tuple[float, float]:
-    """By logarithms where every value is positive, as the spread was estimated; else in parts of the median size."""
-    if (level > 0).all():
-        return mean * float(np.exp(-reach)), mean * float(np.exp(reach))
-    size = reach * float(np.median(np.abs(level)))
-    return mean - size, mean + size
 
 
 def quality_over_time(quality: pd.DataFrame) -> dict[str, Any]:
@@ -297,8 +286,3 @@ def quality_over_time(quality: pd.DataFrame) -> dict[str, Any]:
         "periods": ms.tolist(), "of": periods["of"].tolist(),
         "codes": [{"code": code, "look": k, "percent": percent[code].fillna(0.0).round(3).tolist()} for code, k in looks.items()],
     }  # fmt: skip  # a table
-
-
-def key_of(look: CodeLook) -> Mapping[str, str]:
-    """What the page's key of the quality chart is told of a look."""
-    return look._asdict()

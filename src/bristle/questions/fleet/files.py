@@ -121,17 +121,15 @@ def read_bytes(name: str, most: int | None = None) -> bytes:
 
 def digest_of(name: str) -> str:
     """SHA-256 of a file, which is read once, in pieces. Raises OSError where it cannot be read."""
-    digest = hashlib.sha256()
     if is_remote(name):
+        digest = hashlib.sha256()
         with _remote(name) as (system, place), system.open(place, "rb") as file:
             for piece in iter(lambda: file.read(_PIECE), b""):
                 digest.update(piece)
         return digest.hexdigest()
     check_regular(local_path(name))
     with local_path(name).open("rb") as file:
-        for piece in iter(lambda: file.read(_PIECE), b""):
-            digest.update(piece)
-    return digest.hexdigest()
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def exists(name: str) -> bool:
@@ -205,7 +203,12 @@ def write_whole(name: str, data: bytes) -> None:
     """Write a file whole or not at all, in place of an older one. Raises OSError where it cannot be written."""
     if is_remote(name):
         with _remote(name) as (system, place):
-            _put(system, place, data)
+            protocols = {system.protocol} if isinstance(system.protocol, str) else set(system.protocol)
+            folder, _, last = place.rpartition("/")
+            there = place if protocols & _WHOLE else f"{folder}/.{last}.{secrets.token_hex(4)}"
+            system.pipe_file(there, data)
+            if there != place:
+                system.mv(there, place)
         return
     path = local_path(name)
     aside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
@@ -216,17 +219,6 @@ def write_whole(name: str, data: bytes) -> None:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from error
     finally:
         aside.unlink(missing_ok=True)
-
-
-def _put(system: Any, path: str, data: bytes) -> None:
-    protocols = {system.protocol} if isinstance(system.protocol, str) else set(system.protocol)
-    if protocols & _WHOLE:
-        system.pipe_file(path, data)
-        return
-    folder, _, last = path.rpartition("/")
-    aside = f"{folder}/.{last}.{secrets.token_hex(4)}"
-    system.pipe_file(aside, data)
-    system.mv(aside, path)
 
 
 def remove(name: str) -> None:

@@ -6,7 +6,7 @@ parameters did (Benjamini and Bogomolov, 2014). docs/fleet.md has the rest of th
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -105,10 +105,26 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
     units = unit_rows(known, settled, people, rate)
     begun = warnings_begun(frame, people)
     said.extend(anew(people))
-    joints = _completed(joints, new_warnings(begun, frame, people, _since(joints)), units, baseline)
+    fresh = new_warnings(begun, frame, people, dict(joints.loc[joints["changed"], "since"]))
+    outside = units.loc[units["outside"].astype(bool), ["unit", "joint"]].drop_duplicates()
+    odd = set(zip(outside["unit"], outside["joint"], strict=True))
+    why = np.where(
+        joints["sessions"] <= baseline,
+        f"fewer than {baseline + 1} sessions",
+        "no parameter has values with errors in enough sessions of its type",
+    )
+    joints = joints.assign(
+        new_warnings=[fresh.get(number, "") for number in joints.index],
+        outside=[pair in odd for pair in zip(joints["unit"], joints["joint"], strict=True)],
+        untested=np.where(joints["adjusted_p"].notna(), "", why),
+    )
+    who = people.table[["unit", "joint"]].iloc[changes["number"].to_numpy(int)].reset_index(drop=True)
+    changes = pd.concat([who, changes.drop(columns="number").reset_index(drop=True)], axis=1)
+    order = ["changed", "p", "unit", "joint"]
+    changes = changes.sort_values(order, ascending=[False, True, True, True], ignore_index=True)
     return Findings(
         headline=headline(joints, rate), notes=notes(whole, every, joints, said, baseline),
-        joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=_named(changes, people), series=_series(known, settled, frame),
+        joints=joints.reset_index(drop=True)[list(_JOINTS)], changes=changes, series=_series(known, settled, frame),
         types=_types(known, settled), units=units, quality=quality(frame[frame["left_out"].isna()]),
         warned=warned(begun, people), failures=failures(whole), rate=rate, baseline=baseline,
         simulated=bool((frame["simulated"] == True).any()),  # noqa: E712  # where it is known
@@ -137,7 +153,13 @@ def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Ite
     ]
     used = frame.iloc[where][columns].reset_index(drop=True)
     used["joint"], used["type"] = people.joint[where], people.table["type"].to_numpy()[people.joint[where]]
-    same = _of_one_source(used)
+    # The fit from which most values of a joint's parameter come: two fits may differ without any wear.
+    series = ["joint", "parameter", "direction"]
+    told = used[[*series, "source"]].astype(dict.fromkeys(("parameter", "direction", "source"), str))
+    count_of = told.groupby([*series, "source"]).size().rename("count").reset_index()
+    most_of = count_of.sort_values(["count", "source"], ascending=[False, True]).drop_duplicates(series)
+    told = told.merge(most_of, on=series, how="left", suffixes=("", "_of_most"))
+    same = (told["source"] == told["source_of_most"]).to_numpy()
     if not same.all():
         count = int((~same).sum())
         message = (
@@ -147,66 +169,21 @@ def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Ite
         said.append(Finding("of-other-fits", NOTE, message, {"count": count}))
     found = []
     for key, rows in used[same].groupby(["type", "parameter", "direction"], observed=True, sort=True):
-        at = _of_one_unit(rows, str(key[0]), said)
-        own = where[at]
-        one = quantity_of(QuantityKey(*map(str, key)), rows.loc[at], own, people)
+        units = rows["value_unit"].astype(str)
+        (most, _), *others = Counter(units).most_common()
+        for other, count in others:
+            if not any(x.code == "mixed-value-units" and x.numbers["other"] == other for x in said):
+                message = (
+                    f"Type {key[0]} has values in {most} and in {other}; the {count} values in {other} are left out. "
+                    "Give these joints a type of their own."
+                )
+                numbers = {"type": str(key[0]), "unit": most, "other": other, "count": count}
+                said.append(Finding("mixed-value-units", CAUTION, message, numbers))
+        at = rows.index.to_numpy()[(units == most).to_numpy()]
+        one = quantity_of(QuantityKey(*map(str, key)), rows.loc[at], where[at], people)
         if one is not None:
             found.append(one)
     yield from (adjusted(one, len(found)) for one in found)
-
-
-def _of_one_source(used: pd.DataFrame) -> NDArray[np.bool_]:
-    """The values that come from the fit from which most values of their joint's parameter come: two fits may differ without any wear."""
-    series = ["joint", "parameter", "direction"]
-    rows = used[[*series, "source"]].astype(dict.fromkeys(("parameter", "direction", "source"), str))
-    count = rows.groupby([*series, "source"]).size().rename("count").reset_index()
-    most = count.sort_values(["count", "source"], ascending=[False, True]).drop_duplicates(series)
-    told = rows.merge(most, on=series, how="left", suffixes=("", "_of_most"))
-    return (told["source"] == told["source_of_most"]).to_numpy()
-
-
-def _of_one_unit(rows: pd.DataFrame, type_: str, said: list[Finding]) -> NDArray[np.intp]:
-    """The rows whose values have the unit that most have."""
-    units = Counter(rows["value_unit"].astype(str))
-    (most, _), *others = units.most_common()
-    for other, count in others:
-        if not any(x.code == "mixed-value-units" and x.numbers["other"] == other for x in said):
-            message = (
-                f"Type {type_} has values in {most} and in {other}; the {count} values in {other} are left out. "
-                "Give these joints a type of their own."
-            )
-            numbers = {"type": type_, "unit": most, "other": other, "count": count}
-            said.append(Finding("mixed-value-units", CAUTION, message, numbers))
-    return rows.index.to_numpy()[(rows["value_unit"].astype(str) == most).to_numpy()]
-
-
-def _since(joints: pd.DataFrame) -> dict[int, pd.Timestamp]:
-    """Since when each joint that changed has, by its number."""
-    return dict(joints.loc[joints["changed"], "since"])
-
-
-def _completed(joints: pd.DataFrame, begun: Mapping[int, str], units: pd.DataFrame, baseline: int) -> pd.DataFrame:
-    """The ranked joints with what else is told of each; `begun`: warnings that begin with a change, by number."""
-    outside = units.loc[units["outside"].astype(bool), ["unit", "joint"]].drop_duplicates()
-    named = set(zip(outside["unit"], outside["joint"], strict=True))
-    short = joints["sessions"] <= baseline
-    why = np.where(
-        short,
-        f"fewer than {baseline + 1} sessions",
-        "no parameter has values with errors in enough sessions of its type",
-    )
-    return joints.assign(
-        new_warnings=[begun.get(number, "") for number in joints.index],
-        outside=[pair in named for pair in zip(joints["unit"], joints["joint"], strict=True)],
-        untested=np.where(joints["adjusted_p"].notna(), "", why),
-    )
-
-
-def _named(changes: pd.DataFrame, people: Roster) -> pd.DataFrame:
-    """The tests with the names of their joints, those that changed first."""
-    who = people.table[["unit", "joint"]].iloc[changes["number"].to_numpy(int)].reset_index(drop=True)
-    rows = pd.concat([who, changes.drop(columns="number").reset_index(drop=True)], axis=1)
-    return rows.sort_values(["changed", "p", "unit", "joint"], ascending=[False, True, True, True], ignore_index=True)
 
 
 def _types(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]]) -> pd.DataFrame:
@@ -250,22 +227,18 @@ def _type(one: Adjusted, most: NDArray[np.intp]) -> dict[str, object]:
 
 
 def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], frame: pd.DataFrame) -> pd.DataFrame:
-    """A row per joint, parameter, direction and session: what a chart over time shows."""
+    """A row per joint, parameter, direction and session: what a chart over time shows.
+
+    With the adjusted value, and the 95 % limits for one more session, from its joint's before a change; none before a new baseline.
+    """
     names = ["unit", "joint", "parameter", "direction", "session", "value", "lower", "upper", "value_unit"]
-    parts = [_chart(one, most) for one, most in zip(every, settled, strict=True)]
+    parts = [np.zeros((3, 0))]
+    for one, most in zip(every, settled, strict=True):
+        q = one.of
+        mean, variance = own_levels(one, most)
+        reach = student(one.fit.freedom) * np.sqrt(variance[q.joint] + one.variance)
+        reach = np.where(q.now[q.joint], reach, np.nan)
+        parts.append(np.stack([q.shown(x) for x in (one.y, mean[q.joint] - reach, mean[q.joint] + reach)]))
     rows = np.concatenate([np.zeros(0, dtype=np.intp), *(one.of.rows for one in every)])
-    added: Mapping[str, NDArray[np.float64]] = {
-        name: np.concatenate([np.zeros(0), *(part[name] for part in parts)])
-        for name in ("adjusted", "limit_low", "limit_high")
-    }
-    return frame.iloc[rows][names].assign(**added).reset_index(drop=True)
-
-
-def _chart(one: Adjusted, most: NDArray[np.intp]) -> dict[str, NDArray[np.float64]]:
-    """Of each row the adjusted value, and the 95 % limits for one more session, from its joint's before a change; none before a new baseline."""
-    q = one.of
-    mean, variance = own_levels(one, most)
-    reach = student(one.fit.freedom) * np.sqrt(variance[q.joint] + one.variance)
-    reach = np.where(q.now[q.joint], reach, np.nan)
-    low, high = mean[q.joint] - reach, mean[q.joint] + reach
-    return {"adjusted": q.shown(one.y), "limit_low": q.shown(low), "limit_high": q.shown(high)}
+    level, low, high = np.concatenate(parts, axis=1)
+    return frame.iloc[rows][names].assign(adjusted=level, limit_low=low, limit_high=high).reset_index(drop=True)

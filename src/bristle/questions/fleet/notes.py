@@ -47,8 +47,7 @@ def notes(
         baseline: sessions before the first that may be changed.
     """
     said = [
-        *_shifts(every), *_warned(joints), *left_out, *_few(every), *_untested(joints, baseline), *_sessions(frame),
-        *_critical(frame),
+        *_shifts(every), *_warned(joints), *left_out, *_few(every), *_unused(frame, joints, baseline),
     ]  # fmt: skip  # a list of values
     return tuple(sorted(said, key=lambda x: list(Severity).index(x.severity)))
 
@@ -143,22 +142,16 @@ def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> str:
     return f"{row['unit']} {row['joint']}, {name} by {row['percent']:+.3g} % since {row['since']:%Y-%m-%d}"
 
 
-def _untested(joints: pd.DataFrame, baseline: int) -> Iterator[Finding]:
+def _unused(frame: pd.DataFrame, joints: pd.DataFrame, baseline: int) -> Iterator[Finding]:
+    """Joints that are not tested, and sessions and values that are in no finding."""
     not_tested = joints[joints["untested"] != ""]
-    if not_tested.empty:
-        return
-    count, short = len(not_tested), int(not_tested["untested"].str.startswith(_SHORT).sum())
-    why = [f"{short} without values in more than {baseline} sessions"] * (short > 0)
-    if count > short:
-        why.append(f"{count - short} whose type has too few repeated sessions to tell the scatter between them")
-    message = f"Not tested for a change: {counted(count, 'joint')}; {'; '.join(why)}."
-    yield Finding("joints-untested", NOTE, message, {"count": count, "short": short})
-
-
-_SHORT = "fewer"
-
-
-def _sessions(frame: pd.DataFrame) -> Iterator[Finding]:
+    if len(not_tested):
+        count, short = len(not_tested), int(not_tested["untested"].str.startswith("fewer").sum())
+        why = [f"{short} without values in more than {baseline} sessions"] * (short > 0)
+        if count > short:
+            why.append(f"{count - short} whose type has too few repeated sessions to tell the scatter between them")
+        message = f"Not tested for a change: {counted(count, 'joint')}; {'; '.join(why)}."
+        yield Finding("joints-untested", NOTE, message, {"count": count, "short": short})
     keys = ["unit", "joint", "session"]
     total = len(frame[keys].drop_duplicates())
     failed, left_out = (frame[frame[column].notna()] for column in ("failure", "left_out"))
@@ -170,10 +163,7 @@ def _sessions(frame: pd.DataFrame) -> Iterator[Finding]:
         count, first = len(left_out[keys].drop_duplicates()), left_out["left_out"].iloc[0]
         message = f"{counted(count, 'joint session')} left out of the findings; the first: {first}"
         yield Finding("sessions-left-out", NOTE, message, {"count": count})
-
-
-def _critical(frame: pd.DataFrame) -> Iterator[Finding]:
-    """Values that are not used, and the warnings that they have most often."""
+    # Values that are not used, and the warnings that they have most often.
     rows = frame[(frame["severity"] == "critical") & frame["value"].notna()]
     if len(rows):
         codes = most_common(critical(codes_of(rows)["code"]))

@@ -18,7 +18,6 @@ from bristle.page.wording import PARAMETERS, counted, pretty, symbol
 from bristle.questions.fleet.figures import (
     LOOKS,
     fleet_plots,
-    key_of,
     packed_series,
     quality_over_time,
     spreads,
@@ -114,25 +113,7 @@ def _context(found: "Findings", reports: Collection[Name], commands: Mapping[Nam
     document, roots = _drawing()
     known = quantities_of(found.series, found.units)
     series, charted = packed_series(found.series, found.changes, found.joints, known)
-    cells = _cells(found, commands)
-    over_time, explained = quality_over_time(found.quality), _explained(found)
-    data = {
-        "document": document, "roots": roots, "quantities": _quantities(known),
-        "joints": packed_joints(found.joints, reports, commands), "series": series, "charted": charted,
-        "units": packed_units(found.units, known), "spreads": spreads(found.types, found.units, known),
-        "quality": over_time, "looks": [key_of(look) for look in LOOKS],
-        "tables": {name: cells[name] for name in ("types", "quality", "warned", "failures")}, "explained": explained,
-    }  # fmt: skip  # a list of values
-    return {
-        **versions(None), "found": found, "data": json_block(data), "scripts": scripts, "policy": policy(scripts.values()),
-        "headings": HEADINGS, "cells": {name: rows[:PRINTED] for name, rows in cells.items()}, "capped": _capped(found, charted),
-        "counts": _counts(found), "codes": [*explained], "over_time": over_time,
-    }  # fmt: skip  # a list of values
-
-
-def _cells(found: "Findings", commands: Mapping[Name, str]) -> dict[str, list[list[str]]]:
-    """The first rows of each table in print."""
-    return {
+    cells = {
         "joints": joint_cells(found.joints, commands),
         "units": unit_cells(found.units),
         "types": type_cells(found.types),
@@ -140,6 +121,26 @@ def _cells(found: "Findings", commands: Mapping[Name, str]) -> dict[str, list[li
         "warned": warned_cells(found.warned),
         "failures": failure_cells(found.failures),
     }
+    counts = {
+        "joints": len(found.joints),
+        "tested": int(found.joints["adjusted_p"].notna().sum()),
+        "changed": found.changed,
+        "outside": int(found.units["outside"].astype(bool).sum()),
+        **{name: len(getattr(found, name)) for name in ("units", "types", "quality", "warned", "failures")},
+    }
+    over_time, explained = quality_over_time(found.quality), _explained(found)
+    data = {
+        "document": document, "roots": roots, "quantities": _quantities(known),
+        "joints": packed_joints(found.joints, reports, commands), "series": series, "charted": charted,
+        "units": packed_units(found.units, known), "spreads": spreads(found.types, found.units, known),
+        "quality": over_time, "looks": [look._asdict() for look in LOOKS],
+        "tables": {name: cells[name] for name in ("types", "quality", "warned", "failures")}, "explained": explained,
+    }  # fmt: skip  # a list of values
+    return {
+        **versions(None), "found": found, "data": json_block(data), "scripts": scripts, "policy": policy(scripts.values()),
+        "headings": HEADINGS, "cells": {name: rows[:PRINTED] for name, rows in cells.items()}, "capped": _capped(found, charted),
+        "counts": counts, "codes": [*explained], "over_time": over_time,
+    }  # fmt: skip  # a list of values
 
 
 def _quantities(known: "pd.DataFrame") -> list[dict[str, str]]:
@@ -159,21 +160,6 @@ def _explained(found: "Findings") -> dict[str, str]:
     codes = {code for listed in found.joints["new_warnings"] for code in str(listed).split()}
     codes |= {*found.quality["code"].astype(str), *found.warned["code"].astype(str)}
     return {code: x.severity for code, x in entries().items() if code in codes}
-
-
-def _counts(found: "Findings") -> dict[str, int]:
-    """How much there is of everything."""
-    return {
-        "joints": len(found.joints),
-        "tested": int(found.joints["adjusted_p"].notna().sum()),
-        "changed": int(found.joints["changed"].sum()),
-        "outside": int(found.units["outside"].astype(bool).sum()),
-        "units": len(found.units),
-        "types": len(found.types),
-        "quality": len(found.quality),
-        "warned": len(found.warned),
-        "failures": len(found.failures),
-    }
 
 
 def _capped(found: "Findings", charted: int) -> dict[str, str]:

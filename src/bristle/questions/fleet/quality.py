@@ -15,10 +15,8 @@ FAILED = "failed"
 """The code of a session that was not identified."""
 _COUNT = ("caution", "critical")
 """Severities of warnings that say something of the data."""
-_PERIODS = ((31, "D"), (366, "W-MON"), (np.inf, "MS"))
-"""Days that the sessions cover, up to which a period is a day, a week, a month."""
-
-
+_PERIODS = ((31, "D"), (366, "W-SUN"), (np.inf, "M"))
+"""Days that the sessions cover, up to which a period is a day, a week that ends on Sunday, a month."""
 _COLUMNS = {
     "period": "datetime64[us]", "code": "str", "severity": "str", "joint_sessions": "int64", "of": "int64", "percent": "float64",
 }  # fmt: skip  # a table
@@ -56,8 +54,8 @@ def quality(frame: pd.DataFrame) -> pd.DataFrame:
         return pd.DataFrame(columns=list(_COLUMNS)).astype(_COLUMNS)
     days = (every["session"].max() - every["session"].min()).days
     rule = next(name for most, name in _PERIODS if days <= most)
-    of = every.groupby(_period(every["session"], rule)).size()
-    found = found[found["session"].notna()].assign(period=lambda x: _period(x["session"], rule))
+    of = every.groupby(every["session"].dt.to_period(rule).dt.start_time).size()
+    found = found[found["session"].notna()].assign(period=lambda x: x["session"].dt.to_period(rule).dt.start_time)
     every_one = pd.MultiIndex.from_product([of.index, sorted(found["code"].unique())], names=["period", "code"])
     count = found.groupby(["period", "code"]).size().reindex(every_one, fill_value=0)
     counts = count.rename("joint_sessions").reset_index()
@@ -65,12 +63,6 @@ def quality(frame: pd.DataFrame) -> pd.DataFrame:
     counts["of"] = counts["period"].map(of)
     counts["percent"] = 100 * counts["joint_sessions"] / counts["of"]
     return counts.sort_values(["period", "code"], ignore_index=True)[list(_COLUMNS)].astype(_COLUMNS)
-
-
-def _period(session: "pd.Series[Any]", rule: str) -> "pd.Series[Any]":
-    """The start of the period that each session is in."""
-    start: pd.Series[Any] = session.dt.to_period({"D": "D", "W-MON": "W-SUN", "MS": "M"}[rule]).dt.start_time
-    return start
 
 
 def failures(frame: pd.DataFrame) -> pd.DataFrame:

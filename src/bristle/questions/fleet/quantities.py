@@ -94,13 +94,14 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
     """
     joint, day = people.joint[where], people.day[where]
     order = np.lexsort((day, joint))
-    value, error, half = (x[order] for x in _estimates(rows))
+    columns = ("value", "standard_error", "lower", "upper")
+    value, error, lower, upper = (rows[name].to_numpy(float)[order] for name in columns)
     typical, uncertain = float(np.median(np.abs(value))), float(np.median(error))
     if typical <= CLEAR * uncertain:
         return None
     scale = 0.0 if (value > 0).all() else typical
     one = value if not scale else np.full(value.size, scale)
-    y, e = value / scale if scale else np.log(value), normal_errors(error / one, half / one)
+    y, e = value / scale if scale else np.log(value), normal_errors(error / one, (upper - lower) / 2 / one)
     joints, own = np.unique(joint[order], return_inverse=True)
     covariates = [(name, rows[name].to_numpy(float)[order]) for name in COVARIATES]
     told = [(name, x - np.nanmedian(x)) for name, x in covariates if np.isfinite(x).any() and np.nanstd(x) > 0]
@@ -111,12 +112,6 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
         names=tuple(name for name, _ in told), time=day[order], unit=people.unit[where][order],
         value_unit=str(rows["value_unit"].iloc[0]),
     )  # fmt: skip  # a list of values
-
-
-def _estimates(rows: pd.DataFrame) -> tuple[Array, Array, Array]:
-    """Values, their standard errors, and the halves of their 95 % intervals, (n,) each."""
-    value, error, lower, upper = (rows[name].to_numpy(float) for name in ("value", "standard_error", "lower", "upper"))
-    return value, error, (upper - lower) / 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,33 +177,22 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
     inside = told[pairs.first] & told[pairs.second]
     pairs = Differences(pairs.first[inside], pairs.second[inside])
     fit, X = fit_differences(quantity.y, quantity.known, covariates, pairs, quantity.unit), covariates
-    knots, p = _knots(quantity, pairs.first.size), nan
-    if knots.size:
-        both = np.concatenate([covariates, _hats(quantity.time, knots)], axis=1)
+    knots, p, most = np.zeros(0), nan, min(KNOTS, pairs.first.size // PER_KNOT)
+    if (np.bincount(quantity.joint) > 1).sum() >= LEAST_JOINTS and most > 1:
+        days = np.unique(np.round(quantity.time))
+        knots = days if days.size <= most else np.unique(np.quantile(quantity.time, np.linspace(0, 1, most)))
+    if knots.size > 1:
+        # Functions linear between knots, each 1 at one of them and 0 at the others, without the first: (n, k - 1).
+        hats = np.stack([np.interp(quantity.time, knots, row) for row in np.eye(knots.size)[1:]], axis=1)
+        both = np.concatenate([covariates, hats], axis=1)
         shifted = fit_differences(quantity.y, quantity.known, both, pairs, quantity.unit)
         p = _shift_p(shifted, covariates.shape[1])
         if p < SHIFTED / max(tests, 1):
             fit, X = shifted, both
-        else:
-            knots = np.zeros(0)
+    if X is covariates:
+        knots = np.zeros(0)
     spread = np.nanvar(quantity.covariates, axis=0) * fit.coefficients[: gaps.shape[1]] ** 2
     return Adjusted(of=quantity, fit=fit, regressors=X, known=quantity.known + gaps @ spread, knots=knots, shift_p=p)
-
-
-def _knots(quantity: Quantity, differences: int) -> Array:
-    """Days at which the common shift bends; none where the type has too few joints, or sessions, for one."""
-    repeated = np.bincount(quantity.joint)
-    most = min(KNOTS, differences // PER_KNOT)
-    if (repeated > 1).sum() < LEAST_JOINTS or most < 2:
-        return np.zeros(0)
-    days = np.unique(np.round(quantity.time))
-    knots = days if days.size <= most else np.unique(np.quantile(quantity.time, np.linspace(0, 1, most)))
-    return knots if knots.size > 1 else np.zeros(0)
-
-
-def _hats(time: Array, knots: Array) -> Array:
-    """Functions linear between knots, each 1 at one of them and 0 at the others, without the first: (n, k - 1)."""
-    return np.stack([np.interp(time, knots, row) for row in np.eye(knots.size)[1:]], axis=1)
 
 
 def _shift_p(fit: RobustFit, first: int) -> float:

@@ -51,7 +51,13 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
     day = (frame["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
     kept = frame["left_out"].isna().to_numpy()
     marked = pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"]) & kept})
-    begun = _baselines(pd.concat([marked, _marks_of_all(whole, frame, pairs)]), pairs, day)
+    marked = pd.concat([marked, _marks_of_all(whole, frame, pairs)])
+    begun = np.zeros(pairs.size, dtype=np.intp)
+    if marked["marked"].any():  # one of successive marked sessions is the baseline's first
+        sessions = marked.groupby(["pair", "day"])["marked"].any()
+        before = sessions.groupby("pair").shift(fill_value=False)
+        count = (sessions & ~before).groupby("pair").cumsum()
+        begun = np.asarray(count.reindex(pd.MultiIndex.from_arrays([pairs, day])), dtype=np.intp)
     most = int(begun.max(initial=0)) + 1
     every, first, joint = np.unique(pairs * most + begun, return_index=True, return_inverse=True)
     table = pd.DataFrame({key: frame[key].astype(str).to_numpy()[first] for key in ("unit", "joint")})
@@ -68,7 +74,11 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
     table["latest"] = frame["session"].to_numpy("datetime64[us]")[rows]
     table["file"] = frame["file"].astype(str).to_numpy()[rows]
     table["now"] = ~np.isin(every + 1, every) | (every % most == most - 1)
-    return Roster(joint=joint.astype(np.intp), unit=unit.astype(np.intp), day=day, usable=_usable(frame), table=table)
+    # With a value and an error, and nothing critical said of it, in a session that is not left out.
+    value, error = (frame[name].to_numpy(float) for name in ("value", "standard_error"))
+    usable = np.isfinite(value) & np.isfinite(error) & (error > 0) & (frame["severity"] != "critical").to_numpy()
+    usable = usable & (frame["failure"].isna() & frame["left_out"].isna()).to_numpy(bool)
+    return Roster(joint=joint.astype(np.intp), unit=unit.astype(np.intp), day=day, usable=usable, table=table)
 
 
 def _marked(tags: "pd.Series[str]") -> NDArray[np.bool_]:
@@ -91,21 +101,3 @@ def _marks_of_all(whole: pd.DataFrame, frame: pd.DataFrame, pairs: NDArray[np.in
     rows = names[["unit", "day", "type"]].merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
     asked = rows["type_asked"]
     return rows.loc[asked.isna() | (asked.astype(str) == rows["type"]), ["pair", "day"]].assign(marked=True)
-
-
-def _baselines(marked: pd.DataFrame, pairs: NDArray[np.intp], day: Array) -> NDArray[np.intp]:
-    """How many baselines of its joint began before or with the session of each row, (rows,); one of successive marked sessions is its first."""
-    if not marked["marked"].any():
-        return np.zeros(pairs.size, dtype=np.intp)
-    sessions = marked.groupby(["pair", "day"])["marked"].any()
-    before = sessions.groupby("pair").shift(fill_value=False)
-    count = (sessions & ~before).groupby("pair").cumsum()
-    return np.asarray(count.reindex(pd.MultiIndex.from_arrays([pairs, day])), dtype=np.intp)
-
-
-def _usable(frame: pd.DataFrame) -> NDArray[np.bool_]:
-    """With a value and an error, and nothing critical said of it, in a session that is not left out."""
-    value, error = (frame[name].to_numpy(float) for name in ("value", "standard_error"))
-    known = np.isfinite(value) & np.isfinite(error) & (error > 0) & (frame["severity"] != "critical").to_numpy()
-    usable: NDArray[np.bool_] = known & (frame["failure"].isna() & frame["left_out"].isna()).to_numpy(bool)
-    return usable

@@ -98,8 +98,11 @@ def survey(path: str, known: Surveyed | None = None, *, verify: bool = False) ->
     With `verify` everything is read again. What cannot be used has a sentence, which names no folder of this machine.
     """
     try:
-        if known is not None and not verify and not known.failure and _unchanged(known):
-            return known
+        if known is not None and not verify and not known.failure and stamp(path) == known.inputs[0].stamp:
+            others = known.inputs[1:]  # every input is there with the same stamp, and no other: nothing is read
+            found = _found(known.path, known.patterns, known.beside)
+            if found == [(x.name, x.path) for x in others] and all(stamp(x.path) == x.stamp for x in others):
+                return known
         return _looked_at(path, {} if known is None or verify else {one.path: one for one in known.inputs})
     except InputError as error:
         return Surveyed(path, failure=without_folder(str(error), path))
@@ -118,17 +121,6 @@ def without_folder(sentence: str, path: str, *folders: str) -> str:
     return one_line(sentence)
 
 
-def _unchanged(known: Surveyed) -> bool:
-    """Whether every input is there with the same stamp, and there are no others; nothing is read."""
-    own = known.inputs[0]
-    if stamp(own.path) != own.stamp:
-        return False
-    found = _found(known.path, known.patterns, known.beside)
-    return found == [(one.name, one.path) for one in known.inputs[1:]] and all(
-        stamp(one.path) == one.stamp for one in known.inputs[1:]
-    )
-
-
 def _looked_at(path: str, known: Mapping[str, FleetInput]) -> Surveyed:
     own = _input(OWN, path, {})
     with _described(path) as (loaded, urdf):
@@ -138,8 +130,12 @@ def _looked_at(path: str, known: Mapping[str, FleetInput]) -> Surveyed:
         else:
             experiments = tuple(joint.everywhere for joint in loaded.joints)
             joints = tuple(one.experiment.joint.name for one in loaded.joints if one.identify)
-    runs, own_files = _patterns(experiments)
-    patterns, beside = tuple(dict.fromkeys((*runs, *own_files))), (() if urdf is None else (urdf,))
+    # By the paths and globs of runs, and by the files of signals that have their own.
+    runs = [(one, run) for one in experiments for run in one.runs]
+    files = (getattr(signal, "file", None) for one, run in runs for _, signal in one.signals_of(run))
+    own_files = [file for file in files if file]
+    patterns = tuple(dict.fromkeys((*(pattern for _, run in runs for pattern in run.patterns), *own_files)))
+    beside = () if urdf is None else (urdf,)
     found = Surveyed(path, (own,), patterns, beside, joints, robot=isinstance(loaded, Robot), apart=bool(own_files))
     try:
         if isinstance(loaded, Experiment) and not is_remote(path):
@@ -191,13 +187,6 @@ def _urdf_of(data: Mapping[str, Any]) -> str | None:
     about = data.get("robot")
     urdf = about.get("urdf") if isinstance(about, dict) and is_robot(data) else None
     return urdf if isinstance(urdf, str) and urdf else None
-
-
-def _patterns(experiments: Sequence[Experiment]) -> tuple[list[str], list[str]]:
-    """The paths and globs of runs, and the files of signals that have their own."""
-    runs = [(one, run) for one in experiments for run in one.runs]
-    own = (getattr(signal, "file", None) for one, run in runs for _, signal in one.signals_of(run))
-    return [pattern for _, run in runs for pattern in run.patterns], [file for file in own if file]
 
 
 def _found(path: str, patterns: Sequence[str], beside: Sequence[str]) -> list[tuple[str, str]]:

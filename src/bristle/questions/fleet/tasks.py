@@ -5,7 +5,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import ExitStack, suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -89,7 +89,12 @@ def survey_files(paths: Sequence[tuple[str, str | None]], verify: bool) -> list[
 
 def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
     """Identify a joint of a file and write its rows, or why there are none. Raises nothing but what ends the process."""
-    wrong = version_difference(task.versions, versions(), _worker())
+    from distributed import get_worker
+
+    worker = "here"  # outside Dask
+    with suppress(ValueError):
+        worker = str(get_worker().address)
+    wrong = version_difference(task.versions, versions(), worker)
     if wrong:
         return TaskEnd(task.key, refused=wrong)
     try:
@@ -102,16 +107,12 @@ def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
         return TaskEnd(task.key, failure="its worker ran out of memory; give each worker more with --memory")
     except Exception as error:  # noqa: BLE001  # one log of thousands must not end the run, whatever is in it
         return TaskEnd(task.key, failure=_sentence(task, f"a defect of bristle: {type(error).__name__}: {error}"))
-    return _landed(task, rows)
-
-
-def _worker() -> str:
-    from distributed import get_worker
-
-    try:
-        return str(get_worker().address)
-    except ValueError:  # outside Dask
-        return "here"
+    end = TaskEnd(task.key, rows=rows)
+    if task.output is not None:
+        with suppress(OSError, InputError):  # where the worker cannot write, the client does
+            write_whole(task_file(task.output, task.key), rows)
+            end = TaskEnd(task.key)
+    return end
 
 
 def _sentence(task: FleetTask, error: object) -> str:
@@ -124,8 +125,16 @@ def _sentence(task: FleetTask, error: object) -> str:
 
 def _rows(task: FleetTask, identify: Identify) -> bytes:
     """The rows of the joint; or of a file that bristle refuses, and would refuse again, why."""
-    with _folder(task) as folder:
-        path = _at_hand(task, folder)
+    with ExitStack() as stack:
+        folder, path = "", local_path(task.file.path)
+        # Where there is no file to read on this machine, what is fetched must be as it was surveyed.
+        if task.sent is not None or is_remote(task.file.path):
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="bristle-"))
+            contents = task.sent or {one.name: read_bytes(one.path) for one in task.file.inputs}
+            for one in task.file.inputs:
+                if hashlib.sha256(contents[one.name]).hexdigest() != one.sha256:
+                    raise _changed_meanwhile(one)
+            path = laid_out(Path(folder), name_of(task.file.path), contents)
         try:
             with _ONE:
                 _, joint = identify(path, task.joint)
@@ -136,24 +145,6 @@ def _rows(task: FleetTask, identify: Identify) -> bytes:
             if _may_pass(error) or _changed(task):
                 raise InputError(sentence) from error
             return failure_bytes(task.key, sentence)
-
-
-def _folder(task: FleetTask) -> AbstractContextManager[str | None]:
-    """A temporary folder, where the worker has no file to read."""
-    if task.sent is None and not is_remote(task.file.path):
-        return nullcontext()
-    return tempfile.TemporaryDirectory(prefix="bristle-")
-
-
-def _at_hand(task: FleetTask, folder: str | None) -> Path:
-    """The experiment file on this machine; what is fetched must be as it was surveyed."""
-    if folder is None:
-        return local_path(task.file.path)
-    contents = task.sent or {one.name: read_bytes(one.path) for one in task.file.inputs}
-    for one in task.file.inputs:
-        if hashlib.sha256(contents[one.name]).hexdigest() != one.sha256:
-            raise _changed_meanwhile(one)
-    return laid_out(Path(folder), name_of(task.file.path), contents)
 
 
 def _changed_meanwhile(one: FleetInput) -> InputError:
@@ -187,14 +178,3 @@ def _may_pass(error: BaseException | None) -> bool:
             return True
         error = error.__cause__
     return False
-
-
-def _landed(task: FleetTask, rows: bytes) -> TaskEnd:
-    """Written by the worker; where it cannot, the client does."""
-    if task.output is not None:
-        try:
-            write_whole(task_file(task.output, task.key), rows)
-            return TaskEnd(task.key)
-        except (OSError, InputError):
-            pass
-    return TaskEnd(task.key, rows=rows)

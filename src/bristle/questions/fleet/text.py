@@ -98,20 +98,19 @@ def _changed(found: "Findings") -> Iterator[str]:
     rows = whole.head(MOST_CHANGED)
     if len(rows):
         yield f"Joints that changed ({len(whole)}{of_all(len(rows), len(whole))}), with 95 % interval and adjusted p:"
-        yield from columns([_joint(row) for row in rows_of(rows)])
-
-
-def _joint(row: Any) -> list[str]:
-    warned = [f"new warnings: {row.new_warnings}"] if row.new_warnings else []
-    size = change(row.percent, row.percent_lower, row.percent_upper)
-    return [
-        _name(row),
-        str(quantity(row) or ""),
-        f"{size} %",
-        f"since {day(row.since)}{' (1 session)' * (row.sessions_after == 1)}",
-        f"p {probability(row.adjusted_p)}",
-        *warned,
-    ]
+        yield from columns(
+            [
+                [
+                    _name(row),
+                    str(quantity(row) or ""),
+                    f"{change(row.percent, row.percent_lower, row.percent_upper)} %",
+                    f"since {day(row.since)}{' (1 session)' * (row.sessions_after == 1)}",
+                    f"p {probability(row.adjusted_p)}",
+                    *([f"new warnings: {row.new_warnings}"] if row.new_warnings else []),
+                ]
+                for row in rows_of(rows)
+            ]
+        )
 
 
 def _name(row: Any) -> str:
@@ -130,25 +129,33 @@ def _outside(found: "Findings") -> Iterator[str]:
     rows = whole.head(MOST_OUTSIDE)
     if len(rows):
         yield f"Values outside their type ({len(whole)}{of_all(len(rows), len(whole))}), with adjusted p:"
-        yield from columns([_unit(row) for row in rows_of(rows)])
-
-
-def _unit(row: Any) -> list[str]:
-    value = f"{pair(row.value, row.standard_error)} {row.value_unit}"
-    return [
-        _name(row),
-        str(quantity(row) or ""),
-        value,
-        f"{row.percent:+.3g} % from type {shortened(str(row.type), 16)}",
-        f"p {probability(row.adjusted_p)}",
-    ]
+        yield from columns(
+            [
+                [
+                    _name(row),
+                    str(quantity(row) or ""),
+                    f"{pair(row.value, row.standard_error)} {row.value_unit}",
+                    f"{row.percent:+.3g} % from type {shortened(str(row.type), 16)}",
+                    f"p {probability(row.adjusted_p)}",
+                ]
+                for row in rows_of(rows)
+            ]
+        )
 
 
 def _types(types: pd.DataFrame) -> Iterator[str]:
     """A line a type: common shifts, and the temperature coefficients that are not zero."""
     lines = []
     for name, rows in types.groupby("type", sort=True, observed=True):
-        parts = [*_listed("common shift", _shifts(rows)), *_listed("temperature", _coefficients(rows))]
+        shifted = rows[rows["shift_percent"].notna()].sort_values("shift_percent", ascending=False, kind="stable")
+        shifts = [f"{quantity(row)} up to {two_digits(row.shift_percent)} %" for row in rows_of(shifted)]
+        sure = rows[(rows["temperature_lower"] > 0) | (rows["temperature_upper"] < 0)]
+        sure = sure.assign(far=-sure["temperature_percent"].abs()).sort_values("far", kind="stable")
+        warm = [
+            f"{quantity(row)} {change(row.temperature_percent, row.temperature_lower, row.temperature_upper)} %/K"
+            for row in rows_of(sure)
+        ]
+        parts = [*_listed("common shift", shifts), *_listed("temperature", warm)]
         if parts:
             lines.append(f"Type {shortened(str(name), 24)}: {'; '.join(parts)}.")
     yield from lines[:MOST_TYPES]
@@ -159,21 +166,6 @@ def _types(types: pd.DataFrame) -> Iterator[str]:
 def _listed(what: str, found: Sequence[str]) -> list[str]:
     more = f" and {len(found) - _PER_TYPE} more" if len(found) > _PER_TYPE else ""
     return [f"{what} {', '.join(found[:_PER_TYPE])}{more}"] if found else []
-
-
-def _shifts(rows: pd.DataFrame) -> list[str]:
-    shifted = rows[rows["shift_percent"].notna()].sort_values("shift_percent", ascending=False, kind="stable")
-    return [f"{quantity(row)} up to {two_digits(row.shift_percent)} %" for row in rows_of(shifted)]
-
-
-def _coefficients(rows: pd.DataFrame) -> list[str]:
-    sure = rows[(rows["temperature_lower"] > 0) | (rows["temperature_upper"] < 0)]
-    sure = sure.assign(far=-sure["temperature_percent"].abs()).sort_values("far", kind="stable")
-    return [f"{quantity(row)} {change(*_ends(row, 'temperature'))} %/K" for row in rows_of(sure)]
-
-
-def _ends(row: Any, name: str) -> tuple[float, float, float]:
-    return getattr(row, f"{name}_percent"), getattr(row, f"{name}_lower"), getattr(row, f"{name}_upper")
 
 
 def _quality(found: "Findings") -> Iterator[str]:

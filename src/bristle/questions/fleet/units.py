@@ -53,40 +53,33 @@ def unit_rows(
     parts, numbers, ps = [], [], []
     for one, most in zip(quantities, settled, strict=True):
         known = population_of(one, most)
-        if known is not None:
-            frame, p = _rows(one, most, known, people)
-            parts.append(frame)
-            numbers.append(one.of.joints[one.of.now])
-            ps.append(p)
-    if not parts:
-        return pd.DataFrame(columns=list(_COLUMNS)).astype(_COLUMNS)
-    number, p = np.concatenate(numbers), np.concatenate(ps)
-    own, group = np.unique(number, return_inverse=True)
-    adjusted = false_discovery(simes(p, group))[group]
-    rows = pd.concat(parts, ignore_index=True)
-    share = (np.bincount(group, minlength=own.size) > 0) & (np.bincount(group, adjusted <= rate) > 0)
-    outside = (adjusted <= rate) & (p <= rate * share.mean())
-    return rows.assign(adjusted_p=adjusted, outside=outside)[list(_COLUMNS)]
-
-
-def _rows(one: Adjusted, most: NDArray[np.intp], known: Population, people: Roster) -> tuple[pd.DataFrame, Array]:
-    q, now = one.of, one.of.now
-    level, variance = (x[now] for x in own_levels(one, most))
-    total = known.variance + variance
-    others = without_each(level, variance) if level.size <= MOST_LEFT_OUT else known
-    z = (level - others.mean) / np.sqrt(others.variance + variance + others.mean_error**2)
-    own = known.variance / total
-    drawn = known.mean + own * (level - known.mean)
-    error = np.sqrt(own * variance + (1 - own) ** 2 * known.mean_error**2)
-    shown, near = q.shown(level), q.shown(drawn)
-    slope, near_slope = (np.full(level.size, q.scale),) * 2 if q.scale else (shown, near)
-    who = people.table.iloc[q.joints[now]]
-    type_, parameter, direction = q.key
-    return pd.DataFrame(
-        {
+        if known is None:
+            continue
+        q, now = one.of, one.of.now
+        level, variance = (x[now] for x in own_levels(one, most))
+        others = without_each(level, variance) if level.size <= MOST_LEFT_OUT else known
+        z = (level - others.mean) / np.sqrt(others.variance + variance + others.mean_error**2)
+        own = known.variance / (known.variance + variance)
+        drawn = known.mean + own * (level - known.mean)
+        error = np.sqrt(own * variance + (1 - own) ** 2 * known.mean_error**2)
+        shown, near = q.shown(level), q.shown(drawn)
+        slope, near_slope = (np.full(level.size, q.scale),) * 2 if q.scale else (shown, near)
+        who = people.table.iloc[q.joints[now]]
+        type_, parameter, direction = q.key
+        parts.append(pd.DataFrame({
             "unit": who["unit"].to_numpy(), "joint": who["joint"].to_numpy(), "type": type_, "parameter": parameter, "direction": direction,
             "value_unit": q.value_unit, "sessions": most[now], "value": shown, "standard_error": np.sqrt(variance) * slope,
             "percent": q.percent(level - known.mean), "z": z, "shrunken": near, "shrunken_error": error * near_slope,
             "borrowed_percent": 100 * (1 - own),
-        }
-    ), 2 * np.asarray(stdtr(others.freedom, -np.abs(z)), dtype=float)  # fmt: skip  # a table
+        }))  # fmt: skip  # a table
+        numbers.append(q.joints[now])
+        ps.append(2 * np.asarray(stdtr(others.freedom, -np.abs(z)), dtype=float))
+    if not parts:
+        return pd.DataFrame(columns=list(_COLUMNS)).astype(_COLUMNS)
+    number, p = np.concatenate(numbers), np.concatenate(ps)
+    tested, group = np.unique(number, return_inverse=True)
+    adjusted = false_discovery(simes(p, group))[group]
+    rows = pd.concat(parts, ignore_index=True)
+    share = (np.bincount(group, minlength=tested.size) > 0) & (np.bincount(group, adjusted <= rate) > 0)
+    outside = (adjusted <= rate) & (p <= rate * share.mean())
+    return rows.assign(adjusted_p=adjusted, outside=outside)[list(_COLUMNS)]
