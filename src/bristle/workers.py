@@ -3,10 +3,10 @@
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from threading import Thread, current_thread, main_thread
 from typing import Any
 
 Share = Callable[..., Iterable[Any]]
@@ -65,9 +65,14 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
         except BaseException as error:
             # A worker may end in the middle of a message: with no writer left, who reads it sees the end and waits no longer.
             pool._result_queue._writer.close()  # type: ignore[attr-defined]  # no public way to it
-            for child in set(active_children()) - others:
-                child.terminate()
-            pool.shutdown(cancel_futures=True)
+            # The pool's own thread may meet futures that were cancelled with the work, which nobody has to hear of.
+            hook, threading.excepthook = threading.excepthook, lambda _: None
+            try:
+                for child in set(active_children()) - others:
+                    child.terminate()
+                pool.shutdown(cancel_futures=True)
+            finally:
+                threading.excepthook = hook
             if isinstance(error, BrokenProcessPool):
                 raise OSError(
                     "a worker process was killed, perhaps for want of memory; take fewer --workers"
@@ -101,7 +106,10 @@ def interruptible() -> Iterator[None]:
         _interrupts.append(signal.SIGINT)
         raise KeyboardInterrupt
 
-    if signal.getsignal(signal.SIGINT) is not signal.default_int_handler or current_thread() is not main_thread():
+    if (
+        signal.getsignal(signal.SIGINT) is not signal.default_int_handler
+        or threading.current_thread() is not threading.main_thread()
+    ):
         yield  # somebody else's
         return
     signal.signal(signal.SIGINT, raise_it)
@@ -145,7 +153,7 @@ def _begin() -> None:
     gc.freeze()  # what is loaded stays
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if (parent := parent_process()) is not None:
-        Thread(target=end_with, args=(parent,), daemon=True).start()
+        threading.Thread(target=end_with, args=(parent,), daemon=True).start()
 
 
 def called(part: "partial[Any]") -> Any:
