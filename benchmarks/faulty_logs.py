@@ -44,6 +44,10 @@ class Log:
     """Further lines."""
     beside: "Log | None" = None
     """Another run of the same joint."""
+    drag: float = 0.0
+    """Torque that a fault added as v * abs(v) ..."""
+    raised: float = 0.0
+    """... and the share of friction that it added in direction +."""
 
 
 def joint(rng: np.random.Generator) -> Lugre[float]:
@@ -114,6 +118,25 @@ def slow(seed: int) -> Log:
     torque = load + 1e-3 * g0 * rng.standard_normal(t.size)
     q = counted(q + rng.uniform(0, 1) * 2 * np.pi / 2**20, 20)
     return Log(t, q, np.gradient(q, t), torque, "presliding", p, beside=beside)
+
+
+def curve(log: Log, v: Array) -> Array:
+    """True friction at some velocities, N*m, (n,), what a fault added to it included."""
+    return steady(v, log.truth) * np.where(v > 0, 1 + log.raised, 1.0) + log.drag * v * np.abs(v)
+
+
+def speeds(log: Log) -> Array:
+    """Over which the curve of a log without its fault is judged, rad/s: those of holds and points; of a motion 60 in each direction."""
+    log = log.beside or log
+    if log.kind == "tracking":
+        v = np.linspace(0.02, 1, 60) * np.abs(log.v).max()
+        return np.append(v, -v)
+    return np.unique(log.v)
+
+
+def drag(x: Log, s: float) -> Log:
+    """Quadratic drag."""
+    return replace(x, torque=x.torque + s * x.v * np.abs(x.v), drag=s)
 
 
 def again(log: Log, v: Array, torque: Array) -> Log:
@@ -216,7 +239,7 @@ def wrapped(x: Array, limit: float) -> Array:
 
 def by_direction(x: Log, share: float) -> Log:
     """More friction in one direction than in the other, of a fit that is asked for one set."""
-    return replace(x, torque=x.torque * np.where(x.v > 0, 1 + share, 1.0), fit="directions: symmetric")
+    return replace(x, torque=x.torque * np.where(x.v > 0, 1 + share, 1.0), fit="directions: symmetric", raised=share)
 
 
 def by_load(x: Log, share: float) -> Log:
@@ -299,7 +322,7 @@ FAULTS: dict[str, Fault] = {
     "noise for torque": Fault(motion, torque(lambda x, s: s * np.random.default_rng(1).standard_normal(x.t.size)), (0.1, 1.0)),
     "hum of 50 Hz": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(2 * np.pi * 50 * x.t)), (0.1, 0.4)),
     "temperature drift": Fault(motion, torque(lambda x, s: x.torque * (1 + s * (0.5 - x.t / x.t[-1]))), (0.1, 0.4), WARMS),
-    "quadratic drag": Fault(motion, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.1, 0.4), TERM),
+    "quadratic drag": Fault(motion, drag, (0.1, 0.4), TERM),
     "gravity": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(x.q)), (0.1, 1.0), (*TERM, "residual-ripple")),
     "cogging": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(20 * x.q)), (0.03, 0.1), RIPPLE),
     "friction by direction": Fault(motion, by_direction, (0.1, 0.4), SIDES),
@@ -325,7 +348,7 @@ FAULTS: dict[str, Fault] = {
     "ramps: torque offset": Fault(ramps, torque(lambda x, s: x.torque + s), (0.05, 0.15), SIDES),
     "ramps: two stray holds": Fault(ramps, torque(lambda x, s: off_at(x, (3, 11), s)), (0.2, 0.5), STRAYS),
     "ramps: torque clipped": Fault(ramps, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), ("clipped",)),
-    "ramps: quadratic drag": Fault(ramps, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.05, 0.2), TERM),
+    "ramps: quadratic drag": Fault(ramps, drag, (0.05, 0.2), TERM),
     "ramps: cogging": Fault(short_holds, torque(lambda x, s: x.torque + s * np.sin(8 * x.q)), (0.03, 0.1), (*RIPPLE, "torques-doubted")),
     "ramps: stick-slip": Fault(ramps, stick_slip, (0.7, 1.2), STICKS),
     "ramps: holds that accelerate": Fault(ramps, accelerating, (0.2, 0.6), TERM),
@@ -334,7 +357,7 @@ FAULTS: dict[str, Fault] = {
     "points: sign of one direction": Fault(points, torque(lambda x, s: np.abs(x.torque) * s), (1.0, 2.0)),
     "points: torque clipped": Fault(points, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), ("clipped",)),
     "points: torque offset": Fault(points, torque(lambda x, s: x.torque + s), (0.05, 0.15), SIDES),
-    "points: quadratic drag": Fault(points, torque(lambda x, s: x.torque + s * x.v * np.abs(x.v)), (0.05, 0.2), TERM),
+    "points: quadratic drag": Fault(points, drag, (0.05, 0.2), TERM),
     "points: some that do not slide": Fault(points, torque(resting), (0.0, 0.1), STRAYS),
     "slow loading: load cell offset": Fault(slow, torque(lambda x, s: x.torque + s), (0.05, 0.2), LOADED),
     "slow loading: position drifts": Fault(slow, position(lambda x, s: x.q + s * x.t), (3e-5, 1e-4), ("open-cycles",)),

@@ -203,6 +203,38 @@ def test_chunks_leave_no_seam(gripper: Lugre[float], monkeypatch: pytest.MonkeyP
     np.testing.assert_allclose(second.torque, whole.torque[300:], rtol=1e-12, atol=1e-15)
 
 
+@given(
+    motions=st.lists(hnp.arrays(float, st.integers(1, 30), elements=anything), min_size=1, max_size=5), data=st.data()
+)
+@pytest.mark.parametrize("sets", [1, 2])
+def test_motions_together_are_each_by_itself(sets: int, motions: list[Array], data: st.DataObject) -> None:
+    """Motions one behind the other, under a load, give the deflection, torque and derivatives that each gives alone."""
+    of = [data.draw(scaled) for _ in range(sets)]
+    p: Lugre[float] | Pair[float] = of[0] if sets == 1 else Pair(*of)
+    bound = min(one.alpha_0 / one.sigma_0 for one in of)
+    z0 = np.array([data.draw(st.floats(-1, 1)) * bound for _ in motions])
+    sizes = [v.size for v in motions]
+    level = np.stack([np.linspace(0.0, 0.5, sum(sizes)), np.linspace(1.0, 0.0, sum(sizes))])
+    begins = np.cumsum([0, *sizes])[:-1]
+
+    def derived(velocity: Array, start: float | Array, level: Array, begins: Any) -> Array:
+        rows = list(np.empty((6 * sets + 2, velocity.size)))
+        rolled = module.rollout_into(rows, velocity, 1e-2, p, start, 1.0, level, begins)
+        again = rollout(velocity, 1e-2, p, start, 1.0, level[0], begins)
+        np.testing.assert_allclose([again.z, again.torque], [rolled.z, rolled.torque], rtol=1e-12, atol=1e-12 * bound)
+        return np.stack([rolled.z, rolled.torque, *rows])
+
+    alone = [
+        derived(v, float(z), level[:, b : b + v.size], np.zeros(1, dtype=int))
+        for v, z, b in zip(motions, z0, begins, strict=True)
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(module, "_CHUNK", data.draw(st.sampled_from([7, 15_000])))
+        together = derived(np.concatenate(motions), z0, level, begins)
+    for row, expected in zip(together, np.hstack(alone), strict=True):
+        np.testing.assert_allclose(row, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max() + 1e-140)
+
+
 @pytest.mark.parametrize("stiffer", ["positive", "negative"])
 @pytest.mark.parametrize("times", [1.0, 1e2, 1e8])
 def test_signs_of_deflection_settle_whatever_the_stiffness(

@@ -5,6 +5,7 @@ A zero-phase low pass, then the derivatives of a spline through it.
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -88,6 +89,14 @@ _STEP = 4.0
 """Standard deviations of the samples about it, by which the end of a noisy signal is off only after a step."""
 
 
+@cache
+def _sections(cutoff: float, rate: float) -> Array:
+    """The low pass of a cut-off at a sampling rate, both Hz, by sections: the same one filters many signals."""
+    from scipy.signal import butter
+
+    return np.asarray(butter(ORDER, cutoff, fs=rate, output="sos"))
+
+
 def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = False) -> Array:
     """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist.
 
@@ -95,14 +104,14 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
     is `noisy`, about where a line through half a period of the cut-off ends. Raises InputError where the cut-off is so
     far below the sampling rate that the filter's own rounding hides the signal.
     """
-    from scipy.signal import butter, sosfiltfilt
+    from scipy.signal import sosfiltfilt
 
     if cutoff * record.step < LOWEST:
         raise InputError(
             f"{record.file}: a cut-off of {cutoff:g} Hz is too low for a sampling rate of {1 / record.step:.4g} Hz; expected at least "
             f"{LOWEST / record.step:.3g} Hz; check the cut-offs under fit, and the unit of time"
         )
-    sections = butter(ORDER, cutoff, fs=1 / record.step, output="sos")
+    sections = _sections(cutoff, 1 / record.step)
     reach = max(_PAD, round(1 / (record.step * cutoff)))
 
     def one(x: Array) -> Array:

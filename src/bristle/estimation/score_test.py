@@ -200,4 +200,8 @@ def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, i
     errors = float(np.max(np.abs(moved) / np.maximum(fit.errors, 1e-300), initial=0.0))
     little = max(torque, finding.effect.get("torque", 0.0)) < MATTERS * fit.friction and errors < 1
     told = replace(finding, effect={"torque": torque, "errors": errors, **finding.effect})
-    return replace(told, severity=NOTE) if little else told
+    if little:
+        return replace(told, severity=NOTE)
+    curve = f"{100 * torque / fit.friction:.2g} %" if fit.friction else "all"
+    message = f"{finding.message} It bends friction by {curve}, and a parameter by {errors:.2g} standard errors, which contain that."
+    return replace(told, message=message)

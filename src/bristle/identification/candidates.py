@@ -106,8 +106,7 @@ def _wear(found: Score, _: int) -> Finding:
 def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> Finding:
     lines = regressor_line((name,), parameters)
     message = (
-        f"The fit lacks a term. Under fit, write {lines}: beside all that is fitted it explains {100 * found.share:.0f} % of the squares "
-        "that the fit leaves (to first order)."
+        f"The fit lacks a term: under fit, {lines} would explain {100 * found.share:.0f} % of the residuals' variance."
     )
     return Finding("lacks-a-term", CAUTION, message, {"lines": lines, "share": found.share})
 

@@ -269,14 +269,15 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     """What was chosen, why, and what overrules it."""
     more = bic[APART] - bic[SYMMETRIC]
     if np.isnan(more):
-        return "one friction for both, two differing by a constant alone, as an offset does (fit.directions overrules)"
+        return "the same friction both ways, for two differ by a constant alone, as an offset does (fit.directions overrules)"
     if not np.isfinite(more):
-        of_each, of_both = "each its own friction", "one friction for both"
-        took, left = (of_each, of_both) if apart else (of_both, of_each)
-        return f"{took}, for {left} would leave a direction without friction, or with one that drives it (fit.directions overrules)"
-    which, higher = ("each its own friction, one for both", -more) if apart else ("one friction for both, two", more)
-    how = "higher" if higher >= 0 else f"lower, by less than {_CLEARLY:g}"
-    return f"{which} having a BIC {abs(higher):.3g} {how} (fit.directions overrules)"
+        took, left = ("each its own friction", "one") if apart else ("the same friction both ways", "two")
+        return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
+    took, left, higher = (
+        ("each its own friction", "one fits", -more) if apart else ("the same friction both ways", "two fit", more)
+    )
+    how = "worse" if higher >= 0 else f"better, by less than {_CLEARLY:g}"
+    return f"{took}; {left} {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
 
 
 def _identified(

@@ -47,7 +47,7 @@ def settings_of(experiment: Experiment, asked_law: str, training: Sequence[Recor
         if chosen:
             by = f"by the spectra, {' and '.join(chosen)} overrule{'s'[len(chosen) - 1 :]}"
             settings["filters"] = (
-                f"low pass of {low_pass}, {f'one sample in {fit.every}' if fit.every > 1 else 'every sample'} ({by})"
+                f"low pass of {low_pass}, {f'one sample in {fit.every}' if fit.every > 1 else 'all samples'} ({by})"
             )
         if fit.predict == "position":
             settings["moving runs"] = (

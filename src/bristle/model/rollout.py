@@ -1,7 +1,8 @@
 """Rollout of LuGre along a given velocity, and its exact Jacobian: exact-exponential steps over nodes, scanned.
 
 For a `Pair` a node also stands where z changes sign, because sigma_0 switches there. Nodes that are not samples are
-dropped from the result. The work goes by chunks of samples that stay in the cache.
+dropped from the result. The work goes by chunks of samples that stay in the cache. Motions may be rolled out together,
+one behind the other: the scan begins anew where another begins.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,6 +21,8 @@ _CHUNK = 15_000
 _FADED = 1e-150
 """Added to each sensitivity's source, so that what is forgotten decays to it and not to denormal numbers, which are
 slow."""
+_ONE = np.zeros(1, dtype=np.intp)
+"""Where one motion begins."""
 _PASSES = 50
 """At most this many scans of a chunk to settle where z changes sign."""
 
@@ -67,9 +70,10 @@ def rollout(
     velocity: Array,
     step: float | Array,
     parameters: _Parameters,
-    z0: float | None = None,
+    z0: float | Array | None = None,
     coarsening: float = 1.0,
     level: Array | None = None,
+    begins: Index = _ONE,
 ) -> Rollout:
     """Bristle deflection and friction torque (3)-(5) along a velocity that is linear between its samples.
 
@@ -77,11 +81,14 @@ def rollout(
         velocity: rad/s at the samples, (n,); n may be 0 or 1.
         step: time between samples, s, > 0: scalar or (n - 1,).
         parameters: one set, or a pair of sets: sigma_0 by the sign of z, all others by the sign of v.
-        z0: deflection at the first sample, rad; by default the steady one for the first velocity, 0 where that is 0.
+        z0: deflection at the first sample, rad, of several motions (m,); by default the steady one for the first velocity,
+            0 where that is 0.
         coarsening: how many times farther apart than usual nodes may stand between samples; 10 is quick, and good for a
             start.
         level: what a load adds to alpha_0 at the samples (`law.load_levels`), N*m, (n,), linear between them, never so far
             below zero that the level is not positive; None: nothing.
+        begins: the first sample of each motion, (m,), ascending from 0; several need their `z0`. What `step` says of the time
+            between two of them counts for nothing.
 
     Raises:
         ValueError: where velocity is not a finite (n,) array, or step is not positive or of another length.
@@ -93,10 +100,12 @@ def rollout(
         vectorised(functions.torque_function(parameters.law)),
     )
     risen = None if level is None else level[None]
-    z = _start(velocity, parameters, risen)[0] if z0 is None else z0
-    for at, drawn in _chunks(velocity, step, parameters, coarsening, risen):
-        nodes, signs = _settled(drawn, z, parameters)
+    starts = np.atleast_1d(_start(velocity, parameters, risen)[0] if z0 is None else z0)
+    z = float(starts[0])
+    for at, drawn, own in _chunks(velocity, step, parameters, coarsening, risen, begins):
+        nodes, signs = _settled(drawn, z, starts[own], parameters)
         a, b = advance(*nodes.steps, *_acting_over(parameters, signs, nodes))
+        a[nodes.begins - 1], b[nodes.begins - 1] = 0.0, starts[own]
         inside = scan(a, b, z)
         z_all[at] = inside[nodes.samples]
         acting = _with_level(_acting(parameters, z_all[at], velocity[at]), None if level is None else level[at])
@@ -126,15 +135,16 @@ def rollout_into(
     velocity: Array,
     step: float | Array,
     parameters: _Parameters,
-    z0: float | None = None,
+    z0: float | Array | None = None,
     coarsening: float = 1.0,
     level: Array | None = None,
+    begins: Index = _ONE,
 ) -> Rollout:
     """The rollout, and its derivatives written to `rows`: (n,) for each parameter, 6 or 12 of the paper's law, then for z0.
 
     A fit gives the rows of its own Jacobian: fresh memory for another costs as much as a fifth of the work. `level`, (1 +
     k, n), is that of `rollout`, and its derivatives by k parameters of its own, whose rows stand between those of the law
-    and z0's. All else as in `rollout_jacobian`.
+    and z0's, which is each motion's own. All else as in `rollout_jacobian` and `rollout`.
     """
     velocity, step = _checked(velocity, step)
     law, fields = parameters.law, _fields(parameters)
@@ -147,12 +157,15 @@ def rollout_into(
     z_all, torque = np.empty((2, velocity.size))
     *every, by_z0 = rows
     by_parameters, by_level = every[: len(every) - rises], every[len(every) - rises :]
-    z, carry = _start(velocity, parameters, level) if z0 is None else (z0, np.zeros(enters.size + rises))
-    faded = 1.0
-    for at, drawn in _chunks(velocity, step, parameters, coarsening, level):
-        nodes, signs = _settled(drawn, z, parameters)
+    start, carry = _start(velocity, parameters, level) if z0 is None else (z0, np.zeros(enters.size + rises))
+    starts = np.atleast_1d(start)
+    z, faded = float(starts[0]), 1.0
+    for at, drawn, own in _chunks(velocity, step, parameters, coarsening, level, begins):
+        nodes, signs = _settled(drawn, z, starts[own], parameters)
         slopes = np.empty((2 + 2 * len(names), nodes.v.size - 1))
         advance(*nodes.steps, *_acting_over(parameters, signs, nodes), out=list(slopes))
+        slopes[:, nodes.begins - 1] = 0.0  # what a motion begins with depends on no parameter
+        slopes[1, nodes.begins - 1] = starts[own]
         inside = scan(slopes[0], slopes[1], z)
         source, offset = slopes[2 : 2 + len(names)], slopes[2 + len(names) :]
         source *= inside[:-1]  # dz+/dp at fixed z is da/dp z + db/dp
@@ -176,8 +189,10 @@ def rollout_into(
         for column, row in zip(enters, z_by[: enters.size], strict=True):
             derivatives[column] += T_z * row[nodes.samples]
         by_z0[at] = 0.0
-        if faded > _FADED:
-            left = scan(slopes[0], np.zeros(slopes.shape[1]), faded)
+        if faded > _FADED or nodes.begins.size:
+            begun = np.zeros(slopes.shape[1])
+            begun[nodes.begins - 1] = 1.0
+            left = scan(slopes[0], begun, faded)
             by_z0[at], faded = T_z * left[nodes.samples], float(left[-1])
         z, carry = float(inside[-1]), np.where(np.abs(z_by[:, -1]) > _FADED, z_by[:, -1], 0.0)
     return Rollout(z=_frozen(z_all), torque=_frozen(torque))
@@ -261,13 +276,17 @@ def _start(velocity: Array, parameters: _Parameters, level: Array | None = None)
 
 
 def _chunks(
-    velocity: Array, step: Array, parameters: _Parameters, coarsening: float, level: Array | None = None
-) -> Iterator[tuple[slice, Nodes]]:
-    """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the end)."""
+    velocity: Array, step: Array, parameters: _Parameters, coarsening: float, level: Array | None, begins: Index
+) -> Iterator[tuple[slice, Nodes, slice]]:
+    """Chunks of samples, each with the nodes from its first sample to the next chunk's first (or to the end).
+
+    And which of the motions begin after its first sample.
+    """
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
     for start in range(0, velocity.size, _CHUNK):
         stop = min(start + _CHUNK, velocity.size)
         h = step[start:stop] if step.ndim else float(step)
+        own = slice(*np.searchsorted(begins, [start, stop], side="right").tolist())
         yield (
             slice(start, stop),
             with_extra_nodes(
@@ -276,14 +295,16 @@ def _chunks(
                     h,
                     slice(0, stop - start),
                     None if level is None else level[:, start : stop + 1],
+                    begins[own] - start,
                 ),
                 v_s,
                 coarsening,
             ),
+            own,
         )
 
 
-def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, Array]:
+def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) -> tuple[Nodes, Array]:
     """For a pair: nodes also where z changes sign, and the sign of z in every step.
 
     While the motion has one direction z changes its sign once at the most, under the set of the sign that it had: a scan of each such
@@ -295,7 +316,9 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
     advance = vectorised(functions.step_function(parameters.law))
     ahead = np.sign(nodes.heading)
     above, below = (advance(*nodes.steps, *_acting_over(parameters, np.array(s), nodes)) for s in (1.0, -1.0))
-    first = np.flatnonzero(np.diff(ahead, prepend=np.nan))
+    for a, b in (above, below):
+        a[nodes.begins - 1], b[nodes.begins - 1] = 0.0, starts
+    first = np.union1d(np.flatnonzero(np.diff(ahead, prepend=np.nan)), nodes.begins[nodes.begins < ahead.size])
     lengths = np.diff(first, append=ahead.size)
     still = _STILL * min(p.alpha_0 / p.sigma_0 for p in parameters)
 
@@ -313,7 +336,7 @@ def _settled(nodes: Nodes, z0: float, parameters: _Parameters) -> tuple[Nodes, A
         apart[first[1:] - 1], from_start[first[1:] - 1] = 0.0, start[1:]
         z = scan(apart, from_start, z0)
         passed = side * z[:-1] < 0
-        crossing = np.flatnonzero(~passed & (side * (a * z[:-1] + b) < 0))
+        crossing = np.setdiff1d(np.flatnonzero(~passed & (side * (a * z[:-1] + b) < 0)), nodes.begins - 1)
         cut, old = inserted(nodes, crossing, _crossing_fraction(nodes, crossing, z, side, parameters))
         side = np.where(passed, ahead, side)
         signs = np.insert(side, crossing + 1, ahead[crossing])

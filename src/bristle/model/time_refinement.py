@@ -5,7 +5,7 @@ At the samples, and between them where the step needs it. The velocity is linear
 against v_s at low speed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,8 @@ class Nodes:
     """Where the n samples are among the nodes."""
     level: Array | None = None
     """What is added to alpha_0 at the nodes, N*m, and derivatives of that, (1 + k, N); None: nothing."""
+    begins: Index = field(default_factory=lambda: np.zeros(0, dtype=np.intp))
+    """Nodes after the first at which another motion begins: nothing passes over the step before."""
 
     @property
     def steps(self) -> tuple[Array, Array, float | Array]:
@@ -58,8 +60,10 @@ def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nod
     The latter stand `coarsening` times farther apart.
     """
     v0, v1, _ = samples.steps
-    crossing = np.flatnonzero(v0 * v1 < 0)
-    change = np.abs(v1 - v0)
+    within = np.ones(v0.size, dtype=bool)
+    within[samples.begins - 1] = False
+    crossing = np.flatnonzero((v0 * v1 < 0) & within)
+    change = np.abs(v1 - v0) * within
     fine = _FINE * coarsening * v_s
     wide = np.flatnonzero(change > fine)
     slowest = np.where(v0[wide] * v1[wide] < 0, 0.0, np.minimum(np.abs(v0[wide]), np.abs(v1[wide])))
@@ -95,7 +99,7 @@ def inserted(nodes: Nodes, steps: Index, fractions: Array) -> tuple[Nodes, Index
         before, after = nodes.level[:, steps], nodes.level[:, steps + 1]
         level[:, old], level[:, new] = nodes.level, before + (after - before) * fractions
     if isinstance(nodes.h, float):
-        return Nodes(v, nodes.h * portion, old[nodes.samples], level), old
+        return Nodes(v, nodes.h * portion, old[nodes.samples], level, old[nodes.begins]), old
     h = np.empty(portion.size)
     h[old[:-1]], h[new] = nodes.h, nodes.h[steps]
-    return Nodes(v, h * portion, old[nodes.samples], level), old
+    return Nodes(v, h * portion, old[nodes.samples], level, old[nodes.begins]), old

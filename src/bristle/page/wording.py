@@ -119,8 +119,8 @@ def span(interval: tuple[float, float] | None) -> str:
     width = high - low
     if not (math.isfinite(width) and width > 0 and 1e-5 <= max(abs(low), abs(high)) < 1e6):
         return f"[{number(low)}, {number(high)}]"
-    places = min(max(1 - math.floor(math.log10(width / 4)), 0), 12)
-    return f"[{low:.{places}f}, {high:.{places}f}]"
+    places = min(1 - math.floor(math.log10(width / 4)), 12)
+    return "[" + ", ".join(f"{round(end, places):.{max(places, 0)}f}" for end in interval) + "]"
 
 
 def percent(value: float | None, error: float | None) -> float | None:

@@ -131,8 +131,11 @@ def fit_tracking(
         *not_shown(unseen),
     )
     if any(w.code == "unseen-bend" for e in unseen.values() for w in e.warnings):
-        message = "If v_s lies beyond these speeds, the value of alpha_0 is alpha_0 + alpha_1: only their sum is identifiable."
-        warnings = (*warnings, Finding("only-sum-seen-of-fit", CAUTION, message))
+        message = (
+            "No Stribeck peak is seen at these speeds. Were v_s above them, alpha_0 would contain alpha_1; the friction at these speeds "
+            "stays what it is."
+        )
+        warnings = (*warnings, Finding("only-sum-seen-of-fit", NOTE, message))
     result = TrackingFit(
         law=problem.law,
         parameters={n: estimates[n] for n in order if n in estimates},
@@ -242,8 +245,7 @@ def _all_estimates(
     estimates = warned(estimates, doubts)
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
     bent = [name for name, why in dropped.items() if why.code == "unseen-bend"]
-    message = "If v_s lies beyond these speeds, this is alpha_0 + alpha_1: only their sum is identifiable."
-    only_sum = Finding("only-sum-seen", CAUTION, message)
+    only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, only_sum))

@@ -27,6 +27,9 @@ from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, fields_of, lugre_of
 from bristle.model.rollout import rollout, rollout_into
 
+_AT_ONCE = 15_000
+"""Samples of motions that are rolled out together."""
+
 
 class InitialState(NamedTuple):
     """What a motion begins with, and which motion: an unknown of its own."""
@@ -323,18 +326,51 @@ def equation_error(
     """Of each motion measured less modelled torque, N*m, (N,), and the derivative of the latter by each unknown."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
     keys = [ParameterName(name, d) for d, name in product(problem.directions, fields_of(problem.law))]
-    for k, m in enumerate(problem.motions):
-        z0 = InitialState("z0", k)
-        every: tuple[Unknown, ...] = (*keys, z0)
-        own_memory = (memory[k].pop(key, None) for key in every)  # a shared parameter has it once
-        rows = [np.empty(m.velocity.size) if row is None else row for row in own_memory]
-        level, raised = _level(m, known)
-        between = [np.empty(m.velocity.size) for _ in raised]
-        rolled = rollout_into([*rows[:-1], *between, rows[-1]], m.velocity, m.step, p, known[z0], m.coarsening, level)
+    for parts, raised, given in _together(problem, known):
+        size, (first, *others) = given["velocity"].size, parts
+        every: tuple[Unknown, ...] = (
+            *keys,
+            InitialState("z0", first),
+        )  # a motion by itself has memory; a shared parameter has it once
+        own: dict[Unknown, Array] = {} if others else memory[first]
+        own_memory = (own.pop(key, None) for key in every)
+        rows = [np.empty(size) if row is None else row for row in own_memory]
+        between = [np.empty(size) for _ in raised]
+        torque = rollout_into([*rows[:-1], *between, rows[-1]], parameters=p, **given).torque
         slope_of = by_name(problem, rows[:-1])
-        slope_of |= dict(zip(problem.extra_names, m.extra.T, strict=True)) | {z0: rows[-1]}
-        slope_of |= {name: slope_of[name] + row for name, row in zip(raised, between, strict=True)}
-        yield m.torque - rolled.torque - m.extra @ extra, slope_of
+        for k, at in parts.items():
+            m = problem.motions[k]
+            slopes = {name: row[at] for name, row in slope_of.items()} | {InitialState("z0", k): rows[-1][at]}
+            slopes |= dict(zip(problem.extra_names, m.extra.T, strict=True))
+            slopes |= {name: slopes[name] + row[at] for name, row in zip(raised, between, strict=True)}
+            yield m.torque - torque[at] - m.extra @ extra, slopes
+
+
+def _together(
+    problem: DynamicProblem, known: Values
+) -> Iterator[tuple[dict[int, slice], tuple[ParameterName, ...], dict[str, Any]]]:
+    """Motions that are rolled out in one call, for a call costs as much as a thousand samples.
+
+    Which of the problem's, each with where its samples stand; by what the derivatives of their level are; and what `rollout` is given.
+    """
+    sizes = np.array([m.velocity.size for m in problem.motions])
+    group = (np.cumsum(sizes) - sizes) // _AT_ONCE
+    for members in np.split(np.arange(sizes.size), np.flatnonzero(np.diff(group)) + 1):
+        which, stops = members.tolist(), np.cumsum(sizes[members])
+        motions, begins = [problem.motions[k] for k in which], stops - sizes[members]
+        levels, (raised, *_) = zip(*(_level(m, known) for m in motions), strict=True)
+        yield (
+            dict(zip(which, map(slice, begins.tolist(), stops.tolist()), strict=True)),
+            raised,
+            {
+                "velocity": np.concatenate([m.velocity for m in motions]),
+                "step": np.concatenate([x for m in motions for x in (m.step, [1.0])])[:-1],
+                "z0": np.array([known[InitialState("z0", k)] for k in which]),
+                "coarsening": motions[0].coarsening,
+                "level": None if levels[0] is None else np.hstack(levels),
+                "begins": begins,
+            },
+        )
 
 
 def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[ParameterName, ...]]:
@@ -369,10 +405,11 @@ def modelled(problem: DynamicProblem, values: Values) -> list[Array]:
 def _frictions(problem: DynamicProblem, known: Values) -> Iterator[tuple[Motion, Array, Array | None]]:
     """Each motion, its modelled friction, N*m, (N,), and how the level rises as `_level` has it."""
     p = parameters(problem, known)
-    for k, m in enumerate(problem.motions):
-        level, _ = _level(m, known)
-        rise = None if level is None else level[0]
-        yield m, rollout(m.velocity, m.step, p, known[InitialState("z0", k)], m.coarsening, rise).torque, level
+    for parts, _, given in _together(problem, known):
+        level = given.pop("level")
+        torque = rollout(parameters=p, level=None if level is None else level[0], **given).torque
+        for k, at in parts.items():
+            yield problem.motions[k], torque[at], None if level is None else level[:, at]
 
 
 def friction_and_load(problem: DynamicProblem, values: Values) -> tuple[Array, Array]:

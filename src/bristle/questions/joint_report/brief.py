@@ -4,7 +4,10 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from math import inf, isfinite
 
+import numpy as np
+
 from bristle.findings import Finding, Severity
+from bristle.identification.curve import known_curve
 from bristle.identification.fits import Estimate, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, value_fits
 from bristle.identification.results import Joint
@@ -13,7 +16,7 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Lugre, ParameterName, of_curve, of_friction, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
-from bristle.page.wording import FITS, counted, printable, shortened
+from bristle.page.wording import FITS, counted, number, printable, shortened
 from bristle.questions.joint_report.sentences import known_to
 
 LINES = 3
@@ -30,7 +33,7 @@ def brief_report(joints: Sequence[Joint]) -> str:
         lines += [*([""] if lines else []), *wrapped([trust])]
         if found.reason is not None:
             lines += _sentence(joint, found.reason)
-        lines += wrapped([*law_in_force(joint), *_chosen(joint)])
+        lines += wrapped([*_curve(joint), *law_in_force(joint), *_chosen(joint)])
         lines += (*_values(joint), *_rest(joint, found.reason))
     return "\n".join([*lines, "", "What a code in brackets means: bristle explain CODE. Every fit: --full."]) + "\n"
 
@@ -57,23 +60,47 @@ def law_in_force(joint: Joint) -> Iterator[str]:
         yield f"  law: {printable(told)}"
 
 
+def _curve(joint: Joint) -> Iterator[str]:
+    """What the values give together at the slowest and the fastest speed, in each direction: parameters are known less well one by one."""
+    known, speed = joint.accuracy, unit("v_s", joint.kind)
+    if known is None or joint.law_name != GAUSSIAN.name:
+        return
+    given = {row.parameter.name for row in chosen(joint) if row.estimate.value}
+    terms = {
+        "alpha_0": "alpha_0",
+        "alpha_1": "alpha_1 exp(-(v / v_s)**2)",
+        "alpha_2": "alpha_2 v",
+        "quadratic": "quadratic v**2",
+    }
+    v = np.unique([known.slowest, known.fastest])
+    both = np.concatenate([v, -v])
+    ways = dict(zip(("+", "-"), np.abs(known_curve(joint, both)[0]).reshape(2, -1), strict=True))
+    if np.allclose(ways["+"], ways["-"], rtol=1e-9):
+        ways = {"": ways["+"]}
+    torque = unit("alpha_0", joint.kind)
+    told = [
+        f"{' and '.join(f'{number(x, 3)} {torque} at {number(at, 2)} {speed}' for x, at in zip(T, v, strict=True))}{f' ({d})' * bool(d)}"
+        for d, T in ways.items()
+        if np.isfinite(T).all()
+    ]
+    yield f"  friction: {' + '.join(text for name, text in terms.items() if name in given)} = {'; '.join(told)}"
+
+
 def _chosen(joint: Joint) -> Iterator[str]:
     """Regressors, directions, and low pass and decimation of moving runs whose values these are, where the data chose them."""
     told = {"regressors": "chosen regressors"}
     if any(isinstance(fit, TrackingFit) for fit in value_fits(joint)):
         told |= {"torque": "chosen delay", "directions": "chosen directions", "filters": "filters"}
     yield from (f"  {name}: {printable(joint.settings[key])}" for name, key in told.items() if key in joint.settings)
-    left_out = sum(w.numbers["count"] for w in value_warnings(joint) if w.code == "strays-left-out")
-    if left_out:
-        yield f"  points: {left_out} off the law of the others left out (fit.set_up: as-written keeps them)"
     fits = [fit for fit in value_fits(joint) if not isinstance(fit, TrackingFit)]
-    resting = sum(
-        w.numbers["count"]
-        for w in dict.fromkeys(w for fit in fits for w in fit.warnings)
-        if w.code == "resting-left-out"
+    said = dict.fromkeys(w for fit in fits for w in fit.warnings)
+    strays, resting = (
+        sum(w.numbers["count"] for w in said if w.code == code) for code in ("strays-left-out", "resting-left-out")
     )
-    if resting:
-        yield f"  points: {resting} that did not slide left out (bristle inspect lists them)"
+    left_out = [f"{strays} off the law of the others (fit.set_up: as-written keeps them)"] * bool(strays)
+    left_out += [f"{resting} at which the joint did not slide (bristle inspect lists them)"] * bool(resting)
+    if left_out:
+        yield f"  points: {sum(fit.torque.size for fit in fits)} fitted; left out are {' and '.join(left_out)}"
 
 
 def _values(joint: Joint) -> Iterator[str]:
