@@ -3,8 +3,8 @@
 Each fault of `faulty_logs.py` is put into SIMULATED logs, at two strengths and over seeds of its own. bristle is silent
 where it says `use` and its curve is more than 10 % off the true one (RMS over the speeds, as in `calibration.py`). Where
 it does not say `use`, its first reason is right if its code names the fault, and honest if it says that a pattern of
-unknown cause is left; each fault lists its codes. A refusal is a sentence of bristle's own, and right where the fault says
-so. Beside them stand clean controls: how many have no finding above a note.
+unknown cause is left; each fault lists its codes. A refusal is a sentence of bristle's own, and right where it has words
+that the fault lists. Beside them stand clean controls: how many have no finding above a note.
 
     python benchmarks/faults.py [--seeds 5] [--controls 200] [--only NAME] [--jobs 2] [--csv FILE]
 
@@ -31,7 +31,6 @@ from faulty_logs import CLEAN, FAULTS, UNSEEN, Log, curve, speeds
 
 OFF = 10.0
 """%, of the curve: beyond it `use` is silence."""
-REFUSED = "refused"
 
 
 class Case(NamedTuple):
@@ -42,24 +41,20 @@ class Case(NamedTuple):
     strength: float | None = None
 
 
-def written(log: Log, folder: Path) -> None:
-    """A log as CSV, and the experiment file that names its columns."""
-    logs = [x for x in (log, log.beside) if x is not None]
-    time = "{column: t, unit: s}" if log.rate is None else f"{{rate: {log.rate} Hz}}"
-    runs, lines = "", []
-    for k, x in enumerate(logs):
+def drafted(log: Log, folder: Path) -> str:
+    """A log as CSV, with the columns that its experiment logs, and the experiment file that is drafted of it."""
+    names, paths = {"points": ("v", "tau")}, []
+    for k, x in enumerate(x for x in (log, log.beside) if x is not None):
         columns = {"t": x.t, "q": x.q, "v": x.v, "tau": x.torque}
-        table = np.stack(list(columns.values()), axis=1)
-        np.savetxt(folder / f"log{k}.csv", table, "%.9g", ",", header=",".join(columns), comments="")
-        runs += f"  - {{files: log{k}.csv, experiment: {x.kind}}}\n"
-    if log.kind != "points":
-        lines += [f"  time: {time}", "  position: {column: q, unit: rad}"]
-    if log.kind == "points" or log.velocity_logged:
-        lines += ["  velocity: {column: v, unit: rad/s}"]
-    signals = "\n".join([*lines, "  torque: {column: tau, unit: N*m}"])
-    (folder / "e.yaml").write_text(
-        f"joint: {{name: a}}\nsignals:\n{signals}\nruns:\n{runs}fit: {{{log.fit}}}\n{log.more}"
-    )
+        moving = ("t", "q", "v", "tau")[0 if x.rate is None else 1 :]
+        own = names.get(x.kind, moving if x.velocity_logged else tuple(name for name in moving if name != "v"))
+        units = {"t": "s", "q": "rad", "v": "rad/s", "tau": "N*m"}
+        header = ",".join(f"{name} [{units[name]}]" for name in own)
+        paths.append(folder / f"log{k}.csv")
+        table = np.stack([columns[name] for name in own], axis=1)
+        np.savetxt(paths[-1], table, "%.9g", ",", header=header, comments="")
+    told = bristle.Told(rate=None if log.rate is None else f"{log.rate} Hz")
+    return bristle.draft(*paths, told=told)[0] + log.more
 
 
 def tried(case: Case) -> dict[str, Any]:
@@ -73,11 +68,14 @@ def tried(case: Case) -> dict[str, Any]:
         clean, named_by = fault.make(case.seed), fault.named_by
         log = fault.change(clean, case.strength)
     with tempfile.TemporaryDirectory() as place:
-        written(log, Path(place))
+        file = Path(place) / "e.yaml"
         try:
-            (joint,) = bristle.identify(Path(place) / "e.yaml").joints
+            file.write_text(drafted(log, Path(place)))
+            (joint,) = bristle.identify(file).joints
         except InputError as refusal:
-            return row | {"trust": REFUSED, "code": str(refusal).replace(place, "")[:160], "named": REFUSED in named_by}
+            sentence = str(refusal)
+            named = any(words in sentence for words in named_by)
+            return row | {"trust": "refused", "code": sentence.replace(place, "")[:160], "named": named}
     found, v = verdict(joint), speeds(clean)
     code = found.reason.code if found.reason else ""
     true = curve(log, v)

@@ -39,9 +39,8 @@ class Log:
     velocity_logged: bool = False
     rate: float | None = None
     """Declared instead of a time column, Hz."""
-    fit: str = ""
     more: str = ""
-    """Further lines."""
+    """Lines that a user adds to the draft."""
     beside: "Log | None" = None
     """Another run of the same joint."""
     drag: float = 0.0
@@ -238,15 +237,15 @@ def wrapped(x: Array, limit: float) -> Array:
 
 
 def by_direction(x: Log, share: float) -> Log:
-    """More friction in one direction than in the other, of a fit that is asked for one set."""
-    return replace(x, torque=x.torque * np.where(x.v > 0, 1 + share, 1.0), fit="directions: symmetric", raised=share)
+    """More friction in one direction than in the other."""
+    return replace(x, torque=x.torque * np.where(x.v > 0, 1 + share, 1.0), raised=share)
 
 
 def by_load(x: Log, share: float) -> Log:
-    """Gravity, which the fit is asked for, and friction that grows with it."""
+    """Gravity, and friction that grows with it."""
     gravity = np.sin(x.q)
     whole = x.torque + gravity + share * np.abs(gravity) * np.sign(x.v)
-    return replace(x, torque=whole, fit="regressors: [inertia, gravity]")
+    return replace(x, torque=whole)
 
 
 def noisier(x: Log, times: float) -> Log:
@@ -293,13 +292,13 @@ class Fault(NamedTuple):
     change: Change
     strengths: tuple[float, float]
     named_by: tuple[str, ...] = ()
-    """Kinds whose sentence names the fault, or the pattern that it leaves."""
+    """Codes whose sentence names the fault, or the pattern that it leaves, and words of a refusal that does."""
 
 
-DRIFT = ("drift-in-order", "drift-over-runs", "residual-trend")
+DRIFT = ("drift-in-order", "drift-over-runs", "friction-drifts", "residual-trend")
 TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend")
 DELAY = ("torque-delayed",)
-WARMS = ("torque-drifts-in-runs", "residual-trend")
+WARMS = ("torque-drifts-in-runs", "friction-drifts", "residual-trend")
 RIPPLE = ("residual-ripple", "lacks-a-term")
 SPEED = ("velocity-factor", "velocity-unrelated")
 COARSE = ("whole-positions", "count-bias")
@@ -307,19 +306,20 @@ PEAK = ("no-stribeck", "few-below-v-s", "takes-up-peak", "one-sided-profile")
 STRAYS = ("strays",)
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
 LOADED = ("loaded-at-start", "open-cycles", "above-g0")
+OPPOSES = ("torque opposes the velocity",)
 STICKS = ("stick-slip", "stick-slip-points")
 
 FAULTS: dict[str, Fault] = {
     "torque late by 2, 8 ms": Fault(motion, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (2e-3, 8e-3), DELAY),
     "torque through a slow filter": Fault(motion, torque(lambda x, s: low_passed(x.torque, s)), (20.0, 3.0), (*DELAY, "reversals-left")),
-    "torque of the wrong sign": Fault(motion, torque(lambda x, s: -s * x.torque), (1.0, 2.0)),
+    "torque of the wrong sign": Fault(motion, torque(lambda x, s: -s * x.torque), (1.0, 2.0), OPPOSES),
     "torque clipped": Fault(motion, torque(lambda x, s: np.clip(x.torque, -s * rms(x.torque), s * rms(x.torque))), (1.4, 1.0), ("clipped",)),
     "torque overflows its integer": Fault(motion, torque(lambda x, s: wrapped(x.torque, s * largest(x))), (0.9, 0.6)),
     "torque of few bits": Fault(motion, torque(lambda x, s: np.round(x.torque / s) * s), (0.1, 0.4), ("torque-coarse",)),
     "dead zone of the torque sensor": Fault(motion, torque(lambda x, s: dead(x.torque, s)), (0.05, 0.2), ("dead-zone",)),
     "torque offset": Fault(motion, torque(lambda x, s: x.torque + s), (0.05, 0.2), SIDES),
     "spikes in the torque": Fault(motion, torque(lambda x, s: x.torque + s * (np.arange(x.t.size) % 997 == 5)), (2.0, 10.0), ("bursts",)),
-    "noise for torque": Fault(motion, torque(lambda x, s: s * np.random.default_rng(1).standard_normal(x.t.size)), (0.1, 1.0)),
+    "noise for torque": Fault(motion, torque(lambda x, s: s * np.random.default_rng(1).standard_normal(x.t.size)), (0.1, 1.0), ("nothing to do",)),
     "hum of 50 Hz": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(2 * np.pi * 50 * x.t)), (0.1, 0.4)),
     "temperature drift": Fault(motion, torque(lambda x, s: x.torque * (1 + s * (0.5 - x.t / x.t[-1]))), (0.1, 0.4), WARMS),
     "quadratic drag": Fault(motion, drag, (0.1, 0.4), TERM),
@@ -335,14 +335,14 @@ FAULTS: dict[str, Fault] = {
     "encoder slips": Fault(motion, position(jumped), (0.01, 0.1), ("lost-samples", "position-jumps")),
     "samples lost": Fault(motion, lost, (5, 40), ("lost-samples",)),
     "time stamps jitter": Fault(motion, jittered, (0.5, 2.0), ("sampled-irregularly", "stamps-jitter")),
-    "logged too seldom": Fault(motion, lambda x, s: rows(x, np.arange(0, x.t.size, int(s))), (10, 25)),
+    "logged too seldom": Fault(motion, lambda x, s: rows(x, np.arange(0, x.t.size, int(s))), (10, 25), ("unseen-fast",)),
     "velocity by a factor": Fault(motion, speed(lambda x, s: s * x.v), (1.2, 0.5), SPEED),
-    "velocity of the wrong sign": Fault(motion, speed(lambda x, s: -s * x.v), (1.0, 2.0), SPEED),
+    "velocity of the wrong sign": Fault(motion, speed(lambda x, s: -s * x.v), (1.0, 2.0), (*SPEED, "times the integral of")),
     "velocity through a slow filter": Fault(motion, speed(lambda x, s: low_passed(x.v, s)), (20.0, 3.0), (*DELAY, *SPEED, "velocity-lags")),
     "inertia given wrong": Fault(motion, lambda x, s: replace(x, more=f"inertia: {s * J} kg*m**2\n"), (0.7, 1.3), ("inertia-doubted",)),
     "ramps: temperature drift in order": Fault(ordered, torque(lambda x, s: x.torque * (1 + s * (x.t / x.t[-1] - 0.5))), (0.1, 0.3), DRIFT),
     "ramps: temperature drift": Fault(ramps, torque(lambda x, s: x.torque * (1 + s * (x.t / x.t[-1] - 0.5))), (0.1, 0.3), DRIFT),
-    "ramps: too few speeds": Fault(few_speeds, lambda x, s: x if s > 3 else rows(x, np.flatnonzero(x.holds < 6)), (4, 3), PEAK),
+    "ramps: too few speeds": Fault(few_speeds, lambda x, s: x if s > 3 else rows(x, np.flatnonzero(x.holds < 6)), (4, 3), (*PEAK, "too-uncertain")),
     "ramps: none below v_s": Fault(lambda k: ramps(k, np.geomspace(1.5, 15, 12)), noisier, (0, 1), PEAK),
     "ramps: none above v_s": Fault(lambda k: ramps(k, np.geomspace(0.1, 0.9, 12)), noisier, (0, 1), PEAK),
     "ramps: torque offset": Fault(ramps, torque(lambda x, s: x.torque + s), (0.05, 0.15), SIDES),
@@ -351,10 +351,10 @@ FAULTS: dict[str, Fault] = {
     "ramps: quadratic drag": Fault(ramps, drag, (0.05, 0.2), TERM),
     "ramps: cogging": Fault(short_holds, torque(lambda x, s: x.torque + s * np.sin(8 * x.q)), (0.03, 0.1), (*RIPPLE, "torques-doubted")),
     "ramps: stick-slip": Fault(ramps, stick_slip, (0.7, 1.2), STICKS),
-    "ramps: holds that accelerate": Fault(ramps, accelerating, (0.2, 0.6), TERM),
+    "ramps: holds that accelerate": Fault(ramps, accelerating, (0.2, 0.6), (*TERM, "No segment at constant velocity")),
     "ramps: degrees as rad, velocity logged": Fault(ramps, lambda x, s: replace(x, q=s * x.q, velocity_logged=True), (180 / np.pi, 1000.0), SPEED),
     "points: strays": Fault(points, torque(lambda x, s: off_at(x, (2, 30), s)), (0.2, 0.5), STRAYS),
-    "points: sign of one direction": Fault(points, torque(lambda x, s: np.abs(x.torque) * s), (1.0, 2.0)),
+    "points: sign of one direction": Fault(points, torque(lambda x, s: np.abs(x.torque) * s), (1.0, 2.0), OPPOSES),
     "points: torque clipped": Fault(points, torque(lambda x, s: np.clip(x.torque, -s * largest(x), s * largest(x))), (0.8, 0.6), ("clipped",)),
     "points: torque offset": Fault(points, torque(lambda x, s: x.torque + s), (0.05, 0.15), SIDES),
     "points: quadratic drag": Fault(points, drag, (0.05, 0.2), TERM),
@@ -365,7 +365,7 @@ FAULTS: dict[str, Fault] = {
     "slow loading: torque late": Fault(slow, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (0.1, 0.5), ("turns-late", "open-cycles")),
     "slow loading: position of 12, 14 bits": Fault(slow, position(lambda x, s: counted(x.q, s)), (14, 12), ("few-counts", "within-noise")),
     "slow loading: backlash": Fault(slow, position(lambda x, s: x.q + s / 2 * np.tanh(x.torque / 0.02)), (0.0003, 0.002), ("open-cycles",)),
-    "slow loading: wrong sign": Fault(slow, torque(lambda x, s: -s * x.torque), (1.0, 2.0)),
+    "slow loading: wrong sign": Fault(slow, torque(lambda x, s: -s * x.torque), (1.0, 2.0), ("against its torque",)),
 }  # fmt: skip  # a table
 UNSEEN: dict[str, Fault] = {
     "torque constant": Fault(motion, torque(lambda x, s: s * x.torque), (0.9, 1.1)),

@@ -132,7 +132,7 @@ def test_a_warning_is_written_as_a_value_and_read_back(slide: Joint) -> None:
         [replace(slide, warnings=(said, Finding("plan-local", NOTE, "3 others.", {"count": np.int64(3)})))]
     )
     written, counted = json.loads(text)["joints"]["slide"]["warnings"]
-    assert (written["code"], written["severity"], written["message"]) == ("intervals-differ", "caution", str(said))
+    assert (written["code"], written["severity"], written["message"]) == ("intervals-differ", "note", str(said))
     assert written["numbers"]["ends"] == [["profile", 0.5, "inf"], ["alpha_0+", 1.0, "-inf"]]
     assert written["numbers"]["reason"] == str(inner)
     assert counted["numbers"] == {"count": 3}

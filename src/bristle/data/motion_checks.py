@@ -34,6 +34,8 @@ _DEVIATIONS = 4.0
 """Standard errors by which something is surely not zero: 6e-5 of clean records."""
 _OF_VARIANCE = 2.3
 """Relative standard error of a variance from the median of sizes, times the root of their number."""
+_REVERSAL = 25
+"""Samples before and after a reversal in which no jump is looked for."""
 _SPANS = (4, 16, 64, 256)
 """Samples over which travel is compared."""
 _FEWEST = 20
@@ -99,6 +101,8 @@ def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, floa
 
     Intervals, (n,), are in samples: a step may be as long as those about it, or as its interval says.
     """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
     windows = np.lib.stride_tricks.sliding_window_view(steps, _AROUND)
     inner = np.arange(_AROUND, steps.size - _AROUND)
     before, after = np.median(windows[inner - _AROUND], axis=1), np.median(windows[inner + 1], axis=1)
@@ -107,7 +111,11 @@ def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, floa
     along, travel = steps[inner] * np.sign(usual), np.abs(usual) * np.maximum(intervals[inner], 1.0)
     excess = np.where(along > 0, np.maximum(along - travel, 0.0), along)  # a stop is none
     size = np.abs(excess)
-    found = (before * after > 0) & (size > _MISSING * np.abs(usual)) & (size > _JUMP * _noise(off) + 2 * count)
+    side = np.sign(usual)  # at a reversal a jump is play: whoever lost samples there would not see it
+    one_way = minimum_filter1d(side, 2 * _REVERSAL + 1) * maximum_filter1d(side, 2 * _REVERSAL + 1) > 0
+    found = (
+        (before * after > 0) & one_way & (size > _MISSING * np.abs(usual)) & (size > _JUMP * _noise(off) + 2 * count)
+    )
     found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
     best = [k for k in np.flatnonzero(found) if size[k] >= size[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
     lost = np.where(excess < 0, excess - travel, excess)

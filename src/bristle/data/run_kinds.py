@@ -35,6 +35,8 @@ _SPRING = 0.3
 """Correlation of torque and position of a joint that rests on its bristles."""
 _FLAT = (0.8, 1 / 3)
 """A joint that slides has this share of its largest torque for this share of the time; slow loading passes it."""
+_SURELY = 0.9
+"""Of its motion and loading: what a run does for so long needs no other runs to tell."""
 _MOSTLY = 0.79
 """Of its motion: a run that holds velocities for less tells more as a tracking run."""
 
@@ -67,6 +69,12 @@ class Stretches:
         if self.loaded + self.broken > max(self.held, self.moving) and self.loaded >= _LOADED * self.total:
             return "presliding"
         return "ramp" if self.held > self.moving + self.loaded + self.broken else "tracking"
+
+    @property
+    def surely(self) -> bool:
+        """Whether it holds velocities, or is loaded slowly, nearly all the time that it moves or is loaded."""
+        loaded = self.loaded + self.broken
+        return max(self.held, loaded) >= _SURELY * (self.held + loaded + self.moving)
 
     @property
     def steadily(self) -> bool:
@@ -103,28 +111,31 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
 
 
 def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
-    """The experiment of each file, by what most of them do whose names differ in numbers alone.
+    """The experiment of each file: what it surely is, or else what most of those are whose names differ in numbers alone.
 
+    A motion among constant velocities is one of them that sticks and slips only where each of these is one velocity.
     Constant velocities are ramps where there is hardly anything else; else such a run is a tracking one, which uses what
     lies between them too.
     """
     families = defaultdict[str, list[Stretches]](list)
     for file, does in found:
         families[_family(file)].append(does)
-    kinds = {family: _most(runs) for family, runs in families.items()}
-    ramps = [does for file, does in found if kinds[_family(file)] == does.kind == "ramp"]
-    if not all(does.steadily for does in ramps):
-        kinds = {family: "tracking" if kind == "ramp" else kind for family, kind in kinds.items()}
-    return [kinds[_family(file)] for file, _ in found]
+    kinds = [does.kind if does.surely else _voted(does, families[_family(file)]) for file, does in found]
+    if all(does.steadily for kind, (_, does) in zip(kinds, found, strict=True) if kind == does.kind == "ramp"):
+        return kinds
+    return ["tracking" if kind == "ramp" else kind for kind in kinds]
 
 
 def _family(file: str) -> str:
     return re.sub(r"\d+(\.\d+)?", "#", PurePath(file).name)
 
 
-def _most(runs: Sequence[Stretches]) -> MovingKind:
+def _voted(own: Stretches, runs: Sequence[Stretches]) -> MovingKind:
+    """What more than half of some runs are, or what one of them is itself."""
     kinds = [does.kind for does in runs]
-    return max(kinds, key=kinds.count)
+    most = max(kinds, key=kinds.count)
+    series = most != "ramp" or all(len(does.speeds) == 1 for does in runs if does.kind == "ramp")
+    return most if 2 * kinds.count(most) > len(kinds) and series else own.kind
 
 
 def _union(spans: Sequence[tuple[int, int]], n: int) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ import csv
 import re
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import IO, NamedTuple
 
@@ -85,6 +86,12 @@ def text_layout(path: Path) -> Layout:
     """
     with path.open("rb") as file:
         encoding, lines = _decode(file)
+    return _layout(encoding, tuple(lines))
+
+
+@lru_cache(maxsize=256)  # a log is opened several times: to draft, to choose, to read
+def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
+    """The same of lines."""
     comment = next((c for c in ("#", "%", "//") if any(line.lstrip().startswith(c) for line in lines)), None)
     rows = [
         (i, line)

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bristle.findings import CAUTION, Finding
+from bristle.findings import CAUTION, NOTE, Finding
 
 FACTOR = 1.5
 """Reaches to one side of an estimate that differ by more than this factor part."""
@@ -54,7 +54,7 @@ def they_differ(sides: Sequence[str], ends: Sequence[tuple[str, float, float]], 
         f"{reason.message}."
     )
     numbers = {"sides": tuple(sides), "ends": tuple(ends), "reason": reason}
-    return Finding("intervals-differ", CAUTION, message, numbers)
+    return Finding("intervals-differ", NOTE, message, numbers)
 
 
 def _part(reaches: list[float], value: float) -> bool:

@@ -133,7 +133,7 @@ def profiles(
             out[name] = Profiled((value, value), np.array([[value], [0.0]]))
         elif not np.isfinite(reach):
             whole = float(unknowns.least[j]), np.inf
-            unseen = Finding("profile-unseen", CAUTION, f"Not identifiable: {_OPEN}")
+            unseen = Finding("profile-unseen", NOTE, f"Not identifiable: {_OPEN}")
             out[name] = Profiled(whole, np.zeros((2, 0)), (unseen,))
         else:
             high = reach**2 / float(naive[j])

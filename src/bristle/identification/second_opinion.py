@@ -21,7 +21,7 @@ from bristle.data.record import Record
 BANDWIDTH, ABOVE = 0.999, 12.0
 """Share of the position's power that lies below its bandwidth, and times that: the low pass."""
 SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000
-"""Of the greatest speed; blocks of the time where there are fewer than six runs; equations in all."""
+"""Of the greatest speed; blocks at most, of the time where there are fewer than six runs; equations in all."""
 SHARES = (0.03, 0.06, 0.12, 0.25)
 """Of the greatest speed: v_s of the peaks that are tried."""
 HUBER, PASSES = 1.5, 5
@@ -80,7 +80,9 @@ def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
     v, a, q, torque, run = (np.concatenate(x) for x in zip(*parts, strict=True))
     every = max(v.size // SAMPLES, 1)
     v, a, q, torque, run = (x[::every] for x in (v, a, q, torque, run))
-    block = run if np.unique(run).size >= 6 else np.arange(v.size) * BLOCKS // max(v.size, 1)
+    runs = np.unique(run).size  # of many, neighbours are held out together
+    order = run if runs >= 6 else np.arange(v.size)
+    block = order if 6 <= runs <= BLOCKS else order * BLOCKS // (order.max(initial=0) + 1)
     keep = np.abs(v) > SLOWEST * np.abs(v).max(initial=0.0)
     return _opinion(_Data(v[keep], a[keep], q[keep], torque[keep], block[keep]))
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from bristle.findings import CAUTION, Finding, unit_of
+from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 UNRESOLVED = frozenset({
     "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
@@ -42,4 +42,4 @@ def not_shown(names: Iterable[object]) -> tuple[Finding, ...]:
     """That the motion does not show these parameters, if there are any."""
     unseen = tuple(map(str, names))
     message = f"Not identifiable from this motion: {', '.join(unseen)}."
-    return (Finding("unseen", CAUTION, message, {"names": unseen}),) if unseen else ()
+    return (Finding("unseen", NOTE, message, {"names": unseen}),) if unseen else ()

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from bristle.findings import CAUTION, CRITICAL, Finding, Severity
 from bristle.identification.known_joint import Known, Source, chosen, moving_fits
 from bristle.identification.results import Accuracy, Joint
-from bristle.identification.shared_findings import NOT_IDENTIFIABLE, not_shown
+from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 
 
 class Trust(StrEnum):
@@ -56,7 +56,7 @@ def verdict(joint: Joint) -> Verdict:
     found = value_warnings(joint)
     if all(row.estimate.value is None for row in chosen(joint)):
         static, moving = (x.outcome for x in joint.static.values()), (x.outcome for x in moving_fits(joint).values())
-        why = _serious((*found, *joint.all_warnings(), *static, *moving))
+        why = _weightiest((*found, *joint.all_warnings(), *static, *moving))
         return Verdict(Trust.DO_NOT_USE, why[0] if why else None)
     known = joint.accuracy
     if known is None and not any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint)):
@@ -82,7 +82,7 @@ _CAUSES = {
     "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped",
 }  # fmt: skip  # a list of values
 """Codes that say why a fit leaves what it leaves ..."""
-_WIDENS = {"clipped-left-out", "runs-move", "runs-scatter"}
+_WIDENS = {"clipped-left-out", "runs-move", "runs-scatter", "torque-coarse", "torques-doubted"}
 """... or why its errors are as large ..."""
 _SIZES = {"unexplained", "misfit"}
 """... and those that say how much."""
@@ -94,7 +94,7 @@ def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) ->
     # what is lacking makes errors large, and opinions differ
     if finding is not None and finding.effect.get("torque", 0.0) > 0 and known.sides != largest:
         return finding
-    if known.apart == largest:
+    if known.apart == largest and cause is None:
         message = (
             f"A regression without a bristle on the same data ({known.opinion}) gives a friction that is {known.apart:.2g} % off "
             "this one, and explains the torque as well: one of them is wrong. Move slower and faster, both ways, for longer."
@@ -123,9 +123,8 @@ def value_warnings(joint: Joint) -> tuple[Finding, ...]:
     ]
     fits = dict.fromkeys(_fit_of(row) for row in rows if row.estimate.value is not None)
     of_fits = (x for fit in fits for part in _of_fit(joint, *fit) for x in part if x.code not in _REPEATED)
-    lost = not_shown(row.parameter for row in unseen) if unseen else ()
     of_values = (x for row in rows if row not in unseen for x in row.estimate.warnings if x.code not in _REPEATED)
-    return _serious((*joint.warnings, *of_fits, *lost, *of_values))
+    return _serious((*joint.warnings, *of_fits, *of_values))
 
 
 def row_warnings(joint: Joint, row: Known) -> tuple[Finding, ...]:
@@ -146,13 +145,19 @@ def other_warnings(joint: Joint) -> tuple[Finding, ...]:
 
 
 def _serious(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """What is no note, each once: what is critical first, then by effect, then by weight."""
+    """What is no note, the weightiest first."""
+    return _weightiest(x for x in warnings if x.severity is not Severity.NOTE)
+
+
+def _weightiest(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Each once: what is critical first, notes last, then by effect, then by weight."""
 
     def place(x: Finding) -> tuple[float, ...]:
         effects = (-x.effect.get(of, 0.0) for of in ("torque", "errors"))
-        return x.severity is not Severity.CRITICAL, *effects, WEIGHTIEST_FIRST.get(x.code, len(WEIGHTIEST_FIRST))
+        severity = (Severity.CRITICAL, Severity.CAUTION, Severity.NOTE).index(x.severity)
+        return severity, *effects, WEIGHTIEST_FIRST.get(x.code, len(WEIGHTIEST_FIRST))
 
-    return tuple(sorted(dict.fromkeys(x for x in warnings if x.severity is not Severity.NOTE), key=place))
+    return tuple(sorted(dict.fromkeys(warnings), key=place))
 
 
 def _fit_of(row: Known) -> tuple[Source, str]:

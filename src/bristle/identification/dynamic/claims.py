@@ -15,7 +15,7 @@ from bristle.arrays import Array
 from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.findings import CAUTION, Finding, unit_of
+from bristle.findings import CAUTION, NOTE, Finding, unit_of
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
 from bristle.identification.shared_findings import NOT_IDENTIFIABLE, UNRESOLVED
@@ -86,8 +86,8 @@ def _no_peak(p: float) -> Finding:
             "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
             f"{100 * p:.0f} % of cases."
         )
-        return Finding("unseen-peak", CAUTION, message, {"percent": 100 * p})
-    return Finding("unseen-no-peak", CAUTION, "Not identifiable from this motion: no sign of a Stribeck peak.")
+        return Finding("unseen-peak", NOTE, message, {"percent": 100 * p})
+    return Finding("unseen-no-peak", NOTE, "Not identifiable from this motion: no sign of a Stribeck peak.")
 
 
 def bristle_doubts(
@@ -133,20 +133,20 @@ def _unresolved(
             f"{least:.2g}{of}, which is less than an encoder count of {problem.count:.2g}{of}; a finer encoder would show it."
         )
         numbers = {"reach": reach, "least": least, "count": problem.count}
-        return Finding("unseen-below-count", CAUTION, message, numbers)
+        return Finding("unseen-below-count", NOTE, message, numbers)
     passed = [samples for side, samples in _passes(problem, reach) if direction in {Direction.BOTH, side}]
     if not passed:
         message = (
             f"Not identifiable from this motion: no reversal is followed by the travel of {reach:.2g}{of} by which the "
             "bristle would bend; move back and forth."
         )
-        return Finding("unseen-no-reversal", CAUTION, message, {"reach": reach})
+        return Finding("unseen-no-reversal", NOTE, message, {"reach": reach})
     samples = float(np.median(passed))
     message = (
         f"Not identifiable from this motion: reversals pass the bristle's deflection in {samples:.2g} samples, and "
         f"{_SAMPLES} are needed; log faster, or reverse more slowly."
     )
-    too_fast = Finding("unseen-fast", CAUTION, message, {"samples": samples, "least": _SAMPLES})
+    too_fast = Finding("unseen-fast", NOTE, message, {"samples": samples, "least": _SAMPLES})
     return too_fast if samples < _SAMPLES else None
 
 
@@ -168,7 +168,7 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
     message = (
         "Not identifiable from this motion: it means nothing without another parameter, which is not identifiable."
     )
-    out, companion = dict(estimates), Finding("unseen-companion", CAUTION, message)
+    out, companion = dict(estimates), Finding("unseen-companion", NOTE, message)
     for name, e in estimates.items():
         first = _COMPANION.get(name.name)
         alone = first is not None and not weak.isdisjoint(
@@ -252,4 +252,4 @@ def _halves(apart: float) -> Finding:
         f"Not identifiable from this motion: the halves of the record differ by {apart:.1f} standard errors; slow loading "
         "from rest (experiment: presliding) would show it."
     )
-    return Finding("unseen-halves", CAUTION, message, {"apart": apart})
+    return Finding("unseen-halves", NOTE, message, {"apart": apart})

@@ -21,7 +21,7 @@ from bristle.arrays import Array
 from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
-from bristle.findings import CAUTION, Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
 from bristle.identification.dynamic.fit import OF_PHYSICS, DynamicSolution, physics
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
@@ -134,7 +134,7 @@ def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
         f"{ratio:.2g} times worse than the counts themselves, so that what was fitted is theirs; a finer encoder would "
         "show it."
     )
-    why = Finding("unseen-in-counts", CAUTION, message, {"ratio": ratio})
+    why = Finding("unseen-in-counts", NOTE, message, {"ratio": ratio})
     left = _doubted(solved, solved.fit, dict.fromkeys(slow, why))
     message = (
         "Encoder counts decide this fit: what they add to its numbers cannot be told, and is not subtracted. Take a finer "
@@ -165,7 +165,7 @@ def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]
                 f"Not identifiable from this motion: encoder counts bias it by {100 * share:.0f} % of its value, "
                 f"{errors:.1f} standard errors, too much to be subtracted; a finer encoder would show it."
             )
-            doubts[name] = Finding("unseen-biased", CAUTION, message, {"share": share, "errors": errors})
+            doubts[name] = Finding("unseen-biased", NOTE, message, {"share": share, "errors": errors})
     return doubts
 
 

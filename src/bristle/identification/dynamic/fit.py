@@ -230,16 +230,14 @@ def _all_estimates(
     }
     if not solution.minimum.converged or _percent(equations_left(problem, solution), problem) > _NOTHING:
         message = "Not estimated: the fit did not converge, or leaves more than was measured."
-        estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", CAUTION, message)))
+        estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", NOTE, message)))
     equations, unknowns = solution.minimum.residuals.size, len(solution.names)
     if equations < (least := FEWEST * unknowns):
         message = (
             f"Not estimated: the motion leaves {equations} equations for {unknowns} unknowns, and at least {least} are "
             "needed; log longer or faster."
         )
-        few = Finding(
-            "unseen-too-few", CAUTION, message, {"equations": equations, "unknowns": unknowns, "least": least}
-        )
+        few = Finding("unseen-too-few", NOTE, message, {"equations": equations, "unknowns": unknowns, "least": least})
         estimates = warned(estimates, dict.fromkeys(estimates, few))
     doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
     estimates = warned(estimates, doubts)
@@ -284,7 +282,7 @@ def _not_shown(
         "Not identifiable from this motion: v_s lies near the fastest speed, so the term would bend the whole curve "
         "instead of dropping at low speed."
     )
-    bend = Finding("unseen-bend", CAUTION, message)
+    bend = Finding("unseen-bend", NOTE, message)
     bends, wide, none = (dict[ParameterName, tuple[float, Finding]]() for _ in range(3))
     for direction in problem.directions:
         alpha_0, alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_0", "alpha_1", "v_s"))
@@ -303,7 +301,7 @@ def _not_shown(
 def _wide(share: float) -> Finding:
     """That a standard error is this share of its value."""
     message = f"Not identifiable from this motion: its standard error is {100 * share:.0f} % of its value."
-    return Finding("unseen-wide", CAUTION, message, {"share": share})
+    return Finding("unseen-wide", NOTE, message, {"share": share})
 
 
 def _percent(rows: Array, problem: DynamicProblem) -> float:
@@ -355,7 +353,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
                 warnings.append(at_bound())
         if relative > WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
             message = "Not identifiable from this motion: its standard error is more than ten times its value."
-            warnings.append(_wide(relative) if relative < 10 else Finding("unseen-far", CAUTION, message))
+            warnings.append(_wide(relative) if relative < 10 else Finding("unseen-far", NOTE, message))
         out[name] = Estimate(
             value=value,
             unit=unit(bare, kind),
@@ -428,7 +426,7 @@ def _unseen(solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName
     for k, name in enumerate(solution.names):
         if solution.scaled_errors[k] == np.inf and isinstance(name, ParameterName):
             message = f"{name} is not identifiable: the torque does not depend on it in this motion."
-            warnings.append(Finding("nothing-seen", CAUTION, message, {"name": name}))
+            warnings.append(Finding("nothing-seen", NOTE, message, {"name": name}))
     return warnings
 
 

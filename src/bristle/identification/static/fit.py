@@ -21,7 +21,7 @@ from bristle.identification.static.fit_warnings import speeds_of
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.solution import StaticSolution, solve_static
+from bristle.identification.static.solution import StaticSolution, apart, solve_static
 from bristle.identification.static.stray_report import StrayReport, report_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
@@ -237,13 +237,15 @@ def _comparisons(
         rest = problem.rows(np.logical_not(sticks))
         sticking, points = int(sticks.sum()), sticks.size
         message = f"{sticking} of {points} points stick and slip; the fit without them is shown for comparison."
-        warnings.append(Finding("stick-slip-points", CAUTION, message, {"sticking": sticking, "points": points}))
+        said = Finding("stick-slip-points", CAUTION, message, {"sticking": sticking, "points": points})
         if nothing := _too_few(rest):
+            warnings.append(said)
             message = f"Without the points that stick and slip no fit is possible. {nothing.message}"
             warnings.append(Finding("nothing-without", CAUTION, message, {"inner": nothing}))
         else:
             alone = solve_static(rest, options, kind)
             without = alone.estimates
+            warnings.append(replace(said, effect={"torque": apart(core, alone)}))
             for inner in alone.warnings:
                 message = f"Without the points that stick and slip: {inner.message}"
                 warnings.append(Finding("without-stick-slip", NOTE, message, {"inner": inner}))

@@ -72,6 +72,14 @@ class StaticSolution:
         return {**all_shifted(self.parameters, self.shifts), **self.beside}
 
 
+def apart(one: StaticSolution, other: StaticSolution) -> float:
+    """By how much another fit of some of the points differs from one over all of its own, N*m, rms."""
+    posed = replace(one.problem, peaks=other.problem.peaks)
+    return float(
+        np.sqrt(np.mean((posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)) ** 2))
+    )
+
+
 def solve_static(
     problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float] | None = None
 ) -> StaticSolution:
@@ -192,13 +200,13 @@ def _without_peak(
         return dict.fromkeys(problem.peaks, not_asked), None
     if points < least:
         message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
-        few = Finding("too-few-for-peak", CAUTION, message, {"points": points, "least": least})
+        few = Finding("too-few-for-peak", NOTE, message, {"points": points, "least": least})
         return dict.fromkeys(problem.peaks, few), None
     solution = solve(problem, v_s_range)
     none = _unsupported(problem, solution)
     if asked:
         message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
-        left_out = Finding("peak-left-out", CAUTION, message)
+        left_out = Finding("peak-left-out", NOTE, message)
         return {d: not_asked if d in none else left_out for d in problem.peaks}, None
     return {} if options.model == "stribeck" else none, solution
 
@@ -216,16 +224,16 @@ def _unbounded(
         low, high = likelihood.intervals[name]
         speeds, why = speeds_of(problem, direction), None
         if low == 0:
-            why = Finding("v-s-down-to-zero", CAUTION, "these speeds set no lower limit on v_s (slower ones would)")
+            why = Finding("v-s-down-to-zero", NOTE, "these speeds set no lower limit on v_s (slower ones would)")
         elif np.isinf(high):
             message = "these speeds set no upper limit on v_s (faster ones, or more of them, would)"
-            why = Finding("v-s-up-to-any", CAUTION, message)
+            why = Finding("v-s-up-to-any", NOTE, message)
         elif (slowest := float(speeds.min())) >= v_s:
             message = (
                 f"no speed lies below its v_s of {v_s:.3g}{unit_of('velocity')} (the slowest is {slowest:.3g}{unit_of('velocity')}; "
                 "slower ones would decide)"
             )
-            why = Finding("none-below-v-s", CAUTION, message, {"slowest": slowest, "v_s": v_s})
+            why = Finding("none-below-v-s", NOTE, message, {"slowest": slowest, "v_s": v_s})
         if why is not None:
             unbounded[direction] = _no_stribeck(direction, why)
     return unbounded
@@ -233,7 +241,7 @@ def _unbounded(
 
 def _no_stribeck(direction: Direction, why: Finding) -> Finding:
     message = f"Stribeck term not identifiable{in_direction(direction)}: {why.message}; Coulomb and viscous friction alone are fitted."
-    return Finding("no-stribeck", CAUTION, message, {"direction": direction, "why": why})
+    return Finding("no-stribeck", NOTE, message, {"direction": direction, "why": why})
 
 
 def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Finding]:
@@ -252,23 +260,23 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Fin
         speeds, why = speeds_of(problem, direction), None
         fastest, slowest = float(speeds.max()), float(speeds.min())
         if p > SIGNIFICANCE:
-            why = Finding("no-peak", CAUTION, "no sign of a Stribeck peak")
+            why = Finding("no-peak", NOTE, "no sign of a Stribeck peak")
             if p < NO_SIGN:
                 message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
-                why = Finding("like-noise", CAUTION, message, {"percent": 100 * p})
+                why = Finding("like-noise", NOTE, message, {"percent": 100 * p})
         elif v_s[k] * problem.law.peak.reach > fastest:
             seen = problem.law.peak.reach
             message = (
                 f"its v_s of {v_s[k]:.3g}{unit_of('velocity')} would lie near the fastest speed, {fastest:.3g}{unit_of('velocity')}, "
                 f"so the term would bend the whole curve instead of dropping at low speed (speeds beyond {seen:g} v_s would decide)"
             )
-            why = Finding("bend", CAUTION, message, {"v_s": v_s[k], "fastest": fastest, "seen": seen})
+            why = Finding("bend", NOTE, message, {"v_s": v_s[k], "fastest": fastest, "seen": seen})
         elif v_s[k] < UNTOUCHED * slowest:
             message = (
                 f"its v_s of {v_s[k]:.3g}{unit_of('velocity')} would lie below a third of the slowest speed, "
                 f"{slowest:.3g}{unit_of('velocity')}, so the term would depend on that one speed (slower ones would decide)"
             )
-            why = Finding("one-speed", CAUTION, message, {"v_s": v_s[k], "slowest": slowest})
+            why = Finding("one-speed", NOTE, message, {"v_s": v_s[k], "slowest": slowest})
         if why is not None:
             dropped[direction] = _no_stribeck(direction, why)
     return dropped
@@ -342,7 +350,7 @@ def _outcome(
             message = "Coulomb and viscous friction alone are fitted, as fit.law asks."
             return Finding("static-as-asked", NOTE, message)
         message = "Stribeck term not identifiable from these data: Coulomb and viscous friction alone are fitted."
-        return Finding("static-no-stribeck", CAUTION, message)
+        return Finding("static-no-stribeck", NOTE, message)
     _, v_s = problem.split(solution.theta)
     if any(s <= v_s_range[0] * 1.001 or s >= v_s_range[1] / 1.001 for s in v_s):
         message = "The best v_s lies at the edge of the range searched; these velocities do not bracket it."

@@ -1,7 +1,7 @@
 """What is said of points that do not belong to the law: how far off they are, and what the fit becomes without them."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, uni
 from bristle.identification.fits import Estimate, OtherPoints, Stray
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
-from bristle.identification.static.solution import StaticSolution, solve_static
+from bristle.identification.static.solution import StaticSolution, apart, solve_static
 from bristle.identification.static.strays import SINGLY, most_strays
 from bristle.model.parameters import Direction
 from bristle.model.parameters import Kind as JointKind
@@ -86,10 +86,9 @@ def report_strays(
         numbers |= {"other": in_units(other, {}), "advice": in_units(advice, {})}
         if moved and search.matter:
             message = f"{message} That is more than one standard error of {', '.join(moved)}. {advice}"
-            posed = replace(core.problem, peaks=second.problem.peaks)
-            apart = posed.residuals(second.solution.theta) - core.problem.residuals(core.solution.theta)
-            effect = {"torque": float(np.sqrt(np.mean(apart**2)))}
-            warning = Finding("strays-matter", CAUTION, message, {**numbers, "moved": moved}, effect)
+            warning = Finding(
+                "strays-matter", CAUTION, message, {**numbers, "moved": moved}, {"torque": apart(core, second)}
+            )
         else:
             warning = Finding("strays", CAUTION, f"{message} {advice}", numbers)
     parts = search.problem.directions

@@ -11,10 +11,11 @@ from bristle.identification.curve import known_curve
 from bristle.identification.fits import Estimate, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, value_fits
 from bristle.identification.results import Joint
+from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import Direction, Lugre, ParameterName, of_curve, of_friction, unit
+from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, of_curve, of_friction, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.wording import FITS, counted, number, printable, shortened
 from bristle.questions.joint_report.sentences import known_to
@@ -65,7 +66,9 @@ def _curve(joint: Joint) -> Iterator[str]:
     known, speed = joint.accuracy, unit("v_s", joint.kind)
     if known is None or joint.law_name != GAUSSIAN.name:
         return
-    given = {row.parameter.name for row in chosen(joint) if row.estimate.value}
+    model = as_identified(joint)
+    given = {name for d in SIGNED for name, value in model.values(d).items() if value}
+    given |= {row.parameter.name for row in chosen(joint) if row.estimate.value}
     terms = {
         "alpha_0": "alpha_0",
         "alpha_1": "alpha_1 exp(-(v / v_s)**2)",
@@ -121,8 +124,10 @@ def _values(joint: Joint) -> Iterator[str]:
                 runs = "constant velocities" if of_curve(name.name) else "slow loading"
                 why = f"not measured; {runs} or tracking runs would show them"
             else:
-                cautioned = any(warning.severity is not Severity.NOTE for warning in row.estimate.warnings)
-                why = "not identifiable" if cautioned else "not estimated"
+                unseen = any(
+                    w.code in NOT_IDENTIFIABLE or w.severity is not Severity.NOTE for w in row.estimate.warnings
+                )
+                why = "not identifiable" if unseen else "not estimated"
             missing.setdefault(name.direction, {}).setdefault(why, []).append(str(name))
     yield from columns(cells) if len(cells) > 1 else ()
     for by_reason in missing.values():
@@ -177,8 +182,7 @@ def _sentence(joint: Joint, warning: Finding) -> list[str]:
 
 def _rest(joint: Joint, reason: Finding | None) -> Iterator[str]:
     """All that is critical but the reason, which stands above; then what else fits into a few lines, whole; the rest in number."""
-    # what is unseen stands under the table
-    rest = [x for x in value_warnings(joint) if x != reason and x.code != "unseen"]
+    rest = [x for x in value_warnings(joint) if x != reason]
     others = len(other_warnings(joint))
     critical = [x for x in rest if x.severity is Severity.CRITICAL]
     more, room = [x for x in rest if x not in critical], LINES
