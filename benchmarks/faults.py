@@ -111,7 +111,7 @@ def main() -> None:
         frame.to_csv(asked.csv, index=False)
     frame["use"] = frame.trust == "use"
     frame["silent"] = frame.use & (frame.error > OFF)
-    frame["honest"] = frame.code == "lacks-unknown-term"
+    frame["honest"] = frame.code.isin({"lacks-unknown-term", "unexplained"})
     print(f"{len(frame)} SIMULATED logs")
     faulty, clean = frame[frame.name.isin(FAULTS)], frame[frame.strength.isna()]
     for title, part in (("faults", faulty), ("what no such data could show", frame[frame.name.isin(UNSEEN)])):

@@ -257,10 +257,16 @@ def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> N
     if others[:, -1].any():  # what the links of a robot ask for outweighs friction, and has any sign
         basis = np.column_stack([np.sign(velocity), velocity, others])
         torque = torque - others[:, -1] * np.linalg.lstsq(basis, torque, rcond=None)[0][-1]
-    turned = merged(d for r in records for d in r.warnings if d.code == "velocity-factor" and d.numbers["ratio"] < 0)
+    said = [d for r in records for d in r.warnings]
+    turned = merged(d for d in said if d.code == "velocity-factor" and d.numbers["ratio"] < 0)
     if turned and float(velocity @ torque) < 0:  # the torque goes with the position: it is the velocity that is wrong
         raise InputError(f"{experiment.path.name}: {turned[0]}")
-    refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole", others)
+    try:
+        refuse_opposing(experiment, velocity, torque, "over the moving runs as a whole", others)
+    except InputError as end:
+        if counts := merged(d for d in said if d.code == "whole-positions"):  # in which nothing moves as it did
+            raise InputError(f"{experiment.path.name}: {counts[0]}") from end
+        raise
 
 
 def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, ...]:

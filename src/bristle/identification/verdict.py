@@ -67,11 +67,12 @@ def verdict(joint: Joint) -> Verdict:
             if none
             else "No run slides: the stiffness alone may be used. Move at several speeds, both ways."
         )
-        critical = found[:1] if found and found[0].severity is Severity.CRITICAL else ()
-        return Verdict(Trust.DO_NOT_USE, next(iter(critical), Finding("no-curve", CRITICAL, message)))
+        worst = found[0] if found and found[0].severity is Severity.CRITICAL else None
+        return Verdict(Trust.DO_NOT_USE, worst or Finding("no-curve", CRITICAL, message))
     cause, wide = (next((x for x in found if x.code in codes), None) for codes in (_CAUSES, _CAUSES | _WIDENS))
-    if found and found[0].severity is Severity.CRITICAL:
-        return Verdict(Trust.DO_NOT_USE, (found[0].code in _SIZES and cause) or found[0])
+    if critical := [x for x in found if x.severity is Severity.CRITICAL]:
+        named = next((x for x in critical if x.code not in _SIZES), cause)
+        return Verdict(Trust.DO_NOT_USE, named or critical[0])
     if known is not None and not known.band <= joint.need:
         return Verdict(Trust.DO_NOT_USE, _largest(known, found[0] if found else None, wide))
     return Verdict(Trust.USE, None)
