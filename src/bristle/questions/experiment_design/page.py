@@ -1,9 +1,8 @@
 """The page and the text of a plan: results -> figures by name, what the template names, and lines."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,18 +24,8 @@ _PLAYED = {"velocities", "lines"}
 
 
 def write_plan(plan: Plan, folder: Path) -> Path:
-    """Write the page of a plan: index.html, figures/ and tables/.
-
-    Returns the path of index.html. Raises as `write_part` does.
-    """
-    frames = tables.all_tables(plan)
-    context = section(plan, frames)
-    return write_part(folder, "bristle.questions.experiment_design", "plan.html", context, draw(plan), frames)
-
-
-def draw(plan: Plan) -> Mapping[str, tuple[Callable[[], Figure | None], str]]:
-    """What draws each figure, and how it is called for a reader who does not see it."""
-    name = plan.joint.name
+    """Write the page of a plan: index.html, figures/ and tables/; returns the path of index.html. Raises as `write_part` does."""
+    name, kind, x, static = plan.joint.name, plan.joint.kind, plan.limits, plan.velocities[0]
     drawn: dict[str, tuple[Callable[[Plan], Figure], str]] = {
         "velocities": (figures.velocities_figure, f"velocities to run on {name}"),
         "robustness": (figures.robustness_figure, f"error of the Stribeck velocity of {name}"),
@@ -46,37 +35,41 @@ def draw(plan: Plan) -> Mapping[str, tuple[Callable[[], Figure | None], str]]:
         "motions": (figures.motions_figure, f"errors of {name} after three motions"),
         "whole": (figures.whole_figure, f"all references of {name}"),
     }
-    return {f"plan-{file}": (partial(figure, plan), label) for file, (figure, label) in drawn.items()}
-
-
-def section(plan: Plan, frames: Mapping[str, pd.DataFrame]) -> dict[str, Any]:
-    """Everything that the template names, but for the figures."""
+    draw = {f"plan-{file}": (partial(figure, plan), label) for file, (figure, label) in drawn.items()}
+    every = (tables.velocities, tables.designs, tables.intervals, tables.loading, tables.lines, tables.motions)
+    frames = {table.__name__: table(plan) for table in every}
     motions = frames["motions"].set_index("motion")
-    frames = {**frames, "motions": motions.drop(columns="rms").T.reset_index(names="parameter")}
-    headings = _headings(plan.joint.kind, plan.joint.law)
-    return {
-        "title": plan.joint.name,
+    on_page = {**frames, "motions": motions.drop(columns="rms").T.reset_index(names="parameter")}
+    q, v, a, T = (pretty(unit(quantity, kind)) for quantity in ("position", "velocity", "acceleration", "torque"))
+    headings = _headings(kind, plan.joint.law)
+    context = {
+        "title": name,
         "seed": 0,
         "simulated": plan.joint.simulated,
         "aim": "all parameters" if plan.aim == "all" else symbol(plan.aim),
-        "static_aim": plan.velocities[0].chosen.aim,
-        "static_parameters": {4: "four"}.get(
-            len(plan.velocities[0].problem.names), len(plan.velocities[0].problem.names)
-        ),
-        "limits": _limits(plan),
-        **{name: (shown if name in _PLAYED else _rounded)(x.rename(columns=headings)) for name, x in frames.items()},
-        "rms": [(motion, number(x, 3)) for motion, x in motions["rms"].items()],
+        "static_aim": static.chosen.aim,
+        "static_parameters": {4: "four"}.get(len(static.problem.names), len(static.problem.names)),
+        "limits": [
+            ("position", f"{x.position[0]:.4g} to {x.position[1]:.4g} {q}"),
+            ("constant velocities", f"{x.slowest:.3g} to {x.velocity:.3g} {v}"),
+            ("acceleration", f"{x.acceleration:.3g} {a}"),
+            (effort(kind), f"{x.torque:.3g} {T}" if np.isfinite(x.torque) else "not limited"),
+            ("time", "not limited" if x.time is None else f"{x.time:g} s"),
+        ],
+        **{key: (shown if key in _PLAYED else _rounded)(f.rename(columns=headings)) for key, f in on_page.items()},
+        "rms": [(motion, number(rms, 3)) for motion, rms in motions["rms"].items()],
         "runs": max(r.run for r in plan.references),
         "duration": number(plan.duration, 3),
-        "hold": number(plan.limits.hold, 3),
+        "hold": number(x.hold, 3),
         "settle": SETTLE,
         "deflections": DEFLECTIONS,
-        "rate": number(plan.limits.rate),
+        "rate": number(x.rate),
         "worth": plan.worth and in_print(plan.worth),
         "warnings": plan.warnings,
         "assumptions": plan.assumptions,
         "captions": captions(plan),
     }
+    return write_part(folder, "bristle.questions.experiment_design", "plan.html", context, draw, frames)
 
 
 def _headings(kind: Kind, law: Law) -> dict[str, str]:
@@ -129,54 +122,23 @@ def text(plan: Plan) -> str:
     sines = ", ".join(
         f"{x.amplitude:.2g} {position} at {x.frequency:.2g} Hz" for x in tables.lines(plan).itertuples(index=False)
     )
-    return "\n".join(
-        [
-            *lines,
-            f"  tracking, {plan.motions[0].duration:.3g} s: {sines}",
-            *_interval_lines(plan),
-            *(f"  {warning.coded}" for warning in plan.warnings),
-            *(f"  assumed: {assumption.flagged}" for assumption in plan.assumptions),
-        ]
-    )
-
-
-def _interval_lines(plan: Plan) -> Iterator[str]:
-    """Half of each 95 % interval by stage, as rows."""
-    yield (
+    lines += [
+        f"  tracking, {plan.motions[0].duration:.3g} s: {sines}",
         "  half of each 95 % interval, in percent of the value: now as fitted; then predicted with each part of the plan added, "
-        "at the least (Cramer-Rao bound); open: not identifiable."
-    )
-    yield "  Statistical errors only: those of constants, as of the torque's scale, come on top, and no run lowers them."
-    now, rows = (
-        plan.standard_errors["now"],
-        [("", "estimate", *(x.removeprefix("with ") for x in plan.standard_errors))],
-    )
+        "at the least (Cramer-Rao bound); open: not identifiable.",
+        "  Statistical errors only: those of constants, as of the torque's scale, come on top, and no run lowers them.",
+    ]
+    errors = plan.standard_errors
+    rows = [("", "estimate", *(stage.removeprefix("with ") for stage in errors))]
     for k in plan.free:
         name, value = plan.start.names[k], float(plan.start.estimate[k])
-        relative = [errors[k] / abs(value) for errors in plan.standard_errors.values()]
-        estimate = f"{pair(value, float(now[k]) if relative[0] < 1 else None)} {unit(name.name, plan.joint.kind)}"
-        rows.append((str(name), f"{estimate}{' (a guess)' * (name in plan.start.guessed)}", *map(_half, relative)))
-    yield from columns(rows, indent=2)
-
-
-def _half(relative: float) -> str:
-    """Half of a 95 % interval in percent of the value, from its relative standard error; open where that is not identifiable."""
-    return f"{two_digits(100 * NORMAL * relative)} %" if relative < 1 else "open"
-
-
-def _limits(plan: Plan) -> list[tuple[str, str]]:
-    x, kind = plan.limits, plan.joint.kind
-    q, v, a, T = (pretty(unit(name, kind)) for name in ("position", "velocity", "acceleration", "torque"))
-    return [
-        ("position", f"{x.position[0]:.4g} to {x.position[1]:.4g} {q}"),
-        ("constant velocities", f"{x.slowest:.3g} to {x.velocity:.3g} {v}"),
-        ("acceleration", f"{x.acceleration:.3g} {a}"),
-        (
-            effort(kind),
-            f"{x.torque:.3g} {T}" if np.isfinite(x.torque) else "not limited",
-        ),
-        ("time", "not limited" if x.time is None else f"{x.time:g} s"),
-    ]
+        relative = [error[k] / abs(value) for error in errors.values()]
+        estimate = f"{pair(value, float(errors['now'][k]) if relative[0] < 1 else None)} {unit(name.name, kind)}"
+        half = (f"{two_digits(100 * NORMAL * error)} %" if error < 1 else "open" for error in relative)
+        rows.append((str(name), f"{estimate}{' (a guess)' * (name in plan.start.guessed)}", *half))
+    lines += columns(rows, indent=2)
+    lines += [f"  {warning.coded}" for warning in plan.warnings]
+    return "\n".join([*lines, *(f"  assumed: {assumption.flagged}" for assumption in plan.assumptions)])
 
 
 def _rounded(frame: pd.DataFrame) -> Table:

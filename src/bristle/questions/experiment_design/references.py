@@ -15,9 +15,8 @@ from bristle.control.compensator import Reference
 from bristle.errors import InputError
 from bristle.identification.limits import Limits
 from bristle.model.parameters import Direction
-from bristle.questions.experiment_design.excitation import course
-from bristle.questions.experiment_design.loading import LoadingDesign
-from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, Multisine, SlowLoads
+from bristle.questions.experiment_design.loading import CYCLES, LoadingDesign
+from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, SlowLoads
 
 SETTLE = 0.6
 """Least run-in before a hold is averaged, s."""
@@ -27,8 +26,6 @@ TURN = 0.2
 """Least time from rest to a constant velocity, s."""
 SHORTEST = 0.25
 """Least averaging time of one pass, s."""
-FALL = 0.2
-"""Time in which a load falls back to zero, as a share of its rise."""
 _REST = 0.5
 """Rest before and after each run that starts from rest, s."""
 _USED = 0.999
@@ -112,11 +109,6 @@ def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
     return found
 
 
-def hold_reference(hold: Hold, start: float, step: float) -> PlannedRun:
-    """From rest to the velocity, at it, and to rest again."""
-    return _driven("ramp", hold.run, hold.at(_instants(_of_hold(hold, step), step), start))
-
-
 def move_within(start: float, stop: float, limits: Limits) -> Move:
     """From rest to rest elsewhere, never at a constant velocity."""
     way = abs(stop - start)
@@ -125,45 +117,28 @@ def move_within(start: float, stop: float, limits: Limits) -> Move:
     return Move(start, stop, max(SETTLE, fast, hard))
 
 
-def move_reference(move: Move, step: float) -> PlannedRun:
-    """A move as it is played."""
-    return _driven("move", 0, move.at(_instants(move.duration, step)))
+def slow_loads(plan: LoadingDesign) -> SlowLoads:
+    """The loads of a direction, which rise and fall, open loop, the joint at rest."""
+    peak = -plan.peak if plan.direction is Direction.NEGATIVE else plan.peak
+    return SlowLoads((peak,) * CYCLES, plan.rise, 0.2 * plan.rise, rest=_REST, pause=_REST)
 
 
 def samples_of(part: Hold | Move | SlowLoads, step: float) -> float:
-    """How many samples a run takes, as `_instants` has them; a number of any size, since nothing is sampled yet."""
-    duration = _of_hold(part, step) if isinstance(part, Hold) else part.duration
+    """How many samples it takes until a run is over; a number of any size, since nothing is sampled yet."""
+    duration = part.duration - 1e-9 * step if isinstance(part, Hold) else part.duration
     return float(np.ceil(duration / step)) + 1
 
 
-def _of_hold(hold: Hold, step: float) -> float:
-    return hold.duration - 1e-9 * step
+def played(part: Hold | Move | SlowLoads, step: float, run: int = 0, start: float = 0.0) -> PlannedRun:
+    """A hold or loads as a run of that number, or a move, sampled every step, s; `start`: where a hold begins, rad."""
+    time = np.arange(int(samples_of(part, step)), dtype=np.float64) * step
+    if isinstance(part, SlowLoads):
+        lost = np.full(time.size, np.nan)
+        return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=part.at(time).torque)
+    return driven("move", run, part.at(time)) if isinstance(part, Move) else driven("ramp", run, part.at(time, start))
 
 
-def load_reference(plan: LoadingDesign, run: int, cycles: int, step: float) -> PlannedRun:
-    """Torque from zero to the peak and back, so many times, open loop, the joint at rest."""
-    loads = slow_loads(plan, cycles)
-    torque = loads.at(_instants(loads.duration, step)).torque
-    lost = np.full(torque.size, np.nan)
-    return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=torque)
-
-
-def slow_loads(plan: LoadingDesign, cycles: int) -> SlowLoads:
-    """The loads of a direction, so many rises."""
-    peak = -plan.peak if plan.direction is Direction.NEGATIVE else plan.peak
-    return SlowLoads((peak,) * cycles, plan.rise, FALL * plan.rise, rest=_REST, pause=_REST)
-
-
-def _instants(duration: float, step: float) -> Array:
-    """Every step until the duration has passed, s."""
-    return np.arange(ceil(duration / step) + 1, dtype=np.float64) * step
-
-
-def motion_reference(lines: Multisine, run: int, limits: Limits, duration: float, step: float) -> PlannedRun:
-    """The tracking motion."""
-    return _driven("tracking", run, course(lines, limits, duration, step))
-
-
-def _driven(kind: Kind, run: int, played: Reference) -> PlannedRun:
+def driven(kind: Kind, run: int, played: Reference) -> PlannedRun:
+    """A reference of position and velocity as a run."""
     lost = np.full(played.position.size, np.nan)
     return PlannedRun(kind=kind, run=run, position=played.position, velocity=played.velocity, torque=lost)

@@ -1,15 +1,12 @@
-"""The whole plan as references in the order to play.
-
-Constant velocities, loading where they end, and the motion about the middle.
-"""
+"""The whole plan as references in the order to play: constant velocities, loading where they end, and the motion about the middle."""
 
 from collections.abc import Sequence
 
 from bristle.errors import InputError
 from bristle.identification.limits import Limits
 from bristle.questions.experiment_design import references as reference
-from bristle.questions.experiment_design.excitation import MotionDesign
-from bristle.questions.experiment_design.loading import CYCLES, LoadingDesign
+from bristle.questions.experiment_design.excitation import MotionDesign, course
+from bristle.questions.experiment_design.loading import LoadingDesign
 from bristle.questions.experiment_design.references import PlannedRun
 from bristle.questions.experiment_design.start import Start
 from bristle.questions.experiment_design.velocities import VelocityPlan, largest_deflection
@@ -28,16 +25,13 @@ def schedule(
 ) -> tuple[PlannedRun, ...]:
     """Every reference of a plan, runs numbered from 1. Raises InputError where the travel is too short for a hold."""
     step = 1 / limits.rate
-    ramps = [
-        reference.hold_reference(part, begin, step) if isinstance(part, Hold) else reference.move_reference(part, step)
-        for part, begin in _parts(start, limits, velocities)
-    ]
+    ramps = [reference.played(part, step, run, begin) for part, run, begin in _parts(start, limits, velocities)]
     runs = max(r.run for r in ramps)
-    loads = [reference.load_reference(x, k, CYCLES, step) for k, x in enumerate(loadings, runs + 1)]
+    loads = [reference.played(reference.slow_loads(x), step, k) for k, x in enumerate(loadings, runs + 1)]
     last_place = float(ramps[-1].position[-1])
-    move = reference.move_reference(reference.move_within(last_place, _middle(limits), limits), step)
-    last = reference.motion_reference(motion.lines, runs + len(loads) + 1, limits, motion.duration, step)
-    return (*ramps, *loads, move, last)
+    move = reference.played(reference.move_within(last_place, _middle(limits), limits), step)
+    tracked = course(motion.lines, limits, motion.duration, step)
+    return (*ramps, *loads, move, reference.driven("tracking", runs + len(loads) + 1, tracked))
 
 
 def duration(
@@ -53,8 +47,7 @@ def duration(
     """
     step = 1 / limits.rate
     move = reference.move_within(limits.position[0], _middle(limits), limits)
-    loads = (reference.slow_loads(x, CYCLES) for x in loadings)
-    parts = [*(part for part, _ in _parts(start, limits, velocities)), *loads, move]
+    parts = [*(part for part, _, _ in _parts(start, limits, velocities)), *map(reference.slow_loads, loadings), move]
     needed = sum(reference.samples_of(part, step) for part in parts) / limits.rate + motion + step
     if not needed * limits.rate <= MOST:
         raise InputError(
@@ -64,17 +57,17 @@ def duration(
     return float(needed)
 
 
-def _parts(start: Start, limits: Limits, velocities: Sequence[VelocityPlan]) -> list[tuple[Hold | Move, float]]:
-    """The runs at constant velocity in the order to play, each with where it begins (rad), and the moves between them."""
+def _parts(start: Start, limits: Limits, velocities: Sequence[VelocityPlan]) -> list[tuple[Hold | Move, int, float]]:
+    """The runs at constant velocity in the order to play, each with its number and where it begins (rad), and the moves between them."""
     deflection = largest_deflection(start)
     runs = enumerate((v for plan in velocities for v in plan.velocities), 1)
     holds = [hold for run, v in runs for hold in reference.passes(v, run, deflection, limits)]
-    parts: list[tuple[Hold | Move, float]] = []
+    parts: list[tuple[Hold | Move, int, float]] = []
     position = _middle(limits)
     for begin, hold in reference.ordered(holds, limits):
         if abs(begin - position) > 1e-9 * limits.travel:
-            parts.append((reference.move_within(position, begin, limits), position))
-        parts.append((hold, begin))
+            parts.append((reference.move_within(position, begin, limits), 0, position))
+        parts.append((hold, hold.run, begin))
         position = begin + hold.travel
     return parts
 

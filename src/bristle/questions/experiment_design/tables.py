@@ -1,15 +1,11 @@
 """A plan as tables, and as the file of references that a controller plays."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 
-from bristle.arrays import Array
 from bristle.model.parameters import unit
-from bristle.page import columns
 from bristle.questions.experiment_design.plan import NORMAL, Plan
-from bristle.questions.experiment_design.velocities import Design, DesignProblem
+from bristle.questions.experiment_design.velocities import Design
 
 
 def references(plan: Plan) -> pd.DataFrame:
@@ -31,11 +27,6 @@ def references(plan: Plan) -> pd.DataFrame:
     )
 
 
-def to_csv(plan: Plan) -> str:
-    """`references` as CSV; what is not commanded is empty."""
-    return columns.to_csv(references(plan), "%.10g")
-
-
 def velocities(plan: Plan) -> pd.DataFrame:
     """The constant velocities to run: direction, velocity, and how many runs at it."""
     rows = [(x.direction, speed, count) for x in plan.velocities for speed, count in x.chosen.runs]
@@ -46,9 +37,10 @@ def designs(plan: Plan) -> pd.DataFrame:
     """Of each design the relative standard error to expect of each parameter, what is known already included, percent."""
     rows = []
     for x in plan.velocities:
-        named = {"D-optimal" if aim == "all" else f"for {aim} alone": design for aim, design in x.designs.items()}
-        for name, design in named.items():
-            errors = _percent(design.errors, x.problem)
+        for aim, design in x.designs.items():
+            name = "D-optimal" if aim == "all" else f"for {aim} alone"
+            percent = (100 * design.errors / np.abs(x.problem.estimate)).tolist()
+            errors = dict(zip(x.problem.names, map(_finite, percent), strict=True))
             rows.append({"direction": x.direction, "design": name, **errors, "velocities": listed(design, "{:.3g}")})
     return pd.DataFrame(rows)
 
@@ -68,37 +60,21 @@ def intervals(plan: Plan) -> pd.DataFrame:
         name, value = plan.start.names[k], float(plan.start.estimate[k])
         half = {stage: _finite(NORMAL * errors[k]) for stage, errors in plan.standard_errors.items()}
         last = half["with motion"]
-        rows.append(
-            {
-                "parameter": str(name),
-                "estimate": value,
-                "guess": name in plan.start.guessed or (name.name == "inertia" and half["now"] is None),
-                "unit": unit(name.name, plan.joint.kind),
-                **half,
-                "in percent": None if last is None else 100 * last / abs(value),
-            }
-        )
+        guess = name in plan.start.guessed or (name.name == "inertia" and half["now"] is None)
+        row = {"parameter": str(name), "estimate": value, "guess": guess, "unit": unit(name.name, plan.joint.kind)}
+        rows.append({**row, **half, "in percent": None if last is None else 100 * last / abs(value)})
     return pd.DataFrame(rows).astype(dict.fromkeys((*plan.standard_errors, "in percent"), object))
 
 
 def loading(plan: Plan) -> pd.DataFrame:
-    """Slow loading per direction.
-
-    Peak, over breakaway, rise, counts, neglected share, and the error of sigma_0 by noise, and with that share.
-    """
+    """Slow loading per direction: peak, over breakaway, rise, counts, neglected share, error of sigma_0 by noise, and with that share."""
     rows = [
         {
-            "direction": x.direction,
-            "peak": x.peak,
-            "share_of_breakaway": x.share,
-            "rise": x.rise,
-            "counts": _finite(x.counts),
-            "viscous_share": x.viscous_share,
-            "by_noise": _finite(x.noise_error),
-            "standard_error": _finite(x.error),
+            "direction": x.direction, "peak": x.peak, "share_of_breakaway": x.share, "rise": x.rise, "counts": _finite(x.counts),
+            "viscous_share": x.viscous_share, "by_noise": _finite(x.noise_error), "standard_error": _finite(x.error),
         }
         for x in plan.loadings
-    ]
+    ]  # fmt: skip  # a table
     return pd.DataFrame(rows)
 
 
@@ -124,19 +100,6 @@ def motions(plan: Plan) -> pd.DataFrame:
         errors = {str(name): _finite(relative[k]) for k, name in names.items()}
         rows.append({"motion": motion.name, **errors, "rms": _finite(np.sqrt(np.mean(relative[plan.aimed] ** 2)))})
     return pd.DataFrame(rows)
-
-
-def all_tables(plan: Plan) -> Mapping[str, pd.DataFrame]:
-    """Every table by the name of its file."""
-    return {table.__name__: table(plan) for table in (velocities, designs, intervals, loading, lines, motions)}
-
-
-def _percent(errors: Array, problem: DesignProblem) -> dict[str, float | None]:
-    """Relative standard errors of the static parameters, percent."""
-    return {
-        name: _finite(100 * e / abs(x))
-        for name, e, x in zip(problem.names, errors.tolist(), problem.estimate.tolist(), strict=True)
-    }
 
 
 def _finite(x: float) -> float | None:
