@@ -26,8 +26,6 @@ CEILING = 200.0
 """Percent: an error beyond is drawn as this; nothing is seen of the parameter."""
 _APART, _ROW = 0.055, 0.085
 """Least distance of two counts in a row, and height of a row, as shares of the axes."""
-_MOST = 1500
-"""Points of a line over time."""
 
 
 def _panels(plan: Plan, count: int, height: float, *, sharex: bool = False) -> tuple[Figure, list[Axes]]:
@@ -176,7 +174,7 @@ def motion_figure(plan: Plan) -> Figure:
     figure = new_figure(5.0)
     above, below = figure.subplots(2, sharex=True)
     title(above, plan.joint.name, plan.joint.simulated)
-    k = thinned(time.size, _MOST)
+    k = thinned(time.size, 1500)
     above.plot(time[k], run.position[k], color="#0072B2", linewidth=1.2)
     below.plot(time[k], run.velocity[k], color="#0072B2", linewidth=1.0)
     for edge in (-limits.velocity, limits.velocity):

@@ -1,6 +1,7 @@
-"""The page and the text of a plan: results -> figures by name, what the template names, and lines."""
+"""The page and the text of a plan: results -> figures by name with their captions, what the template names, and lines."""
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -8,16 +9,18 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.model.laws.parts import Law
-from bristle.model.parameters import Direction, Kind, effort, static_estimated_of, unit
+from bristle.arrays import Array
+from bristle.model.parameters import Direction, effort, static_estimated_of, unit
 from bristle.page.columns import Table, shown
 from bristle.page.page import write_part
 from bristle.page.plain import columns, pair
-from bristle.page.wording import in_print, number, pretty, symbol, two_digits
+from bristle.page.wording import counted, direction, in_print, number, pretty, symbol, two_digits
 from bristle.questions.experiment_design import figures, tables
-from bristle.questions.experiment_design.captions_section import captions
+from bristle.questions.experiment_design.excitation import MotionDesign
+from bristle.questions.experiment_design.figures import CEILING, percentage
 from bristle.questions.experiment_design.plan import NORMAL, Plan
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
+from bristle.questions.experiment_design.velocities import errors_by_v_s
 
 _PLAYED = {"velocities", "lines"}
 """Tables of what is played, which are not rounded further."""
@@ -41,7 +44,19 @@ def write_plan(plan: Plan, folder: Path) -> Path:
     motions = frames["motions"].set_index("motion")
     on_page = {**frames, "motions": motions.drop(columns="rms").T.reset_index(names="parameter")}
     q, v, a, T = (pretty(unit(quantity, kind)) for quantity in ("position", "velocity", "acceleration", "torque"))
-    headings = _headings(kind, plan.joint.law)
+
+    # The page's heading of each column of a table that has another one there: with its unit, or in symbols.
+    units = {
+        "velocity": ("velocity", "velocity"), "velocities": ("velocities", "velocity"), "peak": ("peak", "torque"),
+        "by_noise": ("error by noise", "sigma_0"), "standard_error": ("with the viscous share", "sigma_0"),
+        "amplitude": ("amplitude", "position"),
+    }  # fmt: skip  # a table
+    headings = {
+        **{own: f"{symbol(own)} (%)" for own in static_estimated_of(plan.joint.law)},
+        **{column: f"{heading} ({pretty(unit(quantity, kind))})" for column, (heading, quantity) in units.items()},
+        "in percent": "with motion (%)", "share_of_breakaway": "ratio to breakaway", "rise": "rise (s)",
+        "viscous_share": "viscous share", "frequency": "frequency (Hz)", "phase": "phase (rad)",
+    }  # fmt: skip  # a table
     context = {
         "title": name,
         "seed": 0,
@@ -70,28 +85,6 @@ def write_plan(plan: Plan, folder: Path) -> Path:
         "captions": captions(plan),
     }
     return write_part(folder, "bristle.questions.experiment_design", "plan.html", context, draw, frames)
-
-
-def _headings(kind: Kind, law: Law) -> dict[str, str]:
-    """The page's heading of each column of a table that has another one there: with its unit, or in symbols."""
-    units = {
-        "velocity": ("velocity", "velocity"),
-        "velocities": ("velocities", "velocity"),
-        "peak": ("peak", "torque"),
-        "by_noise": ("error by noise", "sigma_0"),
-        "standard_error": ("with the viscous share", "sigma_0"),
-        "amplitude": ("amplitude", "position"),
-    }
-    return {
-        **{name: f"{symbol(name)} (%)" for name in static_estimated_of(law)},
-        **{column: f"{heading} ({pretty(unit(quantity, kind))})" for column, (heading, quantity) in units.items()},
-        "in percent": "with motion (%)",
-        "share_of_breakaway": "ratio to breakaway",
-        "rise": "rise (s)",
-        "viscous_share": "viscous share",
-        "frequency": "frequency (Hz)",
-        "phase": "phase (rad)",
-    }
 
 
 def text(plan: Plan) -> str:
@@ -145,3 +138,77 @@ def _rounded(frame: pd.DataFrame) -> Table:
     """A table with numbers to four digits, and None, not nan, where there is none."""
     rounded = frame.astype(object).map(lambda x: float(f"{x:.4g}") if isinstance(x, float) else x)
     return shown(rounded.where(frame.notna(), None))
+
+
+def captions(plan: Plan) -> dict[str, str]:
+    """What each figure shows, in a sentence with a number: the beginning of its caption, by figure."""
+    kind, limits, played = plan.joint.kind, plan.limits, plan.references[-1]
+    q, v, T = (pretty(unit(name, kind)) for name in ("position", "velocity", "torque"))
+
+    # The parameter that stays widest, or those that the plan is for; which of them stay open where any does.
+    now, then = (_relative(plan, plan.standard_errors[stage]) for stage in ("now", "with motion"))
+    largest, unseen = plan.aim == "all", [k for k in plan.aimed if not then[k] < CEILING]
+    widest = [max(plan.aimed, key=then.__getitem__)] if largest else plan.aimed
+    errors = (f"{percentage(then[k])} % of {_names(plan, [k])}, from {percentage(now[k])} % now" for k in widest)
+    intervals = f"{'Largest standard' if largest else 'Standard'} error expected after the plan: {'; '.join(errors)}"
+    if unseen:
+        intervals = f"Standard error over {CEILING:g} %, not identifiable, even after the plan: {_names(plan, unseen)}"
+
+    velocities, robustness, loading = [], [], []
+    for x in plan.velocities:
+        speeds = [speed for speed, _ in x.chosen.runs]
+        ends = dict.fromkeys(number(speed, 3) for speed in (speeds[0], speeds[-1]))
+        runs, at = counted(len(x.velocities), "run"), counted(len(speeds), "speed")
+        velocities.append(f"{direction(x.direction)}: {runs} at {at}, {' to '.join(ends)} {v}")
+        low, high = x.problem.nodes.min(), x.problem.nodes.max()
+        of_v_s = errors_by_v_s(x.problem, x.chosen.speeds, np.geomspace(low, high, 60))
+        between = dict.fromkeys(number(float(end), 3) for end in (low, high))
+        ends = dict.fromkeys(percentage(end) for end in (float(of_v_s.min()), float(of_v_s.max())))
+        robustness.append(
+            f"{direction(x.direction)}: {' to '.join(ends)} % for a true vₛ of {' to '.join(between)} {v}"
+        )
+    for load in plan.loadings:
+        peak = f"{number(load.peak, 3)} {T}"
+        percent = percentage(100 * load.error / plan.start.p(load.direction).sigma_0)
+        seen = f"{percent} % with rises of {number(load.rise, 3)} s to {peak}"
+        if not np.isfinite(load.error):
+            seen = f"not identifiable, as the joint moves only {number(load.counts, 2)} encoder counts at {peak}"
+        loading.append(f"{direction(load.direction)}: {seen}")
+
+    ends_of = (np.abs(played.velocity).max(), played.position.min(), played.position.max())
+    fastest, least, most = (number(float(end), 3) for end in ends_of)
+    planned, *others = plan.motions
+    kinds = Counter(kind for kind, _ in dict.fromkeys((r.kind, r.run) for r in plan.references))
+    found = {
+        "intervals": intervals,
+        "velocities": f"Constant velocities, {'; '.join(velocities)}",
+        "robustness": f"Expected error of vₛ, {'; '.join(robustness)}",
+        "loading": f"Expected error of σ₀, {'; '.join(loading)}",
+        "motion": f"Peak velocity {fastest} {v}, {number(limits.velocity, 3)} {v} allowed; positions {least} to {most} {q}, "
+        f"{' to '.join(number(x, 3) for x in limits.position)} {q} allowed",
+        "motions": f"Standard errors, planned motion {'; '.join(_beside(plan, planned, x) for x in others)}",
+        "whole": f"The plan takes {number(plan.duration, 3)} s: {kinds['ramp']} runs at constant velocity, {kinds['presliding']} of slow loading, "
+        f"{counted(kinds['tracking'], 'tracking motion')}",
+    }
+    return {f"plan-{name}": f"{text}." for name, text in found.items()}
+
+
+def _beside(plan: Plan, planned: MotionDesign, other: MotionDesign) -> str:
+    """From the largest gain to the worst loss in what the plan is for; what of it one of the two motions alone shows."""
+    mine, theirs = (_relative(plan, x.errors) for x in (planned, other))
+    ratio = {k: mine[k] / theirs[k] for k in plan.aimed if mine[k] < CEILING and theirs[k] < CEILING}
+    by = [f"{two_digits(ratio[k])} times for {_names(plan, [k])}" for k in sorted(ratio, key=ratio.__getitem__)]
+    ends = " to ".join(dict.fromkeys((by[0], by[-1]))) if by else f"none below {CEILING:g} % after both"
+    gained = _names(plan, [k for k in plan.aimed if mine[k] < CEILING and k not in ratio])
+    lost = _names(plan, [k for k in plan.aimed if theirs[k] < CEILING and k not in ratio])
+    alone = f", only the planned one shows {gained}" * bool(gained) + f", only the other one shows {lost}" * bool(lost)
+    return f"vs {other.name}: {ends}{alone}"
+
+
+def _relative(plan: Plan, errors: Array) -> list[float]:
+    """Of each parameter, percent."""
+    return list(map(float, 100 * errors / np.abs(plan.start.estimate)))
+
+
+def _names(plan: Plan, at: Sequence[int]) -> str:
+    return ", ".join(symbol(plan.start.names[k]) for k in at)

@@ -21,10 +21,17 @@ from bristle.progress import Progress, step
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MEASURED, MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
-from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, PlannedRun
-from bristle.questions.experiment_design.schedule import duration, schedule
+from bristle.questions.experiment_design.references import (
+    DEFLECTIONS,
+    SETTLE,
+    Parts,
+    PlannedRun,
+    duration,
+    in_turn,
+    schedule,
+)
 from bristle.questions.experiment_design.start import Start, embedded, start_of
-from bristle.questions.experiment_design.velocities import VelocityPlan, plan_velocities
+from bristle.questions.experiment_design.velocities import VelocityPlan, largest_deflection, plan_velocities
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -194,7 +201,7 @@ def plan(
             f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
         )
     limits, of_frequency = followed(limits, measured.experiment.plan.frequency)
-    runs, loadings, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
+    runs, loadings, parts, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
 
     # Information about all parameters, (p, p), now and after each part of the plan.
     information = {"now": start.known, "with velocities": start.known}
@@ -238,7 +245,7 @@ def plan(
         joint=joint, aim=aim, limits=limits, start=start, velocities=runs, loadings=loadings,
         motions=(*motions, so_far) if so_far else motions,
         standard_errors={stage: covariance(x)[0] for stage, x in information.items()} | {"with motion": motion.errors},
-        references=schedule(start, limits, runs, loadings, motion),
+        references=schedule(parts, loadings, limits, motion),
         assumptions=(*of_limits, *of_frequency, *start.assumptions, *assumed),
     )  # fmt: skip  # a list of values
 
@@ -260,16 +267,17 @@ def check_plan(velocities: int, aim: str, law: Law | None = None) -> None:
 
 def _within_time(
     measured: Measured, joint: Joint, start: Start, limits: Limits, velocities: int, aim: str
-) -> tuple[tuple[VelocityPlan, ...], tuple[LoadingDesign, ...], Limits, float]:
+) -> tuple[tuple[VelocityPlan, ...], tuple[LoadingDesign, ...], Parts, Limits, float]:
     """Velocities and loadings within the limit of time: every time is shortened by one share where all of it would take longer."""
     share = 1.0
     while share > 0.02:
         short = shortened(limits, share)
         runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
         loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
-        needed = duration(start, short, runs, loadings, share * DURATION)
+        parts = in_turn([v for x in runs for v in x.velocities], largest_deflection(start), short)
+        needed = duration(parts, loadings, short, share * DURATION)
         if limits.time is None or needed <= limits.time:
-            return runs, loadings, short, share
+            return runs, loadings, parts, short, share
         share *= min(0.9, limits.time / needed)
     raise InputError(
         f"{measured.experiment.path.name}: plan.time: {limits.time:g} s are too few for {velocities} velocities in each direction, loading and a "

@@ -104,10 +104,7 @@ class Start:
 
 
 def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
-    """What is known of an identified joint; what is not is guessed, and each guess is among the assumptions.
-
-    Raises InputError where nothing is known of its friction vs velocity.
-    """
+    """What is known of an identified joint; the rest is guessed and said. Raises InputError where nothing is known of its friction vs velocity."""
     law, one_set = joint.law, known_joint(joint).directions == (Direction.BOTH,)
     directions = (Direction.BOTH,) if one_set else SIGNED
     assumptions = list(without_load(joint))

@@ -9,22 +9,14 @@ from bristle.questions.experiment_design.velocities import Design
 
 
 def references(plan: Plan) -> pd.DataFrame:
-    """Every sample to play, in order.
-
-    Time, experiment, run, and references of position and velocity, or of torque, with units in their names.
-    """
-    q, v, T = (unit(name, plan.joint.kind) for name in ("position", "velocity", "torque"))
-    sizes = [r.position.size for r in plan.references]
-    return pd.DataFrame(
-        {
-            "time (s)": np.arange(sum(sizes)) / plan.limits.rate,
-            "experiment": np.repeat([r.kind for r in plan.references], sizes),
-            "run": np.repeat([r.run for r in plan.references], sizes),
-            f"position reference ({q})": np.concatenate([r.position for r in plan.references]),
-            f"velocity reference ({v})": np.concatenate([r.velocity for r in plan.references]),
-            f"torque reference ({T})": np.concatenate([r.torque for r in plan.references]),
-        }
-    )
+    """Every sample to play, in order: time, experiment, run, and references of position and velocity, or of torque, with units in their names."""
+    runs, kind, sizes = plan.references, plan.joint.kind, [r.position.size for r in plan.references]
+    frame = pd.DataFrame({"time (s)": np.arange(sum(sizes)) / plan.limits.rate})
+    frame["experiment"] = np.repeat([r.kind for r in runs], sizes)
+    frame["run"] = np.repeat([r.run for r in runs], sizes)
+    for name in ("position", "velocity", "torque"):
+        frame[f"{name} reference ({unit(name, kind)})"] = np.concatenate([getattr(r, name) for r in runs])
+    return frame
 
 
 def velocities(plan: Plan) -> pd.DataFrame:
@@ -51,10 +43,7 @@ def listed(design: Design, number: str) -> str:
 
 
 def intervals(plan: Plan) -> pd.DataFrame:
-    """Half of each parameter's 95 % interval now, and as expected after each part of the plan, in its unit.
-
-    What is given as exact is left out.
-    """
+    """Half of each parameter's 95 % interval now, and as expected after each part of the plan, in its unit, without what is given as exact."""
     rows = []
     for k in plan.free:
         name, value = plan.start.names[k], float(plan.start.estimate[k])
@@ -79,20 +68,14 @@ def loading(plan: Plan) -> pd.DataFrame:
 
 
 def lines(plan: Plan) -> pd.DataFrame:
-    """The sines of the tracking motion as they are played, fading apart, slowest first.
-
-    Each is a sin(2 pi f t + phase) about the middle of the positions.
-    """
+    """The sines of the tracking motion as played, slowest first: each a sin(2 pi f t + phase) about the middle of the positions, fading apart."""
     sines = plan.motions[0].lines
     order = np.argsort(sines.frequency)
     return pd.DataFrame({name: getattr(sines, name)[order] for name in sines._fields})
 
 
 def motions(plan: Plan) -> pd.DataFrame:
-    """The planned motion beside others of its duration.
-
-    Relative standard error of each parameter after it, percent, and their mean square root.
-    """
+    """The planned motion beside others of its duration: relative standard error of each parameter after it, percent, and their mean square root."""
     names = {k: plan.start.names[k] for k in plan.free}
     rows = []
     for motion in plan.motions:

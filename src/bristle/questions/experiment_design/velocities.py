@@ -155,10 +155,7 @@ def largest_deflection(start: Start) -> float:
 
 
 def nodes_of(v_s: float, relative_error: float) -> Array:
-    """Values of v_s of equal probability about an estimate, (k,), the estimate in the middle.
-
-    They are log-normal with this relative standard error, at most 1.2.
-    """
+    """Values of v_s of equal probability about an estimate, (k,), the middle one; log-normal with this relative standard error, at most 1.2."""
     middle = (np.arange(NODES) + 0.5) / NODES
     return np.asarray(v_s * np.exp(min(relative_error, 1.2) * ndtri(middle)))
 
