@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 
 Box = Mapping[ParameterName, tuple[float, float]]
 """Intervals by name: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one."""
-TRACKING = "RMS error of the simulated loop"
 _Quantity = Literal["torque", "position"]
 PERIODS, COUNTED = 2, 1
 """Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
@@ -236,8 +235,8 @@ def global_sensitivity(
         run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)
         return run.rms_error((PERIODS - COUNTED) / subject.frequency)
 
-    def tracking() -> Output:
-        """The loop's output; without indices where a plant drawn cannot be run, or its loop diverges."""
+    def tracking() -> Array | Finding:
+        """The loops' errors; why there are none where a plant drawn cannot be run, or its loop diverges."""
         how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
         try:
             if subject.frequency * subject.period > _COARSE:
@@ -248,30 +247,22 @@ def global_sensitivity(
                 )
             errors = _batched(error, loop_points, _BATCH)
         except InputError as refused:
-            why = Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
-            return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+            return Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
         diverged, drawn = int(np.count_nonzero(~(errors < 10 * subject.amplitude))), errors.size
-        if not diverged:
-            return _output(TRACKING, "position", spans, errors, seed)
         message = f"The loop diverges with {diverged} of the {drawn} plants drawn; narrow the box, or lower the gains."
-        why = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": drawn})
-        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+        lost = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": drawn})
+        return lost if diverged else errors
 
     # g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions.
     drawn = joints_at(pair, spans, points)
     levels = [evaluate(functions.steady_torque_function(p.law), 1e-200, *p.stribeck)[0] for p in drawn]
     breakaways = np.asarray(np.mean(levels, axis=0))
-    return Global(
-        spans=spans,
-        outputs=(
-            _output("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
-            _output("breakaway torque", "torque", spans, breakaways, seed),
-            tracking(),
-        ),
-        amplitude=subject.amplitude,
-        frequency=subject.frequency,
-        seed=seed,
+    outputs = (
+        _output("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
+        _output("breakaway torque", "torque", spans, breakaways, seed),
+        _output("RMS error of the simulated loop", "position", spans, tracking(), seed),
     )
+    return Global(spans=spans, outputs=outputs, amplitude=subject.amplitude, frequency=subject.frequency, seed=seed)
 
 
 def _ticks(subject: JointLoop) -> int:
@@ -289,13 +280,14 @@ def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Ar
     return np.concatenate([function(points[first : first + size]) for first in range(0, len(points), size)])
 
 
-def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array, seed: int) -> Output:
-    """An output by its values at Saltelli's points."""
-    indices = analysed(spans, values, seed)
-    if indices.effects:
-        return Output(name=name, quantity=quantity, indices=indices)
-    why = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
-    return Output(name=name, quantity=quantity, indices=None, reason=why)
+def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array | Finding, seed: int) -> Output:
+    """An output by its values at Saltelli's points, or why there are none."""
+    if not isinstance(values, Finding):
+        indices = analysed(spans, values, seed)
+        if indices.effects:
+            return Output(name=name, quantity=quantity, indices=indices)
+        values = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
+    return Output(name=name, quantity=quantity, indices=None, reason=values)
 
 
 def ordered(box: Box, law: Law) -> tuple[Span, ...]:
