@@ -11,9 +11,9 @@ import pytest
 import bristle
 from bristle.arrays import Array
 from bristle.model.parameters import Direction, ParameterName
-from bristle.questions.experiment_design.captions_section import captions
 from bristle.questions.experiment_design.excitation import MEASURED
 from bristle.questions.experiment_design.loading import design_loading
+from bristle.questions.experiment_design.page import captions
 from bristle.questions.experiment_design.plan import Plan
 
 from ..conftest import few_motions_tried, speeds, write

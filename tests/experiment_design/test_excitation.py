@@ -86,7 +86,7 @@ def test_the_planned_motion_beats_the_plain_one(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(excitation, "TRIES", 6)
     monkeypatch.setattr(excitation, "STEPS", 60)
     calls: list[tuple[int, int]] = []
-    found = best_motion(PROBLEM, lambda done, total: calls.append((done, total)))
+    found = best_motion(PROBLEM, lambda _, done, total: calls.append((done, total)))
     plain = evaluate_motion("plain", within_torque(plain_lines(LIMITS), PROBLEM), PROBLEM)
     assert relative(found.errors) < 0.98 * relative(plain.errors)
     assert max(found.torque, plain.torque) <= LIMITS.torque

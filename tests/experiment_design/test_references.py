@@ -25,8 +25,8 @@ def played(velocities: list[float], limits: Limits, deflection: float) -> list[P
     found, at = [], sum(limits.position) / 2
     for where, hold in reference.ordered(holds, limits):
         found += [
-            reference.move_reference(reference.move_within(at, where, limits), STEP),
-            reference.hold_reference(hold, where, STEP),
+            reference.played(reference.move_within(at, where, limits), STEP),
+            reference.played(hold, STEP, where),
         ]
         at = where + hold.travel
     return found
@@ -67,7 +67,7 @@ def test_every_run_is_averaged_as_long_as_asked(speed: float, deflection: float,
     for h in holds:
         assert h.run_in * speed >= 8 * deflection * (1 - 1e-12)
         assert h.run_in >= 0.6
-        r = reference.hold_reference(h, 0.0, STEP)
+        r = reference.played(h, STEP)
         steady = np.flatnonzero(r.velocity == -speed)
         assert (np.diff(steady) == 1).all()
         assert (steady.size + 1) * STEP >= h.run_in + h.averaged
@@ -78,7 +78,7 @@ def test_every_run_is_averaged_as_long_as_asked(speed: float, deflection: float,
 def test_acceleration_is_continuous() -> None:
     """Between a velocity and the next the acceleration of a fine reference never jumps by more than a few percent of its peak."""
     hold = reference.passes(1.0, 1, 1e-3, replace(LIMITS, hold=0.5))[0]
-    a = np.diff(reference.hold_reference(hold, 0.0, 1e-4).velocity) / 1e-4
+    a = np.diff(reference.played(hold, 1e-4).velocity) / 1e-4
     assert np.abs(np.diff(a)).max() <= 0.01 * np.abs(a).max()
 
 
@@ -98,7 +98,7 @@ def test_too_little_travel_is_refused() -> None:
 def test_loading_rises_to_its_peak_and_falls(tag: str, sign: float) -> None:
     """Torque begins and ends at zero, reaches the peak of its sign once a cycle, never beyond, and rises as slowly as planned."""
     plan = design_loading(Direction(tag), P, 0.0, 1e-4, 0.0)
-    torque = sign * reference.load_reference(plan, 7, CYCLES, STEP).torque
+    torque = sign * reference.played(reference.slow_loads(plan), STEP, run=7).torque
     assert torque[0] == torque[-1] == 0
     assert torque.min() >= 0
     assert torque.max() == pytest.approx(plan.peak, rel=1e-9)

@@ -308,14 +308,19 @@ def test_minima_outside_the_range_are_counted_apart(validation: Validation) -> N
     final[3, 4] = 2 * case.v_s_range[1]
     cost = np.array([1 - 1e-5, 1 - 1e-7, 1.0, 1 - 1e-5, 1 - 1e-5])
     apart = RandomStarts(
-        torque=np.ones(5),
         initial_v_s=np.ones(5),
         final={FREE: final},
         best=case.theta,
         best_cost=1.0,
         cost={FREE: cost},
     )
-    assert running._outside_range(case, apart).tolist() == [True, False, False, False, True]
+    assert replace(validation.cases[0], case=case, starts=apart).outside_range.tolist() == [
+        True,
+        False,
+        False,
+        False,
+        True,
+    ]
     for one in validation.cases:
         v_s, cost = one.starts.final[FREE][3], one.starts.cost[FREE]
         low, high = one.case.v_s_range
@@ -331,12 +336,13 @@ def test_without_slow_speeds_a_lower_cost_may_lie_outside_the_range(validation: 
     starts = running._from_starts(
         case, torques[:, 0], methods.refined(case, torques)[:, 0], methods.random_starts(case, 4, rng), {}
     )
-    outside = running._outside_range(case, starts)
+    here = validation.cases[2]
+    final, cost = {**here.starts.final, FREE: starts.final[FREE]}, {**here.starts.cost, FREE: starts.cost[FREE]}
+    one = replace(here, case=case, starts=replace(here.starts, final=final, cost=cost, best_cost=starts.best_cost))
+    outside = one.outside_range
     assert outside.any()
     assert min(abs(np.log(starts.best[3] / end)) for end in case.v_s_range) < 0.2
-    here = validation.cases[2]
-    final = {**here.starts.final, FREE: starts.final[FREE]}
-    diagnostics = verdict(replace(here, outside_range=outside, starts=replace(here.starts, final=final)))
+    diagnostics = verdict(one)
     v_s = starts.final[FREE][3][outside]
     (said,) = [x for x in diagnostics if x.code == "lower-outside-range"]
     assert said.numbers == {"count": outside.sum(), "starts": 4, "low": v_s.min(), "high": v_s.max()}
@@ -346,7 +352,7 @@ def test_another_minimum_is_above_the_lowest_cost() -> None:
     """A start is in another minimum where it ends more than 1e-6 above the lowest cost within the range; v_s set free does not count."""
     theta = np.array([[1.0, 1.0, 1.0], [0.1, 0.1, 0.1], [1e-6, 0.5, 0.5], [0.1, 0.1, 0.1]])
     starts = RandomStarts(
-        torque=np.ones(5), initial_v_s=np.ones(3), final={"IPOPT": theta, FREE: theta}, best=theta[:, 1], best_cost=1.0,
+        initial_v_s=np.ones(3), final={"IPOPT": theta, FREE: theta}, best=theta[:, 1], best_cost=1.0,
         cost={"IPOPT": np.array([2.0, 1.0 + 5e-7, 1.0 + 5e-6]), FREE: np.array([0.5, 0.5, 0.5])},
     )  # fmt: skip  # a table
     assert starts.in_other_minimum("IPOPT").tolist() == [True, False, True]
@@ -382,10 +388,10 @@ def test_the_same_seed_gives_the_same_validation(monkeypatch: pytest.MonkeyPatch
     quick(monkeypatch)
     case_set = CaseSet(title="one", kind="revolute", cases=(case_of(WIDE),))
     one, again, other = (validate(case_set, repetitions=20, starts=2, seed=seed).cases[0] for seed in (0, 0, 1))
-    assert one.starts.torque.tolist() == again.starts.torque.tolist()
+    assert one.starts.best.tolist() == again.starts.best.tolist()
     assert one.methods[REFINED].bias.tolist() == again.methods[REFINED].bias.tolist()
     assert one.starts.final["IPOPT"].tolist() == again.starts.final["IPOPT"].tolist()
-    assert one.starts.torque.tolist() != other.starts.torque.tolist()
+    assert one.starts.best.tolist() != other.starts.best.tolist()
 
 
 def test_progress_names_each_case() -> None:
@@ -650,7 +656,7 @@ def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.Mon
     first = bristle.validate(identified=results, repetitions=20, starts=1)
     assert [one.case.label for one in first.cases] == ["wrist (+)"]
     again = bristle.validate(path, repetitions=20, starts=1)
-    assert again.cases[0].starts.torque.tolist() == first.cases[0].starts.torque.tolist()
+    assert again.cases[0].starts.best.tolist() == first.cases[0].starts.best.tolist()
     with pytest.raises(ValueError, match="repetitions: got 1"):
         bristle.validate("no such file", repetitions=1)
 

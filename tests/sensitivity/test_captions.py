@@ -10,9 +10,10 @@ import pytest
 import bristle
 from bristle.findings import NOTE, Finding
 from bristle.identification.fisher import Information
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.questions.sensitivity.local import Map
 from bristle.questions.sensitivity.report import report
-from bristle.questions.sensitivity.sobol import Effect, Global, Indices, Output, spans_of
+from bristle.questions.sensitivity.sobol import Effect, Global, Indices, Output, ordered
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
 
 from ..conftest import speeds, write
@@ -27,7 +28,7 @@ WHOLE = Output(
         mean=1.0, deviation=1.0, samples=32, evaluations=128,
     ),
 )  # fmt: skip  # a list of values
-SPANS = spans_of({parse("alpha_0"): (0.1, 0.2), parse("v_s"): (0.01, 0.02)})
+SPANS = ordered({parse("alpha_0"): (0.1, 0.2), parse("v_s"): (0.01, 0.02)}, GAUSSIAN)
 SOBOL = Global(spans=SPANS, outputs=(WHOLE,), amplitude=1.0, frequency=1.0, seed=0)
 
 

@@ -218,13 +218,11 @@ def test_a_motion_has_whole_windows(amplitude: float, frequency: float) -> None:
     assert found.top_speed == pytest.approx(2 * np.pi * amplitude * frequency)
 
 
-@pytest.mark.parametrize(
-    ("amplitude", "frequency"), [(0.0, 1.0), (-1.0, 1.0), (1.0, 0.0), (np.inf, 1.0), (1.0, np.nan)]
-)
-def test_a_motion_that_is_none_is_refused(amplitude: float, frequency: float) -> None:
-    """Amplitude and frequency are positive and finite."""
-    with pytest.raises(ValueError, match="expected a positive number"):
-        motion(amplitude, frequency)
+@pytest.mark.parametrize("frequency", [0.0, -1.0, 1e5, np.inf, np.nan])
+def test_a_motion_that_is_none_is_refused(frequency: float) -> None:
+    """A frequency is one at which a joint may move; that an amplitude is positive is seen where it is read."""
+    with pytest.raises(ValueError, match="choose one at which the joint may move"):
+        motion(1.0, frequency)
 
 
 @pytest.fixture(scope="module")

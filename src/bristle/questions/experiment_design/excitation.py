@@ -3,7 +3,6 @@
 The motion is a sum of sines; its information is J'J / noise**2 with J = dT/dp through the bristle.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,6 +15,7 @@ from bristle.identification.limits import SAMPLES, Limits
 from bristle.identification.measured import Measured
 from bristle.model.parameters import Lugre, Pair, fields_of
 from bristle.model.rollout import rollout_into
+from bristle.progress import Progress, teller
 from bristle.questions.experiment_design.start import Start
 from bristle.simulation.references import Multisine
 
@@ -30,12 +30,6 @@ _REACH = (0.02, 0.4)
 """Least and largest standard deviation of an exchange, as a share of the range."""
 _ROUGH = 10.0
 """Nodes so many times farther apart while motions are compared: errors a few percent off, in a quarter of the time."""
-_SCALINGS = 20
-"""Tries to bring a motion's torque below the limit."""
-_WIDE = 0.2
-"""Relative standard error beyond which the motion is averaged over other joints as well."""
-_OTHERS = 2
-"""How many."""
 _UNSURE = 1.0
 """Standard deviation of the logarithm of a guess."""
 _GOOD = 0.97
@@ -53,8 +47,6 @@ class MotionDesign:
     """s."""
     torque: float
     """Largest of the drive that it takes, N*m."""
-    information: Array
-    """Of its own at the estimate, in the order of the start's names, (p, p)."""
     errors: Array
     """Expected standard errors, what is known before included, (p,); inf where not seen."""
 
@@ -97,8 +89,8 @@ def motion_problem(start: Start, limits: Limits, prior_information: Array, aim: 
     spread = np.where(guessed, _UNSURE, np.where(np.isfinite(relative), np.minimum(relative, _UNSURE), 0.0))
     rng = np.random.default_rng(SEED)
     drawn = [start.estimate]
-    if spread.max() > _WIDE:
-        drawn += [start.estimate * np.exp(spread * rng.standard_normal(spread.size)) for _ in range(_OTHERS)]
+    if spread.max() > 0.2:  # too unsure for a motion that is the best at the estimate alone
+        drawn += [start.estimate * np.exp(spread * rng.standard_normal(spread.size)) for _ in range(2)]
     # finer than the equations where it must be, of as much noise
     step = min(start.equation_step, 1 / (SAMPLES * limits.frequency))
     return MotionProblem(
@@ -124,14 +116,12 @@ def measured_motion(measured: Measured, problem: MotionProblem) -> MotionDesign 
     step = every * record.step
     matrix, torque = information(v, a, replace(problem, step=step))
     matrix = matrix * (problem.duration / (v.size * step))
-    return MotionDesign(
-        name=MEASURED,
-        lines=Multisine(np.zeros(0), np.zeros(0), np.zeros(0)),
-        duration=problem.duration,
-        torque=torque,
-        information=matrix,
-        errors=covariance(problem.prior_information + matrix)[0],
-    )
+    return _designed(MEASURED, Multisine(np.zeros(0), np.zeros(0), np.zeros(0)), problem, matrix, torque)
+
+
+def _designed(name: str, lines: Multisine, problem: MotionProblem, matrix: Array, torque: float) -> MotionDesign:
+    errors = covariance(problem.prior_information + matrix)[0]
+    return MotionDesign(name=name, lines=lines, duration=problem.duration, torque=torque, errors=errors)
 
 
 def course(lines: Multisine, limits: Limits, duration: float, step: float) -> Reference:
@@ -142,11 +132,7 @@ def course(lines: Multisine, limits: Limits, duration: float, step: float) -> Re
 
 def limited(lines: Multisine, limits: Limits, duration: float, step: float) -> Multisine:
     """The same sines scaled down by one factor where they would leave a limit of position, velocity or acceleration: as they are played."""
-    run = _faded(lines, duration, step)
-    most, moved = (
-        (limits.travel / 2, limits.velocity, limits.acceleration),
-        (run.position, run.velocity, run.acceleration),
-    )
+    moved, most = _faded(lines, duration, step)[:3], (limits.travel / 2, limits.velocity, limits.acceleration)
     share = min(_GOOD * x / max(float(np.abs(own).max()), 1e-300) for x, own in zip(most, moved, strict=True))
     return lines._replace(amplitude=lines.amplitude * min(1.0, share))
 
@@ -170,20 +156,12 @@ def evaluate_motion(name: str, lines: Multisine, problem: MotionProblem) -> Moti
     """A motion with its sines as they are played, and what it should tell of each parameter, at the estimate."""
     lines = limited(lines, problem.limits, problem.duration, 1 / problem.limits.rate)
     run = course(lines, problem.limits, problem.duration, problem.step)
-    matrix, torque = information(run.velocity, run.acceleration, problem)
-    return MotionDesign(
-        name=name,
-        lines=lines,
-        duration=problem.duration,
-        torque=torque,
-        information=matrix,
-        errors=covariance(problem.prior_information + matrix)[0],
-    )
+    return _designed(name, lines, problem, *information(run.velocity, run.acceleration, problem))
 
 
 def within_torque(lines: Multisine, problem: MotionProblem) -> Multisine:
     """The same scaled down, where it would take more torque than the drive has, until it does not at the estimate."""
-    for _ in range(_SCALINGS):
+    for _ in range(20):
         run = course(lines, problem.limits, problem.duration, problem.step)
         _, torque = information(run.velocity, run.acceleration, problem, coarsening=_ROUGH)
         if torque <= _GOOD * problem.limits.torque:
@@ -193,25 +171,27 @@ def within_torque(lines: Multisine, problem: MotionProblem) -> Multisine:
     return lines
 
 
-def best_motion(problem: MotionProblem, progress: Callable[[int, int], None] | None = None) -> MotionDesign:
-    """The sum of sines that shrinks the widest relative intervals.
-
-    It is the best of the plain one and some at random, then random coordinate exchange.
+def best_motion(problem: MotionProblem, progress: Progress | None = None) -> MotionDesign:
+    """The sum of sines that shrinks the widest relative intervals: the best of the plain one and some at random, then random coordinate exchange.
 
     Least log of the sum of squared relative standard errors of `aims`, averaged over `sets`. Amplitudes, frequencies
     and phases are free; each step changes up to three of them, by less the longer none has helped.
     """
-    rng = np.random.default_rng(SEED)
-    low, high = _box(problem.limits)
-    starts = [_packed(within_torque(plain_lines(problem.limits), problem)).clip(low, high)]
+    rng, limits = np.random.default_rng(SEED), problem.limits
+    # Of each sine log(speed amplitude), log(frequency) and phase, within these bounds.
+    ends = (np.log([0.5 * limits.slowest, limits.velocity]), np.log([0.1, limits.frequency]), np.array([0, 2 * np.pi]))
+    low, high = (np.repeat([e[k] for e in ends], LINES) for k in (0, 1))
+    plain = within_torque(plain_lines(limits), problem)
+    speed = 2 * np.pi * plain.frequency * plain.amplitude
+    packed = np.concatenate([np.log(speed), np.log(plain.frequency), np.mod(plain.phase, 2 * np.pi)])
+    starts = [packed.clip(low, high)]
     starts += [low + (high - low) * rng.random(low.size) for _ in range(TRIES - 1)]
-    costs = []
-    for k, x in enumerate(starts):
+    tell, costs = teller(progress, TRIES + STEPS), []
+    for x in starts:
         costs.append(_cost(x, problem))
-        if progress is not None:
-            progress(k, TRIES + STEPS)
+        tell("tracking motion")
     best, least, reach = starts[int(np.argmin(costs))], min(costs), _REACH[1]
-    for k in range(STEPS):
+    for _ in range(STEPS):
         moved = best.copy()
         at = rng.integers(0, low.size, rng.integers(1, 4))
         moved[at] = np.clip(best[at] + reach * (high - low)[at] * rng.standard_normal(at.size), low[at], high[at])
@@ -220,23 +200,8 @@ def best_motion(problem: MotionProblem, progress: Callable[[int, int], None] | N
         if helped:
             best, least = moved, cost
         reach = float(np.clip(reach * (1.5 if helped else 0.97), *_REACH))
-        if progress is not None:
-            progress(TRIES + k, TRIES + STEPS)
+        tell("tracking motion")
     return evaluate_motion(PLANNED, _unpacked(best), problem)
-
-
-def _box(limits: Limits) -> tuple[Array, Array]:
-    """Bounds of log(speed amplitude), log(frequency) and phase of each sine."""
-    slow = 0.5 * limits.slowest
-    ends = (np.log([slow, limits.velocity]), np.log([0.1, limits.frequency]), np.array([0.0, 2 * np.pi]))
-    low, high = (np.repeat([e[k] for e in ends], LINES) for k in (0, 1))
-    return low, high
-
-
-def _packed(lines: Multisine) -> Array:
-    """Log(speed amplitude), log(frequency) and phase, (3 k,)."""
-    speed = 2 * np.pi * lines.frequency * lines.amplitude
-    return np.concatenate([np.log(speed), np.log(lines.frequency), np.mod(lines.phase, 2 * np.pi)])
 
 
 def _unpacked(x: Array) -> Multisine:

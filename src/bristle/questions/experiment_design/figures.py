@@ -24,19 +24,14 @@ _MOTIONS = ("#0072B2", "#E69F00", "#999999")
 _RISES = (("#999999", ":"), ("#E69F00", "--"), ("#009E73", "-."), ("#CC79A7", (0, (5, 1))), ("#0072B2", "-"))
 CEILING = 200.0
 """Percent: an error beyond is drawn as this; nothing is seen of the parameter."""
-_DECADES = 200.0
-"""An axis from x to so many times x has labels at powers of ten alone."""
 _APART, _ROW = 0.055, 0.085
 """Least distance of two counts in a row, and height of a row, as shares of the axes."""
-_MOST = 1500
-"""Points of a line over time."""
 
 
-def _panels(plan: Plan, height: float = 2.6) -> tuple[Figure, Sequence[Axes]]:
+def _panels(plan: Plan, count: int, height: float, *, sharex: bool = False) -> tuple[Figure, list[Axes]]:
     """One panel for each direction."""
-    count = len(plan.velocities)
     figure = new_figure(0.6 + height * count)
-    axes: Sequence[Axes] = list(figure.subplots(count, squeeze=False)[:, 0])
+    axes = list(figure.subplots(count, squeeze=False, sharex=sharex)[:, 0])
     title(axes[0], plan.joint.name, plan.joint.simulated)
     return figure, axes
 
@@ -47,12 +42,9 @@ def percentage(error: float) -> str:
 
 
 def _logarithmic(axis: Axis) -> None:
-    """A logarithmic axis with plain decimal labels.
-
-    At 1, 2 and 5 where it spans little, at powers of ten where it spans much.
-    """
+    """A logarithmic axis with plain decimal labels: at 1, 2 and 5 where it spans little, at powers of ten where it spans much."""
     low, high = axis.get_view_interval()
-    wide = high > _DECADES * low
+    wide = high > 200 * low
     axis.set_major_locator(LogLocator(subs=(1.0,) if wide else (1.0, 2.0, 5.0), numticks=12))
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axis.set_minor_formatter(NullFormatter())
@@ -61,7 +53,7 @@ def _logarithmic(axis: Axis) -> None:
 @styled
 def velocities_figure(plan: Plan) -> Figure:
     """The curve at the estimate, what was measured, what v_s may be, and the velocities to run with how often."""
-    figure, axes = _panels(plan)
+    figure, axes = _panels(plan, len(plan.velocities), 2.6)
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         p, problem, look = velocities.problem.p, velocities.problem, DIRECTION[velocities.direction]
         sign = -1 if velocities.direction is Direction.NEGATIVE else 1
@@ -84,15 +76,8 @@ def velocities_figure(plan: Plan) -> Figure:
     handles, labels = axes[0].get_legend_handles_labels()
     figure.subplots_adjust(bottom=0.9 / figure.get_figheight())
     figure.legend(
-        handles,
-        labels,
-        loc="lower center",
-        ncols=len(labels),
-        fontsize=9,
-        frameon=False,
-        columnspacing=1.2,
-        handlelength=1.5,
-    )
+        handles, labels, loc="lower center", ncols=len(labels), fontsize=9, frameon=False, columnspacing=1.2, handlelength=1.5
+    )  # fmt: skip  # a list of values
     axes[-1].set_xlabel(axis("velocity", plan.joint.kind))
     return figure
 
@@ -114,12 +99,12 @@ def _write_counts(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
 @styled
 def robustness_figure(plan: Plan) -> Figure:
     """The standard error of v_s to expect were v_s another one."""
-    figure, axes = _panels(plan, 2.3)
+    figure, axes = _panels(plan, len(plan.velocities), 2.3)
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         p = velocities.problem.p
         low, high = min(0.5 * p.v_s, velocities.problem.nodes.min()), max(2 * p.v_s, velocities.problem.nodes.max())
         v_s = np.geomspace(low, high, 60)
-        errors = 100 * errors_by_v_s(velocities.problem, velocities.chosen.speeds, v_s)[:, 3] / v_s
+        errors = errors_by_v_s(velocities.problem, velocities.chosen.speeds, v_s)
         ax.plot(v_s, np.minimum(errors, CEILING), color="#0072B2")
         ax.axvspan(velocities.problem.nodes.min(), velocities.problem.nodes.max(), color="#dddddd", zorder=0)
         ax.axvline(p.v_s, color="#555555", linewidth=0.8)
@@ -163,13 +148,8 @@ def intervals_figure(plan: Plan) -> Figure:
 
 @styled
 def loading_figure(plan: Plan) -> Figure:
-    """The standard error of sigma_0 to expect vs where the loading turns, for several rises.
-
-    The chosen one is marked.
-    """
-    figure = new_figure(0.6 + 2.4 * len(plan.loadings))
-    axes: Sequence[Axes] = list(figure.subplots(len(plan.loadings), squeeze=False, sharex=True)[:, 0])
-    title(axes[0], plan.joint.name, plan.joint.simulated)
+    """The standard error of sigma_0 to expect vs where the loading turns, for several rises; the chosen one is marked."""
+    figure, axes = _panels(plan, len(plan.loadings), 2.4, sharex=True)
     for ax, loading in zip(axes, plan.loadings, strict=True):
         percent = 100 / plan.start.p(loading.direction).sigma_0
         errors = np.where(np.isfinite(loading.errors), percent * loading.errors, np.nan)
@@ -194,7 +174,7 @@ def motion_figure(plan: Plan) -> Figure:
     figure = new_figure(5.0)
     above, below = figure.subplots(2, sharex=True)
     title(above, plan.joint.name, plan.joint.simulated)
-    k = thinned(time.size, _MOST)
+    k = thinned(time.size, 1500)
     above.plot(time[k], run.position[k], color="#0072B2", linewidth=1.2)
     below.plot(time[k], run.velocity[k], color="#0072B2", linewidth=1.0)
     for edge in (-limits.velocity, limits.velocity):
@@ -207,10 +187,7 @@ def motion_figure(plan: Plan) -> Figure:
 
 @styled
 def motions_figure(plan: Plan) -> Figure:
-    """Relative standard errors after the planned motion, a plain multisine, and the motion measured so far.
-
-    Each comes after the rest of the plan.
-    """
+    """Relative standard errors after the planned motion, a plain multisine, and the motion measured so far, each after the rest of the plan."""
     names = [plan.start.names[k] for k in plan.free]
     figure = new_figure(1.4 + 0.3 * len(names))
     ax = figure.subplots()

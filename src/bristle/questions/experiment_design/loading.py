@@ -9,7 +9,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from bristle.arrays import Array, result
-from bristle.data.slow_loading import Loading
 from bristle.identification.fisher import covariance
 from bristle.identification.limits import Limits
 from bristle.identification.measured import Measured
@@ -23,13 +22,9 @@ PEAKS = np.linspace(0.1, 0.8, 36)
 """Where loading may turn, as shares of g0 = alpha_0 + alpha_1: above, a little noise in the torque is much
 displacement."""
 RISES = np.array([5.0, 8.0, 14.0, 25.0, 40.0])
-"""Times to the peak, s ..."""
-_WORTH = 1.1
-"""... of which the shortest is taken that is at most this factor worse than the longest."""
+"""Times to the peak, s."""
 CYCLES = 2
 """Rises in a run."""
-_MOST = 400
-"""Count edges that are looked at; a finer encoder has them stand for the others."""
 _TENTH = 0.1
 """What torque noise of slow loading is referred to, s."""
 
@@ -58,8 +53,6 @@ class LoadingDesign:
     """Times to the peak that were looked at, s, (m,)."""
     errors: Array
     """`error` for each of `rises` and `PEAKS`, (m, k)."""
-    chosen: tuple[int, int]
-    """Row and column of `errors` of what was chosen."""
 
 
 def plan_loading(
@@ -69,25 +62,21 @@ def plan_loading(
     p, hold_noise = start.p(direction), start.noise[start.direction_of(direction)]
     of_g0 = seen_covariance(start.known, start.indices(direction, ("alpha_0", "alpha_1")))
     g0_error = float(np.sqrt(of_g0.sum())) if of_g0.size else hold_noise
+    # What a tenth of a second's mean torque scatters by at the count edges of measured loadings, where there are enough.
     slow = joint.presliding.fits.get(direction) if joint.presliding else None
-    noise = _loading_noise(slow.loadings, p, max(r.cutoff for r in measured.slow)) if slow else 0.0
-    noise = noise or hold_noise * float(np.sqrt(limits.hold / share / _TENTH))
-    return design_loading(direction, p, g0_error, noise, start.resolution, share)
-
-
-def _loading_noise(loadings: Sequence[Loading], p: Lugre[float], cutoff: float) -> float:
-    """What a tenth of a second's mean torque scatters by at the count edges of measured loadings, N*m.
-
-    It is 0 where there are too few edges.
-    """
     g0, residuals = p.alpha_0 + p.alpha_1, []
-    for loading in loadings:
+    for loading in slow.loadings if slow else ():
         keep = loading.edge_torque < PEAKS[-1] * g0
         if keep.sum() > 2:
             y, y_T = evaluate(functions.loading_slope_function(), loading.edge_torque[keep], g0, p.sigma_0)[:2]
             left = y - loading.edge_displacement[keep]
             residuals.append((left - left.mean()) / y_T)
-    return float(np.std(np.concatenate(residuals)) / np.sqrt(2 * cutoff * _TENTH)) if residuals else 0.0
+    noise = 0.0
+    if residuals:
+        cutoff = max(r.cutoff for r in measured.slow)
+        noise = float(np.std(np.concatenate(residuals)) / np.sqrt(2 * cutoff * _TENTH))
+    noise = noise or hold_noise * float(np.sqrt(limits.hold / share / _TENTH))
+    return design_loading(direction, p, g0_error, noise, start.resolution, share)
 
 
 def design_loading(
@@ -111,22 +100,14 @@ def design_loading(
     y, y_T = evaluate(functions.loading_slope_function(), PEAKS * g0, g0, p.sigma_0)[:2]
     viscous = (p.sigma_1 + p.alpha_2) * y_T / rises[:, None]
     errors = np.hypot(scatter, viscous * p.sigma_0)
-    best = errors.min(axis=1)
-    row = int(np.argmax(best <= _WORTH * best[-1])) if np.isfinite(best[-1]) else RISES.size - 1
+    best = errors.min(axis=1)  # the shortest rise that is at most a tenth worse than the longest
+    row = int(np.argmax(best <= 1.1 * best[-1])) if np.isfinite(best[-1]) else RISES.size - 1
     column = int(errors[row].argmin()) if np.isfinite(best[-1]) else PEAKS.size - 1
     return LoadingDesign(
-        direction=direction,
-        peak=float(PEAKS[column] * g0),
-        share=float(PEAKS[column]),
-        rise=float(rises[row]),
-        counts=float(y[column] / count) if count else np.inf,
-        viscous_share=float(viscous[row, column]),
-        noise_error=float(scatter[row, column]),
-        error=float(errors[row, column]),
-        rises=rises,
-        errors=errors,
-        chosen=(row, column),
-    )
+        direction=direction, peak=float(PEAKS[column] * g0), share=float(PEAKS[column]), rise=float(rises[row]),
+        counts=float(y[column] / count) if count else np.inf, viscous_share=float(viscous[row, column]),
+        noise_error=float(scatter[row, column]), error=float(errors[row, column]), rises=rises, errors=errors,
+    )  # fmt: skip  # a list of values
 
 
 def seen_covariance(information: Array, at: Sequence[int]) -> Array:
@@ -137,16 +118,13 @@ def seen_covariance(information: Array, at: Sequence[int]) -> Array:
 
 
 def _stiffness_error(p: Lugre[float], peak: float, g0_error: float, noise: float, count: float, rise: float) -> float:
-    """Standard error of sigma_0 from one rise to a peak.
-
-    The rest position is unknown and g0 known with an error; inf below two edges.
-    """
+    """Standard error of sigma_0 from one rise to a peak, the rest position unknown and g0 known with an error; inf below two edges."""
     g0 = p.alpha_0 + p.alpha_1
     reach = float(evaluate(functions.loading_displacement_function(), peak, g0, p.sigma_0)[0])
     edges = reach / count if count else np.inf
     if edges < 2:
         return np.inf
-    looked = int(min(edges, _MOST))
+    looked = int(min(edges, 400))  # of a finer encoder they stand for the others
     T = g0 * -np.expm1(-p.sigma_0 / g0 * reach * (np.arange(looked) + 0.5) / looked)  # where the edges are, no model
     _, y_T, y_g0, y_sigma_0 = evaluate(functions.loading_slope_function(), T, g0, p.sigma_0)
     averages = rise / _TENTH

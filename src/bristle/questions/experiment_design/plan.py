@@ -1,9 +1,6 @@
-"""What to measure next, all of it.
+"""What to measure next, all of it: constant velocities, slow loading and a tracking motion within limits, and the intervals to expect."""
 
-Constant velocities, slow loading and a tracking motion within limits, and the intervals to expect.
-"""
-
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,38 +16,33 @@ from bristle.identification.results import Joint
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import own_parameter
-from bristle.model.parameters import (
-    INERTIA,
-    SIGNED,
-    ParameterName,
-    Stribeck,
-    estimated_of,
-    static_estimated_of,
-    unit,
-)
+from bristle.model.parameters import INERTIA, SIGNED, ParameterName, Stribeck, estimated_of, static_estimated_of, unit
+from bristle.progress import Progress, step
 from bristle.questions.experiment_design import excitation
-from bristle.questions.experiment_design.excitation import MEASURED, PLANNED, MotionDesign
+from bristle.questions.experiment_design.excitation import MEASURED, MotionDesign
 from bristle.questions.experiment_design.loading import LoadingDesign, plan_loading
-from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE, PlannedRun
-from bristle.questions.experiment_design.schedule import duration, schedule
+from bristle.questions.experiment_design.references import (
+    DEFLECTIONS,
+    SETTLE,
+    Parts,
+    PlannedRun,
+    duration,
+    in_turn,
+    schedule,
+)
 from bristle.questions.experiment_design.start import Start, embedded, start_of
-from bristle.questions.experiment_design.velocities import VelocityPlan, plan_velocities
+from bristle.questions.experiment_design.velocities import VelocityPlan, largest_deflection, plan_velocities
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Progress = Callable[[str, int, int], None]
 VELOCITIES = 12
 """Runs at constant velocity in each direction."""
 DURATION = 15.0
 """Longest tracking motion, s."""
-_SHORTEST_SHARE = 0.02
-"""Of its time, that a plan may be cut to."""
 _MOST = 1000
 NORMAL = 1.96
 """Half of a 95 % interval in standard errors."""
-_LESS = 1.1
-"""Times the standard error after the measured motion: more is clearly less told."""
 _UNSEEN = 0.5
 """A parameter whose expected relative standard error is wider is not seen."""
 
@@ -68,11 +60,9 @@ class Plan:
     """One for each direction, or one for both."""
     loadings: tuple[LoadingDesign, ...]
     motions: tuple[MotionDesign, ...]
-    """The planned one, a plain multisine, and the measured one where there is any; by themselves beside what was known
-    and the rest of the plan."""
+    """The planned one, a plain multisine, and the measured one where there is any, each beside what was known and the rest of the plan."""
     standard_errors: Mapping[str, Array]
-    """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not
-    seen."""
+    """Of every parameter, (p,): `now`, and as expected `with velocities`, `with loading`, `with motion`; inf where not seen."""
     references: tuple[PlannedRun, ...]
     assumptions: tuple[Finding, ...]
     """What the expected intervals rest on: limits that nobody declared, the start, and the design itself."""
@@ -116,14 +106,6 @@ class Plan:
         )
 
     @property
-    def _worse(self) -> tuple[ParameterName, ...]:
-        """Parameters of which the planned motion tells clearly less than the measured one."""
-        planned, measured = (next((m for m in self.motions if m.name == name), None) for name in (PLANNED, MEASURED))
-        if planned is None or measured is None:
-            return ()
-        return tuple(self.start.names[k] for k in self.free if planned.errors[k] > _LESS * measured.errors[k])
-
-    @property
     def warnings(self) -> tuple[Finding, ...]:
         """What even this plan would not show, and what would."""
         relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
@@ -134,7 +116,10 @@ class Plan:
                 f"Even after this plan {', '.join(map(str, unseen))} would not be identifiable within these limits."
             )
             warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))
-        if worse := self._worse:
+        # Of what the planned motion, the first, tells clearly less than the measured one.
+        planned, measured = self.motions[0].errors, next((m.errors for m in self.motions if m.name == MEASURED), np.inf)
+        less = planned > 1.1 * np.asarray(measured)
+        if worse := tuple(self.start.names[k] for k in self.free if less[k]):
             message = (
                 f"The planned motion tells less of {', '.join(map(str, worse))} than the motion measured so far, for it serves all "
                 "parameters at once; repeat the measured one as well where these matter most."
@@ -172,9 +157,10 @@ class Plan:
 
     def reference_csv(self) -> str:
         """The references that a controller plays, as CSV; what is not commanded is empty."""
-        from bristle.questions.experiment_design.tables import to_csv
+        from bristle.page.columns import to_csv
+        from bristle.questions.experiment_design.tables import references
 
-        return to_csv(self)
+        return to_csv(references(self), "%.10g")
 
     def write(self, folder: Path | str) -> Path:
         """Write a page with figures and tables into a folder; returns the path of index.html.
@@ -207,8 +193,7 @@ def plan(
     nothing to plan.
     """
     check_plan(velocities, aim, joint.law)
-    report = progress or (lambda *_: None)
-    report("velocities", 0, 1)
+    step(progress, "velocities")
     limits, of_limits = limits_of(measured)
     start = start_of(measured, joint, limits)
     if any(aim == name.name for name in start.given):
@@ -216,48 +201,53 @@ def plan(
             f"the {aim} is given as exact: there is nothing to plan for it; give its standard error, or leave it out of the experiment file"
         )
     limits, of_frequency = followed(limits, measured.experiment.plan.frequency)
-    runs, loadings, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
-    information = _information(start, runs, loadings)
+    runs, loadings, parts, limits, share = _within_time(measured, joint, start, limits, velocities, aim)
+
+    # Information about all parameters, (p, p), now and after each part of the plan.
+    information = {"now": start.known, "with velocities": start.known}
+    for x in runs:
+        names = [ParameterName(name, x.direction) for name in x.problem.names]
+        shown = static_information(x.chosen.speeds, x.problem.p, x.problem.noise)
+        information["with velocities"] = information["with velocities"] + embedded(start.names, names, shown)
+    information["with loading"] = information["with velocities"]
+    for load in loadings:
+        if np.isfinite(load.error):
+            name = ParameterName("sigma_0", start.direction_of(load.direction))
+            shown = embedded(start.names, [name], np.array([[load.error**-2]]))
+            information["with loading"] = information["with loading"] + shown
     problem = excitation.motion_problem(start, limits, information["with loading"], aim, share * DURATION)
-    motion = excitation.best_motion(problem, lambda done, total: report("tracking motion", done, total))
+    motion = excitation.best_motion(problem, progress)
     plain = excitation.within_torque(excitation.plain_lines(problem.limits), problem)
+    motions = (motion, excitation.evaluate_motion("plain multisine", plain, problem))
     so_far = excitation.measured_motion(measured, problem)
-    return Plan(
-        joint=joint,
-        aim=aim,
-        limits=limits,
-        start=start,
-        velocities=runs,
-        loadings=loadings,
-        motions=(
-            motion,
-            excitation.evaluate_motion("plain multisine", plain, problem),
-            *([so_far] if so_far else []),
-        ),
-        standard_errors={stage: covariance(x)[0] for stage, x in information.items()} | {"with motion": motion.errors},
-        references=schedule(start, limits, runs, loadings, motion),
-        assumptions=(*of_limits, *of_frequency, *start.assumptions, *_of_design(joint, start, len(problem.sets) - 1)),
-    )
 
-
-def _of_design(joint: Joint, start: Start, others: int) -> Iterator[Finding]:
-    """What the design assumes; the motion is planned over so many other plausible joints too."""
+    # What the design assumes.
+    others = len(problem.sets) - 1
     local = (
         "The design is local: errors are those at the estimates, to first order; velocities are averaged over"
         f" the plausible values of v_s{f', the motion over {others} other plausible joints' if others else ''}."
     )
-    yield Finding("plan-local", NOTE, local, {"others": others})
-    followed = "Each reference is followed exactly; friction is LuGre, independent of position and time."
-    yield Finding("references-followed", NOTE, followed)
+    exact = "Each reference is followed exactly; friction is LuGre, independent of position and time."
     run_in = (
         f"Each hold starts with a run-in of at least {SETTLE:g} s, or {DEFLECTIONS:g} bristle deflections of travel; "
         "the bristle forgets its state over one deflection."
     )
-    yield Finding("run-in", NOTE, run_in, {"settle": SETTLE, "deflections": DEFLECTIONS})
     count = f"{start.resolution:.3g} {unit('position', joint.kind)} per count"
     unknown = "the count is unknown; loading is planned as if the encoder were fine"
     encoder = f"Encoder: {count if start.resolution else unknown}."
-    yield Finding("encoder-count", NOTE, encoder, {"count": start.resolution})
+    assumed = (
+        Finding("plan-local", NOTE, local, {"others": others}),
+        Finding("references-followed", NOTE, exact),
+        Finding("run-in", NOTE, run_in, {"settle": SETTLE, "deflections": DEFLECTIONS}),
+        Finding("encoder-count", NOTE, encoder, {"count": start.resolution}),
+    )
+    return Plan(
+        joint=joint, aim=aim, limits=limits, start=start, velocities=runs, loadings=loadings,
+        motions=(*motions, so_far) if so_far else motions,
+        standard_errors={stage: covariance(x)[0] for stage, x in information.items()} | {"with motion": motion.errors},
+        references=schedule(parts, loadings, limits, motion),
+        assumptions=(*of_limits, *of_frequency, *start.assumptions, *assumed),
+    )  # fmt: skip  # a list of values
 
 
 def check_plan(velocities: int, aim: str, law: Law | None = None) -> None:
@@ -277,50 +267,19 @@ def check_plan(velocities: int, aim: str, law: Law | None = None) -> None:
 
 def _within_time(
     measured: Measured, joint: Joint, start: Start, limits: Limits, velocities: int, aim: str
-) -> tuple[tuple[VelocityPlan, ...], tuple[LoadingDesign, ...], Limits, float]:
-    """Velocities and loadings within the limit of time.
-
-    Every time is shortened by one share where all of it would take longer than the limit.
-    """
+) -> tuple[tuple[VelocityPlan, ...], tuple[LoadingDesign, ...], Parts, Limits, float]:
+    """Velocities and loadings within the limit of time: every time is shortened by one share where all of it would take longer."""
     share = 1.0
-    while share > _SHORTEST_SHARE:
+    while share > 0.02:
         short = shortened(limits, share)
         runs = tuple(plan_velocities(start, d, short, velocities, aim, share) for d in start.directions)
         loadings = tuple(plan_loading(measured, joint, start, d, short, share) for d in SIGNED)
-        needed = duration(start, short, runs, loadings, share * DURATION)
+        parts = in_turn([v for x in runs for v in x.velocities], largest_deflection(start), short)
+        needed = duration(parts, loadings, short, share * DURATION)
         if limits.time is None or needed <= limits.time:
-            return runs, loadings, short, share
+            return runs, loadings, parts, short, share
         share *= min(0.9, limits.time / needed)
     raise InputError(
         f"{measured.experiment.path.name}: plan.time: {limits.time:g} s are too few for {velocities} velocities in each direction, loading and a "
         "motion; give more time or fewer velocities"
     )
-
-
-def _information(
-    start: Start, velocities: Sequence[VelocityPlan], loadings: Sequence[LoadingDesign]
-) -> dict[str, Array]:
-    """Information about all parameters, (p, p), now and after each part of the plan before the motion."""
-    of_velocities = [
-        embedded(
-            start.names,
-            [ParameterName(name, plan.direction) for name in plan.problem.names],
-            static_information(plan.chosen.speeds, plan.problem.p, plan.problem.noise),
-        )
-        for plan in velocities
-    ]
-    of_loadings = [
-        embedded(
-            start.names,
-            [ParameterName("sigma_0", start.direction_of(loading.direction))],
-            np.array([[loading.error**-2]]),
-        )
-        for loading in loadings
-        if np.isfinite(loading.error)
-    ]
-    with_velocities = sum(of_velocities, start.known)
-    return {
-        "now": start.known,
-        "with velocities": with_velocities,
-        "with loading": sum(of_loadings, with_velocities),
-    }

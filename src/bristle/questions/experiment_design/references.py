@@ -1,4 +1,4 @@
-"""The runs of a plan within its limits: which holds make a run at constant velocity, in which order, and each run as samples to play.
+"""The runs of a plan within its limits: which holds make a run at constant velocity, in which order, and the whole plan as samples to play.
 
 Each hold begins with a run-in that is not averaged. Runs back and forth are ordered so that the position stays within its limits, with moves between
 them where it would not.
@@ -15,9 +15,9 @@ from bristle.control.compensator import Reference
 from bristle.errors import InputError
 from bristle.identification.limits import Limits
 from bristle.model.parameters import Direction
-from bristle.questions.experiment_design.excitation import course
-from bristle.questions.experiment_design.loading import LoadingDesign
-from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, Multisine, SlowLoads
+from bristle.questions.experiment_design.excitation import MotionDesign, course
+from bristle.questions.experiment_design.loading import CYCLES, LoadingDesign
+from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, SlowLoads
 
 SETTLE = 0.6
 """Least run-in before a hold is averaged, s."""
@@ -27,13 +27,16 @@ TURN = 0.2
 """Least time from rest to a constant velocity, s."""
 SHORTEST = 0.25
 """Least averaging time of one pass, s."""
-FALL = 0.2
-"""Time in which a load falls back to zero, as a share of its rise."""
 _REST = 0.5
 """Rest before and after each run that starts from rest, s."""
 _USED = 0.999
 """Of each limit, so that rounding in a file stays within it."""
 
+MOST = 2_000_000
+"""Samples of all references at the most: five hours at the usual rate."""
+
+Parts = list[tuple[Hold | Move, float]]
+"""Holds and moves, each with where it begins, rad."""
 Kind = Literal["ramp", "presliding", "tracking", "move"]
 
 
@@ -63,10 +66,7 @@ def run_in(speed: float, deflection: float) -> float:
 
 
 def passes(velocity: float, run: int, deflection: float, limits: Limits) -> list[Hold]:
-    """The holds of one run, as many as the travel makes necessary, whose averaging times add up to `limits.hold`.
-
-    Raises InputError where the travel is too short for any.
-    """
+    """The holds of a run, as many as the travel asks for, averaged over `limits.hold` in all. Raises InputError where it is too short for any."""
     before, ramp = run_in(abs(velocity), deflection), ramp_time(velocity, limits)
     room = _USED * limits.travel / abs(velocity) - before - ramp
     if room < min(SHORTEST, limits.hold):
@@ -99,7 +99,7 @@ def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
     """Every pass with the position at which it starts, rad: back and forth in turn, as near as can be to where the last one ended."""
     forth = sorted((h for h in holds if h.velocity > 0), key=lambda h: abs(h.travel))
     back = sorted((h for h in holds if h.velocity < 0), key=lambda h: abs(h.travel))
-    found, at = [], (limits.position[0] + limits.position[1]) / 2
+    found, at = [], _middle(limits)
     spare = (1 - _USED) * limits.travel / 2
     low, high = limits.position[0] + spare, limits.position[1] - spare
     ahead = True
@@ -112,11 +112,6 @@ def ordered(holds: Sequence[Hold], limits: Limits) -> list[tuple[float, Hold]]:
     return found
 
 
-def hold_reference(hold: Hold, start: float, step: float) -> PlannedRun:
-    """From rest to the velocity, at it, and to rest again."""
-    return _driven("ramp", hold.run, hold.at(_instants(_of_hold(hold, step), step), start))
-
-
 def move_within(start: float, stop: float, limits: Limits) -> Move:
     """From rest to rest elsewhere, never at a constant velocity."""
     way = abs(stop - start)
@@ -125,45 +120,73 @@ def move_within(start: float, stop: float, limits: Limits) -> Move:
     return Move(start, stop, max(SETTLE, fast, hard))
 
 
-def move_reference(move: Move, step: float) -> PlannedRun:
-    """A move as it is played."""
-    return _driven("move", 0, move.at(_instants(move.duration, step)))
+def slow_loads(plan: LoadingDesign) -> SlowLoads:
+    """The loads of a direction, which rise and fall, open loop, the joint at rest."""
+    peak = -plan.peak if plan.direction is Direction.NEGATIVE else plan.peak
+    return SlowLoads((peak,) * CYCLES, plan.rise, 0.2 * plan.rise, rest=_REST, pause=_REST)
 
 
 def samples_of(part: Hold | Move | SlowLoads, step: float) -> float:
-    """How many samples a run takes, as `_instants` has them; a number of any size, since nothing is sampled yet."""
-    duration = _of_hold(part, step) if isinstance(part, Hold) else part.duration
+    """How many samples it takes until a run is over; a number of any size, since nothing is sampled yet."""
+    duration = part.duration - 1e-9 * step if isinstance(part, Hold) else part.duration
     return float(np.ceil(duration / step)) + 1
 
 
-def _of_hold(hold: Hold, step: float) -> float:
-    return hold.duration - 1e-9 * step
-
-
-def load_reference(plan: LoadingDesign, run: int, cycles: int, step: float) -> PlannedRun:
-    """Torque from zero to the peak and back, so many times, open loop, the joint at rest."""
-    loads = slow_loads(plan, cycles)
-    torque = loads.at(_instants(loads.duration, step)).torque
-    lost = np.full(torque.size, np.nan)
-    return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=torque)
-
-
-def slow_loads(plan: LoadingDesign, cycles: int) -> SlowLoads:
-    """The loads of a direction, so many rises."""
-    peak = -plan.peak if plan.direction is Direction.NEGATIVE else plan.peak
-    return SlowLoads((peak,) * cycles, plan.rise, FALL * plan.rise, rest=_REST, pause=_REST)
-
-
-def _instants(duration: float, step: float) -> Array:
-    """Every step until the duration has passed, s."""
-    return np.arange(ceil(duration / step) + 1, dtype=np.float64) * step
-
-
-def motion_reference(lines: Multisine, run: int, limits: Limits, duration: float, step: float) -> PlannedRun:
-    """The tracking motion."""
-    return _driven("tracking", run, course(lines, limits, duration, step))
+def played(part: Hold | Move | SlowLoads, step: float, start: float = 0.0, run: int = 0) -> PlannedRun:
+    """A hold or a move, or loads as a run of that number, sampled every step, s; `start`: where a hold begins, rad."""
+    time = np.arange(int(samples_of(part, step)), dtype=np.float64) * step
+    if isinstance(part, SlowLoads):
+        lost = np.full(time.size, np.nan)
+        return PlannedRun(kind="presliding", run=run, position=lost, velocity=lost, torque=part.at(time).torque)
+    if isinstance(part, Hold):
+        return _driven("ramp", part.run, part.at(time, start))
+    return _driven("move", 0, part.at(time))
 
 
 def _driven(kind: Kind, run: int, played: Reference) -> PlannedRun:
     lost = np.full(played.position.size, np.nan)
     return PlannedRun(kind=kind, run=run, position=played.position, velocity=played.velocity, torque=lost)
+
+
+def in_turn(velocities: Sequence[float], deflection: float, limits: Limits) -> Parts:
+    """The runs at constant velocity, rad/s, in the order to play, and the moves between them. Raises InputError as `passes` does."""
+    holds = [hold for run, v in enumerate(velocities, 1) for hold in passes(v, run, deflection, limits)]
+    parts: Parts = []
+    position = _middle(limits)
+    for begin, hold in ordered(holds, limits):
+        if abs(begin - position) > 1e-9 * limits.travel:
+            parts.append((move_within(position, begin, limits), position))
+        parts.append((hold, begin))
+        position = begin + hold.travel
+    return parts
+
+
+def duration(parts: Parts, loadings: Sequence[LoadingDesign], limits: Limits, motion: float) -> float:
+    """What all of it takes at most, s, with a motion of so many. Raises InputError where it has more samples than a file may have."""
+    step = 1 / limits.rate
+    move = move_within(limits.position[0], _middle(limits), limits)
+    every = [*(part for part, _ in parts), *map(slow_loads, loadings), move]
+    needed = sum(samples_of(part, step) for part in every) / limits.rate + motion + step
+    if not needed * limits.rate <= MOST:
+        raise InputError(
+            f"a plan within these limits takes {needed:.3g} s, {needed * limits.rate:.3g} samples at {limits.rate:g} Hz; expected at most {MOST}: "
+            "lower plan.rate, shorten plan.hold, raise plan.minimum_velocity or plan.acceleration, or narrow plan.position"
+        )
+    return float(needed)
+
+
+def schedule(
+    parts: Parts, loadings: Sequence[LoadingDesign], limits: Limits, motion: MotionDesign
+) -> tuple[PlannedRun, ...]:
+    """The whole plan in the order to play, runs numbered from 1: these parts, loading where they end, and the motion about the middle."""
+    step = 1 / limits.rate
+    ramps = [played(part, step, begin) for part, begin in parts]
+    runs = max(r.run for r in ramps)
+    loads = [played(slow_loads(x), step, run=k) for k, x in enumerate(loadings, runs + 1)]
+    move = played(move_within(float(ramps[-1].position[-1]), _middle(limits), limits), step)
+    tracked = course(motion.lines, limits, motion.duration, step)
+    return (*ramps, *loads, move, _driven("tracking", runs + len(loads) + 1, tracked))
+
+
+def _middle(limits: Limits) -> float:
+    return (limits.position[0] + limits.position[1]) / 2

@@ -1,6 +1,6 @@
 """What a plan starts from: each direction's parameters, how well they are known, and the noise of what will be measured."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -48,13 +48,6 @@ _TORQUE = 0.02
 """Standard error of a hold's mean torque where nothing shows it, as a share of alpha_0."""
 _EQUATION = 0.01
 """Time between independent equations of a moving run where there was none, s."""
-_NORMAL = 1.4826
-"""Standard deviation of normal noise over the median of its magnitude."""
-_FEW = 4
-_FAR = 1.5
-"""A root mean square so many times the robust scatter is said."""
-_EXACT = 1e-6
-"""Relative standard error of what is given as exact."""
 
 
 @result
@@ -111,10 +104,7 @@ class Start:
 
 
 def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
-    """What is known of an identified joint; what is not is guessed, and each guess is among the assumptions.
-
-    Raises InputError where nothing is known of its friction vs velocity.
-    """
+    """What is known of an identified joint; the rest is guessed and said. Raises InputError where nothing is known of its friction vs velocity."""
     law, one_set = joint.law, known_joint(joint).directions == (Direction.BOTH,)
     directions = (Direction.BOTH,) if one_set else SIGNED
     assumptions = list(without_load(joint))
@@ -141,35 +131,27 @@ def start_of(measured: Measured, joint: Joint, limits: Limits) -> Start:
         assumptions += [_guess(ParameterName(name, d), getattr(sets[d], name), joint) for name in missing]
     names = (*(ParameterName(name, d) for d in directions for name in estimated_of(law)), INERTIA)
     values = np.array([getattr(sets[d], name) for name, d in names[:-1]] + [J])
-    given, exact = _declared(measured, joint, names)
-    if exact:
-        said = f"{J:.4g} {unit('inertia', joint.kind)}, given as exact; intervals are those of the others"
-        assumptions.append(Finding("inertia-exact", NOTE, f"Inertia: {said}.", {"J": J}))
+    known, exact = _known(joint, names, estimates), tuple[ParameterName, ...]()
+    declared = measured.experiment.inertia
+    if declared is not None and (joint.moving is None or INERTIA not in joint.moving.names):  # no run was fitted for it
+        error = declared.standard_error or 1e-6 * declared.value
+        known = known + embedded(names, [INERTIA], np.array([[error**-2]]))
+        if not declared.standard_error:
+            exact = (INERTIA,)
+            said = f"{J:.4g} {unit('inertia', joint.kind)}, given as exact; intervals are those of the others"
+            assumptions.append(Finding("inertia-exact", NOTE, f"Inertia: {said}.", {"J": J}))
     noise, equation_noise, step = _noises(measured, joint, sets, limits, assumptions)
-    return Start(
-        directions=directions,
-        sets=Pair(sets[directions[0]], sets[directions[-1]]),
-        inertia=J,
-        guessed=tuple(guessed),
-        names=names,
-        estimate=values,
-        known=_known(joint, names, estimates) + given,
-        given=exact,
-        noise=noise,
-        equation_noise=equation_noise,
-        equation_step=step,
-        resolution=resolution(measured.experiment, [run.record for run in measured.runs]),
-        assumptions=(*assumptions, *_of_constants(joint)),
-    )
-
-
-def _of_constants(joint: Joint) -> Iterator[Finding]:
-    """What is said of the constants that torques were computed with."""
-    if joint.torque_scale:
-        yield joint.torque_scale
+    assumptions += [joint.torque_scale] if joint.torque_scale else []
     if constants := joint.uncertain_constants:
         stays = "Expected errors are those of the scatter: no run lowers the systematic error, of"
-        yield Finding("systematic-stays", NOTE, f"{stays} {' and '.join(constants)}.", {"constants": constants})
+        numbers = {"constants": constants}
+        assumptions.append(Finding("systematic-stays", NOTE, f"{stays} {' and '.join(constants)}.", numbers))
+    return Start(
+        directions=directions, sets=Pair(sets[directions[0]], sets[directions[-1]]), inertia=J, guessed=tuple(guessed),
+        names=names, estimate=values, known=known, given=exact, noise=noise, equation_noise=equation_noise,
+        equation_step=step, resolution=resolution(measured.experiment, [run.record for run in measured.runs]),
+        assumptions=tuple(assumptions),
+    )  # fmt: skip  # a list of values
 
 
 def embedded(names: Sequence[ParameterName], members: Sequence[ParameterName], matrix: Array) -> Array:
@@ -195,17 +177,6 @@ def _estimates(joint: Joint, direction: Direction) -> dict[str, Estimate]:
     return {name: e for name, e in seen.items() if e.value}
 
 
-def _declared(
-    measured: Measured, joint: Joint, names: Sequence[ParameterName]
-) -> tuple[Array, tuple[ParameterName, ...]]:
-    """What the experiment file says of an inertia that no run was fitted for, as information, (p, p), and its name where it is exact."""
-    given = measured.experiment.inertia
-    if given is None or (joint.moving is not None and INERTIA in joint.moving.names):
-        return np.zeros((len(names), len(names))), ()
-    matrix = embedded(names, [INERTIA], np.array([[(given.standard_error or _EXACT * given.value) ** -2]]))
-    return matrix, () if given.standard_error else (INERTIA,)
-
-
 def _filled(
     law: Law, seen: Mapping[str, Estimate], held: Mapping[str, float], limits: Limits, J: float
 ) -> tuple[Lugre[float], list[str]]:
@@ -215,10 +186,8 @@ def _filled(
     if {"alpha_1", "v_s"} & set(missing):  # nothing of a peak is anything without the other
         missing = [n for n in estimated_of(law) if n in missing or n in peak_parameters(law)]
     sigma_0 = seen["sigma_0"].value if "sigma_0" in seen else assumed_stiffness(alpha_0, limits.travel)
-    viscous = {
-        name: _VISCOUS * alpha_0 / (limits.velocity * float(rate))
-        for name, rate in viscous_rates(limits.velocity, law).items()
-    }
+    rates = viscous_rates(limits.velocity, law).items()
+    viscous = {name: _VISCOUS * alpha_0 / (limits.velocity * float(rate)) for name, rate in rates}
     shape = {own.name: own.middle for own in law.peak.own}
     fastest = {FASTEST: limits.velocity} if law.terms else {}
     guess = lugre_of(law)(
@@ -252,11 +221,7 @@ def _named(direction: Direction) -> str:
 
 
 def _noises(
-    measured: Measured,
-    joint: Joint,
-    sets: Mapping[Direction, Lugre[float]],
-    limits: Limits,
-    assumptions: list[Finding],
+    measured: Measured, joint: Joint, sets: Mapping[Direction, Lugre[float]], limits: Limits, assumptions: list[Finding]
 ) -> tuple[dict[Direction, float], float, float]:
     """Standard error of a hold's mean torque by direction, what an equation of a moving run scatters by, N*m, and the time between these, s."""
     T, moving = unit("torque", joint.kind), joint.moving
@@ -296,10 +261,7 @@ def _of_holds(scatter: float, T: str, direction: Direction = Direction.BOTH) -> 
 
 
 def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[Finding]) -> dict[Direction, float]:
-    """What points scatter by about their fit, N*m, which is among the assumptions; empty where no direction has a fit.
-
-    A direction without one scatters as the other does.
-    """
+    """What points scatter by about their fit, N*m, which is among the assumptions; of the other's where a direction has none, empty where neither."""
     T, scatters = unit("torque", joint.kind), dict[Direction, float]()
     fits = {d: joint.static.get(d) for d in directions}
     usable = [fit for fit in joint.static.values() if fit.names and fit.rms]
@@ -310,7 +272,7 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[F
         scatters[d], rms = scatter(fit)
         ratio = rms / scatters[d]
         outliers = "a few points are outliers, and do not count here"
-        far = f" Their root mean square is {ratio:.2g} times that: {outliers}." if ratio > _FAR else ""
+        far = f" Their root mean square is {ratio:.2g} times that: {outliers}." if ratio > 1.5 else ""
         message = f"{_of_holds(scatters[d], T, d)}, as the points did about their fit"
         numbers = {"direction": d, "scatter": scatters[d], "ratio": ratio}
         assumptions.append(
@@ -324,13 +286,13 @@ def _scatters(joint: Joint, directions: Sequence[Direction], assumptions: list[F
 def scatter(fit: StaticFit) -> tuple[float, float]:
     """What points scatter by about their fit, N*m: 1.4826 times their median distance, which a few far ones do not rule; and root mean square.
 
-    Both on the degrees of freedom that the fit has left. With fewer than `_FEW` of these, or half of the points on the curve, both are the second.
+    Both on the degrees of freedom that the fit has left. With fewer than four of these, or half of the points on the curve, both are the second.
     """
     free = max(fit.n - len(fit.names), 1)
     more = float(np.sqrt(fit.n / free))
     rms = more * (fit.rms or 0.0)
-    robust = more * _NORMAL * float(np.median(np.abs(fit.residuals))) if fit.residuals.size else 0.0
-    return (robust if robust > 0 and free >= _FEW else rms), rms
+    robust = more * 1.4826 * float(np.median(np.abs(fit.residuals))) if fit.residuals.size else 0.0
+    return (robust if robust > 0 and free >= 4 else rms), rms
 
 
 def _known(

@@ -33,17 +33,6 @@ NODES = 5
 STARTS = 3
 """Designs at random that the exchange also begins with, beside the log-spaced and the evenly spaced one."""
 SEED = 0
-_GAIN = 1e-9
-"""An exchange that lowers the criterion by less is none."""
-_RIDGE = 1e-11
-"""Added to an information scaled to 1 on its diagonal, so that a design too poor to be inverted has a value, a bad
-one."""
-_SPREAD = 1.2
-"""Of log(v_s): the most that nodes are spread by, as a standard deviation."""
-_SAME = (1.05, 1.1, 1.2)
-"""Speeds nearer than these factors are one where that costs no more than `_COST`: few speeds are easier to run."""
-_COST = 0.01
-"""In the logarithm of the variance."""
 _V_S = Stribeck._fields.index("v_s")
 """Where it stands among the static parameters of any law."""
 
@@ -74,11 +63,6 @@ class DesignProblem:
     def estimate(self) -> Array:
         """Of `names`."""
         return np.array([getattr(self.p, name) for name in self.names])
-
-    @property
-    def sets(self) -> list[Lugre[float]]:
-        """The estimate with each v_s that may be."""
-        return [self.p._replace(v_s=float(x)) for x in self.nodes]
 
 
 class Design(NamedTuple):
@@ -133,12 +117,28 @@ def plan_velocities(
     Raises InputError where the drive's torque or the travel leaves no speeds to choose from.
     """
     p, passes = start.p(direction), 2 if direction is Direction.BOTH else 1
-    high = _fastest(p, fastest(largest_deflection(start), limits), limits)
-    prior_information, v_s_error = _prior(start, direction)
-    guessed = ParameterName("v_s", direction) in start.guessed
+
+    # The fastest speed at which there is a hold, and steady sliding takes no more torque than the drive may give.
+    speeds = np.geomspace(limits.slowest, fastest(largest_deflection(start), limits), CANDIDATES)
+    within = speeds[np.abs(evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]) <= limits.torque]
+    if within.size < 2:
+        raise InputError(
+            f"the largest torque, {limits.torque:.3g}, does not carry the joint beyond {limits.slowest:.3g}; raise plan.torque"
+        )
+    high = float(within[-1])
+
+    # What is known, whatever the other parameters are. Nothing counts as known where one of them is a guess: what is
+    # known of the others then rests on there being no peak.
+    names = static_estimated_of(start.law)
+    at = start.indices(direction, names)
+    prior_information, v_s_error = np.zeros((len(names), len(names))), np.inf
+    guessed = {name for name in names if ParameterName(name, direction) in start.guessed}
+    if not guessed and (np.diag(start.known)[at] > 0).all():
+        spread = seen_covariance(start.known, at)
+        prior_information, v_s_error = inverse(spread), float(np.sqrt(spread[_V_S, _V_S]) / start.estimate[at[_V_S]])
     problem = DesignProblem(
         p=p,
-        nodes=np.geomspace(limits.slowest, high / 2, NODES) if guessed else nodes_of(p.v_s, v_s_error),
+        nodes=np.geomspace(limits.slowest, high / 2, NODES) if "v_s" in guessed else nodes_of(p.v_s, v_s_error),
         prior_information=prior_information,
         noise=start.noise[direction] * float(np.sqrt(1 / passes / share)),
         low=limits.slowest,
@@ -154,41 +154,10 @@ def largest_deflection(start: Start) -> float:
     return max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in start.sets)
 
 
-def _fastest(p: Lugre[float], high: float, limits: Limits) -> float:
-    """The fastest speed up to `high` at which steady sliding takes no more torque than the drive may give, rad/s."""
-    speeds = np.geomspace(limits.slowest, high, CANDIDATES)
-    within = speeds[np.abs(evaluate(functions.steady_torque_function(p.law), speeds, *p.stribeck)[0]) <= limits.torque]
-    if within.size < 2:
-        raise InputError(
-            f"the largest torque, {limits.torque:.3g}, does not carry the joint beyond {limits.slowest:.3g}; raise plan.torque"
-        )
-    return float(within[-1])
-
-
-def _prior(start: Start, direction: Direction) -> tuple[Array, float]:
-    """Information about the static parameters of a direction, (4, 4), and the relative standard error of v_s.
-
-    What the other parameters are is left open.
-
-    Nothing counts as known where one of them is a guess: what is known of the others then rests on there being no peak.
-    """
-    names = static_estimated_of(start.law)
-    at = start.indices(direction, names)
-    guessed = any(ParameterName(name, direction) in start.guessed for name in names)
-    if guessed or not (np.diag(start.known)[at] > 0).all():
-        return np.zeros((len(names), len(names))), np.inf
-    spread = seen_covariance(start.known, at)
-    return inverse(spread), float(np.sqrt(spread[_V_S, _V_S]) / start.estimate[at[_V_S]])
-
-
 def nodes_of(v_s: float, relative_error: float) -> Array:
-    """Values of v_s of equal probability about an estimate, (k,), the estimate in the middle.
-
-    They are log-normal with this relative standard error, at most 1.2.
-    """
+    """Values of v_s of equal probability about an estimate, (k,), the middle one; log-normal with this relative standard error, at most 1.2."""
     middle = (np.arange(NODES) + 0.5) / NODES
-    nodes: Array = v_s * np.exp(min(relative_error, _SPREAD) * ndtri(middle))
-    return nodes
+    return np.asarray(v_s * np.exp(min(relative_error, 1.2) * ndtri(middle)))
 
 
 def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
@@ -200,14 +169,7 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
         problem: what is known, and where to measure.
         count: of runs, at least as many as there are parameters, so that they show all of these by themselves.
         aim: one of the problem's names, or `all`.
-
-    Raises InputError for fewer runs, or another aim.
     """
-    names = problem.names
-    if count < len(names):
-        raise InputError(f"got {count} velocities; expected at least {len(names)}, as many as there are parameters")
-    if aim not in (*names, "all"):
-        raise InputError(f"got {aim!r}; constant velocities show {', '.join(names)}: name one of them, or all")
     grid = np.geomspace(problem.low, problem.high, CANDIDATES)
     criterion = _Criterion(problem, aim)
     rows = criterion.rows(grid)
@@ -218,8 +180,9 @@ def design(problem: DesignProblem, count: int, aim: str = "all") -> Design:
     starts += [rng.integers(0, grid.size, count) for _ in range(STARTS)]
     ends = dict.fromkeys(tuple(np.sort(_exchange(criterion, rows, start)).tolist()) for start in starts)
     best = min((grid[[*end]] for end in ends), key=criterion.value)
-    near = [_merge(best, factor) for factor in _SAME]
-    few = [x for x in near if criterion.value(x) <= criterion.value(best) + _COST]
+    # Near speeds become one where that costs hardly any of the logarithm of the variance: few are easier to run.
+    near = [_merge(best, factor) for factor in (1.05, 1.1, 1.2)]
+    few = [x for x in near if criterion.value(x) <= criterion.value(best) + 0.01]
     return evaluate_design(problem, min([best, *few], key=lambda x: np.unique(x).size), aim)
 
 
@@ -232,38 +195,31 @@ def evaluate_design(problem: DesignProblem, speeds: Array, aim: str = "") -> Des
 
 def spaced_speeds(problem: DesignProblem, count: int, kind: str) -> Array:
     """As many speeds over the same range, spaced evenly (`even`) or evenly in log(v) (`log`), rad/s, (count,)."""
-    space = np.linspace if kind == "even" else np.geomspace
-    speeds: Array = space(problem.low, problem.high, count)
-    return speeds
+    return np.asarray((np.linspace if kind == "even" else np.geomspace)(problem.low, problem.high, count))
 
 
 def errors_by_v_s(problem: DesignProblem, speeds: Array, v_s: Array) -> Array:
-    """Expected standard errors were v_s another one than the estimate, what is known already included.
+    """Expected standard error of v_s, percent, were it another one than the estimate, what is known already included: (k,) for v_s (k,)."""
+    errors = [covariance(x)[0][_V_S] for x in _informations(problem, speeds, v_s)]
+    return 100 * np.array(errors) / v_s
 
-    Its shape is (k, 4) for v_s (k,).
-    """
+
+def _informations(problem: DesignProblem, speeds: Array, v_s: Array) -> list[Array]:
+    """What is known, and what speeds show, for each v_s, (4, 4)."""
     sets = [problem.p._replace(v_s=float(x)) for x in v_s]
-    information = [problem.prior_information + static_information(speeds, p, problem.noise) for p in sets]
-    return np.array([covariance(matrix)[0] for matrix in information])
+    return [problem.prior_information + static_information(speeds, p, problem.noise) for p in sets]
 
 
 class _Criterion:
-    """What a design is judged by, averaged over the values of v_s.
-
-    Parameters are in units that make the information 1 on its diagonal.
-    """
+    """What a design is judged by, averaged over v_s, with parameters in units that make the information 1 on its diagonal."""
 
     def __init__(self, problem: DesignProblem, aim: str) -> None:
-        """Scale what is known."""
+        """Scale what is known, with a little added so that a design too poor to be inverted has a value, a bad one."""
         self.problem, self.aim = problem, None if aim == "all" else problem.names.index(aim)
-        whole = [
-            problem.prior_information + static_information(spaced_speeds(problem, 50, "log"), p, problem.noise)
-            for p in problem.sets
-        ]
+        whole = _informations(problem, spaced_speeds(problem, 50, "log"), problem.nodes)
         self.size = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
-        self.known = problem.prior_information / (self.size[:, :, None] * self.size[:, None, :]) + _RIDGE * np.eye(
-            len(problem.names)
-        )
+        scale = self.size[:, :, None] * self.size[:, None, :]
+        self.known = problem.prior_information / scale + 1e-11 * np.eye(len(problem.names))
 
     def rows(self, speeds: Array) -> Array:
         """s(v) / noise at each v_s, scaled, (k, m, 4)."""
@@ -299,31 +255,22 @@ def _exchange(criterion: _Criterion, rows: Array, start: NDArray[np.intp]) -> ND
     while True:
         run = rows[:, chosen]
         whole = criterion.known + np.einsum("knp,knq->kpq", run, run)
-        swaps = {int(j): _swap(criterion, rows, whole, int(j)) for j in np.unique(chosen)}
-        leaving = min(swaps, key=lambda j: swaps[j][0])
-        if not swaps[leaving][0] < value - _GAIN:
+        swaps = []  # the criterion, which candidate leaves and which comes for it
+        for leaving in np.unique(chosen):
+            out = rows[:, leaving]
+            values = criterion.with_one(whole - out[:, :, None] * out[:, None, :], rows)
+            swaps.append((values.min(), leaving, values.argmin()))
+        best, leaving, comes = min(swaps, key=lambda swap: swap[0])
+        if not best < value - 1e-9:
             return chosen
-        value, chosen[np.flatnonzero(chosen == leaving)[0]] = swaps[leaving]
-
-
-def _swap(criterion: _Criterion, rows: Array, whole: Array, leaving: int) -> tuple[float, int]:
-    """The best criterion without one run of this candidate, and which candidate comes for it."""
-    out = rows[:, leaving]
-    values = criterion.with_one(whole - out[:, :, None] * out[:, None, :], rows)
-    best = int(values.argmin())
-    return float(values[best]), best
+        value, chosen[np.flatnonzero(chosen == leaving)[0]] = best, comes
 
 
 def _merge(speeds: Array, factor: float) -> Array:
-    """Speeds with neighbours that differ by less than a factor replaced by their mean, ascending.
-
-    A group at the end of all becomes that end.
-    """
+    """Speeds with neighbours that differ by less than a factor replaced by their mean, ascending; at an end of all by that end."""
     ordered = np.sort(speeds)
     groups = np.split(ordered, np.flatnonzero(np.diff(np.log(ordered)) > np.log(factor)) + 1)
     centres = [g.mean() for g in groups]
-    centres[0], centres[-1] = (
-        (ordered[0] if len(groups) > 1 else centres[0]),
-        (ordered[-1] if len(groups) > 1 else centres[-1]),
-    )
+    if len(groups) > 1:
+        centres[0], centres[-1] = ordered[0], ordered[-1]
     return np.concatenate([np.full(g.size, c) for g, c in zip(groups, centres, strict=True)])

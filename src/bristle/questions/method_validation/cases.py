@@ -20,14 +20,11 @@ NOISES = (0.005, 0.05)
 """Of the sweep: standard deviation of a point's torque over alpha_0."""
 MOST_POINTS = 400
 """Points of a case; of more equations so many are simulated, with as much less noise as there are fewer."""
-
-
 _SIMULATED = (
     "SIMULATED: torques are those of the model at the given velocities, with white Gaussian noise; no run is simulated, "
     "and the velocities have no error."
 )
 _ALONE = "Each direction is validated separately: what directions share (inertia, gravity, offset) is taken as known."
-_ASSUMED = Finding("points-simulated", NOTE, _SIMULATED), Finding("directions-alone", NOTE, _ALONE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +36,9 @@ class CaseSet:
     cases: tuple[ValidationCase, ...]
     skipped: Mapping[str, Finding] = field(default_factory=dict)
     """Directions that cannot be tried, each with the reason."""
-    assumptions: tuple[Finding, ...] = _ASSUMED
+    assumptions: tuple[Finding, ...] = (
+        Finding("points-simulated", NOTE, _SIMULATED), Finding("directions-alone", NOTE, _ALONE),
+    )  # fmt: skip  # a list of values
 
 
 def sweep(noise: float | None = None) -> CaseSet:
@@ -54,16 +53,11 @@ def sweep(noise: float | None = None) -> CaseSet:
             }
             cases += [
                 ValidationCase(
-                    label=f"{name} ({sign})",
-                    design=design,
-                    truth=p.stribeck,
-                    velocity=speeds if sign == "+" else -speeds,
-                    noise=level * p.alpha_0,
-                    v_s_range=default_range(speeds),
+                    label=f"{name} ({sign})", design=design, truth=p.stribeck, velocity=speeds if sign == "+" else -speeds,
+                    noise=level * p.alpha_0, v_s_range=default_range(speeds),
                 )
-                for design, speeds in designs.items()
-                for level in levels
-            ]
+                for design, speeds in designs.items() for level in levels
+            ]  # fmt: skip  # a list of values
     return CaseSet(title="Table 1", kind="revolute", cases=tuple(cases))
 
 
@@ -105,15 +99,10 @@ def joint_cases(joint: Joint, noise: float | None = None) -> CaseSet:
             exact = "nothing to validate: the points lie on the model without noise; choose a noise level with --noise"
             skipped[direction] = Finding("points-without-noise", NOTE, exact)
             continue
+        label = joint.name if direction == "both" else f"{joint.name} ({direction})"
+        design, ends = f"the {fit.n} points measured", (float(fit.profile.v_s[0]), float(fit.profile.v_s[-1]))
         cases.append(
-            ValidationCase(
-                label=joint.name if direction == "both" else f"{joint.name} ({direction})",
-                design=f"the {fit.n} points measured",
-                truth=p,
-                velocity=velocity,
-                noise=level,
-                v_s_range=(float(fit.profile.v_s[0]), float(fit.profile.v_s[-1])),
-            )
+            ValidationCase(label=label, design=design, truth=p, velocity=velocity, noise=level, v_s_range=ends)
         )
     if not cases and not skipped:
         message = "nothing to validate: the grid fitted no friction curve."
@@ -126,7 +115,5 @@ def check_fitted(joint: Joint) -> None:
     if joint.moving is not None or any(fit.values() for d, fit in joint.static.items() if d != "shared"):
         return
     outcomes = "; ".join(dict.fromkeys(str(fit.outcome).rstrip(".") for fit in joint.static.values()))
-    got = (
-        f"no fit of friction vs velocity ({outcomes})" if outcomes else "no ramp, points or tracking run that is fitted"
-    )
-    raise InputError(f"{joint.name}: nothing to check: got {got}; add ramp, points or tracking runs")
+    got = f"fit of friction vs velocity ({outcomes})" if outcomes else "ramp, points or tracking run that is fitted"
+    raise InputError(f"{joint.name}: nothing to check: got no {got}; add ramp, points or tracking runs")

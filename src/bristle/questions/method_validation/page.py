@@ -150,21 +150,16 @@ def methods(validation: Validation) -> pd.DataFrame:
     rows = [
         {
             **result.which,
-            "method": method.name,
-            "repetitions": method.repetitions,
-            "parameter": name,
-            "truth": float(result.case.theta[k]),
-            "bias": float(method.bias[k]),
-            "spread": float(method.spread[k]),
-            "coverage_percent": 100 * float(method.coverage[k]),
-            "failed_percent": 100 * method.failed,
+            "method": method.name, "repetitions": method.repetitions, "parameter": name,
+            "truth": float(result.case.theta[k]), "bias": float(method.bias[k]), "spread": float(method.spread[k]),
+            "coverage_percent": 100 * float(method.coverage[k]), "failed_percent": 100 * method.failed,
             "elsewhere_percent": None if method.other_minimum is None else 100 * method.other_minimum,
             "seconds": method.seconds,
         }
         for result in validation.cases
         for method in result.methods.values()
         for k, name in enumerate(result.case.names)
-    ]
+    ]  # fmt: skip  # a table
     return pd.DataFrame(rows)
 
 
@@ -194,18 +189,13 @@ def v_s_by_method(result: CaseResult) -> pd.DataFrame:
     v_s, base = result.case.truth.v_s, result.methods[REFINED].seconds
     rows = [
         {
-            "method": method.name,
-            "sets": method.repetitions,
-            "bias of v_s (%)": 100 * float(method.bias[-1]) / v_s,
+            "method": method.name, "sets": method.repetitions, "bias of v_s (%)": 100 * float(method.bias[-1]) / v_s,
             "spread of v_s (%)": 100 * float(method.spread[-1]) / v_s,
-            **{
-                f"covers {name} (%)": 100 * float(x) for name, x in zip(result.case.names, method.coverage, strict=True)
-            },
+            **{f"covers {name} (%)": 100 * float(x) for name, x in zip(result.case.names, method.coverage, strict=True)},
             "fails (%)": 100 * method.failed,
             "other minimum (%)": None if method.other_minimum is None else 100 * method.other_minimum,
-            "ms": 1e3 * method.seconds,
-            "time ratio to refined grid": method.seconds / base,
+            "ms": 1e3 * method.seconds, "time ratio to refined grid": method.seconds / base,
         }
         for method in result.methods.values()
-    ]
+    ]  # fmt: skip  # a table
     return pd.DataFrame(rows)

@@ -73,8 +73,6 @@ class GridResolution:
 class RandomStarts:
     """One data set, fitted from many random starts."""
 
-    torque: Array
-    """The data set, N*m, (n,)."""
     initial_v_s: Array
     """v_s of each start, rad/s, (s,)."""
     final: Mapping[str, Array]
@@ -93,14 +91,12 @@ class RandomStarts:
     def in_other_minimum(self, name: str) -> NDArray[np.bool_]:
         """Which starts of a solver ended above the lowest cost found within the range, (s,)."""
         lowest = min(self.best_cost, *(float(self.cost[solver].min()) for solver in self.solvers))
-        above: NDArray[np.bool_] = self.cost[name] > lowest * (1 + SAME_COST)
-        return above
+        return np.asarray(self.cost[name] > lowest * (1 + SAME_COST))
 
     def without_peak(self, name: str) -> NDArray[np.bool_]:
         """Which of them ended without a Stribeck term: alpha_1 is nothing beside alpha_0, (s,)."""
         theta = self.final[name]
-        absent: NDArray[np.bool_] = self.in_other_minimum(name) & (theta[-2] < 1e-4 * theta[0])
-        return absent
+        return np.asarray(self.in_other_minimum(name) & (theta[-2] < 1e-4 * theta[0]))
 
 
 @result
@@ -141,8 +137,12 @@ class CaseResult:
     """How far IPOPT goes from the grid's answer, at most, in spreads of a parameter; infinite where one does not spread."""
     cost_deficit: float
     """By how much IPOPT's lowest cost within the range undercuts the refined grid's, relative, at most over all fits."""
-    outside_range: NDArray[np.bool_]
-    """Which starts end beyond the grid's range at a lower cost than any within, where v_s is free, (s,)."""
+
+    @property
+    def outside_range(self) -> NDArray[np.bool_]:
+        """Which starts end beyond the grid's range at a lower cost than any within, where v_s is free, (s,)."""
+        v_s, (low, high), cost = self.starts.final[FREE][-1], self.case.v_s_range, self.starts.cost[FREE]
+        return np.asarray((cost < self.starts.best_cost * (1 - SAME_COST)) & ((v_s < low) | (v_s > high)))
 
     @property
     def not_identifiable(self) -> bool:
@@ -187,17 +187,13 @@ class Validation:
         for x in self.cases:
             starts, grid, knowable = x.starts, x.resolution, not x.not_identifiable
             elsewhere = {name: 100 * float(starts.in_other_minimum(name).mean()) for name in starts.solvers}
-            rows.append(
-                {
-                    **x.which,
-                    "declined_percent": 100 * x.declined,
-                    **{f"{name} elsewhere_percent": percent for name, percent in elsewhere.items()},
-                    "lower_beyond_percent": 100 * float(x.outside_range.mean()),
-                    "ipopt_lead": max(x.cost_deficit, 0.0),
-                    f"plain_{PLAIN_GRID}_error_percent": 100 * grid.share(PLAIN_GRID) if knowable else None,
-                    "values_needed": str(grid.enough) if knowable and grid.enough is not None else None,
-                }
-            )
+            rows.append({
+                **x.which, "declined_percent": 100 * x.declined,
+                **{f"{name} elsewhere_percent": percent for name, percent in elsewhere.items()},
+                "lower_beyond_percent": 100 * float(x.outside_range.mean()), "ipopt_lead": max(x.cost_deficit, 0.0),
+                f"plain_{PLAIN_GRID}_error_percent": 100 * grid.share(PLAIN_GRID) if knowable else None,
+                "values_needed": str(grid.enough) if knowable and grid.enough is not None else None,
+            })  # fmt: skip  # a table
         return pd.DataFrame(rows)
 
     def write(self, folder: Path | str) -> Path:

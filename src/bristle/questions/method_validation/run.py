@@ -52,8 +52,6 @@ REFINED, POLISHED = "refined grid", "IPOPT from the grid"
 _DRAWN = 300
 """Values of v_s over which the cost is drawn, and as many again where the data allow it."""
 _MOST = 100_000  # data sets, or starts
-_LOUDEST = 100.0
-"""Noise of a point over alpha_0, in which nothing is left to be seen."""
 
 
 def check_request(repetitions: int, starts: int, noise: float | None) -> None:
@@ -61,10 +59,8 @@ def check_request(repetitions: int, starts: int, noise: float | None) -> None:
     for name, value, least, usual in (("repetitions", repetitions, 20, REPETITIONS), ("starts", starts, 1, STARTS)):
         if not least <= value <= _MOST:
             raise InputError(f"{name}: got {value}; expected {least} to {_MOST}, usual are {usual}")
-    if noise is not None and not 0 < noise <= _LOUDEST:
-        raise InputError(
-            f"noise: got {noise:g}; expected a positive share of alpha_0, as 0.02, and at most {_LOUDEST:g}"
-        )
+    if noise is not None and not 0 < noise <= 100:  # in which nothing is left to be seen
+        raise InputError(f"noise: got {noise:g}; expected a positive share of alpha_0, as 0.02, and at most 100")
 
 
 def validate(
@@ -120,44 +116,34 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
     refused = profile_threshold(1.0, case.velocity.size, len(case.names))
     by_method = {
         name: MethodResult(
-            name=name,
-            repetitions=costs[name].size,
-            bias=np.median(theta, axis=1) - case.theta,
-            spread=spread(theta),
+            name=name, repetitions=costs[name].size, bias=np.median(theta, axis=1) - case.theta, spread=spread(theta),
             coverage=covers_truth(case, theta, costs[name]).mean(axis=1),
             failed=_share_above(costs[name], lowest, refused),
             other_minimum=None if name in PLAIN_GRIDS.values() else _share_above(costs[name], lowest, 1 + SAME_COST),
             seconds=seconds,
         )
         for name, (theta, seconds) in answers.items()
-    }
+    }  # fmt: skip  # a list of values
 
     random_starts = _from_starts(case, torques[:, 0], grid[:, 0], initial[local:], solvers)
     deficits = 1 - costs["IPOPT, random start"] / methods.costs(case, few, grid[:, :local])
-    steps = np.abs(answers[POLISHED][0] - grid[:, :local]).max(axis=1)
+    steps, spreads = np.abs(answers[POLISHED][0] - grid[:, :local]).max(axis=1), by_method[REFINED].spread
     v_s = [estimate_static(case.problem(t), FitOptions(), "revolute", case.v_s_range).get("v_s") for t in few.T]
     declined = float(np.mean([x is None or x.interval is None or not is_closed(x.interval) for x in v_s]))
     return CaseResult(
-        case=case,
-        methods=by_method,
+        case=case, methods=by_method, starts=random_starts, declined=declined,
         resolution=_resolution(case, grid, {n: answers[name][0] for n, name in PLAIN_GRIDS.items()}),
-        starts=random_starts,
         cost_curve=_cost_curve(case, torques[:, 0], random_starts),
         coverage=interval_coverage(case, torques, identifiable=declined <= MOST_DECLINED),
-        declined=declined,
-        polish_shift=max(
-            float(step / s) if s > 0 else np.inf for step, s in zip(steps, by_method[REFINED].spread, strict=True)
-        ),
+        polish_shift=max(float(step / s) if s > 0 else np.inf for step, s in zip(steps, spreads, strict=True)),
         cost_deficit=float(max(deficits.max(), 1 - random_starts.cost["IPOPT"].min() / random_starts.best_cost)),
-        outside_range=_outside_range(case, random_starts),
-    )
+    )  # fmt: skip  # a list of values
 
 
 def spread(values: Array) -> Array:
     """Half the width of the middle 68.3 % along the last axis: the standard deviation of Gaussian values."""
     low, high = np.quantile(values, [0.15865525393145707, 0.8413447460685429], axis=-1)
-    half: Array = (high - low) / 2
-    return half
+    return np.asarray((high - low) / 2)
 
 
 def _share_above(cost: Array, lowest: Array, factor: float) -> float:
@@ -195,23 +181,11 @@ def _from_starts(
 ) -> RandomStarts:
     """One data set from every start (s, p), by every local solver, and by IPOPT with v_s free."""
     torques = np.repeat(torque[:, None], len(initial), axis=1)
-    final = {
-        name: _each(fit, torques, initial)[0] for name, fit in {**solvers, FREE: methods.ipopt(case, free=True)}.items()
-    }
-    return RandomStarts(
-        torque=torque,
-        initial_v_s=initial[:, -1],
-        final=final,
-        cost={name: methods.costs(case, torques, theta) for name, theta in final.items()},
-        best=best,
-        best_cost=float(methods.costs(case, torque[:, None], best[:, None])[0]),
-    )
-
-
-def _outside_range(case: ValidationCase, starts: RandomStarts) -> NDArray[np.bool_]:
-    v_s, (low, high) = starts.final[FREE][-1], case.v_s_range
-    lower: NDArray[np.bool_] = (starts.cost[FREE] < starts.best_cost * (1 - SAME_COST)) & ((v_s < low) | (v_s > high))
-    return lower
+    fits = {**solvers, FREE: methods.ipopt(case, free=True)}
+    final = {name: _each(fit, torques, initial)[0] for name, fit in fits.items()}
+    cost = {name: methods.costs(case, torques, theta) for name, theta in final.items()}
+    best_cost = float(methods.costs(case, torque[:, None], best[:, None])[0])
+    return RandomStarts(initial_v_s=initial[:, -1], final=final, cost=cost, best=best, best_cost=best_cost)
 
 
 def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> CostCurve:
@@ -221,12 +195,8 @@ def _cost_curve(case: ValidationCase, torque: Array, starts: RandomStarts) -> Co
     step = coarse[1] / coarse[0]
     near = np.geomspace(allowed.min() / step, min(allowed.max() * step, case.v_s_range[1]), _DRAWN)
     values = np.unique(np.concatenate([coarse, near[near > coarse[0]]]))
-    return CostCurve(
-        v_s=values,
-        cost=projected.costs(values),
-        threshold=threshold,
-        plain={n: float(methods.plain(case, torque[:, None], n)[-1, 0]) for n in PLAIN_GRIDS},
-    )
+    plain = {n: float(methods.plain(case, torque[:, None], n)[-1, 0]) for n in PLAIN_GRIDS}
+    return CostCurve(v_s=values, cost=projected.costs(values), threshold=threshold, plain=plain)
 
 
 def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.bool_]:
@@ -242,8 +212,7 @@ def covers_truth(case: ValidationCase, theta: Array, cost: Array) -> NDArray[np.
     error = np.full((p, cost.size), np.nan)
     error[:, alive] = np.sqrt(inverse).T / length[alive].T * np.sqrt(cost[alive] / (n - p))
     error[~np.isfinite(error)] = np.nan
-    inside: NDArray[np.bool_] = np.abs(theta - case.theta[:, None]) <= covariance.student(n - p) * error
-    return inside
+    return np.asarray(np.abs(theta - case.theta[:, None]) <= covariance.student(n - p) * error)
 
 
 def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: bool) -> tuple[Coverage, ...]:
@@ -253,16 +222,10 @@ def interval_coverage(case: ValidationCase, torques: Array, *, identifiable: boo
     ends = {"covariance": fits.covariance_intervals(), "profile": fits.profile_intervals()}
     if identifiable:
         problems = [case.problem(torque) for torque in few.T[:BOOTSTRAP_SETS]]
-        resampled = [resample(p, solve(p, case.v_s_range), case.v_s_range, DRAWS) for p in problems]
-        ends["bootstrap-t"] = (
-            np.stack([x.low for x in resampled], axis=1),
-            np.stack([x.high for x in resampled], axis=1),
-        )
-    return tuple(
-        Coverage(
-            kind=kind,
-            repetitions=low.shape[1],
-            share=((low <= case.theta[:, None]) & (case.theta[:, None] <= high)).mean(axis=1),
-        )
-        for kind, (low, high) in ends.items()
-    )
+        drawn = [resample(p, solve(p, case.v_s_range), case.v_s_range, DRAWS) for p in problems]
+        ends["bootstrap-t"] = np.stack([x.low for x in drawn], axis=1), np.stack([x.high for x in drawn], axis=1)
+    truth, found = case.theta[:, None], list[Coverage]()
+    for kind, (low, high) in ends.items():
+        share = ((low <= truth) & (truth <= high)).mean(axis=1)
+        found.append(Coverage(kind=kind, repetitions=low.shape[1], share=share))
+    return tuple(found)

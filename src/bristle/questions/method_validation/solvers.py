@@ -89,8 +89,7 @@ def modelled(case: ValidationCase, theta: Array) -> Array:
 def costs(case: ValidationCase, torques: Array, theta: Array) -> Array:
     """J_s (10) of each set at its theta, (sets,), (N*m)**2."""
     residuals = torques - modelled(case, theta)
-    total: Array = np.einsum("ns,ns->s", residuals, residuals)
-    return total
+    return np.asarray(np.einsum("ns,ns->s", residuals, residuals))
 
 
 def jacobians(case: ValidationCase, theta: Array) -> Array:
@@ -104,8 +103,7 @@ def random_starts(case: ValidationCase, count: int, rng: np.random.Generator) ->
     """Starts anywhere within the grid's bounds, (count, p): alphas uniform up to their typical sizes, v_s even in its logarithm."""
     linear = rng.uniform(0.0, 1.0, (count, len(case.names) - 1)) * case.unknowns.scale[:-1]
     low, high = np.log(case.v_s_range)
-    v_s = np.exp(rng.uniform(low, high, (count, 1)))
-    return np.concatenate([linear, v_s], axis=1)
+    return np.concatenate([linear, np.exp(rng.uniform(low, high, (count, 1)))], axis=1)
 
 
 def plain(case: ValidationCase, torques: Array, count: int) -> Array:
@@ -147,8 +145,7 @@ def trf(case: ValidationCase) -> Local:
             return problem.residuals(unknowns.natural(x)) / top
 
         def jacobian(x: Array) -> Array:
-            slopes: Array = -problem.jacobian(unknowns.natural(x)) * unknowns.slopes(x) / top
-            return slopes
+            return np.asarray(-problem.jacobian(unknowns.natural(x)) * unknowns.slopes(x) / top)
 
         x0 = np.clip(_scaled(unknowns, start), lower, upper)
         tight = 1e-12  # so that it ends in a minimum and not before

@@ -28,8 +28,6 @@ _PARAMETERS = len(Lugre._fields)
 """For so many parameters figures have the height that they name; more take more."""
 _STAR: dict[str, Any] = {"marker": "*", "linestyle": "", "color": "white", "markeredgecolor": "black", "markersize": 9}
 """Where the motion is on the map."""
-_PERIODS = 2
-"""Of the motion, drawn over time."""
 LEAST = 1e-3
 """Shares below this are drawn as this."""
 _WIDTH = 0.36
@@ -78,8 +76,8 @@ def colours(count: int) -> list[str]:
 
 
 def in_view(study: SensitivityStudy) -> NDArray[np.intp]:
-    """The samples that are drawn vs time, by their places."""
-    return np.flatnonzero(study.local.time <= _PERIODS / study.motion.frequency)
+    """The samples that are drawn vs time, those of the motion's first two periods, by their places."""
+    return np.flatnonzero(study.local.time <= 2 / study.motion.frequency)
 
 
 def _starred(study: SensitivityStudy, name: str) -> str:

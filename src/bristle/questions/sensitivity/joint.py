@@ -92,23 +92,20 @@ def of_joint(
     identified = inertia_of(experiment, joint)
     J = identified or guessed_inertia(max(known.values(d)["alpha_0"] for d in directions), limits.acceleration)
     sets, estimates, assumed = [], dict[ParameterName, Estimate](), list[ParameterName]()
+    inertia = "" if identified else f" and a guessed inertia of {J:.2g} {unit('inertia', joint.kind)}"
+    guesses = {
+        "sigma_0": f"from a deflection of {DEFLECTION:g} of the travel",
+        "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}{inertia}",
+    }
     for d in directions:
-        filled, missing = known.filled(d, limits.travel, J), known.missing(d)
-        sets.append(filled)
+        sets.append(known.filled(d, limits.travel, J))
         own = d if len(directions) > 1 else Direction.BOTH
-        assumed += [ParameterName(name, own) for name in missing]
-        inertia = "" if identified else f" and a guessed inertia of {J:.2g} {unit('inertia', joint.kind)}"
-        guesses = {
-            "sigma_0": f"from a deflection of {DEFLECTION:g} of the travel",
-            "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}{inertia}",
-        }
-        for name in missing:
+        for name in known.missing(d):
             how = guesses.get(name, "as it was held in the fit")
-            guessed, value = ParameterName(name, own), getattr(filled, name)
-            message = (
-                f"{guessed}: not identifiable from these data; assumed {value:.3g} {unit(name, joint.kind)}, {how}."
-            )
+            guessed, value, si = ParameterName(name, own), getattr(sets[-1], name), unit(name, joint.kind)
+            message = f"{guessed}: not identifiable from these data; assumed {value:.3g} {si}, {how}."
             assumptions.append(Finding("bristle-assumed", CAUTION, message, {"name": guessed, "value": value}))
+            assumed.append(guessed)
         for parameter, e in known.estimates.items():
             if of_friction(parameter.name) and parameter.direction in (d, Direction.BOTH):
                 estimates[parameter if len(directions) > 1 else parameter._replace(direction=own)] = e
@@ -143,16 +140,13 @@ def of_gripper(
     for name in Lugre._fields:  # with the paper's value, and all else in proportion
         e, value = known.estimate(name, Direction.POSITIVE), getattr(p, name)
         if e is not None and e.value:
-            by = value / e.value
-            error, interval, systematic = e.standard_error, e.interval, e.systematic
+            by, error, ends, systematic = value / e.value, e.standard_error, e.interval, e.systematic
             e = replace(
-                e,
-                value=value,
-                standard_error=None if error is None else by * error,
-                interval=None if interval is None else (by * interval[0], by * interval[1]),
+                e, value=value, standard_error=None if error is None else by * error,
+                interval=None if ends is None else (by * ends[0], by * ends[1]),
                 systematic=None if systematic is None else by * systematic,
                 shifts={constant: by * shift for constant, shift in e.shifts.items()},
-            )
+            )  # fmt: skip  # a list of values
         if e is not None:
             estimates[ParameterName(name, Direction.BOTH)] = e
     friction = "Friction: gripper rotation (+) of Table 1, in both directions; the paper's own numbers."
@@ -160,13 +154,11 @@ def of_gripper(
         "Intervals: those of the embedded gripper, whose logs are SIMULATED from the same numbers, put about these "
         "numbers; the paper gives none."
     )
-    reference = (
-        "Reference: 1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion."
-    )
+    told = "1 rad at 0.5 Hz if no other is given, as in the adaptation's experiment; the paper names no motion."
     assumptions = (
         Finding("gripper-friction", NOTE, friction),
         Finding("gripper-intervals", CAUTION, intervals),
         Finding("gripper-noise", CAUTION, "Noise: of the same simulated logs."),
-        Finding("gripper-reference", CAUTION, reference),
+        Finding("gripper-reference", CAUTION, f"Reference: {told}"),
     )
     return KnownFriction(p, estimates, (), assumptions), moved, subject

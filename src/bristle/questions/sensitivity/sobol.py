@@ -43,13 +43,14 @@ from bristle.simulation.joint_loop import JointLoop
 if TYPE_CHECKING:
     import pandas as pd
 
-TRACKING = "RMS error of the simulated loop"
+Box = Mapping[ParameterName, tuple[float, float]]
+"""Intervals by name: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one."""
 _Quantity = Literal["torque", "position"]
 PERIODS, COUNTED = 2, 1
 """Of the reference in each closed loop, and how many of the last of them count; the error is then settled to 1 %."""
 _TICKS = 9_000_000
 """Control periods of all closed loops together, which bounds their samples: about half a minute."""
-_LEAST = 32
+LEAST = 32
 """Fewer samples tell nothing."""
 _LONGEST, _COARSE = 300_000, 0.02
 """A loop is not simulated over more control periods, nor where one of them is a larger share of the reference's period."""
@@ -150,12 +151,7 @@ class Global:
 
 
 def saltelli(spans: Sequence[Span], samples: int, seed: int) -> Array:
-    """Saltelli's sample of the box, (samples * (p + 2), p)."""
-    if samples < 2 or samples & (samples - 1) or seed < 0:
-        raise InputError(
-            f"got {samples} samples and seed {seed}; "
-            "expected a power of two, as 256 or 1024, and a seed of zero or more"
-        )
+    """Saltelli's sample of the box, (samples * (p + 2), p), of a power of two of samples."""
     shares = _salib().sample.sobol.sample(_problem(spans), samples, calc_second_order=False, seed=seed)
     return np.column_stack([span.at(share) for span, share in zip(spans, shares.T, strict=True)])
 
@@ -196,7 +192,7 @@ def _salib() -> Any:
 
 def global_sensitivity(
     p: Pair[float] | Lugre[float],
-    box: Mapping[ParameterName, tuple[float, float]],
+    box: Box,
     subject: JointLoop,
     *,
     samples: int = 1024,
@@ -211,18 +207,16 @@ def global_sensitivity(
 
     Args:
         p: the nominal parameters; those that are not in the box stay so.
-        box: intervals by name: `alpha_0` of both directions at once, `alpha_0+` and `alpha_0-` of one.
+        box: as `box_of` gives it.
         subject: whose loop and reference it is; its own friction is not used.
-        samples: a power of two, >= 32; of torque and breakaway.
+        samples: as `check_samples` has it; of torque and breakaway.
         seed: of the sampling and of the bootstrap, >= 0; the same seed gives the same result.
         progress: told of every batch.
 
-    Raises InputError where SALib is not installed, or the box or the samples cannot be used.
+    Raises InputError where SALib is not installed.
     """
     pair = Pair(p, p) if isinstance(p, Lugre) else p
     spans = ordered(box, pair.law)
-    if samples < _LEAST:
-        raise InputError(f"got {samples} samples; expected a power of two, at least {_LEAST}")
     points = saltelli(spans, samples, seed)
     loop_points = saltelli(spans, min(samples, _affordable(len(spans), _ticks(subject))), seed)
     tell = teller(progress, -(-len(points) // _ROWS) - (-len(loop_points) // _BATCH))
@@ -241,8 +235,8 @@ def global_sensitivity(
         run = simulate(LoopOptions(compensator=subject.compensator), cases, course, subject.period)
         return run.rms_error((PERIODS - COUNTED) / subject.frequency)
 
-    def tracking() -> Output:
-        """The loop's output; without indices where a plant drawn cannot be run, or its loop diverges."""
+    def tracking() -> Array | Finding:
+        """The loops' errors; why there are none where a plant drawn cannot be run, or its loop diverges."""
         how = f"the reference is at {subject.frequency:g} Hz, the control period {subject.period:g} s"
         try:
             if subject.frequency * subject.period > _COARSE:
@@ -253,32 +247,22 @@ def global_sensitivity(
                 )
             errors = _batched(error, loop_points, _BATCH)
         except InputError as refused:
-            why = Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
-            return Output(name=TRACKING, quantity="position", indices=None, reason=why)
-        diverged = int(np.count_nonzero(~(errors < 10 * subject.amplitude)))
-        if not diverged:
-            return _output(TRACKING, "position", spans, errors, seed)
-        message = (
-            f"The loop diverges with {diverged} of the {errors.size} plants drawn; narrow the box, or lower the gains."
-        )
-        why = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": errors.size})
-        return Output(name=TRACKING, quantity="position", indices=None, reason=why)
+            return Finding("plants-refused", CAUTION, f"Not every plant drawn can be run: {refused}.")
+        diverged, drawn = int(np.count_nonzero(~(errors < 10 * subject.amplitude))), errors.size
+        message = f"The loop diverges with {diverged} of the {drawn} plants drawn; narrow the box, or lower the gains."
+        lost = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": drawn})
+        return lost if diverged else errors
 
     # g(0) = alpha_0 + alpha_1, the limit of (9) where v goes to zero from above, N*m; the mean of both directions.
     drawn = joints_at(pair, spans, points)
     levels = [evaluate(functions.steady_torque_function(p.law), 1e-200, *p.stribeck)[0] for p in drawn]
     breakaways = np.asarray(np.mean(levels, axis=0))
-    return Global(
-        spans=spans,
-        outputs=(
-            _output("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
-            _output("breakaway torque", "torque", spans, breakaways, seed),
-            tracking(),
-        ),
-        amplitude=subject.amplitude,
-        frequency=subject.frequency,
-        seed=seed,
+    outputs = (
+        _output("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
+        _output("breakaway torque", "torque", spans, breakaways, seed),
+        _output("RMS error of the simulated loop", "position", spans, tracking(), seed),
     )
+    return Global(spans=spans, outputs=outputs, amplitude=subject.amplitude, frequency=subject.frequency, seed=seed)
 
 
 def _ticks(subject: JointLoop) -> int:
@@ -288,7 +272,7 @@ def _ticks(subject: JointLoop) -> int:
 
 def _affordable(parameters: int, ticks: int) -> int:
     """The largest power of two of samples whose loops together take no more than `_TICKS` control periods."""
-    most: int = max(_TICKS // ((parameters + 2) * ticks), _LEAST)
+    most: int = max(_TICKS // ((parameters + 2) * ticks), LEAST)
     return 1 << (most.bit_length() - 1)
 
 
@@ -296,42 +280,22 @@ def _batched(function: Callable[[Array], Array], points: Array, size: int) -> Ar
     return np.concatenate([function(points[first : first + size]) for first in range(0, len(points), size)])
 
 
-def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array, seed: int) -> Output:
-    """An output by its values at Saltelli's points."""
-    indices = analysed(spans, values, seed)
-    if indices.effects:
-        return Output(name=name, quantity=quantity, indices=indices)
-    why = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
-    return Output(name=name, quantity=quantity, indices=None, reason=why)
+def _output(name: str, quantity: _Quantity, spans: Sequence[Span], values: Array | Finding, seed: int) -> Output:
+    """An output by its values at Saltelli's points, or why there are none."""
+    if not isinstance(values, Finding):
+        indices = analysed(spans, values, seed)
+        if indices.effects:
+            return Output(name=name, quantity=quantity, indices=indices)
+        values = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
+    return Output(name=name, quantity=quantity, indices=None, reason=values)
 
 
-def spans_of(box: Mapping[ParameterName, tuple[float, float]]) -> tuple[Span, ...]:
-    """The intervals of a box, in its order. Raises InputError where it is empty or one of them is not an interval."""
-    if not box:
-        raise InputError("box is empty; expected at least one parameter with its interval")
-    for name, (low, high) in box.items():
-        if not (np.isfinite([low, high]).all() and low < high):
-            raise InputError(
-                f"box: {name}: got [{low:g}, {high:g}]; expected finite numbers, low < high: "
-                "leave out what is to stay as it is"
-            )
-    return tuple(Span(name, low, high, low > 0 and high > 10 * low) for name, (low, high) in box.items())
-
-
-def ordered(box: Mapping[ParameterName, tuple[float, float]], law: Law) -> tuple[Span, ...]:
-    """The intervals in the order of the law's tuple, on which the samples depend. Raises InputError where a name or an interval cannot be."""
+def ordered(box: Box, law: Law) -> tuple[Span, ...]:
+    """The intervals in the order of the law's tuple, on which the samples depend."""
     directions = (Direction.BOTH, Direction.POSITIVE, Direction.NEGATIVE)
     known = [ParameterName(name, d) for name in estimated_of(law) for d in directions]
-    for name, (low, _) in box.items():
-        whole = name._replace(direction=Direction.BOTH)
-        if name not in known or (name != whole and whole in box):
-            raise InputError(
-                f"box: got {str(name)!r} among {', '.join(map(str, box))}; expected {', '.join(estimated_of(law))}, "
-                "each for both directions, or with + and - for one"
-            )
-        if not is_possible(name.name, low):
-            raise InputError(f"box: {name}: got a low end of {low:g}; expected a physical value, not below zero")
-    return spans_of({name: box[name] for name in known if name in box})
+    ends = [(name, *box[name]) for name in known if name in box]
+    return tuple(Span(name, low, high, low > 0 and high > 10 * low) for name, low, high in ends)
 
 
 def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[Array]:
@@ -339,22 +303,16 @@ def joints_at(pair: Pair[float], spans: Sequence[Span], points: Array) -> Pair[A
     drawn = {span.parameter: column for span, column in zip(spans, points.T, strict=True)}
     sets = []
     for d, p in zip("+-", pair, strict=True):
-        own = {name: in_direction(drawn, name, d) for name in p._fields}
-        sets.append(
-            lugre_of(pair.law)(*(np.full(len(points), getattr(p, n)) if x is None else x for n, x in own.items()))
-        )
+        own = ((value, in_direction(drawn, name, d)) for name, value in p._asdict().items())
+        sets.append(lugre_of(pair.law)(*(np.full(len(points), value) if x is None else x for value, x in own)))
     return Pair(*sets)
 
 
-def box_of(
-    estimates: Mapping[ParameterName, Estimate],
-) -> tuple[dict[ParameterName, tuple[float, float]], tuple[Finding, ...]]:
+def box_of(estimates: Mapping[ParameterName, Estimate]) -> tuple[Box, tuple[Finding, ...]]:
     """The 95 % intervals of the estimated friction parameters; a finding on each that is not finite, or is cut at its physical bound."""
-    box: dict[ParameterName, tuple[float, float]] = {}
-    notes = []
+    box, notes = dict[ParameterName, tuple[float, float]](), []
     for name, e in estimates.items():
-        bare = name.name
-        least = least_of(bare)
+        bare, least = name.name, least_of(name.name)
         if not of_friction(bare) or bare == FASTEST or e.value is None:
             continue
         if e.interval is None or not np.isfinite(e.interval).all() or not max(e.interval[0], least) < e.interval[1]:
@@ -364,9 +322,7 @@ def box_of(
         low, high = e.interval
         if not is_possible(bare, low):
             low = 0.01 * min(e.value, high) if is_positive(bare) else least
-            message = (
-                f"{name}: its interval includes impossible values; it is drawn from {low:.3g} {e.unit} up (assumed)."
-            )
-            notes.append(Finding("box-cut", CAUTION, message, {"name": name, "low": low}))
+            cut = f"{name}: its interval includes impossible values; it is drawn from {low:.3g} {e.unit} up (assumed)."
+            notes.append(Finding("box-cut", CAUTION, cut, {"name": name, "low": low}))
         box[name] = (low, high)
     return box, tuple(notes)

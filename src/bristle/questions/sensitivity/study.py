@@ -22,7 +22,7 @@ from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import KnownFriction
 from bristle.questions.sensitivity.local import Local, Map, SineMotion, claimed, grid, local, ranked, sensitivity_map
-from bristle.questions.sensitivity.sobol import Global, box_of, global_sensitivity
+from bristle.questions.sensitivity.sobol import LEAST, Box, Global, box_of, global_sensitivity
 from bristle.simulation.joint_loop import JointLoop
 
 if TYPE_CHECKING:
@@ -31,12 +31,10 @@ if TYPE_CHECKING:
 SAMPLES = 1024
 """Of the Sobol indices, if no other number is given."""
 SEED = 0
-_FEWEST, _MOST = 32, 2**17
-"""Samples of the Sobol indices; with the most of them a joint of six parameters takes some minutes."""
+_MOST = 2**17
+"""Samples of the Sobol indices, with which a joint of six parameters takes some minutes."""
 _NOISE = 0.05
 """Where no moving run tells the noise: this share of alpha_0, white, at 1 kHz."""
-
-
 _NAMED = 3
 """Parameters whose shares a sentence names."""
 _SMALL_INDEX = 0.05
@@ -87,7 +85,7 @@ class SensitivityStudy:
     """Whether what is known of the joint comes from simulated data."""
     model: KnownFriction
     motion: SineMotion
-    box: Mapping[ParameterName, tuple[float, float]]
+    box: Box
     """The parameters' 95 % intervals, by name."""
     local: Local
     settled: Array
@@ -118,10 +116,9 @@ class SensitivityStudy:
 
 def check_samples(samples: int) -> None:
     """Raises InputError where so many samples cannot be drawn; 0 is no Sobol indices at all."""
-    if samples and (not _FEWEST <= samples <= _MOST or samples & (samples - 1)):
+    if samples and (not LEAST <= samples <= _MOST or samples & (samples - 1)):
         raise InputError(
-            f"samples: got {samples}; expected a power of two from {_FEWEST} to {_MOST}, "
-            "or 0 to leave the Sobol indices out"
+            f"samples: got {samples}; expected a power of two from {LEAST} to {_MOST}, or 0 to leave the Sobol indices out"
         )
 
 
@@ -138,10 +135,7 @@ def study_sensitivity(
         request: friction model, motion, and the loop or the sentence why there is none, as `of_joint` gives them.
         samples: of the Sobol indices, as `check_samples` has it.
         progress: told of every step.
-
-    Raises InputError where so many samples cannot be drawn.
     """
-    check_samples(samples)
     model, motion, loop = request
     tell = teller(progress, 3)
     tell("derivatives along the motion")
@@ -152,13 +146,13 @@ def study_sensitivity(
     tell("information")
     expected = (_motion_tells(joint, model, motion), _constant_velocities_tell(joint))
     sobol, written, left_out = None, None, list[Finding]()
-    along = loop if isinstance(loop, str) else replace(loop, amplitude=motion.amplitude, frequency=motion.frequency)
     if not samples:
         left_out.append(Finding("sobol-not-asked", NOTE, "Sobol indices were not asked for (samples: 0)."))
     else:
         try:
-            if isinstance(along, str) or not box:
-                raise InputError(along if isinstance(along, str) else "no parameter has a finite interval")
+            if isinstance(loop, str) or not box:
+                raise InputError(loop if isinstance(loop, str) else "no parameter has a finite interval")
+            along = replace(loop, amplitude=motion.amplitude, frequency=motion.frequency)
             sobol = global_sensitivity(model.p, box, along, samples=samples, seed=SEED, progress=progress)
         except InputError as why:
             left_out.append(Finding("no-sobol", NOTE, f"No Sobol indices: {why}."))
@@ -234,14 +228,11 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
     directions = [Direction.BOTH] if len(sets) == 1 else list(map(Direction, sets))
     static = static_estimated_of(joint.law)
     names = tuple(ParameterName(name, d) for d in directions for name in static)
-    matrix = np.zeros((len(names), len(names)))
-    errors: dict[ParameterName, float] = {}
-    held: list[ParameterName] = []
+    matrix, errors, held = np.zeros((len(names), len(names))), dict[ParameterName, float](), list[ParameterName]()
     for k, (d, p) in enumerate(sets.items()):
         fit, block = fits[d], slice(len(static) * k, len(static) * (k + 1))
-        scatter = float(
-            np.sqrt(fit.residuals @ fit.residuals / max(fit.degrees_of_freedom or fit.n - len(fit.names), 1))
-        )
+        free = max(fit.degrees_of_freedom or fit.n - len(fit.names), 1)
+        scatter = float(np.sqrt(fit.residuals @ fit.residuals / free))
         matrix[block, block] = static_information(fit.velocity, p, scatter)
         estimates = dict(zip(names[block], map(fit.parameters.get, static), strict=True))
         errors |= {name: e.standard_error for name, e in estimates.items() if e is not None and e.standard_error}
@@ -316,9 +307,8 @@ def _listed(shares: dict[str, float]) -> str:
 
 def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
     """Each output's parameters by their share of its variance, then what was drawn and what is not in it."""
-    spans = ", ".join(
-        f"{s.parameter} [{s.low:.3g}, {s.high:.3g}]{' (log-uniform)' if s.logarithmic else ''}" for s in sobol.spans
-    )
+    how = (f"{s.parameter} [{s.low:.3g}, {s.high:.3g}]{' (log-uniform)' * s.logarithmic}" for s in sobol.spans)
+    spans = ", ".join(how)
     drawn = (
         "Parameters are drawn uniformly unless stated otherwise, and independently, although those of a fit are "
         f"correlated: {spans}. Seed {sobol.seed}."
