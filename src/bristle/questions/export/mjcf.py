@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from bristle.errors import InputError, one_line, short
-from bristle.findings import Finding
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import shortened
@@ -19,17 +18,12 @@ from bristle.questions.export.artefact import (
     Request,
     large_losses,
     left_out,
+    notes,
     slug,
     without_inertia,
 )
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import (
-    Loss,
-    all_motions,
-    losses,
-    told,
-)
-from bristle.questions.export.notes import notes
+from bristle.questions.export.loss import Loss, all_motions, losses, told
 from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
 
@@ -37,8 +31,6 @@ NAME = "mujoco"
 STEP = 0.002
 """Time step of the example, s."""
 _NO_SPRING = "0 0"
-_LEAST_STEP = 1e-5
-"""Of the example, s."""
 _HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
 _CLOSEST = "its peak is Gaussian and its viscous friction linear, the closest to another law of the joint"
 
@@ -69,7 +61,10 @@ def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
         content=content,
         holds="; ".join(holds),
         losses=lost,
-        said=(*large_losses(NAME, lost), *(x for joint in joints for x in mjcf_left_out(joint, NAME))),
+        said=(
+            *large_losses(NAME, lost),
+            *(x for joint in joints for x in (*left_out(joint, NAME), *without_inertia([joint]))),
+        ),
     )
 
 
@@ -81,12 +76,6 @@ def mjcf_held(joint: ExportedJoint, request: Request) -> MjcfHeld:
     return MjcfHeld(
         joint, losses(joint, alone.friction, motions), symmetric, losses(joint, symmetric.friction, motions)
     )
-
-
-def mjcf_left_out(joint: ExportedJoint, target: str) -> Iterator[Finding]:
-    """What is identified and not exported, and that no inertia is known."""
-    yield from left_out(joint, target)
-    yield from without_inertia([joint])
 
 
 def mjcf_actuators(held: MjcfHeld) -> str:
@@ -112,7 +101,10 @@ def own_actuator(name: str) -> str:
 
 def _comment(held: MjcfHeld) -> str:
     joint, (p, bias) = held.joint, held.symmetric
-    torque = unit("torque", joint.kind)
+    torque, largest = unit("torque", joint.kind), _largest_step(held.symmetric)
+    step = "Without damping MuJoCo's bristle oscillates in stick at any time step."
+    if largest:
+        step = f"Keep the time step well below {largest:.2g} s: above it MuJoCo's bristle oscillates in stick."
     lines = [
         *map(one_line, notes(joint, held.lost)),
         f"Held here: one LuGre set for both directions, sigma_0 {p.sigma_0:.4g}, sigma_1 {p.sigma_1:.4g}, alpha_0 {p.alpha_0:.4g}, "
@@ -120,19 +112,12 @@ def _comment(held: MjcfHeld) -> str:
         *(() if joint.law == GAUSSIAN else (f"Of the set: {_CLOSEST}.",)),
         f"Without the bias, the best set has: {told(held.alone, joint)}.",
         "Both directions, exactly: bristle.mujoco.Friction, in a Python simulation.",
-        _step_line(held.symmetric),
+        step,
         "Leave ctrl of these actuators at 0.",
         "saturation and gear keep defaults of the model from cutting or scaling the friction.",
         *mjcf_joint_lines(joint),
     ]
     return comment("\n".join(lines) + "\n")
-
-
-def _step_line(held: SymmetricSet) -> str:
-    largest = _largest_step(held)
-    if not largest:
-        return "Without damping MuJoCo's bristle oscillates in stick at any time step."
-    return f"Keep the time step well below {largest:.2g} s: above it MuJoCo's bristle oscillates in stick."
 
 
 def _largest_step(held: SymmetricSet) -> float:
@@ -148,24 +133,20 @@ def _largest_step(held: SymmetricSet) -> float:
 def mjcf_joint_lines(joint: ExportedJoint) -> Iterator[str]:
     """Lines for a comment: what was written into the joint itself."""
     yield "damping and frictionloss of the joint itself are set here, so that friction does not count twice."
-    if joint.rotor_inertia is None:
-        yield "No inertia is known: armature is not set."
-    elif joint.rotor_inertia != joint.inertia:
-        yield f"armature {joint.rotor_inertia:.4g} {unit('inertia', joint.kind)} is the rotor's inertia, without the links."
-    else:
-        yield (
-            f"armature {joint.rotor_inertia:.4g} {unit('inertia', joint.kind)} is all that the joint was seen to accelerate; "
-            "where the bodies of the model hold a part of it as well, subtract that part."
-        )
+    J, rest = joint.rotor_inertia, "the rotor's inertia, without the links."
+    if joint.inertia == J:
+        rest = "all that the joint was seen to accelerate; where the bodies of the model hold a part of it as well, subtract that part."
+    yield (
+        "No inertia is known: armature is not set."
+        if J is None
+        else f"armature {J:.4g} {unit('inertia', joint.kind)} is {rest}"
+    )
 
 
-def _joint_attributes(joint: ExportedJoint) -> dict[str, str]:
-    return {**mjcf_armature(joint), "damping": "0 0 0", "frictionloss": "0", "springdamper": _NO_SPRING}
-
-
-def mjcf_armature(joint: ExportedJoint) -> dict[str, str]:
-    """The attribute, where an inertia is known."""
-    return {} if joint.rotor_inertia is None else {"armature": repr(joint.rotor_inertia)}
+def mjcf_attributes(joint: ExportedJoint, damping: str = "0 0 0", frictionloss: str = "0") -> dict[str, str]:
+    """Those of the joint itself; its armature where an inertia is known."""
+    armature = {} if joint.rotor_inertia is None else {"armature": repr(joint.rotor_inertia)}
+    return {**armature, "damping": damping, "frictionloss": frictionloss, "springdamper": _NO_SPRING}
 
 
 _Block = tuple[ExportedJoint, str, str]
@@ -174,8 +155,8 @@ _Block = tuple[ExportedJoint, str, str]
 
 def mjcf_example(found: Sequence[MjcfHeld], blocks: Sequence[_Block]) -> bytes:
     """A whole small model with each joint."""
-    step = max(_LEAST_STEP, min(STEP, *(_largest_step(one.symmetric) / 2 for one in found)))
-    bodies = [mjcf_example_body(joint, _joint_attributes(joint)) for joint, _, _ in blocks]
+    step = max(1e-5, min(STEP, *(_largest_step(one.symmetric) / 2 for one in found)))
+    bodies = [mjcf_example_body(joint, mjcf_attributes(joint)) for joint, _, _ in blocks]
     actuators = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
     return mjcf_example_model(bodies, step, f"<actuator>\n{_indented(actuators)}\n</actuator>")
 
@@ -210,7 +191,7 @@ def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     document = mjcf_read(request)
     actuators = [x for x in document.root.children if x.tag == "actuator"]
     for joint, _, _ in blocks:
-        document.set_attributes(mjcf_joint(document, joint), _joint_attributes(joint))
+        document.set_attributes(mjcf_joint(document, joint), mjcf_attributes(joint))
     text = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
     if actuators:
         document.insert_last(actuators[0], text)
@@ -232,30 +213,24 @@ def mjcf_joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
     own = own_actuator(joint.name)
     actuators = [x for section in document.root.children if section.tag == "actuator" for x in section.children]
     if {x.attributes.get("name") for x in actuators} & {own, f"{own} bias"}:
-        raise InputError(
-            f"{document.what}: has an actuator {short(own)} already, which holds this joint's friction; merge into the model as it was before"
-        )
+        held = f"{document.what}: has an actuator {short(own)} already, which holds this joint's friction"
+        raise InputError(f"{held}; merge into the model as it was before")
     there = [x for world in document.root.children if world.tag == "worldbody" for x in world.find_all("joint")]
     found = joint_named(document.what, there, joint.name, "give one in <worldbody> this name; ")
-    kind = "slide" if slides(joint.kind) else "hinge"
+    kind, where = (
+        "slide" if slides(joint.kind) else "hinge",
+        f"{document.what}, line {found.line}: joint {short(joint.name)}",
+    )
     by_class = any("type" in x.attributes for d in document.root.find_all("default") for x in d.find_all("joint"))
     if by_class and "type" not in found.attributes:
-        raise InputError(
-            f"{document.what}, line {found.line}: joint {short(joint.name)} may get its type from a default class; write type on the joint itself"
-        )
+        raise InputError(f"{where} may get its type from a default class; write type on the joint itself")
     if (got := found.attributes.get("type", "hinge")) != kind:
-        raise InputError(
-            f"{document.what}, line {found.line}: joint {short(joint.name)} is of type {short(got)}; expected {kind}"
-        )
+        raise InputError(f"{where} is of type {short(got)}; expected {kind}")
     if "actuatorfrcrange" in found.attributes:
-        raise InputError(
-            f"{document.what}, line {found.line}: joint {short(joint.name)} has actuatorfrcrange, which would cut the friction too; "
-            "limit the motor's own forcerange instead"
-        )
+        cuts = "has actuatorfrcrange, which would cut the friction too"
+        raise InputError(f"{where} {cuts}; limit the motor's own forcerange instead")
     if found.attributes.get("springdamper", _NO_SPRING) != _NO_SPRING:
-        raise InputError(
-            f"{document.what}, line {found.line}: joint {short(joint.name)} has springdamper, which makes a damping; give stiffness instead"
-        )
+        raise InputError(f"{where} has springdamper, which makes a damping; give stiffness instead")
     return found
 
 

@@ -5,13 +5,14 @@ dry friction is a soft constraint: near standstill it is steep and viscous, so t
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug, without_inertia
-from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, losses_of, said_of
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, without_inertia
+from bristle.questions.export.coulomb_viscous import CoulombViscous, artefact_of, best_values, comment_lines
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.mjcf import (
     STEP,
-    mjcf_armature,
+    mjcf_attributes,
     mjcf_example_body,
     mjcf_example_model,
     mjcf_joint,
@@ -30,22 +31,21 @@ def write_frictionloss(joints: Sequence[ExportedJoint], request: Request) -> Art
     Raises InputError where a joint's torque is a current, or the file that is merged into is no MJCF or lacks the joint.
     """
     found = best_values(joints, request, NAME)
-    return Artefact(
-        name=f"{slug(joints)}_frictionloss.xml",
-        content=frictionloss_example(found) if request.into is None else _merged(found, request),
-        holds=_HOLDS,
-        losses=losses_of(found),
-        said=(*said_of(found, NAME), *without_inertia(joints)),
-    )
+    if request.into is None:
+        content = frictionloss_example(found)
+    else:
+        document = mjcf_read(request)
+        for one in found:
+            joint = mjcf_joint(document, one.joint)
+            document.set_attributes(joint, _attributes(one))
+            document.annotate(joint, _note(one))
+        content = document.written()
+    artefact = artefact_of(found, NAME, "_frictionloss.xml", content, _HOLDS)
+    return replace(artefact, said=(*artefact.said, *without_inertia(joints)))
 
 
 def _attributes(one: CoulombViscous) -> dict[str, str]:
-    return {
-        **mjcf_armature(one.joint),
-        "damping": f"{one.viscous!r} 0 0",
-        "frictionloss": repr(one.coulomb),
-        "springdamper": "0 0",
-    }
+    return mjcf_attributes(one.joint, damping=f"{one.viscous!r} 0 0", frictionloss=repr(one.coulomb))
 
 
 def _note(one: CoulombViscous) -> str:
@@ -56,15 +56,6 @@ def frictionloss_example(found: Sequence[CoulombViscous]) -> bytes:
     """A whole small model with each joint."""
     bodies = [f"{comment(_note(one))}\n{mjcf_example_body(one.joint, _attributes(one))}" for one in found]
     return mjcf_example_model(bodies, STEP)
-
-
-def _merged(found: Sequence[CoulombViscous], request: Request) -> bytes:
-    document = mjcf_read(request)
-    for one in found:
-        joint = mjcf_joint(document, one.joint)
-        document.set_attributes(joint, _attributes(one))
-        document.annotate(joint, _note(one))
-    return document.written()
 
 
 TARGET = ExportTarget(fitted=True, write=write_frictionloss, merges=True)
