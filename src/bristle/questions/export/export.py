@@ -16,7 +16,7 @@ from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import told
 
 _PLACES = {
-    "c": "c_header.TARGET", "mujoco": "mjcf.TARGET", "mujoco-frictionloss": "mjcf_frictionloss.TARGET", "fmu": "fmu.TARGET",
+    "c": "c_header.TARGET", "mujoco": "mjcf.TARGET", "mujoco-frictionloss": "mjcf.FRICTIONLOSS", "fmu": "fmu.TARGET",
     "urdf": "axes.URDF", "sdf": "axes.SDF", "isaac": "isaac.TARGET", "json": "json_document.TARGET", "matlab": "matlab.TARGET",
     "latex": "latex.TARGET",
 }  # fmt: skip  # a table

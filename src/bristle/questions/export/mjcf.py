@@ -1,11 +1,17 @@
-"""MuJoCo: one LuGre set for both directions and a constant bias, as actuators of a joint, by themselves or merged into a given MJCF.
+"""MuJoCo: one LuGre set for both directions and a constant bias, as actuators of a joint, or frictionloss and damping of the joint itself.
+
+By themselves, or merged into a given MJCF.
 
 `<dcmotor lugre=...>` is LuGre exactly in continuous time; MuJoCo steps its bristle by the exact exponential at the
 velocity that the step begins with, which is of first order. Without a voltage, and with a motor constant of 1e-9,
 nothing of the motor is left (MuJoCo 3.7.0 to 4.0.0 take it so; with the real constant its back-EMF would brake).
+
+Without LuGre a joint has Coulomb friction, N*m, and damping, N*m*s/rad, in any version of MuJoCo (N and N*s/m where it slides).
+MuJoCo's dry friction is a soft constraint: near standstill it is steep and viscous, so that a joint creeps where it should stick.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from bristle.errors import InputError, one_line, short
@@ -22,16 +28,18 @@ from bristle.questions.export.artefact import (
     slug,
     without_inertia,
 )
+from bristle.questions.export.coulomb_viscous import CoulombViscous, artefact_of, best_values, comment_lines
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, all_motions, losses, told
 from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
 
-NAME = "mujoco"
+NAME, FRICTIONLOSS_NAME = "mujoco", "mujoco-frictionloss"
 STEP = 0.002
 """Time step of the example, s."""
 _NO_SPRING = "0 0"
 _HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
+_HOLDS_FRICTIONLOSS = "Coulomb friction and damping, the same in both directions, as <joint frictionloss damping>; no Stribeck peak and no presliding"
 _CLOSEST = "its peak is Gaussian and its viscous friction linear, the closest to another law of the joint"
 
 
@@ -115,7 +123,7 @@ def _comment(held: MjcfHeld) -> str:
         step,
         "Leave ctrl of these actuators at 0.",
         "saturation and gear keep defaults of the model from cutting or scaling the friction.",
-        *mjcf_joint_lines(joint),
+        *_joint_lines(joint),
     ]
     return comment("\n".join(lines) + "\n")
 
@@ -130,7 +138,7 @@ def _largest_step(held: SymmetricSet) -> float:
     return (p.sigma_1 + p.alpha_2) / p.sigma_0
 
 
-def mjcf_joint_lines(joint: ExportedJoint) -> Iterator[str]:
+def _joint_lines(joint: ExportedJoint) -> Iterator[str]:
     """Lines for a comment: what was written into the joint itself."""
     yield "damping and frictionloss of the joint itself are set here, so that friction does not count twice."
     J, rest = joint.rotor_inertia, "the rotor's inertia, without the links."
@@ -143,7 +151,7 @@ def mjcf_joint_lines(joint: ExportedJoint) -> Iterator[str]:
     )
 
 
-def mjcf_attributes(joint: ExportedJoint, damping: str = "0 0 0", frictionloss: str = "0") -> dict[str, str]:
+def _attributes(joint: ExportedJoint, damping: str = "0 0 0", frictionloss: str = "0") -> dict[str, str]:
     """Those of the joint itself; its armature where an inertia is known."""
     armature = {} if joint.rotor_inertia is None else {"armature": repr(joint.rotor_inertia)}
     return {**armature, "damping": damping, "frictionloss": frictionloss, "springdamper": _NO_SPRING}
@@ -156,12 +164,12 @@ _Block = tuple[ExportedJoint, str, str]
 def mjcf_example(found: Sequence[MjcfHeld], blocks: Sequence[_Block]) -> bytes:
     """A whole small model with each joint."""
     step = max(1e-5, min(STEP, *(_largest_step(one.symmetric) / 2 for one in found)))
-    bodies = [mjcf_example_body(joint, mjcf_attributes(joint)) for joint, _, _ in blocks]
+    bodies = [_example_body(joint, _attributes(joint)) for joint, _, _ in blocks]
     actuators = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
-    return mjcf_example_model(bodies, step, f"<actuator>\n{_indented(actuators)}\n</actuator>")
+    return _example_model(bodies, step, f"<actuator>\n{_indented(actuators)}\n</actuator>")
 
 
-def mjcf_example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
+def _example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
     """A body that hangs on one joint: next to no inertia of its own, or 1 where none is known."""
     own = "1" if joint.rotor_inertia is None else "1e-9"
     kind = "slide" if slides(joint.kind) else "hinge"
@@ -172,7 +180,7 @@ def mjcf_example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> st
     )
 
 
-def mjcf_example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
+def _example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
     """A model that MuJoCo loads as it is; its bodies are an example, its joints and actuators are to be copied."""
     note = comment("An example: copy the attributes of each joint, and what stands beside, into your own model.")
     inner = (
@@ -188,10 +196,10 @@ def _indented(text: str) -> str:
 
 def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     """The given model with the joints' friction."""
-    document = mjcf_read(request)
+    document = _read(request)
     actuators = [x for x in document.root.children if x.tag == "actuator"]
     for joint, _, _ in blocks:
-        document.set_attributes(mjcf_joint(document, joint), mjcf_attributes(joint))
+        document.set_attributes(_joint(document, joint), _attributes(joint))
     text = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
     if actuators:
         document.insert_last(actuators[0], text)
@@ -200,7 +208,7 @@ def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     return document.written()
 
 
-def mjcf_read(request: Request) -> XmlDocument:
+def _read(request: Request) -> XmlDocument:
     """The model to merge into. Raises InputError where it is no MJCF."""
     document = XmlDocument.read(request.into or b"", request.into_name or "into")
     if document.root.tag != "mujoco":
@@ -208,7 +216,7 @@ def mjcf_read(request: Request) -> XmlDocument:
     return document
 
 
-def mjcf_joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
+def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
     """The joint of that name in <worldbody>. Raises InputError where it is not there once, or cannot take the friction."""
     own = own_actuator(joint.name)
     actuators = [x for section in document.root.children if section.tag == "actuator" for x in section.children]
@@ -217,10 +225,8 @@ def mjcf_joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
         raise InputError(f"{held}; merge into the model as it was before")
     there = [x for world in document.root.children if world.tag == "worldbody" for x in world.find_all("joint")]
     found = joint_named(document.what, there, joint.name, "give one in <worldbody> this name; ")
-    kind, where = (
-        "slide" if slides(joint.kind) else "hinge",
-        f"{document.what}, line {found.line}: joint {short(joint.name)}",
-    )
+    kind = "slide" if slides(joint.kind) else "hinge"
+    where = f"{document.what}, line {found.line}: joint {short(joint.name)}"
     by_class = any("type" in x.attributes for d in document.root.find_all("default") for x in d.find_all("joint"))
     if by_class and "type" not in found.attributes:
         raise InputError(f"{where} may get its type from a default class; write type on the joint itself")
@@ -234,4 +240,38 @@ def mjcf_joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
     return found
 
 
+def write_frictionloss(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
+    """The best values along the motion that is asked for.
+
+    Raises InputError where a joint's torque is a current, or the file that is merged into is no MJCF or lacks the joint.
+    """
+    found = best_values(joints, request, FRICTIONLOSS_NAME)
+    if request.into is None:
+        content = frictionloss_example(found)
+    else:
+        document = _read(request)
+        for one in found:
+            joint = _joint(document, one.joint)
+            document.set_attributes(joint, _own_attributes(one))
+            document.annotate(joint, _note(one))
+        content = document.written()
+    artefact = artefact_of(found, FRICTIONLOSS_NAME, "_frictionloss.xml", content, _HOLDS_FRICTIONLOSS)
+    return replace(artefact, said=(*artefact.said, *without_inertia(joints)))
+
+
+def _own_attributes(one: CoulombViscous) -> dict[str, str]:
+    return _attributes(one.joint, damping=f"{one.viscous!r} 0 0", frictionloss=repr(one.coulomb))
+
+
+def _note(one: CoulombViscous) -> str:
+    return "\n".join((*comment_lines(one, _HOLDS_FRICTIONLOSS), *_joint_lines(one.joint)))
+
+
+def frictionloss_example(found: Sequence[CoulombViscous]) -> bytes:
+    """A whole small model with each joint."""
+    bodies = [f"{comment(_note(one))}\n{_example_body(one.joint, _own_attributes(one))}" for one in found]
+    return _example_model(bodies, STEP)
+
+
 TARGET = ExportTarget(fitted=True, write=write_mjcf, merges=True)
+FRICTIONLOSS = ExportTarget(fitted=True, write=write_frictionloss, merges=True)
