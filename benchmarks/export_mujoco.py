@@ -31,7 +31,7 @@ import bristle
 from bristle.arrays import Array
 from bristle.model.parameters import Pair
 from bristle.mujoco import Friction
-from bristle.questions.export import mjcf_frictionloss
+from bristle.questions.export import mjcf
 from bristle.questions.export.artefact import Request
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
 from bristle.questions.export.loss import (
@@ -158,7 +158,7 @@ def fall_backs(joint: ExportedJoint) -> Iterator[str]:
     bent = np.mean([(p.alpha_0 + p.alpha_1) / p.sigma_0 for p in joint.pair])
     sines = [StatedMotion("", float(a), FREQUENCY) for a in (1.0, 0.1, 0.02, bent / 2)]
     yield f"  {'amplitude, rad':32}" + "".join(f"{x.amplitude:>9.3g}" for x in sines)
-    artefact = mjcf_frictionloss.TARGET.write([joint], Request())
+    artefact = mjcf.FRICTIONLOSS.write([joint], Request())
     compiled = mujoco.MjModel.from_xml_string(artefact.content.decode())
     played = (frictionloss_played(mujoco, compiled, joint, x) for x in sines)
     true = [at_steps(friction_of(joint), x) for x in sines]

@@ -13,7 +13,7 @@ import pytest
 import bristle
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.questions.export.targets import TARGETS
+from bristle.questions.export.export import TARGETS
 
 from .conftest import run
 from .fuzz.inputs import logs

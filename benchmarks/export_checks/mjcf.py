@@ -14,9 +14,16 @@ from bristle.questions.export.artefact import Artefact, Request
 from bristle.questions.export.coulomb_viscous import best_values
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
 from bristle.questions.export.loss import Friction, StatedMotion, all_motions, coulomb_viscous, friction_of, rms_percent
-from bristle.questions.export.mjcf import STEP, MjcfHeld, mjcf_actuators, mjcf_example, mjcf_held, own_actuator
-from bristle.questions.export.mjcf_frictionloss import NAME as FRICTIONLOSS
-from bristle.questions.export.mjcf_frictionloss import frictionloss_example
+from bristle.questions.export.mjcf import (
+    FRICTIONLOSS_NAME,
+    STEP,
+    MjcfHeld,
+    frictionloss_example,
+    mjcf_actuators,
+    mjcf_example,
+    mjcf_held,
+    own_actuator,
+)
 from bristle.questions.export.xml_edit import as_read
 from bristle.simulation.references import Sine
 from export_checks.common import NotInstalled
@@ -136,7 +143,7 @@ def _played(mujoco: Any, model: Any, held: MjcfHeld, motion: StatedMotion) -> Ar
 def check_frictionloss(artefact: Artefact, joints: Sequence[ExportedJoint], request: Request) -> tuple[str, ...]:
     """Each joint along imposed motions: MuJoCo's inverse dynamics against what it holds, and against the joint."""
     mujoco = mjcf_mujoco((2, 1))
-    found = best_values(joints, request, FRICTIONLOSS)
+    found = best_values(joints, request, FRICTIONLOSS_NAME)
     model, lines = mjcf_model(mujoco, artefact.content, None if request.into is None else frictionloss_example(found))
     for one in found:
         held = coulomb_viscous(one.coulomb, one.viscous)

@@ -17,9 +17,8 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.verdict import Trust
 from bristle.model.parameters import Direction, Kind, Lugre, ParameterName, unit
 from bristle.questions.export.artefact import Artefact, Request
-from bristle.questions.export.document_schema import as_json, export_schema, joints_in
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin
-from bristle.questions.export.json_document import read_export, write_json
+from bristle.questions.export.json_document import as_json, export_schema, joints_in, read_export, write_json
 from bristle.questions.export.latex import latex_text, write_latex
 from bristle.questions.export.matlab import write_matlab
 from export_checks.common import NotInstalled

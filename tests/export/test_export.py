@@ -14,20 +14,19 @@ import bristle
 from bristle.identification.known_joint import chosen
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, Stribeck
 from bristle.questions.export.artefact import Request, large_losses
-from bristle.questions.export.export import export_joints
+from bristle.questions.export.export import TARGETS, export_joints, target
 from bristle.questions.export.exported import Origin, exported
 from bristle.questions.export.loss import (
     Loss,
     StatedMotion,
+    all_motions,
     best_coulomb_viscous,
     coulomb_viscous,
-    declared_motion,
     friction_of,
     losses,
     lugre,
     stated_motions,
 )
-from bristle.questions.export.targets import TARGETS, target
 
 from ..conftest import FEW, run, speeds, write
 from .conftest import RESULTS, Handed
@@ -235,7 +234,7 @@ def test_intervals_that_hold_zero_are_said(points: Path) -> None:
 def test_the_loss_is_its_formula(handed: Handed) -> None:
     """100 rms(difference) / rms(torque) over the last period; nothing of the joint's own friction, all of none at all."""
     joint = handed("wrist pitch")
-    motions = [declared_motion(joint), *stated_motions(joint)]
+    motions = all_motions(joint)
     assert [x.percent for x in losses(joint, lugre(joint.pair), motions)] == [0.0] * 4
     assert [x.percent for x in losses(joint, coulomb_viscous(0.0, 0.0), motions)] == [100.0] * 4
     one = Pair(joint.pair.positive, joint.pair.positive)
@@ -251,7 +250,7 @@ def test_v_abs_v_counts(handed: Handed) -> None:
     joint = handed("wrist pitch")
     row = replace(joint.parameters[-1], parameter=ParameterName("quadratic", Direction.SHARED), value=0.05)
     dragged = replace(joint, parameters=(*joint.parameters, row))
-    motion = declared_motion(joint)
+    motion, *_ = all_motions(joint)
     assert best_coulomb_viscous(dragged, motion)[1] > best_coulomb_viscous(joint, motion)[1]
     (loss,) = losses(dragged, lugre(joint.pair), [motion])
     assert loss.percent > 1

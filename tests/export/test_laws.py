@@ -23,13 +23,13 @@ from bristle.model.vectorize import evaluate
 from bristle.questions.export import c_header, export, fmu, mjcf
 from bristle.questions.export.artefact import Request
 from bristle.questions.export.equations import equations
+from bristle.questions.export.export import TARGETS
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.json_document import read_export, write_json
 from bristle.questions.export.latex import write_latex
 from bristle.questions.export.loss import all_motions, losses, lugre
 from bristle.questions.export.matlab import write_matlab
 from bristle.questions.export.symmetric import best_symmetric
-from bristle.questions.export.targets import TARGETS
 from export_checks import check
 from export_checks.c import compiled, motion
 from export_checks.documents import check_json, check_latex

@@ -7,7 +7,7 @@ import pytest
 
 from bristle.errors import InputError
 from bristle.model.parameters import Direction, Lugre, ParameterName
-from bristle.questions.export import mjcf, mjcf_frictionloss
+from bristle.questions.export import mjcf
 from bristle.questions.export.artefact import ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.questions.export.loss import all_motions, losses, lugre
@@ -17,7 +17,7 @@ from export_checks import check
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 Handed = Callable[..., ExportedJoint]
-TARGETS = [mjcf.TARGET, mjcf_frictionloss.TARGET]
+TARGETS = [mjcf.TARGET, mjcf.FRICTIONLOSS]
 ROBOT = b"""<?xml version='1.0'?>
 <!-- a robot -->
 <mujoco model="arm">\r
@@ -126,7 +126,7 @@ def test_the_largest_time_step_is_one(handed: Handed) -> None:
 
 def called(target: ExportTarget) -> str:
     """Its name."""
-    return mjcf.NAME if target is mjcf.TARGET else mjcf_frictionloss.NAME
+    return mjcf.NAME if target is mjcf.TARGET else mjcf.FRICTIONLOSS_NAME
 
 
 @pytest.mark.parametrize("target", TARGETS)
@@ -252,7 +252,7 @@ def test_friction_of_the_other_target_is_not_added(handed: Handed) -> None:
     joint = handed("wrist pitch")
     once = mjcf.TARGET.write([joint], Request(into=ROBOT, into_name="arm.xml")).content
     with pytest.raises(InputError, match="already, which holds this joint's friction"):
-        mjcf_frictionloss.TARGET.write([joint], Request(into=once, into_name="arm.xml"))
+        mjcf.FRICTIONLOSS.write([joint], Request(into=once, into_name="arm.xml"))
 
 
 def test_a_joint_that_stands_twice_is_refused(handed: Handed) -> None:

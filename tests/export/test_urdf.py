@@ -12,12 +12,11 @@ import pytest
 from bristle.errors import InputError
 from bristle.model.parameters import Direction, ParameterName, unit
 from bristle.questions.export.artefact import Request
+from bristle.questions.export.axes import write_sdf, write_urdf
 from bristle.questions.export.coulomb_viscous import best_values
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 from bristle.questions.export.isaac import write_isaac
 from bristle.questions.export.loss import along, coulomb_viscous, friction_of
-from bristle.questions.export.sdf import write_sdf
-from bristle.questions.export.urdf import write_urdf
 from bristle.questions.export.xml_edit import XmlDocument
 from export_checks.axes import check_sdf, check_urdf
 from export_checks.common import NotInstalled, compared

@@ -28,17 +28,15 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.model import functions
 from bristle.model import law as friction
+from bristle.model.laws.parts import Expression
 from bristle.model.laws.parts import Law as FrictionLaw
 from bristle.model.parameters import Lugre, fields_of, lugre_of
 from bristle.model.vectorize import evaluate
 
-Expression = Any
-"""A float or a CasADi symbol: CasADi carries no types."""
 Law = Literal["printed", "partial", "partial-theta", "total"]
 LAWS: tuple[Law, ...] = get_args(Law)
 Step = Literal["gradient", "normalised", "least-squares"]
 STEPS: tuple[Step, ...] = get_args(Step)
-_ADAPTABLE = Lugre._fields
 _TYPESET = {"alpha_0", "alpha_2"}
 """Of which (19) and (20) are."""
 _LARGEST = 1e150
@@ -75,10 +73,10 @@ class Adaptation:
         for name, value, known in (("law", self.law, LAWS), ("step", self.step, STEPS)):
             if value not in known:
                 raise InputError(f"adaptation: {name}: got {value!r}; expected one of {', '.join(known)}")
-        wrong = [name for name in self.parameters if name not in _ADAPTABLE]
+        wrong = [name for name in self.parameters if name not in Lugre._fields]
         if wrong or not self.parameters or len(set(self.parameters)) < len(self.parameters):
             raise InputError(
-                f"adaptation: parameters: got {', '.join(self.parameters) or 'none'}; expected some of {', '.join(_ADAPTABLE)}, each once"
+                f"adaptation: parameters: got {', '.join(self.parameters) or 'none'}; expected some of {', '.join(Lugre._fields)}, each once"
             )
         if self.law == "printed" and set(self.parameters) - _TYPESET:
             raise InputError(
@@ -135,12 +133,7 @@ def effective(
 
 
 def gradient(
-    adaptation: Adaptation,
-    z: Expression,
-    v: Expression,
-    p: Lugre[Any],
-    learnt: Learnt,
-    level: Expression = 0.0,
+    adaptation: Adaptation, z: Expression, v: Expression, p: Lugre[Any], learnt: Learnt, level: Expression = 0.0
 ) -> tuple[Expression, ...]:
     """G of the law for each adapted parameter.
 
@@ -160,17 +153,12 @@ def gradient(
     if adaptation.law == "partial-theta":
         return tuple(slope * getattr(p, name) for slope, name in zip(slopes, adaptation.parameters, strict=True))
     if adaptation.law == "total":
+        # with dz/dp, of dz/d theta = p dz/dp: none of what does not enter z, nor of a parameter of zero, which a gain cannot change
+        enter = functions.step_parameters(p.law)
+        values = {name: ca.if_else(getattr(p, name) == 0, 1.0, getattr(p, name)) for name in enter}
         parts = zip(slopes, learnt.sensitivity, adaptation.parameters, strict=True)
-        return tuple(slope + by["z"] * _by_parameter(s, name, p) for slope, s, name in parts)
+        return tuple(slope + by["z"] * (s / values[name] if name in values else 0.0) for slope, s, name in parts)
     return tuple(slopes)
-
-
-def _by_parameter(sensitivity: Expression, name: str, p: Lugre[Any]) -> Expression:
-    """The derivative dz/dp, of dz/d theta = p dz/dp: none of what does not enter z, nor of a parameter of zero, which a gain cannot change."""
-    if name not in functions.step_parameters(p.law):
-        return 0.0
-    value = getattr(p, name)
-    return sensitivity / ca.if_else(value == 0, 1.0, value)
 
 
 def laws_for(parameters: Sequence[str]) -> tuple[Law, ...]:
@@ -232,18 +220,9 @@ def learn(adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], e: 
         adaptation.moved(theta, ca.if_else(ca.fabs(change) < _LARGEST, change, 0.0))
         for theta, change in zip(learnt.theta, changes, strict=True)
     )
-    return learnt._replace(theta=theta, covariance=_forgotten(adaptation, learnt, G, h))
-
-
-def _forgotten(
-    adaptation: Adaptation, learnt: Learnt, G: tuple[Expression, ...], h: Expression
-) -> tuple[Expression, ...]:
-    """P after a sample.
-
-    P' = forgetting P - P G G' P, the second part by the exact inverse, so that P stays positive for any h.
-    """
     if adaptation.step != "least-squares":
-        return learnt.covariance
+        return learnt._replace(theta=theta)
+    # P' = forgetting P - P G G' P, the second part by the exact inverse, so that P stays positive for any h.
     n, P = len(G), learnt.covariance
     PG = [sum(P[i * n + j] * G[j] for j in range(n)) for i in range(n)]
     over = 1 + h * sum(g * x for g, x in zip(G, PG, strict=True))
@@ -253,4 +232,5 @@ def _forgotten(
     trace = sum(new[i * n + i] for i in range(n))
     shrink = ca.fmin(1.0, sum(adaptation.gamma) / ca.fmax(trace, 1e-200))
     sound = ca.fabs(over) < _LARGEST
-    return tuple(ca.if_else(sound, shrink * x, old) for x, old in zip(new, P, strict=True))
+    covariance = tuple(ca.if_else(sound, shrink * x, old) for x, old in zip(new, P, strict=True))
+    return learnt._replace(theta=theta, covariance=covariance)

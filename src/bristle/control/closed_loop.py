@@ -152,7 +152,13 @@ def simulate(
     refuse_long_period(options, cases, period)
     given = [np.broadcast_to(x, (len(cases), n)) for x in signals]
     run = partial(_run, options, named(cases[0], period) if alike else None, stiff=stiff)
-    logs = _in_threads(options, run, given, numbers, 1 if stiff else min(threads(), len(cases)))
+    workers = 1 if stiff else min(threads(), len(cases))
+    parts = [slice(*ends) for ends in pairwise(round(k * len(cases) / workers) for k in range(workers + 1))]
+    for part in parts:
+        run(_length(n), part.stop - part.start)  # built here: CasADi does so in one thread alone
+    with ThreadPoolExecutor(workers) as pool:  # CasADi leaves Python to the others while it runs
+        ran = pool.map(lambda part: _logged(options, run, [x[part] for x in given], numbers[part]), parts)
+        logs = np.concatenate(list(ran), axis=1)
     log = shaped(blank_log(options), iter(logs))
     share, forward = options.compensator.share, options.compensator.inertia * reference.acceleration
     compensation = np.asarray(log.compensation)
@@ -166,22 +172,11 @@ def simulate(
     )  # fmt: skip  # a list of values
 
 
-def _in_threads(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Array, threads: int) -> Array:
-    """What each case logs, (rows, cases, n), from what each is given, (cases, n) each.
-
-    The cases are shared among threads.
-    """
-    cases, n = given[0].shape
-    parts = [slice(*ends) for ends in pairwise(round(k * cases / threads) for k in range(threads + 1))]
-    for part in parts:
-        run(_length(n), part.stop - part.start)  # built here: CasADi does so in one thread alone
-    with ThreadPoolExecutor(threads) as pool:  # CasADi leaves Python to the others while it runs
-        ran = pool.map(lambda part: _logged(options, run, [x[part] for x in given], numbers[part]), parts)
-        return np.concatenate(list(ran), axis=1)
-
-
 def _logged(options: LoopOptions, run: Run, given: Sequence[Array], numbers: Array) -> Array:
-    """The same in one thread, chunk by chunk; what the last lacks is filled up, for another length would have to be compiled."""
+    """What each case logs, (rows, cases, n), from what each is given, (cases, n) each, in one thread, chunk by chunk.
+
+    What the last chunk lacks is filled up, for another length would have to be compiled.
+    """
     cases, n = given[0].shape
     memory = np.array([flat(at_rest(options, float(y))) for y in given[0][:, 0]])
     length = _length(n)

@@ -28,15 +28,12 @@ from bristle.control.pid import differentiated
 from bristle.errors import InputError
 from bristle.model import functions, law
 from bristle.model.laws.gaussian import GAUSSIAN
-from bristle.model.laws.parts import Law
+from bristle.model.laws.parts import Expression, Law
 from bristle.model.parameters import Pair, fields_of, pair_of
 from bristle.model.vectorize import bound
 
-Expression = Any
-"""A float or a CasADi symbol: CasADi carries no types."""
 Name = Literal["none", "coulomb", "stribeck", "lugre", "lugre-feedback", "lugre-observer"]
 NAMES: tuple[Name, ...] = get_args(Name)
-_MEASURED = ("lugre-feedback", "lugre-observer")
 Velocity = Literal["reference", "measured"]
 
 
@@ -157,7 +154,7 @@ def driving(
     compensator: Compensator, state: CompensatorState, reference: Reference, measurement: Measurement, h: Expression
 ) -> Expression:
     """The velocity that drives the model, rad/s."""
-    if compensator.name not in _MEASURED and compensator.velocity == "reference":
+    if compensator.name not in ("lugre-feedback", "lugre-observer") and compensator.velocity == "reference":
         return reference.velocity
     if measurement.velocity is not None:
         return measurement.velocity

@@ -7,24 +7,20 @@ compensator's bristle, the gains by their law; nothing is sampled or limited.
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
-from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from bristle.control import compensator as compensating
-from bristle.control.adaptation import Adaptation, Learnt, effective, gradient, rate
+from bristle.control.adaptation import Learnt, effective, gradient, rate
 from bristle.control.closed_loop import Trajectory
 from bristle.control.compensator import Compensator, Measurement, Reference
 from bristle.control.control_period import Case
 from bristle.control.plant import plant_rates
 from bristle.errors import InputError
 from bristle.model import law, motor
+from bristle.model.laws.parts import Expression
 from bristle.model.parameters import Pair
-
-Expression = Any
-"""A float or a CasADi symbol: CasADi carries no types."""
-_OPTIONS = {"abstol": 1e-10, "reltol": 1e-8, "max_num_steps": 10_000_000}
 
 
 def simulate_continuous(
@@ -42,7 +38,16 @@ def simulate_continuous(
     Raises InputError where the case or the compensator has what is sampled alone, or period and duration are not
     positive.
     """
-    _check(case, compensator, duration, period)
+    if case.torque_limit < inf or case.gains.filter_time > 0:
+        raise InputError(
+            f"continuous: got a torque limit of {case.torque_limit:g} N*m and a filter of {case.gains.filter_time:g} s; expected inf and 0"
+        )
+    if compensator.adaptation and compensator.adaptation.step == "least-squares":
+        raise InputError("continuous: adaptation: step: got least-squares; expected gradient or normalised")
+    if not 0 < period <= duration < inf:
+        raise InputError(
+            f"continuous: got a period of {period:g} s and a duration of {duration:g} s; expected 0 < period <= duration, finite"
+        )
     gains = compensating.adapted_count(compensator)
     t, x = ca.SX.sym("t"), ca.SX.sym("x", 5 + 2 * gains)
     y, v, z, integral, *memory = ca.vertsplit(x)
@@ -55,11 +60,11 @@ def simulate_continuous(
     plant = plant_rates(v, z, T, 0.0, case.plant, case.motor, motor.current_for)
     rates = ca.vertcat(v, plant, K_i * (r.position - y), *memory_rates)
     friction = law.torque(z, v, law.active(z, v, case.plant))
-    log = ca.Function(
-        "log", [t, x], [ca.vertcat(r.position, y, v, T, friction, T_c, predicted, *memory[1 : 1 + gains])]
-    )
+    logged = ca.vertcat(r.position, y, v, T, friction, T_c, predicted, *memory[1 : 1 + gains])
+    log = ca.Function("log", [t, x], [logged])
     time = np.asarray(period * np.arange(round(duration / period) + 1))
-    solver = ca.integrator("continuous", "cvodes", {"t": t, "x": x, "ode": rates}, 0.0, time, _OPTIONS)
+    settings = {"abstol": 1e-10, "reltol": 1e-8, "max_num_steps": 10_000_000}
+    solver = ca.integrator("continuous", "cvodes", {"t": t, "x": x, "ode": rates}, 0.0, time, settings)
     start = [0.0] * 5 + [1.0] * gains + [0.0] * gains
     followed, *rows = log.map(time.size)(time[None], solver(x0=start)["xf"]).full()
     y, v, T, friction, T_c, predicted = (row[None] for row in rows[:6])
@@ -67,19 +72,6 @@ def simulate_continuous(
         time=time, reference=followed, position=y, velocity=v, torque=T, voltage=np.full_like(T, np.nan), friction=friction,
         compensation=T_c, predicted=predicted, theta=np.array(rows[6:]).reshape(1, gains, time.size),
     )  # fmt: skip  # a list of values
-
-
-def _check(case: Case, compensator: Compensator, duration: float, period: float) -> None:
-    if case.torque_limit < inf or case.gains.filter_time > 0:
-        raise InputError(
-            f"continuous: got a torque limit of {case.torque_limit:g} N*m and a filter of {case.gains.filter_time:g} s; expected inf and 0"
-        )
-    if compensator.adaptation and compensator.adaptation.step == "least-squares":
-        raise InputError("continuous: adaptation: step: got least-squares; expected gradient or normalised")
-    if not 0 < period <= duration < inf:
-        raise InputError(
-            f"continuous: got a period of {period:g} s and a duration of {duration:g} s; expected 0 < period <= duration, finite"
-        )
 
 
 def _compensated(
@@ -103,14 +95,10 @@ def _compensated(
     T, dz = law.torque(z, v, now), law.bristle_rate(z, v, now)
     rates = [dz - compensator.observer_gain * e if compensator.name == "lugre-observer" else dz]
     if a:
-        pulls = rate(a, known, gradient(a, z, v, p, known), e)
-        rates += [_projected(a, theta, pull) for theta, pull in zip(known.theta, pulls, strict=True)]
+        pulls, (low, high) = rate(a, known, gradient(a, z, v, p, known), e), a.limits
+        for theta, pull in zip(known.theta, pulls, strict=True):  # which stops at its limits
+            up = ca.if_else(theta < high, ca.fmax(pull, 0.0), 0.0)
+            rates.append(up + ca.if_else(theta > low, ca.fmin(pull, 0.0), 0.0))
         by_z, pairs = ca.jacobian(dz, z), zip(known.theta, known.sensitivity, strict=True)
         rates += [by_z * s + ca.jacobian(dz, theta) for theta, s in pairs]
     return rates, T, forward + compensator.share * T
-
-
-def _projected(a: Adaptation, theta: Expression, pull: Expression) -> Expression:
-    """The rate of a gain that stops at its limits."""
-    low, high = a.limits
-    return ca.if_else(theta < high, ca.fmax(pull, 0.0), 0.0) + ca.if_else(theta > low, ca.fmin(pull, 0.0), 0.0)

@@ -20,12 +20,10 @@ from bristle.control.plant import STILL, Current, State, inductive_step, plant_r
 from bristle.errors import InputError
 from bristle.model import law, motor
 from bristle.model.laws.gaussian import GAUSSIAN
-from bristle.model.laws.parts import Law
+from bristle.model.laws.parts import Expression, Law
 from bristle.model.parameters import Motor, Pair, fields_of, pair_of
 
 T = TypeVar("T")
-Expression = Any
-"""A float or a CasADi symbol: CasADi carries no types."""
 _SOFT: Sliding[float] = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.0)
 _KNOWN = {"drive": ("torque", "voltage"), "controller": ("pid", "sliding"), "derivative": ("error", "measurement")}
 _CURRENT: dict[str, Current] = {"torque": motor.current_for, "voltage": motor.current}
@@ -203,13 +201,9 @@ def named(case: Case, period: float) -> Numbers:
 def at_rest(options: LoopOptions, position: float) -> LoopMemory:
     """What the loop remembers at rest at its reference, rad."""
     control = AT_REST if options.derivative == "error" else AT_REST._replace(error=-position)
-    compensator = compensating.packed(
-        compensating.initial_state(options.compensator, no_friction(options.model_law), position)
-    )
-    current = (0.0,) if options.inductance else ()
-    return LoopMemory(
-        STILL._replace(position=position), current, control, tuple(compensator), ((0.0, 0.0),) * options.delay
-    )
+    state = compensating.initial_state(options.compensator, no_friction(options.model_law), position)
+    current, compensator = (0.0,) if options.inductance else (), tuple(compensating.packed(state))
+    return LoopMemory(STILL._replace(position=position), current, control, compensator, ((0.0, 0.0),) * options.delay)
 
 
 def blank_log(options: LoopOptions) -> Logged:
@@ -220,7 +214,7 @@ def blank_log(options: LoopOptions) -> Logged:
 def with_law_of(options: LoopOptions, cases: Sequence[Case]) -> LoopOptions:
     """The options for cases, whose plants are of one law, and whose models are. Raises InputError where they are not."""
     plants, models = (
-        {x.law.name: x.law for x in pairs} for pairs in zip(*((c.plant, c.model) for c in cases), strict=True)
+        {x.law.name: x.law for x in pairs} for pairs in ([c.plant for c in cases], [c.model for c in cases])
     )
     if max(len(plants), len(models)) > 1:
         raise InputError(
@@ -256,15 +250,10 @@ def controlled(options: LoopOptions, constants: Numbers | None = None) -> Period
     now, *later = (*before.asked, (T, V))
     true = law.torque(state.deflection, state.velocity, law.active(state.deflection, state.velocity, friction))
     return Period(
-        inputs=(memory, u, q),
-        memory=before,
-        numbers=case,
-        friction=friction,
-        load=outside.load,
-        sent=now[options.drive == "voltage"],
+        inputs=(memory, u, q), memory=before, numbers=case, friction=friction, load=outside.load, sent=now[options.drive == "voltage"],
         kept=LoopMemory(state, before.current, control, tuple(compensating.packed(new_compensator)), tuple(later)),
         log=Logged(state.position, state.velocity, seen, T, V, true, T_c, new_compensator.learnt.theta),
-    )
+    )  # fmt: skip  # a list of values
 
 
 def after(options: LoopOptions, now: Period, sent: Expression) -> LoopMemory:

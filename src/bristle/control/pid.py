@@ -7,9 +7,9 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 import casadi as ca
 
+from bristle.model.laws.parts import Expression
+
 T = TypeVar("T")
-Expression = Any
-"""A float or a CasADi symbol: CasADi carries no types."""
 
 
 class Gains(NamedTuple, Generic[T]):

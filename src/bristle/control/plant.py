@@ -19,10 +19,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.model import law, motor
+from bristle.model.laws.parts import Expression
 from bristle.model.parameters import Motor, Pair
-
-Expression = Any
-"""A float or a CasADi symbol: CasADi carries no types."""
 
 Current = Callable[[Expression, Expression, Motor[Any]], Expression]
 """(drive, velocity, motor) -> armature current, A: `motor.current` or `motor.current_for`."""

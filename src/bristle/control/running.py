@@ -66,16 +66,14 @@ class RunningCompensator:
             raise InputError(
                 "load: this compensator has no coefficients of a load; give it rises, or leave load out where friction does not rise with it"
             )
-        level = 0.0 if load is None else self._level(*load)
+        level = 0.0  # what a load adds to alpha_0, N*m
+        if load is not None:
+            if not abs(load[0]) + abs(load[1]) < float("inf"):
+                raise InputError(f"load: got {load[0]!r} and {load[1]!r}; expected the torques of motor and links, N*m")
+            level = float(law.load_rise(self.rises, *load))
         asked = Reference(*(*reference, 0.0)[:3])._replace(level=level)
         self._state, torque = run(self._state, asked, Measurement(position, velocity), dt)
         return torque
-
-    def _level(self, motor: float, links: float) -> float:
-        """What a load adds to alpha_0, N*m."""
-        if not abs(motor) + abs(links) < float("inf"):
-            raise InputError(f"load: got {motor!r} and {links!r}; expected the torques of motor and links, N*m")
-        return float(law.load_rise(self.rises, motor, links))
 
     @property
     def gains(self) -> dict[str, float]:

@@ -57,7 +57,20 @@ def refuse_long_period(options: LoopOptions, cases: Sequence[Case], period: floa
     growth = _growth(options, rows, np.full(len(rows), period))
     if not (growth > _LEAST).any():
         return
-    bearable = _bearable(options, rows, period)
+
+    def borne(shorter: Array) -> NDArray[np.bool_]:
+        """Whether nothing grows in these shorter periods, or no faster in time than what does not count."""
+        return _growth(options, rows, shorter) <= _LEAST * shorter / period
+
+    # The longest periods up to this one that these bear, to a thousandth; zero where none is found.
+    bearable = np.full(len(rows), period)
+    for _ in range(_HALVINGS):
+        bearable = np.where(borne(bearable), bearable, bearable / 2)
+    bearable, high = np.where(borne(bearable), bearable, 0.0), np.minimum(2 * bearable, period)
+    for _ in range(_BISECTIONS):
+        middle = (bearable + high) / 2
+        good = borne(middle)
+        bearable, high = np.where(good, middle, bearable), np.where(good, high, middle)
     blamed = np.where(bearable > 0, growth, 0.0)
     worst = int(blamed.argmax())
     if blamed[worst] > _LEAST:
@@ -86,24 +99,6 @@ def _growth(options: LoopOptions, rows: Array, period: Array) -> Array:
     grown = np.full(len(rows), inf)
     grown[known] = np.log(np.abs(np.linalg.eigvals(matrices[known])).max(axis=1))
     return grown
-
-
-def _bearable(options: LoopOptions, rows: Array, period: float) -> Array:
-    """The longest periods up to this one, s, that these bear, to a thousandth; zero where none is found; (rows,)."""
-    low = np.full(len(rows), period)
-    for _ in range(_HALVINGS):
-        low = np.where(_borne(options, rows, low, period), low, low / 2)
-    low, high = np.where(_borne(options, rows, low, period), low, 0.0), np.minimum(2 * low, period)
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        good = _borne(options, rows, middle, period)
-        low, high = np.where(good, middle, low), np.where(good, high, middle)
-    return low
-
-
-def _borne(options: LoopOptions, rows: Array, shorter: Array, period: float) -> NDArray[np.bool_]:
-    """Whether nothing grows in these shorter periods, or no faster in time than what does not count."""
-    return _growth(options, rows, shorter) <= _LEAST * shorter / period
 
 
 @lru_cache(maxsize=32)

@@ -2,13 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from bristle.control.adaptation import Adaptation
 from bristle.control.compensator import Compensator
+from bristle.model.laws.parts import Expression
 
-Expression = Any
-"""A CasADi symbol: CasADi carries no types."""
 OF_COMPENSATOR = ("share", "inertia", "softness", "filter_time", "observer_gain")
 """What is a number of a compensator ..."""
 OF_ADAPTATION = ("dead_zone", "leakage", "forgetting")
@@ -39,31 +37,20 @@ def setting_names(adapted: int) -> tuple[str, ...]:
 def settings_of(compensator: Compensator) -> dict[str, float]:
     """The numbers of a compensator, by the names of `setting_names`; of an adaptation that there is not, the default's."""
     a = compensator.adaptation or Adaptation()
-    of_adaptation = {name: float(getattr(a, name)) for name in OF_ADAPTATION}
     rates = a.gamma if compensator.adaptation else ()
-    return {
-        **{name: float(getattr(compensator, name)) for name in OF_COMPENSATOR},
-        **of_adaptation,
-        "lower": float(a.limits[0]),
-        "upper": float(a.limits[1]),
-        **{f"gamma_{k + 1}": float(gamma) for k, gamma in enumerate(rates)},
-    }
+    own = [*(getattr(compensator, name) for name in OF_COMPENSATOR), *(getattr(a, name) for name in OF_ADAPTATION)]
+    return dict(zip(setting_names(len(rates)), map(float, (*own, *a.limits, *rates)), strict=True))
 
 
 def with_settings(
     compensator: Compensator, settings: Mapping[str, Expression], adapting: type[Adaptation] = SymbolicAdaptation
 ) -> SymbolicCompensator:
     """The same compensator with symbols in the place of its numbers, by the names of `setting_names`; its adaptation of another class, if asked."""
-    a, adaptation = compensator.adaptation, None
-    if a is not None:
-        adaptation = adapting(
-            law=a.law, step=a.step, parameters=a.parameters, limits=(settings["lower"], settings["upper"]),
-            gamma=tuple(settings[f"gamma_{k + 1}"] for k in range(len(a.parameters))),
-            **{name: settings[name] for name in OF_ADAPTATION},
-        )  # fmt: skip  # a list of values
-    return SymbolicCompensator(
-        name=compensator.name,
-        velocity=compensator.velocity,
-        adaptation=adaptation,
-        **{name: settings[name] for name in OF_COMPENSATOR},
-    )
+    a = compensator.adaptation
+    adaptation = a and adapting(
+        law=a.law, step=a.step, parameters=a.parameters, limits=(settings["lower"], settings["upper"]),
+        gamma=tuple(settings[f"gamma_{k + 1}"] for k in range(len(a.parameters))),
+        **{name: settings[name] for name in OF_ADAPTATION},
+    )  # fmt: skip  # a list of values
+    own = {name: settings[name] for name in OF_COMPENSATOR}
+    return SymbolicCompensator(name=compensator.name, velocity=compensator.velocity, adaptation=adaptation, **own)

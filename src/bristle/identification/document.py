@@ -70,6 +70,19 @@ def validated(found: Any, by: "TypeAdapter[T]") -> T:
     return by.validate_json(json.dumps(found, allow_nan=False), strict=True)
 
 
+def schema_of(adapter: "TypeAdapter[Any]", title: str) -> dict[str, Any]:
+    """The JSON schema of what bristle writes so: every field is written, and so every field is required."""
+    from pydantic.json_schema import GenerateJsonSchema
+
+    class Complete(GenerateJsonSchema):
+        def field_is_required(self, field: Any, total: bool) -> bool:  # noqa: ARG002  # whatever it is
+            """Every field is written, so that each is required."""
+            return True
+
+    document = adapter.json_schema(mode="serialization", schema_generator=Complete)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document, "title": title}
+
+
 def with_samples(found: Any) -> Any:
     """A results file as JSON has it, in which what stands apart is where it belongs. Raises InputError where it has no place."""
     match found:

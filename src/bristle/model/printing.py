@@ -10,6 +10,17 @@ import casadi as ca
 
 from bristle.errors import InputError
 
+FUNCTIONS = {
+    ca.OP_EXP: "exp", ca.OP_EXPM1: "expm1", ca.OP_LOG: "log", ca.OP_POW: "pow", ca.OP_CONSTPOW: "pow", ca.OP_SQRT: "sqrt",
+    ca.OP_SIN: "sin", ca.OP_COS: "cos", ca.OP_TANH: "tanh", ca.OP_LOG1P: "log1p", ca.OP_TAN: "tan", ca.OP_ASIN: "asin",
+    ca.OP_ACOS: "acos", ca.OP_ATAN: "atan", ca.OP_ATAN2: "atan2", ca.OP_SINH: "sinh", ca.OP_COSH: "cosh", ca.OP_ASINH: "asinh",
+    ca.OP_ACOSH: "acosh", ca.OP_ATANH: "atanh", ca.OP_HYPOT: "hypot", ca.OP_ERF: "erf", ca.OP_FLOOR: "floor",
+    ca.OP_CEIL: "ceil", ca.OP_FMOD: "fmod", ca.OP_COPYSIGN: "copysign", ca.OP_FABS: "abs", ca.OP_SIGN: "sign",
+    ca.OP_FMIN: "min", ca.OP_FMAX: "max",
+}  # fmt: skip  # a table
+"""CasADi's operations that are calls of a function, most of them by their name in math.h; bristle's own laws need those up to tanh."""
+INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+
 
 class Term(NamedTuple):
     """An expression in the language that is printed."""

@@ -13,8 +13,7 @@ from bristle.model.functions import loading_displacement_function
 from bristle.model.vectorize import evaluate
 from bristle.page.style import DIRECTION, inline, new_figure, render_as, styled, thinned
 from bristle.page.wording import axis, direction
-from bristle.questions.array_fit.fit import Fit, Stage
-from bristle.questions.array_fit.text import outcomes, serious
+from bristle.questions.array_fit.fit import Fit, Stage, outcomes, serious
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -14,13 +14,15 @@ from bristle.control.running import RunningCompensator
 from bristle.errors import InputError, short
 from bristle.estimation.covariance import student
 from bristle.estimation.levels import CONFIDENCE
-from bristle.findings import Finding
+from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.joint_model import JointModel
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import load_columns, regressors_of, terms_of
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
+from bristle.page.plain import columns, interval, pair, wrapped
+from bristle.page.wording import direction
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -169,10 +171,14 @@ class Fit:
         return draw_stage(self.joint, self.stage, ax)
 
     def __repr__(self) -> str:
-        """The fit report, as the command line prints it."""
-        from bristle.questions.array_fit.text import text
-
-        return text(self)
+        """How the fit ended, its parameters with their errors and 95 % intervals, and what to be careful about; 80 columns wide."""
+        ends, frame = self.conf_int(), self.to_frame()
+        rows = [("parameter", "value +/- standard error", "95 % interval")]
+        for name, value in self.params.items():
+            low, high = map(float, ends.loc[name])
+            shown = "not identifiable" if np.isnan(value) else f"{pair(value, self.stderr[name])} {frame.unit[name]}"
+            rows.append((name, shown, "none" if np.isnan(low + high) else interval((low, high))))
+        return "\n".join(wrapped([*outcomes(self), *columns(rows), *serious(self)]))
 
     def _repr_html_(self) -> str:
         """The table and the curve, for a notebook."""
@@ -224,3 +230,22 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
     low = float(np.interp(-height, -cost[: least + 1], values[: least + 1]))
     high = float(np.interp(height, cost[least:], values[least:]))
     return low, high
+
+
+def outcomes(fit: Fit) -> Iterator[str]:
+    """How each fit of this stage ended."""
+    slow, moving = fit.joint.presliding, fit.joint.moving
+    if fit.stage == "static":
+        for d, static in fit.joint.static.items():
+            error = "" if static.relative_error is None else f" Relative error {static.relative_error:.3g} %."
+            yield f"{direction(d)}: {static.n} points. {static.outcome}{error}"
+    elif fit.stage == "presliding":
+        for d, one in slow.fits.items() if slow else ():
+            yield f"{direction(d)}: {len(one.loadings)} loadings, g0 = {one.level:.4g} ({one.level_source})"
+    elif moving is not None:
+        yield f"{moving.n} equations. {moving.outcome} Relative error {moving.relative_error:.3g} %."
+
+
+def serious(fit: Fit) -> Iterator[str]:
+    """What is critical about it, and what calls for caution."""
+    return (f"{w.severity}: {w.coded}" for w in fit.warnings if w.severity is not Severity.NOTE)

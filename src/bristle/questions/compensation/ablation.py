@@ -26,16 +26,12 @@ HOLD = 2.0
 """The joint is held at rest this long at the end, s, ..."""
 _WATCHED = 1.5
 """... and watched for limit cycles over the last of it, s."""
-_FILTER = 5.0
-"""Time constant of the differentiated velocity, in control periods."""
-_SWINGS, _COUNTS = 4, 3.0
-"""A joint that is held cycles where it swings through its mean at least so often, over more than so many counts and ..."""
+_SWINGS, _COUNTS, _SWAY = 4, 3.0, 0.02
+"""A held joint cycles where it swings through its mean so often, over more than so many counts and this share of one bristle deflection."""
 _LEAD = 0.1
 """A joint leads where its mean error along the motion is more negative than this share of the RMS error without compensation."""
 _LOST = 10.0
 """A loop diverges where its error is so many amplitudes."""
-_SWAY = 0.02
-"""... a larger share than this of one bristle deflection."""
 WAYS: dict[str, Compensator] = {
     "none": Compensator(name="none"),
     "Coulomb, reference velocity": Compensator(name="coulomb"),
@@ -74,14 +70,14 @@ def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
     """All of them; the joint moves back and forth twice, then is held at rest."""
     reference, moving = _back_and_forth(loop)
     circumstances = [(bits, share) for bits in BITS for share in SHARES]
+    scaled = (loop.case(model=_scaled(loop.model, share)) for _, share in circumstances)
     cases = [
-        replace(loop.case(model=_scaled(loop.model, share)), resolution=_count(loop, bits))
-        for bits, share in circumstances
+        replace(case, resolution=_count(loop, bits)) for case, (bits, _) in zip(scaled, circumstances, strict=True)
     ]
     rows: list[AblationRow] = []
     bare: dict[int, float] = {}
     for way, compensator in WAYS.items():
-        own = replace(compensator, filter_time=_FILTER * loop.period, observer_gain=loop.observer_gain)
+        own = replace(compensator, filter_time=5 * loop.period, observer_gain=loop.observer_gain)
         chosen = [k for k, (_, share) in enumerate(circumstances) if way != "none" or share == 1.0]
         for delay in DELAYS:
             options = LoopOptions(compensator=own, encoder=True, delay=delay)
@@ -91,9 +87,8 @@ def ablate(loop: JointLoop) -> tuple[AblationRow, ...]:
                 bits, share = circumstances[k]
                 bare.setdefault(bits, rms)
                 share = share if way != "none" else 0.0  # nothing is compensated
-                rows.append(
-                    AblationRow(way, bits, delay, share, rms, rms / bare[bits], chatter, cycles, leads, diverges)
-                )
+                ends = rms, rms / bare[bits], chatter, cycles, leads, diverges
+                rows.append(AblationRow(way, bits, delay, share, *ends))
     return tuple(rows)
 
 

@@ -57,10 +57,9 @@ def _courses(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
         _line(above, run, run.position[0], colour, line, label)
         _line(middle, run, run.error[0], colour, line, label)
         _line(below, run, run.torque[0], colour, line, label)
-    for ax, label in zip(
-        axes, (axis("position", kind), axis("position", kind, "error of"), axis("torque", kind, "control")), strict=True
-    ):
-        ax.set_ylabel(label)
+    above.set_ylabel(axis("position", kind))
+    middle.set_ylabel(axis("position", kind, "error of"))
+    below.set_ylabel(axis("torque", kind, "control"))
     low, high = above.get_ylim()
     above.set_ylim(low, high + 0.28 * (high - low))  # room for the legend
     above.legend(loc="upper right", ncols=3)
@@ -87,14 +86,8 @@ def errors_figure(study: Study) -> Figure:
             x = np.arange(len(names)) + 0.27 * (j - 1)
             ax.bar(x, heights, 0.25, color=colour, hatch=hatch, edgecolor="white", label=labels[what])
             for at, height in zip(x.tolist(), heights, strict=True):
-                ax.annotate(
-                    number(height, 3 if height >= 10 else 2),
-                    (at, height),
-                    (0, 2),
-                    textcoords="offset points",
-                    ha="center",
-                    fontsize=8,
-                )
+                told = number(height, 3 if height >= 10 else 2)
+                ax.annotate(told, (at, height), (0, 2), textcoords="offset points", ha="center", fontsize=8)
         ax.set_xticks(np.arange(len(names)), names)
         ax.set_ylabel(f"RMS error (m{pretty(unit('position', kind))})")
         ax.margins(y=0.18)
@@ -142,23 +135,14 @@ def adaptation_map_figure(study: Study) -> Figure:
     axes = figure.subplots(len(parameters), 2, squeeze=False)
     figure.subplots_adjust(hspace=0.55, wspace=0.35)
     title(axes[0, 0], study.loops[0].name, True)
-    columns = (
-        (m.gammas, "Learning rate", m.by_gamma),
-        (m.amplitudes, f"Amplitude ({pretty(unit('position', kind))})", m.by_amplitude),
-    )
+    amplitude = f"Amplitude ({pretty(unit('position', kind))})"
+    columns = ((m.gammas, "Learning rate", m.by_gamma), (m.amplitudes, amplitude, m.by_amplitude))
     for k, name in enumerate(parameters):
         for ax, (rows, label, values) in zip(axes[k], columns, strict=True):
             _heat(ax, values[k], m.frequencies, rows, f"_{symbol(name)}, final ratio")
             ax.set_xlabel("Frequency (Hz)")
             ax.set_ylabel(label)
-            ax.annotate(
-                f"{symbol(name)}, final ratio",
-                (0.0, 1.0),
-                (0, 3),
-                xycoords="axes fraction",
-                textcoords="offset points",
-                fontsize=9,
-            )
+            _above(ax, f"{symbol(name)}, final ratio", 3, 9)
     return figure
 
 
@@ -168,16 +152,16 @@ def _heat(ax: Axes, values: Array, across: Array, up: Array, label: str) -> None
     ax.set_xticks(np.arange(across.size), [number(float(x), 2) for x in across])
     ax.set_yticks(np.arange(up.size), [number(float(x), 2) for x in up])
     for (row, column), value in np.ndenumerate(values):
-        dark = not 0.4 < value < 2.5
-        ax.text(
-            column,
-            row,
-            number(float(value), 2),
-            ha="center",
-            va="center",
-            fontsize=8.5,
-            color=ON_DARK if dark else ON_LIGHT,
-        )
+        _in_cell(ax, column, row, number(float(value), 2), 8.5, on_light=bool(0.4 < value < 2.5))
+
+
+def _in_cell(ax: Axes, column: int, row: int, text: str, size: float, *, on_light: bool) -> None:
+    ax.text(column, row, text, ha="center", va="center", fontsize=size, color=ON_LIGHT if on_light else ON_DARK)
+
+
+def _above(ax: Axes, text: str, by: int, size: int) -> None:
+    """So many points above the axes, at their left."""
+    ax.annotate(text, (0.0, 1.0), (0, by), xycoords="axes fraction", textcoords="offset points", fontsize=size)
 
 
 @styled
@@ -232,22 +216,9 @@ def ablation_figure(study: Study) -> Figure:
             ax.set_yticks(np.arange(len(rows)), rows, fontsize=8.5)
             for (row, column), value in np.ndenumerate(ratio):
                 x = table[row][column]
-                mark = (
-                    "×"
-                    if x.diverges
-                    else f"{100 * value:.0f}" + ("~" if x.limit_cycle else "") + ("+" if x.over_compensated else "")
-                )
-                ax.text(
-                    column, row, mark, ha="center", va="center", fontsize=7, color=ON_LIGHT if value > 0.35 else ON_DARK
-                )
-            ax.annotate(
-                f"{bits} bits, delay {delay}",
-                (0.0, 1.0),
-                (0, 2),
-                xycoords="axes fraction",
-                textcoords="offset points",
-                fontsize=8,
-            )
+                mark = f"{100 * value:.0f}{'~' * x.limit_cycle}{'+' * x.over_compensated}"
+                _in_cell(ax, column, row, "×" if x.diverges else mark, 7, on_light=bool(value > 0.35))
+            _above(ax, f"{bits} bits, delay {delay}", 2, 8)
     axes[-1, len(delays) // 2].set_xlabel("Compensated part of the identified friction (%)")
     return figure
 
@@ -262,23 +233,10 @@ def band_figure(study: Study) -> Figure | None:
     ax = figure.subplots()
     title(ax, study.loops[0].name, True)
     k = thinned(band.time.size, MOST)
-    ax.fill_between(
-        band.time[k],
-        1e3 * band.lower[k],
-        1e3 * band.upper[k],
-        color=_BLUE,
-        alpha=0.3,
-        linewidth=0,
-        label="95 % of the joints",
-    )
-    ax.plot(
-        band.time[k],
-        1e3 * band.actual[k],
-        "-",
-        color=_BLACK,
-        linewidth=0.9,
-        label="true joint" if study.loops[0].simulated else "as identified",
-    )
+    time, lower, upper, actual = band.time[k], *(1e3 * x[k] for x in (band.lower, band.upper, band.actual))
+    ax.fill_between(time, lower, upper, color=_BLUE, alpha=0.3, linewidth=0, label="95 % of the joints")
+    of = "true joint" if study.loops[0].simulated else "as identified"
+    ax.plot(time, actual, "-", color=_BLACK, linewidth=0.9, label=of)
     ax.set_xlabel(axis("time", kind))
     ax.set_ylabel(f"Position error (m{pretty(unit('position', kind))})")
     ax.legend(loc="best")
@@ -297,9 +255,8 @@ def replay_figure(study: Study, at: int) -> Figure:
         (replay.adapted, _BLUE, "-", 1.1, "adapted"),
     ):
         above.plot(replay.time[k], values[k], linestyle=line, color=colour, linewidth=width, label=label)
-    for name, share, line in zip(
-        replay.adaptation.parameters, replay.theta, ("-", "--", ":", "-.", "-", "--"), strict=False
-    ):
+    lines = ("-", "--", ":", "-.", "-", "--")
+    for name, share, line in zip(replay.adaptation.parameters, replay.theta, lines, strict=False):
         below.plot(replay.time[k], share[k], linestyle=line, color=_BLACK, linewidth=1.2, label=symbol(name))
     low, high = above.get_ylim()
     above.set_ylim(low, high + 0.25 * (high - low))

@@ -1,6 +1,6 @@
 """The page of the compensated joint, and the section that it is on the embedded report."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -51,31 +51,25 @@ def section(study: Study, share: Share = map) -> Templated:
 def _as_good(study: Study) -> Iterator[Finding]:
     """Where the steady curve compensates as well as LuGre: the motion shows little of the bristle."""
     finest, first = max(row.bits for row in study.ablation), study.loops[0]
-    rms = {
-        row.compensator: row.rms
-        for row in study.ablation
-        if (row.bits, row.delay, row.share) == (finest, 0, 1.0) and not row.diverges
-    }
+    best = (row for row in study.ablation if (row.bits, row.delay, row.share) == (finest, 0, 1.0) and not row.diverges)
+    rms = {row.compensator: row.rms for row in best}
     stribeck, lugre = (rms.get(f"{name}, reference velocity") for name in ("Stribeck", "LuGre"))
     if stribeck and lugre and stribeck <= _WORSE * lugre:
-        yield Finding(
-            "stribeck-as-good",
-            NOTE,
+        message = (
             f"The Stribeck curve compensates {first.name} as well as LuGre does on this motion: RMS error {1e3 * stribeck:.3g} and "
-            f"{1e3 * lugre:.3g} {_milli(study)}, both driven by the reference velocity, with the finest encoder and no delay.",
-            {"joint": first.name, "stribeck": 1e3 * stribeck, "lugre": 1e3 * lugre},
+            f"{1e3 * lugre:.3g} {_milli(study)}, both driven by the reference velocity, with the finest encoder and no delay."
         )
+        numbers = {"joint": first.name, "stribeck": 1e3 * stribeck, "lugre": 1e3 * lugre}
+        yield Finding("stribeck-as-good", NOTE, message, numbers)
 
 
 def _worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
     """Per joint the RMS error of its slowest sine without and with the identified model."""
     for row in reversed(study.errors):  # the first of a joint is its slowest, and stays
         if not row.inertia:
-            without, fed, q = f"{1e3 * row.without:.3g}", f"{1e3 * row.identified:.3g}", _milli(study)
-            yield (
-                row.joint,
-                f"RMS position error (SIMULATED) at {row.frequency:g} Hz: {without} {q} without compensation, {fed} {q} with",
-            )
+            without, fed = (f"{1e3 * x:.3g} {_milli(study)}" for x in (row.without, row.identified))
+            error = f"RMS position error (SIMULATED) at {row.frequency:g} Hz"
+            yield row.joint, f"{error}: {without} without compensation, {fed} with"
 
 
 def _adverse(study: Study) -> Iterator[Finding]:
@@ -83,13 +77,10 @@ def _adverse(study: Study) -> Iterator[Finding]:
     for row in study.errors:
         if row.adaptive > _WORSE * row.identified and not row.inertia:
             identified, adaptive, q = 1e3 * row.identified, 1e3 * row.adaptive, _milli(study)
-            yield Finding(
-                "adaptation-worse",
-                CAUTION,
-                f"Adaptation makes {row.joint} worse at {row.frequency:g} Hz: RMS error {identified:.3g} {q} with the identified "
-                f"model, {adaptive:.3g} {q} adapted.",
-                {"joint": row.joint, "frequency": row.frequency, "identified": identified, "adaptive": adaptive},
-            )
+            worse = f"Adaptation makes {row.joint} worse at {row.frequency:g} Hz"
+            message = f"{worse}: RMS error {identified:.3g} {q} with the identified model, {adaptive:.3g} {q} adapted."
+            numbers = {"joint": row.joint, "frequency": row.frequency, "identified": identified, "adaptive": adaptive}
+            yield Finding("adaptation-worse", CAUTION, message, numbers)
 
 
 def _compensation(study: Study, figures: Mapping[str, Drawn]) -> dict[str, Any]:
@@ -103,10 +94,8 @@ def _compensation(study: Study, figures: Mapping[str, Drawn]) -> dict[str, Any]:
 def drawings(study: Study) -> dict[str, Drawing]:
     """Its figures, by name."""
     label = f"of {study.loops[0].name}, compensated"
-    return {
-        kind: Drawing(partial(draw, study), f"compensation-{kind}", f"{kind} {label}")
-        for kind, draw in draw(study).items()
-    }
+    every = draw(study).items()
+    return {kind: Drawing(partial(f, study), f"compensation-{kind}", f"{kind} {label}") for kind, f in every}
 
 
 def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
@@ -121,14 +110,15 @@ def draw(study: Study) -> dict[str, Callable[[Study], Figure | None]]:
         "gradients": figures.gradients_figure,
         "band": figures.band_figure,
     }
-    return drawn | {
-        f"replay-{k + 1}": partial(figures.replay_figure, at=k) for k in range(min(len(study.replays), _MOST_REPLAYS))
-    }
+    replays = range(min(len(study.replays), _MOST_REPLAYS))
+    return drawn | {f"replay-{k + 1}": partial(figures.replay_figure, at=k) for k in replays}
 
 
 def context(study: Study) -> dict[str, Any]:
     """Everything that the template of the compensated joint names."""
     loop, kind = study.loops[0], study.loops[0].kind
+    replays = tables.replay(study)  # with parameters as symbols; names of files stay as they are
+    replays = replays.assign(**{name: replays[name].map(in_print) for name in ("begun", "shares", "verdict")})
     return {
         "joint": loop,
         "paper": study.paper,
@@ -147,7 +137,7 @@ def context(study: Study) -> dict[str, Any]:
         "band": study.band,
         "band_rms": [f"{1e3 * x:.3g}" for x in (*study.band.rms, study.band.rms_actual)] if study.band else [],
         "band_systematic": [f"{1e3 * x:.3g}" for x in (study.band and study.band.rms_systematic) or ()],
-        "replays": shown(_in_print(tables.replay(study))) if study.replays else None,
+        "replays": shown(replays) if study.replays else None,
         "drawn": [f"replay-{k + 1}" for k in range(min(len(study.replays), _MOST_REPLAYS))],
         "of_replay": [
             (x.file, f"{in_print(_start(x))}, by the {x.adaptation.law} law", in_print(x.verdict)) for x in study.replays[:_MOST_REPLAYS]
@@ -172,12 +162,9 @@ def _ablated(study: Study) -> Finding:
     rows = study.ablation
     cycling, leading = sum(x.limit_cycle for x in rows), sum(x.over_compensated for x in rows)
     diverging = sum(x.diverges for x in rows)
-    return Finding(
-        "ablated",
-        NOTE,
-        f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge.",
-        {"tried": len(rows), "cycling": cycling, "leading": leading, "diverging": diverging},
-    )
+    message = f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge."
+    numbers = {"tried": len(rows), "cycling": cycling, "leading": leading, "diverging": diverging}
+    return Finding("ablated", NOTE, message, numbers)
 
 
 def _captions(study: Study) -> dict[str, str]:
@@ -190,7 +177,13 @@ def _captions(study: Study) -> dict[str, str]:
     )
     names = [symbol(name) for name in loop.adaptation.parameters]
     m = study.adaptation_map
-    spans = (f"{name} {_range([*m.by_gamma[k].flat, *m.by_amplitude[k].flat])}" for k, name in enumerate(names))
+    spans = []
+    for k, name in enumerate(names):
+        finite = [
+            x for x in (*m.by_gamma[k].flat, *m.by_amplitude[k].flat) if np.isfinite(x)
+        ]  # of loops that do not diverge
+        ends = f"from {number(min(finite), 2)} to {number(max(finite), 2)}" if finite else "not finite"
+        spans.append(f"{name} {ends}")
     v, found = study.gradients
     at = int(np.abs(v - _BEYOND * loop.plant.positive.v_s).argmin())
     told = ", ".join(f"{g[at]:.2g} by the {way} law" for way, g in found.items())
@@ -199,12 +192,6 @@ def _captions(study: Study) -> dict[str, str]:
         "landings": f"Final ratios to the identified values: {', '.join(spans)}",
         "gradients": f"At {_BEYOND:g} vₛ the gradient of {names[0]} is {told}, relative to the largest of the total derivative",
     }
-
-
-def _range(values: Sequence[float]) -> str:
-    """The least and the largest finite one; a loop that diverges has others."""
-    finite = [x for x in values if np.isfinite(x)]
-    return f"from {number(min(finite), 2)} to {number(max(finite), 2)}" if finite else "not finite"
 
 
 def _tables(study: Study) -> dict[str, Table]:
@@ -264,35 +251,25 @@ def outcomes_of(study: Study) -> Iterator[Finding]:
         if not row.inertia:
             without, identified, adaptive = 1e3 * row.without, 1e3 * row.identified, 1e3 * row.adaptive
             identified_percent, adaptive_percent = 100 * row.identified / row.without, 100 * row.adaptive / row.without
-            yield Finding(
-                "errors-compensated",
-                NOTE,
+            message = (
                 f"{row.joint}, {row.frequency:g} Hz: RMS error {without:.3g} {q} without, {identified:.3g} {q} "
-                f"({identified_percent:.2g} %) with and {adaptive:.3g} {q} ({adaptive_percent:.2g} %) with adaptive compensation.",
-                {
-                    "joint": row.joint, "frequency": row.frequency, "without": without, "unit": q,
-                    "identified": identified, "identified_percent": identified_percent,
-                    "adaptive": adaptive, "adaptive_percent": adaptive_percent,
-                },
-            )  # fmt: skip  # a list of values
+                f"({identified_percent:.2g} %) with and {adaptive:.3g} {q} ({adaptive_percent:.2g} %) with adaptive compensation."
+            )
+            numbers = {
+                "joint": row.joint, "frequency": row.frequency, "without": without, "unit": q, "identified": identified,
+                "identified_percent": identified_percent, "adaptive": adaptive, "adaptive_percent": adaptive_percent,
+            }  # fmt: skip  # a list of values
+            yield Finding("errors-compensated", NOTE, message, numbers)
     reference = "true" if study.paper else "identified"
     for x in study.adapted.factors:
-        yield Finding(
-            "adapted-to",
-            NOTE,
-            f"{first.name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f} of its {reference} value.",
-            {"joint": first.name, "law": x.law, "name": x.parameter, "initial": x.initial, "final": x.final},
-        )
+        message = f"{first.name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f} of its {reference} value."
+        numbers = {"joint": first.name, "law": x.law, "name": x.parameter, "initial": x.initial, "final": x.final}
+        yield Finding("adapted-to", NOTE, message, numbers)
 
 
 def _milli(study: Study) -> str:
     """The unit of a position error in thousandths: mrad (mm)."""
     return f"m{unit('position', study.loops[0].kind)}"
-
-
-def _in_print(replays: pd.DataFrame) -> pd.DataFrame:
-    """The table of replays with parameters as symbols; names of files stay as they are."""
-    return replays.assign(**{name: replays[name].map(in_print) for name in ("begun", "shares", "verdict")})
 
 
 def _start(replay: Replay) -> str:

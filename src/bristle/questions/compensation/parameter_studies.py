@@ -24,8 +24,6 @@ GAMMAS = (1.0, 5.0, 10.0, 20.0, 50.0)
 FREQUENCIES = (0.25, 0.5, 1.0, 2.0, 4.0)
 AMPLITUDES = (0.1, 0.25, 0.5, 1.0, 2.0)
 """Of the maps, as multiples of the plan's."""
-RISE = 0.5
-"""By how much alpha_0 and alpha_2 grow in a drift."""
 
 
 class AdaptationMap(NamedTuple):
@@ -96,9 +94,6 @@ class Drift(NamedTuple):
     """Farthest that a gain went from 1, as a factor; nan where nothing is adapted."""
 
 
-_UNLIMITED = (1e-12, 1e12)
-
-
 def drifts(loops: Sequence[JointLoop], shares: Sequence[float] = (0.25, 1.0)) -> tuple[Drift, ...]:
     """Every joint at the plan's frequency and at its slow one: known, fixed, adapted at shares of the plan's rates, unprojected, normalised."""
     return tuple(row for loop in loops for row in _drift(loop, shares))
@@ -107,13 +102,13 @@ def drifts(loops: Sequence[JointLoop], shares: Sequence[float] = (0.25, 1.0)) ->
 def _drift(loop: JointLoop, shares: Sequence[float]) -> list[Drift]:
     frequencies = (loop.slow, loop.frequency)
     reference = stacked([loop.sine(f, paper.LONG) for f in frequencies])
-    rising: Array = np.linspace(1.0, 1.0 + RISE, reference.position.shape[-1], dtype=np.float64)
+    rising: Array = np.linspace(1.0, 1.5, reference.position.shape[-1], dtype=np.float64)
     drifting = Disturbance(drift_0=rising, drift_2=rising)
     plan, cases = loop.adaptation, [loop.case(model=loop.plant)] * len(frequencies)
     ways: list[tuple[str, Adaptation | None]] = [("known", None), ("fixed", None)]
     ways += [(plan.law, replace(plan, gamma=tuple(share * g for g in plan.gamma))) for share in shares]
     ways += [
-        (f"{plan.law}, without limits", replace(plan, limits=_UNLIMITED)),
+        (f"{plan.law}, without limits", replace(plan, limits=(1e-12, 1e12))),
         (f"{plan.law}, normalised", replace(plan, step="normalised")),
     ]
     rows: dict[float, list[Drift]] = {f: [] for f in frequencies}

@@ -5,7 +5,7 @@ proportional gain: e = (T_model - T_measured) / K_p, rad, which has the sign of 
 So the rates are those of the loop. A run with gaps is replayed segment by segment, the gains continuing from one to the next.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -31,10 +31,6 @@ from bristle.simulation.joint_loop import JointLoop
 
 _MOVED = 0.01
 """A gain that differs from 1, or from a limit, by no more than this share is there."""
-_STRANGE = 50.0
-"""Percent: what an identified model leaves so much of is not described by it."""
-_LITTLE = 0.3
-"""Percentage points of the torque: a smaller difference is none."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -85,32 +81,24 @@ class Replay:
         numbers = {"before": before, "after": after, "ratios": self.ratios}
         left = f"{after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %"
         if ((np.abs(gains - 1) > _MOVED) & ((gains <= (1 + _MOVED) * low) | (gains >= (1 - _MOVED) * high))).any():
-            return Finding(
-                "gain-at-limit",
-                CAUTION,
+            message = (
                 f"A gain ended at its limit ({self.shares}; {left}): widen adapt.limits if friction may have changed that much; "
-                "otherwise leave it off, or lower gamma.",
-                numbers,
+                "otherwise leave it off, or lower gamma."
             )
-        if self.begun == "identified" and before > _STRANGE:
-            return Finding(
-                "model-unfit",
-                CAUTION,
+            return Finding("gain-at-limit", CAUTION, message, numbers)
+        if self.begun == "identified" and before > 50.0:  # percent: such a run is not described by it
+            message = (
                 f"The identified model leaves {before:.3g} % of this run's friction torque unexplained ({after:.3g} % adapted): check "
-                "units, sign and columns of the run; until then its gains mean nothing.",
-                {"before": before, "after": after},
+                "units, sign and columns of the run; until then its gains mean nothing."
             )
-        little = max(_LITTLE, 0.02 * before)
+            return Finding("model-unfit", CAUTION, message, {"before": before, "after": after})
+        little = max(0.3, 0.02 * before)  # percentage points of the torque: a smaller difference is none
         if after < before - little:
             return Finding("adaptation-helps", NOTE, f"It helps here: {left}, at ratios {self.shares}.", numbers)
         if after <= before + little:
-            return Finding(
-                "adaptation-idle",
-                NOTE,
-                f"It changes nothing here: {before:.3g} % of the friction torque is left unexplained without it, {after:.3g} % with "
-                f"it, at ratios {self.shares}.",
-                numbers,
-            )
+            same = f"{before:.3g} % of the friction torque is left unexplained without it, {after:.3g} % with it"
+            message = f"It changes nothing here: {same}, at ratios {self.shares}."
+            return Finding("adaptation-idle", NOTE, message, numbers)
         return Finding("adaptation-harms", CAUTION, f"Leave it off: {left}, at ratios {self.shares}.", numbers)
 
 
@@ -119,10 +107,7 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
     fixed, _ = inertia(measured.experiment)
     known = {INERTIA: loop.J} | (joint.moving.known if joint.moving is not None else {})
     wrong = ", ".join(f"{share:g} {name}" for name, share in loop.start.items())
-    ways = [
-        ("identified", loop.model, loop.adaptation),
-        (wrong, loop.wrong_start(loop.model), loop.adaptation),
-    ]
+    ways = [("identified", loop.model, loop.adaptation), (wrong, loop.wrong_start(loop.model), loop.adaptation)]
     ways += [("identified", loop.model, loop.diagnostic_law)] if loop.diagnostic_law else []
     fitted = regressors_of([name.name for name in known], joint.kind)  # with the orders that were found
     rises = rises_of(joint)
@@ -134,17 +119,13 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
         problem = dynamic_problem([record], ("both",), asked, 1, fixed)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
         weights = {name.name: x for name, x in zip(problem.extra_names, extra.tolist(), strict=True)}
-        levels = [_level(m, rises, weights) for m in problem.motions]
+        levels = []  # what the load along each motion adds to alpha_0, N*m, (n,)
+        for m in problem.motions:
+            terms = () if m.load is None else m.load.levels
+            columns = np.zeros((0, m.velocity.size)) if m.load is None else m.load.by(weights)[0]
+            levels.append(np.array([rises[name] for name in terms]) @ columns)
         found += [_replay(loop, record.file, problem.motions, levels, extra, *way) for way in ways]
     return tuple(found)
-
-
-def _level(motion: Motion, rises: Mapping[str, float], weights: Mapping[str, float]) -> Array:
-    """What the load along a motion adds to alpha_0, N*m, (n,)."""
-    if motion.load is None:
-        return np.zeros(motion.velocity.size)
-    columns, _ = motion.load.by(weights)
-    return np.array([rises[name] for name in motion.load.levels]) @ columns
 
 
 def _replay(

@@ -67,11 +67,7 @@ class Study:
 
 
 def study(
-    loops: Sequence[JointLoop],
-    replays: Sequence[Replay] = (),
-    progress: Progress | None = None,
-    *,
-    paper: bool = False,
+    loops: Sequence[JointLoop], replays: Sequence[Replay] = (), progress: Progress | None = None, *, paper: bool = False
 ) -> Study:
     """Run all of it; for the `paper`'s joints its Table 2 as it has that.
 
@@ -81,12 +77,7 @@ def study(
 
 
 def begin_study(
-    loops: Sequence[JointLoop],
-    replays: Sequence[Replay],
-    progress: Progress | None,
-    share: Share,
-    *,
-    paper: bool,
+    loops: Sequence[JointLoop], replays: Sequence[Replay], progress: Progress | None, share: Share, *, paper: bool
 ) -> Callable[[], Study]:
     """`study`, begun by whoever shares the work; what is returned waits for the end, and raises what `study` does."""
     first = loops[0]

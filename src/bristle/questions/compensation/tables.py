@@ -3,15 +3,14 @@
 import pandas as pd
 
 from bristle.model.parameters import unit
+from bristle.questions.compensation.parameter_studies import Controlled, Sampled
 from bristle.questions.compensation.study import Study
 from bristle.simulation.edro import TABLE_2_ADAPTED
 
 
 def compensation_errors(study: Study) -> pd.DataFrame:
     """Fig. 8: RMS errors in rad (m), torques in N*m (N), and what LuGre feed-forward leaves of the error without it."""
-    rows = [
-        (*row, row.true / row.without, row.identified / row.without, row.adaptive / row.without) for row in study.errors
-    ]
+    rows = [(*x, *(share / x.without for share in (x.true, x.identified, x.adaptive))) for x in study.errors]
     columns = [
         "joint", "frequency", "inertia_feed_forward", "without", "true_model", "identified_model", "adaptive", "torque_without",
         "torque_with", "true_share", "identified_share", "adaptive_share",
@@ -24,77 +23,50 @@ def table_2(study: Study) -> pd.DataFrame:
     p, kind = study.adapting.model.positive, study.adapting.kind
     paper = TABLE_2_ADAPTED if study.paper else {}
     rows = [
-        (
-            x.law,
-            x.parameter,
-            getattr(p, x.parameter),
-            unit(x.parameter, kind),
-            x.initial,
-            x.early,
-            x.final,
-            paper.get(x.parameter),
-        )
+        (x.law, x.parameter, getattr(p, x.parameter), unit(x.parameter, kind), x.initial, x.early, x.final, paper.get(x.parameter))
         for x in study.adapted.factors
-    ]
-    frame = pd.DataFrame(
-        rows, columns=["law", "parameter", "original", "unit", "initial", "at_4_s", "at_20_s", "paper"]
-    )
-    return frame.astype({"paper": float})
+    ]  # fmt: skip  # one row, one line
+    columns = ["law", "parameter", "original", "unit", "initial", "at_4_s", "at_20_s", "paper"]
+    return pd.DataFrame(rows, columns=columns).astype({"paper": float})
 
 
 def adaptation_map(study: Study) -> pd.DataFrame:
     """Where adapted parameters end over rate, amplitude and frequency."""
     m, plan = study.adaptation_map, study.adapting
+    top, f = max(plan.adaptation.gamma), m.frequencies.tolist()
+    by_gamma = ([(g, plan.amplitude) for g in m.gammas.tolist()], m.by_gamma)
+    by_amplitude = ([(top, a) for a in m.amplitudes.tolist()], m.by_amplitude)
     rows = [
-        (name, float(g), plan.amplitude, float(f), float(m.by_gamma[k, i, j]))
-        for k, name in enumerate(plan.adaptation.parameters)
-        for i, g in enumerate(m.gammas)
-        for j, f in enumerate(m.frequencies)
-    ]
-    top = max(plan.adaptation.gamma)
-    rows += [
-        (name, top, float(a), float(f), float(m.by_amplitude[k, i, j]))
-        for k, name in enumerate(plan.adaptation.parameters)
-        for i, a in enumerate(m.amplitudes)
-        for j, f in enumerate(m.frequencies)
+        (name, *at, frequency, share)
+        for places, shares in (by_gamma, by_amplitude)
+        for name, of_name in zip(plan.adaptation.parameters, shares.tolist(), strict=True)
+        for at, row in zip(places, of_name, strict=True)
+        for frequency, share in zip(f, row, strict=True)
     ]
     return pd.DataFrame(rows, columns=["parameter", "gamma", "amplitude", "frequency", "adapted_share"])
 
 
 def drift(study: Study) -> pd.DataFrame:
     """RMS errors while alpha_0 and alpha_2 rise by half: rad (m), and over that of the known model."""
-    return pd.DataFrame(
-        study.drifts, columns=["joint", "frequency", "way", "gamma", "rms_error", "over_known", "largest_gain"]
-    )
+    columns = ["joint", "frequency", "way", "gamma", "rms_error", "over_known", "largest_gain"]
+    return pd.DataFrame(study.drifts, columns=columns)
 
 
 def ablation(study: Study) -> pd.DataFrame:
     """Every compensator under every circumstance."""
-    columns = [
-        "compensator",
-        "encoder_bits",
-        "delay",
-        "share",
-        "rms_error",
-        "over_none",
-        "chatter",
-        "limit_cycle",
-        "over_compensated",
-        "diverges",
-    ]
+    ends = ["chatter", "limit_cycle", "over_compensated", "diverges"]
+    columns = ["compensator", "encoder_bits", "delay", "share", "rms_error", "over_none", *ends]
     return pd.DataFrame(study.ablation, columns=columns)
 
 
 def controllers(study: Study) -> pd.DataFrame:
     """PID, with feed-forward, and sliding mode: errors in rad (m), torque in N*m (N), chatter in that per second, energy in J."""
-    return pd.DataFrame(
-        study.controllers, columns=["controller", "rms_error", "peak_error", "rms_torque", "chatter", "energy"]
-    )
+    return pd.DataFrame(study.controllers, columns=list(Controlled._fields))
 
 
 def sampling(study: Study) -> pd.DataFrame:
     """How far the sampled loop is from the continuous one, rad (m), by control period, s."""
-    return pd.DataFrame(study.sampling, columns=["joint", "period", "distance"])
+    return pd.DataFrame(study.sampling, columns=list(Sampled._fields))
 
 
 def replay(study: Study) -> pd.DataFrame:
@@ -105,14 +77,5 @@ def replay(study: Study) -> pd.DataFrame:
 
 def all_tables(study: Study) -> dict[str, pd.DataFrame]:
     """Every table by the name of its file."""
-    makers = (
-        compensation_errors,
-        table_2,
-        adaptation_map,
-        drift,
-        ablation,
-        controllers,
-        sampling,
-        *((replay,) if study.replays else ()),
-    )
-    return {maker.__name__: maker(study) for maker in makers}
+    makers = (compensation_errors, table_2, adaptation_map, drift, ablation, controllers, sampling)
+    return {maker.__name__: maker(study) for maker in (*makers, *((replay,) if study.replays else ()))}

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array, to_bound
 from bristle.errors import InputError
@@ -38,6 +37,7 @@ from bristle.model.parameters import (
     unit,
 )
 from bristle.model.vectorize import evaluate
+from bristle.page.style import thinned
 from bristle.page.wording import in_print, pretty, printable
 from bristle.questions.explorer.engine import loop_options
 from bristle.questions.explorer.sliders import ranges
@@ -47,10 +47,6 @@ MOST_SAMPLES = 4000
 """Of a measured run, at the most."""
 MOST_DRAWN = 300
 """Samples of a loading or a loop, at the most."""
-MOST_EDGES = 40
-"""Count edges of a loading, at the most."""
-MOST_LOOPS = 3
-"""Measured loops that are kept."""
 _SHOWN = ("position", "velocity", "torque", "K_p", "K_i", "K_d")
 """What the page has units of, beside the parameters."""
 _FREQUENCY = 0.5
@@ -87,6 +83,8 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
     guessed = guessed_inertia(level, 2 * np.pi * _FREQUENCY * fastest)
     J = loop.J if isinstance(loop, JointLoop) else inertia_of(None, joint) or guessed
     sets, truth = list(_sets(joint, known, travel, J)), _truth(joint)
+    speeds = np.abs(np.concatenate([fit.velocity for fit in joint.static.values()] or [np.zeros(0)]))
+    slowest = float(min(speeds[speeds > 0], default=fastest / 1000))  # that was fitted
     truth_law = next((p.law for p in joint.truth.values()), None)
     shown = [{name: row["value"] for name, row in p.items()} for one in sets for p in one["values"].values()]
     shown += (truth or {}).values() if truth_law == joint.law else ()
@@ -102,7 +100,7 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
         "truth": truth,
         "truth_law": truth_law and truth_law.name,
         "ranges": ranges(joint.law, shown, fastest),
-        "speeds": [_slowest(joint, fastest), fastest],
+        "speeds": [slowest, fastest],
         "travel": travel,
         "static": [_static(d, fit) for d, fit in joint.static.items() if d in set(Direction) - {Direction.SHARED}],
         "other_points": _other_points(joint),
@@ -130,13 +128,11 @@ def _plans(loop: JointLoop | str) -> list[dict[str, Any]] | str:
         cases.insert(0, ("friction (+) in both directions, as in Table 2", one_way(loop), True))
     return [
         {
-            "label": label,
-            "options": loop_options(one),
-            "one_way": both,
+            "label": label, "options": loop_options(one), "one_way": both,
             "assumptions": [printable(in_print(x)) for x in one.assumptions],
         }
         for label, one, both in cases
-    ]
+    ]  # fmt: skip  # a list of values
 
 
 def _sets(joint: Joint, known: KnownJoint, travel: float, J: float) -> Iterator[dict[str, Any]]:
@@ -224,12 +220,6 @@ def _truth(joint: Joint) -> dict[str, dict[str, float | None]] | None:
     return found or None
 
 
-def _slowest(joint: Joint, fastest: float) -> float:
-    """The slowest speed that was fitted, rad/s."""
-    speeds = np.abs(np.concatenate([fit.velocity for fit in joint.static.values()] or [np.zeros(0)]))
-    return float(min(speeds[speeds > 0], default=fastest / 1000))
-
-
 def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
     """One fit of constant velocities: its points, weights and cost, as the page computes them anew.
 
@@ -244,8 +234,11 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
     torque = fit.torque - extra if off else fit.torque
     errors = [s.standard_error for s in fit.segments]
     cost, left = float(fit.residuals @ fit.residuals), float(np.linalg.norm(fit.residuals))
-    profile = fit.profile
+    profile, drawn = fit.profile, None
     other = 0.0 if profile is None or abs(profile.best_cost - cost) <= 1e-6 * cost else profile.best_cost - cost
+    if profile is not None:
+        k = thinned(profile.near_v_s.size, MOST_DRAWN)
+        drawn = {"v_s": profile.near_v_s[k].tolist(), "cost": (profile.near_cost - other)[k].tolist()}
     return {
         "direction": direction,
         "velocity": v.tolist(),
@@ -260,45 +253,40 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
         "cost": cost,
         "least": None if profile is None else profile.best_cost - other,
         "threshold": None if profile is None else profile.threshold - other,
-        "profile": None if profile is None else _profile(profile.near_v_s, profile.near_cost - other),
-        "strays": [
-            {"velocity": s.velocity, "torque": s.torque, "place": printable(f"{s.file} {s.where}")} for s in fit.strays
-        ],
+        "profile": drawn,
+        "strays": [_point(s) for s in fit.strays],
     }
-
-
-def _profile(v_s: Array, cost: Array) -> dict[str, list[float]]:
-    k = _thinned(v_s.size)
-    return {"v_s": v_s[k].tolist(), "cost": cost[k].tolist()}
 
 
 def _other_points(joint: Joint) -> list[dict[str, Any]]:
     """Points that were kept and not fitted: they are held out."""
     fitted = {s.place for fit in joint.static.values() for s in fit.segments}
-    return [
-        {"velocity": s.velocity, "torque": s.torque, "place": printable(f"{s.file} {s.where}")}
-        for s in joint.segments
-        if s.accepted and s.place not in fitted
-    ]
+    return [_point(s) for s in joint.segments if s.accepted and s.place not in fitted]
+
+
+def _point(s: Any) -> dict[str, Any]:
+    """A segment or a stray, as a point beside the fitted ones."""
+    return {"velocity": s.velocity, "torque": s.torque, "place": printable(f"{s.file} {s.where}")}
 
 
 def _presliding(fit: PreslidingFit) -> dict[str, Any]:
     """What slow loading of one direction showed, each loading from its rest by the recommended sigma_0."""
     loadings = []
     for loading in fit.loadings:
-        k, rest = _thinned(loading.torque.size), _rest(fit, loading.edge_displacement, loading.edge_torque)
-        edges = _thinned(loading.edge_torque.size, MOST_EDGES)
-        loadings.append(
-            {
-                "displacement": (loading.displacement[k] - rest).tolist(),
-                "torque": loading.torque[k].tolist(),
-                "samples": int(loading.torque.size),
-                "edge_displacement": (loading.edge_displacement[edges] - rest).tolist(),
-                "edge_torque": loading.edge_torque[edges].tolist(),
-            }
-        )  # fmt: skip  # a list of values
+        rest = _rest(fit, loading.edge_displacement, loading.edge_torque)
+        edges = thinned(loading.edge_torque.size, 40)
+        of_edges = {
+            "edge_displacement": (loading.edge_displacement[edges] - rest).tolist(),
+            "edge_torque": loading.edge_torque[edges].tolist(),
+        }
+        loadings.append(_drawn(loading.displacement - rest, loading.torque) | of_edges)
     open_ended = not np.isfinite(fit.level_standard_error)
     return {"level": float(fit.level), "at_least": open_ended, "loadings": loadings}
+
+
+def _drawn(displacement: Array, torque: Array) -> dict[str, Any]:
+    k = thinned(torque.size, MOST_DRAWN)
+    return {"displacement": displacement[k].tolist(), "torque": torque[k].tolist(), "samples": int(torque.size)}
 
 
 def _rest(fit: PreslidingFit, y: Array, T: Array) -> float:
@@ -313,17 +301,9 @@ def _rest(fit: PreslidingFit, y: Array, T: Array) -> float:
 def _loops(joint: Joint) -> list[dict[str, Any]]:
     """Measured closed cycles, each about its middle."""
     found = []
-    for loop in (joint.presliding.loops if joint.presliding else ())[:MOST_LOOPS]:
-        k = _thinned(loop.position.size)
+    for loop in (joint.presliding.loops if joint.presliding else ())[:3]:
         middle = (float(loop.position.min()) + float(loop.position.max())) / 2 if loop.position.size else 0.0
-        found.append(
-            {
-                "displacement": (loop.position[k] - middle).tolist(),
-                "torque": loop.torque[k].tolist(),
-                "samples": int(loop.position.size),
-                "file": printable(loop.file),
-            }
-        )
+        found.append(_drawn(loop.position - middle, loop.torque) | {"file": printable(loop.file)})
     return found
 
 
@@ -335,25 +315,21 @@ def _moving(fit: TrackingFit | None) -> dict[str, Any] | None:
     if not sets:
         return None
     one = next(iter(sets.values()))
-    n = min(fit.velocity.size, MOST_SAMPLES)
+    n, steps = min(fit.velocity.size, MOST_SAMPLES), np.diff(fit.time)
+    usual = float(np.median(steps))
+    # First equation of each run, and of each stretch behind a gap: where the time steps back, or by more than two steps.
+    starts = [0, *(1 + np.flatnonzero((steps <= 0) | (steps > 2 * usual))).tolist()]
     return {
         "pair": {"law": fit.law.name, **{str(d): sets.get(d, one)._asdict() for d in SIGNED}},
-        "step": float(np.median(np.diff(fit.time))),
+        "step": usual,
         "time": fit.time[:n].tolist(),
         "velocity": fit.velocity[:n].tolist(),
         "residuals": fit.residuals[:n].tolist(),
-        "starts": [k for k in _starts(fit.time) if k < n],
+        "starts": [k for k in starts if k < n],
         "norm": float(np.linalg.norm(fit.measured[:n])),
         "equations": int(fit.velocity.size),
         "relative_error": float(fit.relative_error) if n == fit.velocity.size else None,
     }  # fmt: skip  # a list of values
-
-
-def _starts(time: Array) -> list[int]:
-    """First equation of each run, and of each stretch behind a gap: where the time steps back, or by more than two steps."""
-    steps = np.diff(time)
-    usual = float(np.median(steps))
-    return [0, *(1 + np.flatnonzero((steps <= 0) | (steps > 2 * usual))).tolist()]
 
 
 def _correlations(joint: Joint) -> Iterator[dict[str, Any]]:
@@ -368,8 +344,3 @@ def _correlations(joint: Joint) -> Iterator[dict[str, Any]]:
         if len(names) > 1 and np.isfinite(covariance).all() and (spread > 0).all():
             matrix = covariance / np.outer(spread, spread)
             yield {"label": label, "names": list(names), "matrix": np.clip(matrix, -1.0, 1.0).tolist()}
-
-
-def _thinned(n: int, most: int = MOST_DRAWN) -> NDArray[np.intp]:
-    """Which of n samples are drawn."""
-    return np.unique(np.linspace(0, max(n - 1, 0), min(n, most)).astype(int))

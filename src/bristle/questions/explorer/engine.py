@@ -21,7 +21,7 @@ from bristle.control.symbolic import OF_ADAPTATION, OF_COMPENSATOR, setting_name
 from bristle.model import functions, time_refinement
 from bristle.model.law import is_passive
 from bristle.model.laws.gaussian import GAUSSIAN
-from bristle.model.laws.parts import FASTEST
+from bristle.model.laws.parts import FASTEST, Expression
 from bristle.model.laws.parts import Law as FrictionLaw
 from bristle.model.parameters import (
     SIGNED,
@@ -38,11 +38,8 @@ from bristle.questions.explorer import javascript
 from bristle.simulation.joint_loop import JointLoop
 from bristle.simulation.references import Sine
 
-Expression = Any
-"""A CasADi symbol: CasADi carries no types."""
 DURATION, SETTLE = 20.0, 10.0
 """s: a run in the loop, and from when on its error counts."""
-_GLUE = Path(__file__).with_name("engine.js")
 _SETTINGS = (*OF_COMPENSATOR, *OF_ADAPTATION, "limits", "gamma")
 """What is a number of a compensator and its adaptation, in the order in which a control period takes them."""
 _LOGGED = ("position", "velocity", "deflection", "torque", "friction", "compensation")
@@ -78,6 +75,14 @@ def script(loops: Sequence[JointLoop] = (), laws: Iterable[FrictionLaw] = (GAUSS
     }
     for loop in loops:
         ways[loop.model.law] |= dict.fromkeys(_ways(loop.compensator, loop.adaptation).values())
+    # The functions that the glue calls of any law, by their names there.
+    T, g0, sigma_0, t, amplitude, frequency = map(_symbol, ("T", "g0", "sigma_0", "t", "amplitude", "frequency"))
+    y = Sine(amplitude, frequency).position(t)
+    y_t, displacement = ca.jacobian(y, t), functions.loading_displacement_function()(T, g0, sigma_0)[0]
+    common = (
+        _function("loadingDisplacement", [T, g0, sigma_0], displacement),
+        _function("sine", [t, amplitude, frequency], y, y_t, ca.jacobian(y_t, t)),
+    )
     parts = [
         'const bristle = (() => {\n"use strict";\n',
         javascript.HELPERS,
@@ -85,10 +90,10 @@ def script(loops: Sequence[JointLoop] = (), laws: Iterable[FrictionLaw] = (GAUSS
             "FINE": time_refinement._FINE, "NEAR": time_refinement._NEAR, "MOST": time_refinement._MOST,
             "GAINS": Gains._fields, "SETTINGS": _SETTINGS, "LOGGED": _LOGGED, "FASTEST": FASTEST,
         }),
-        *(javascript.printed(f, f.name()) for f in _common()),
+        *(javascript.printed(f, f.name()) for f in common),
         "const LAWS = {};\n",
         *(_of_law(law, tuple(own)) for law, own in ways.items()),
-        _GLUE.read_text(encoding="utf-8"),
+        Path(__file__).with_name("engine.js").read_text(encoding="utf-8"),
         '})();\nif (typeof module !== "undefined") module.exports = bristle;\n',
     ]  # fmt: skip  # a list of values
     return "".join(parts)
@@ -145,12 +150,9 @@ def _of_law(law: FrictionLaw, ways: tuple[Way, ...]) -> str:
     ]
     coefficients = ("alpha_0", "alpha_1", "alpha_2", *law.coefficients)
     constants = {
-        "FIELDS": fields_of(law),
-        "STATIC": static_fields_of(law),
-        "SHAPE": law.shape_parameters,
-        "COEFFICIENTS": coefficients,
-        "LEAST": [least_of(name) for name in coefficients],
-    }
+        "FIELDS": fields_of(law), "STATIC": static_fields_of(law), "SHAPE": law.shape_parameters,
+        "COEFFICIENTS": coefficients, "LEAST": [least_of(name) for name in coefficients],
+    }  # fmt: skip  # a list of values
     named = [*constants, "LOOPS", *(equation.name() for equation in equations)]
     parts = [
         f"LAWS[{json.dumps(law.name)}] = (() => {{\n",
@@ -165,18 +167,6 @@ def _of_law(law: FrictionLaw, ways: tuple[Way, ...]) -> str:
 def _constants(values: Mapping[str, Any]) -> list[str]:
     """Values as constants of JavaScript, whose `Infinity` is JSON's as Python writes it."""
     return [f"const {name} = {json.dumps(value)};\n" for name, value in values.items()]
-
-
-def _common() -> list[ca.Function]:
-    """The functions that the glue calls of any law, by their names there."""
-    T, g0, sigma_0, t, amplitude, frequency = map(_symbol, ("T", "g0", "sigma_0", "t", "amplitude", "frequency"))
-    y = Sine(amplitude, frequency).position(t)
-    y_t = ca.jacobian(y, t)
-    displacement = functions.loading_displacement_function()(T, g0, sigma_0)[0]
-    return [
-        _function("loadingDisplacement", [T, g0, sigma_0], displacement),
-        _function("sine", [t, amplitude, frequency], y, y_t, ca.jacobian(y_t, t)),
-    ]
 
 
 def _equations(law: FrictionLaw) -> list[ca.Function]:

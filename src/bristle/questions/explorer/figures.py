@@ -3,7 +3,7 @@
 No text of a user goes in here. A source's name is its renderer's; the script finds figures and sources by them.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from bristle.page.bokeh_page import GREY, bare_plot, plain_axes
@@ -11,7 +11,6 @@ from bristle.page.style import DIRECTION
 
 if TYPE_CHECKING:
     from bokeh.models import Plot
-    from bokeh.models.annotations.annotation import Annotation
 
 TRUE, SECOND = "#009E73", "#CC79A7"
 """Of the true values, beside GREY, the identified ones, and of what stands beside the current ones; 3:1 on white and on near black."""
@@ -192,17 +191,13 @@ PANELS: dict[str, tuple[Panel, ...]] = {
 
 def key() -> list[tuple[str, str, str, str]]:
     """Of each mark of the friction curve in the page's key: its source, its name, how its sample looks, and its colour."""
-    marks = [mark for mark in _friction(_XY) if mark.legend]
-    return [
-        (
-            mark.source,
-            mark.legend,
-            str(mark.style.get("line_dash", "solid") if mark.glyph == "line" else mark.style.get("marker", "circle"))
-            + (" hollow" if mark.style.get("fill_color", GREY) in (None, "white") else ""),
-            str(mark.style.get("color") or mark.style["line_color"]),
-        )
-        for mark in marks
-    ]
+    found = []
+    for mark in (mark for mark in _friction(_XY) if mark.legend):
+        style = mark.style
+        look = style.get("line_dash", "solid") if mark.glyph == "line" else style.get("marker", "circle")
+        hollow = " hollow" if style.get("fill_color", GREY) in (None, "white") else ""
+        found.append((mark.source, mark.legend, f"{look}{hollow}", str(style.get("color") or style["line_color"])))
+    return found
 
 
 def figures() -> dict[str, list["Plot"]]:
@@ -214,25 +209,32 @@ def figures() -> dict[str, list["Plot"]]:
 
 def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plot":
     from bokeh.models import HoverTool
+    from bokeh.models.annotations.geometry import BoxAnnotation, Span
 
     shared: dict[str, Any] = {"x_range": drawn[panel.follows].x_range} if panel.follows else {}
     if panel.framed:
         shared = {"x_range": (0.1, 1.0), "y_range": (0.0, 1.0)}
     plot = bare_plot(panel.name, panel.height, "log" if panel.x_log else "linear", **shared)
     drawn[panel.name] = plot
-    for annotation in _annotations(panel):
-        plot.add_layout(annotation)
+    for name in panel.shaded:
+        plot.add_layout(BoxAnnotation(
+            name=name, left=0, right=0, fill_color=GREY, fill_alpha=0.06, hatch_pattern="/", hatch_color=GREY,
+            hatch_alpha=0.35, hatch_scale=10, line_color=None, visible=False,
+        ))  # fmt: skip  # a list of values
+    for name, dimension in panel.spans.items():
+        dash = "solid" if "zero" in name or "no_" in name else "dashed"
+        own = Span(
+            name=name, location=PAPER.get(name, 0.0), dimension=dimension, line_color=GREY, line_width=1, line_dash=dash
+        )
+        plot.add_layout(own)
     told = []
     for mark in panel.marks:
         renderer = _rendered(plot, mark._replace(legend="") if panel.keyed else mark, sources)
         told += [renderer] if mark.glyph == "scatter" else []
     if panel.tips:
-        tips = [
-            ("", "@place"),
-            ("velocity", "@x{0.0000}"),
-            (panel.name if panel.name != "log" else "torque", "@y{0.000000}"),
-        ]
-        plot.add_tools(HoverTool(renderers=told, tooltips=[(label or "from", text) for label, text in tips]))
+        torque = panel.name if panel.name != "log" else "torque"
+        tips = [("from", "@place"), ("velocity", "@x{0.0000}"), (torque, "@y{0.000000}")]
+        plot.add_tools(HoverTool(renderers=told, tooltips=tips))
     if any(mark.legend for mark in panel.marks) and not panel.keyed:
         for legend in plot.legend:
             legend.background_fill_alpha = 0.0
@@ -247,21 +249,6 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
     plain_axes(plot)
     drawing: Plot = plot
     return drawing
-
-
-def _annotations(panel: Panel) -> Iterator["Annotation"]:
-    from bokeh.models.annotations.geometry import BoxAnnotation, Span
-
-    for name in panel.shaded:
-        yield BoxAnnotation(
-            name=name, left=0, right=0, fill_color=GREY, fill_alpha=0.06, hatch_pattern="/", hatch_color=GREY,
-            hatch_alpha=0.35, hatch_scale=10, line_color=None, visible=False,
-        )  # fmt: skip  # a list of values
-    for name, dimension in panel.spans.items():
-        yield Span(
-            name=name, location=PAPER.get(name, 0.0), dimension=dimension, line_color=GREY, line_width=1,
-            line_dash="solid" if "zero" in name or "no_" in name else "dashed",
-        )  # fmt: skip  # a list of values
 
 
 def _rendered(plot: Any, mark: Mark, sources: dict[str, Any]) -> Any:

@@ -1,11 +1,10 @@
 """Prints a CasADi function as JavaScript: `model.printing` in the language of pages."""
 
 from collections.abc import Callable, Sequence
-from math import isnan
 
 import casadi as ca
 
-from bristle.model.printing import Language, Term, statements
+from bristle.model.printing import FUNCTIONS, INFIX, Language, Term, statements
 
 HELPERS = """\
 // NaN counts as missing, as in C.
@@ -15,39 +14,10 @@ const copysign = (x, y) => (y < 0 || Object.is(y, -0) ? -Math.abs(x) : Math.abs(
 """
 """What some operations need beside JavaScript's own `Math`; stands before what is printed."""
 
-_INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/", ca.OP_FMOD: "%"}
+_INFIX = {**INFIX, ca.OP_FMOD: "%"}
 _TRUTH = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "===", ca.OP_NE: "!=="}
 """Comparisons, whose answers are 0 and 1, as CasADi's are."""
-_CALLS = {
-    ca.OP_EXP: "Math.exp",
-    ca.OP_EXPM1: "Math.expm1",
-    ca.OP_LOG: "Math.log",
-    ca.OP_LOG1P: "Math.log1p",
-    ca.OP_POW: "Math.pow",
-    ca.OP_CONSTPOW: "Math.pow",
-    ca.OP_SQRT: "Math.sqrt",
-    ca.OP_SIN: "Math.sin",
-    ca.OP_COS: "Math.cos",
-    ca.OP_TAN: "Math.tan",
-    ca.OP_ASIN: "Math.asin",
-    ca.OP_ACOS: "Math.acos",
-    ca.OP_ATAN: "Math.atan",
-    ca.OP_ATAN2: "Math.atan2",
-    ca.OP_SINH: "Math.sinh",
-    ca.OP_COSH: "Math.cosh",
-    ca.OP_TANH: "Math.tanh",
-    ca.OP_ASINH: "Math.asinh",
-    ca.OP_ACOSH: "Math.acosh",
-    ca.OP_ATANH: "Math.atanh",
-    ca.OP_HYPOT: "Math.hypot",
-    ca.OP_FABS: "Math.abs",
-    ca.OP_SIGN: "Math.sign",
-    ca.OP_FLOOR: "Math.floor",
-    ca.OP_CEIL: "Math.ceil",
-    ca.OP_FMIN: "fmin",
-    ca.OP_FMAX: "fmax",
-    ca.OP_COPYSIGN: "copysign",
-}
+_HELPED = {ca.OP_FMIN: "fmin", ca.OP_FMAX: "fmax", ca.OP_COPYSIGN: "copysign"}
 _OTHERS: dict[int, Callable[..., str]] = {
     ca.OP_ASSIGN: "{}".format,
     ca.OP_NEG: "-{}".format,
@@ -59,7 +29,6 @@ _OTHERS: dict[int, Callable[..., str]] = {
     ca.OP_NOT: "{} === 0 ? 1 : 0".format,
     ca.OP_IF_ELSE_ZERO: "{} !== 0 ? {} : 0".format,
 }
-_SPECIAL = {float("inf"): "Infinity", -float("inf"): "-Infinity"}
 
 
 def operation(code: int, operands: Sequence[Term]) -> Term:
@@ -72,20 +41,15 @@ def operation(code: int, operands: Sequence[Term]) -> Term:
         return Term(f" {_INFIX[code]} ".join(texts))
     if code in _TRUTH:
         return Term(f" {_TRUTH[code]} ".join(texts) + " ? 1 : 0")
-    if code in _CALLS:
-        return Term(f"{_CALLS[code]}({', '.join(texts)})")
+    if code in FUNCTIONS and code != ca.OP_ERF:
+        return Term(f"{_HELPED.get(code) or f'Math.{FUNCTIONS[code]}'}({', '.join(texts)})")
     return Term(_OTHERS[code](*texts))
 
 
 def _number(value: float) -> str:
     """A constant, exactly."""
-    if isnan(value):
-        return "NaN"
-    text = _SPECIAL.get(value) or repr(value).removesuffix(".0")
+    text = {"nan": "NaN", "inf": "Infinity", "-inf": "-Infinity"}.get(repr(value)) or repr(value).removesuffix(".0")
     return f"({text})" if text.startswith("-") else text
-
-
-_JAVASCRIPT = Language("JavaScript", operation, _number, lambda name, value: f"const {name} = {value.text};")
 
 
 def printed(function: ca.Function, name: str) -> str:
@@ -104,7 +68,8 @@ def printed(function: ca.Function, name: str) -> str:
         """An argument, or an element of one."""
         return arguments[place] if scalar[place] else f"{arguments[place]}[{element}]"
 
-    lines, outputs = statements(function, operand, _JAVASCRIPT)
+    javascript = Language("JavaScript", operation, _number, lambda name, value: f"const {name} = {value.text};")
+    lines, outputs = statements(function, operand, javascript)
     if len(outputs) == 1:
         last = [f"return {outputs[0].text};"]
     else:

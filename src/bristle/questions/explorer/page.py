@@ -5,7 +5,7 @@ HTML: it lies in one block of JSON and is set as text. A policy in the page forb
 the page's own, by their digests. Cost maps are computed by a worker, which is made of the text of some of these scripts.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -13,7 +13,6 @@ from typing import Any
 
 from bristle import __version__
 from bristle.identification.results import Joint
-from bristle.model.laws.parts import Law
 from bristle.model.parameters import fields_of, least_of
 from bristle.page.bokeh_page import bokeh_script, json_block, numbered_document, policy, script_elements
 from bristle.page.output_folder import write_bytes
@@ -27,14 +26,8 @@ from bristle.simulation.joint_loop import JointLoop
 _HERE = Path(__file__).parent
 _SCRIPTS = ("costs", "app", "friction", "presliding", "response", "compensation", "identifiability", "values", "start")
 """The page's own, in this order."""
-_VIEWS = {
-    "friction": "Friction curve",
-    "presliding": "Presliding",
-    "response": "Time response",
-    "compensation": "Compensation",
-    "identifiability": "Identifiability",
-    "values": "Values",
-}
+_VIEWS = {"friction": "Friction curve", "presliding": "Presliding", "response": "Time response"}
+_VIEWS |= {name: name.capitalize() for name in ("compensation", "identifiability", "values")}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +57,12 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
     known = explored(joints, loops)
     document, roots = _drawing()
     laws = tuple(dict.fromkeys((*(x.law for x in joints), *(p.law for x in joints for p in x.truth.values()))))
-    words = _words(laws)
+    words = dict(
+        PARAMETERS
+    )  # what each parameter that has a slider is: those of every law, then what some have beside them
+    for law in laws:
+        words |= {own.name: f"{law.peak.title} peak" for own in law.peak.own}
+        words |= {term.coefficient.name: f"of {term.title}" for term in law.terms}
     symbols = {name: symbol(name) for law in laws for name in fields_of(law)}
     settings = {"parameters": [*words], "symbols": symbols, "paper": PAPER}
     data = {"known": known, "settings": settings, "document": document, "roots": roots}
@@ -74,21 +72,12 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
         **{name: (_HERE / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS},
     }
     scripts = script_elements(texts)
-    page = html(
-        "bristle.questions.explorer",
-        "explore.html",
-        {
-            "data": json_block(data),
-            "scripts": scripts,
-            "policy": policy(scripts.values(), "worker-src blob:"),
-            "views": _VIEWS,
-            "panels": {view: [panel.name for panel in panels] for view, panels in PANELS.items()},
-            "parameters": words,
-            "signed": [name for name in words if least_of(name) < 0],
-            "key": key(),
-            "version": __version__,
-        },
-    )
+    named = {
+        "data": json_block(data), "scripts": scripts, "policy": policy(scripts.values(), "worker-src blob:"), "views": _VIEWS,
+        "panels": {view: [panel.name for panel in panels] for view, panels in PANELS.items()}, "parameters": words,
+        "signed": [name for name in words if least_of(name) < 0], "key": key(), "version": __version__,
+    }  # fmt: skip  # a list of values
+    page = html("bristle.questions.explorer", "explore.html", named)
     return Explorer(joints=tuple(joint["name"] for joint in known["joints"]), html=page)
 
 
@@ -96,12 +85,3 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
 def _drawing() -> tuple[dict[str, Any], dict[str, str]]:
     """The figures, empty, as Bokeh has them, and their ids by name: the same on every page, and most of its time."""
     return numbered_document({str(plot.name): plot for view in figures().values() for plot in view})
-
-
-def _words(laws: Iterable[Law]) -> dict[str, str]:
-    """What each parameter that has a slider is, by name: those of every law, then what some have beside them."""
-    words = dict(PARAMETERS)
-    for law in laws:
-        words |= {own.name: f"{law.peak.title} peak" for own in law.peak.own}
-        words |= {term.coefficient.name: f"of {term.title}" for term in law.terms}
-    return words

@@ -28,6 +28,10 @@ def ranges(law: Law, sets: Sequence[Mapping[str, float | None]], fastest: float)
     names = [name for name in fields_of(law) if name != FASTEST]
     rows = {name: [x for p in sets if (x := p[name]) is not None] for name in names}
     searched = {own.name: own.searched for own in law.peak.own}
+    # What a parameter of one makes at that speed, of those that may be zero: that of others is no measure.
+    columns = evaluate(functions.linear_shapes_function(law), fastest)
+    named = zip(("alpha_0", "alpha_2", *law.coefficients), columns, strict=True)
+    torques = {"alpha_1": 1.0} | {name: float(x) for name, x in named}
     found: dict[str, dict[str, Any]] = {}
     for name, values in rows.items():
         positive, least = [x for x in values if x > 0], least_of(name)
@@ -38,14 +42,7 @@ def ranges(law: Law, sets: Sequence[Mapping[str, float | None]], fastest: float)
             by = _PIECES[name]
             own = {"low": min(positive) / by, "high": max(positive) * by, "log": True}
         else:
-            size = max(map(abs, values)) or max(rows["alpha_0"]) / _torques(law, fastest).get(name, fastest)
+            size = max(map(abs, values)) or max(rows["alpha_0"]) / torques.get(name, fastest)
             own = {"low": max(least, -_TIMES * size), "high": _TIMES * size, "log": False}
         found[name] = own | {"least": to_bound(least)}
     return found
-
-
-def _torques(law: Law, fastest: float) -> dict[str, float]:
-    """What a parameter of one makes at that speed, rad/s, of those that may be zero: that of others is no measure."""
-    coefficients = ("alpha_0", "alpha_2", *law.coefficients)
-    columns = evaluate(functions.linear_shapes_function(law), fastest)
-    return {"alpha_1": 1.0} | {name: float(x) for name, x in zip(coefficients, columns, strict=True)}

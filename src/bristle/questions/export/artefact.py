@@ -7,9 +7,11 @@ from dataclasses import dataclass, field
 
 from bristle.control.compensator import Compensator
 from bristle.findings import CAUTION, Finding
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import INERTIA, fields_of
+from bristle.page.wording import measured, span
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import LARGE, Loss
+from bristle.questions.export.loss import LARGE, Loss, told
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,13 +60,34 @@ class ExportTarget:
     """Whether it has the load that friction rises with."""
 
 
-_LONGEST = 50
-"""Characters of a name that a file takes from its joint."""
-
-
 def c_compiler() -> str | None:
     """Where this machine's C compiler is; None: there is none."""
     return shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+
+
+def notes(joint: ExportedJoint, found: Sequence[Loss] = ()) -> Iterator[str]:
+    """What an artefact says of itself, a line each, unescaped: provenance, trust, parameters with intervals, what was assumed, and losses."""
+    origin = joint.origin
+    yield f"joint {joint.name} ({joint.kind}), identified by bristle {origin.bristle}"
+    if joint.law_name != GAUSSIAN.name:
+        yield f"friction law: {ascii(joint.law_name)[1:-1]}"
+    if joint.simulated:
+        yield "SIMULATED: the joint was identified from simulated data"
+    yield f"results.json: sha256 {origin.results_sha256 or 'none, exported without a file'}"
+    yield f"experiment: {origin.experiment or 'not known'}, {len(origin.logs)} logs"
+    yield f"{joint.trust}" + (f": {joint.reason}" if joint.reason else "")
+    for row in joint.parameters:
+        value = f"{row.parameter} = {measured(row.value, row.standard_error).replace('±', '+/-')} {row.unit}"
+        source = "ASSUMED" if row.assumed else row.source
+        yield (
+            f"{value}, {source}"
+            if row.interval is None
+            else f"{value}, 95 % {span(row.interval).replace('∞', 'inf')}, from {row.source}"
+        )
+    if found:
+        yield f"torque RMS error: {told(found, joint)}"
+    for said in joint.said:
+        yield f"{said.severity}: {said}"
 
 
 def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[Finding, ...]:
@@ -108,4 +131,4 @@ def slug(joints: Sequence[ExportedJoint]) -> str:
     """What a file of these joints is called: the joint's name in plain letters, or `robot`."""
     if len(joints) > 1:
         return "robot"
-    return re.sub(r"[^a-z0-9]+", "_", joints[0].name.lower()).strip("_")[:_LONGEST] or "joint"
+    return re.sub(r"[^a-z0-9]+", "_", joints[0].name.lower()).strip("_")[:50] or "joint"

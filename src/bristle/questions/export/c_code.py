@@ -5,43 +5,24 @@ and no operation can raise the flag of a division by zero that Python's does not
 """
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache
 from math import isfinite
 
 import casadi as ca
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
 
-from bristle.errors import InputError
-from bristle.model.printing import Language, Printed, Term, statements
+from bristle.errors import InputError, one_line
+from bristle.model.printing import FUNCTIONS, INFIX, Language, Printed, Term, statements
+from bristle.questions.export.xml_edit import attribute
 
-_INFIX = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
 _COMPARED = {
     ca.OP_LT: "{0} < {1}",
     ca.OP_LE: "{0} <= {1}",
     ca.OP_EQ: "{0} <= {1} && {0} >= {1}",
     ca.OP_NE: "{0} < {1} || {0} > {1}",
 }
-_CALLS = {
-    ca.OP_EXP: "BR_EXP",
-    ca.OP_EXPM1: "BR_EXPM1",
-    ca.OP_LOG: "BR_LOG",
-    ca.OP_POW: "BR_POW",
-    ca.OP_CONSTPOW: "BR_POW",
-    ca.OP_SQRT: "BR_SQRT",
-    ca.OP_SIN: "BR_SIN",
-    ca.OP_COS: "BR_COS",
-    ca.OP_TANH: "BR_TANH",
-    ca.OP_FABS: "br_abs",
-    ca.OP_SIGN: "br_sign",
-    ca.OP_FMIN: "br_min",
-    ca.OP_FMAX: "br_max",
-}
-_RARE = {
-    ca.OP_LOG1P: "log1p", ca.OP_TAN: "tan", ca.OP_ASIN: "asin", ca.OP_ACOS: "acos", ca.OP_ATAN: "atan", ca.OP_ATAN2: "atan2",
-    ca.OP_SINH: "sinh", ca.OP_COSH: "cosh", ca.OP_ASINH: "asinh", ca.OP_ACOSH: "acosh", ca.OP_ATANH: "atanh",
-    ca.OP_HYPOT: "hypot", ca.OP_ERF: "erf", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_FMOD: "fmod", ca.OP_COPYSIGN: "copysign",
-}  # fmt: skip  # a table
-"""What bristle's own laws do not use, and others may."""
-_CALLS |= {code: f"BR_{name.upper()}" for code, name in _RARE.items()}
 _OTHERS: dict[int, Callable[..., str]] = {
     ca.OP_ASSIGN: "{}".format,
     ca.OP_NEG: "-{}".format,
@@ -51,13 +32,15 @@ _OTHERS: dict[int, Callable[..., str]] = {
 }
 _SMALLEST, _LARGEST = 1e-24, 1e30
 """Numbers of single precision stay within these, so that their products and quotients do."""
-_MATH = ("exp", "expm1", "log", "pow", "sqrt", "sin", "cos", "tanh")
+_ALWAYS = ("exp", "expm1", "log", "pow", "sqrt", "sin", "cos", "tanh")
+_OWN = ("abs", "sign", "min", "max")
+"""What the header has of its own."""
 
 
 def math_of(lines: Sequence[str]) -> tuple[str, ...]:
     """Functions of math.h that printed code may call, as BR_EXP and so on, and the rare ones that these lines do."""
     called = {name for line in lines for name in re.findall(r"BR_([A-Z0-9]+)\(", line)}
-    return (*_MATH, *(name for name in _RARE.values() if name.upper() in called))
+    return (*_ALWAYS, *(x for x in FUNCTIONS.values() if x not in _ALWAYS and x.upper() in called))
 
 
 def constant(value: float) -> str:
@@ -82,31 +65,20 @@ def operation(code: int, operands: Sequence[Term]) -> Term:
         asked = [_answer(x) for x in operands]
         joined = {ca.OP_NOT: "!({0})", ca.OP_AND: "({0}) && ({1})", ca.OP_OR: "({0}) || ({1})"}
         return Term(joined[code].format(*asked), truth=True)
+    texts = [f"(br_real){x.text}" if x.truth else x.text for x in operands]
     if code == ca.OP_IF_ELSE_ZERO:
-        return Term(f"{_answer(operands[0])} ? {_number(operands[1])} : BR_C(0.0)")
-    texts = [_number(x) for x in operands]
+        return Term(f"{_answer(operands[0])} ? {texts[1]} : BR_C(0.0)")
     if code in _COMPARED:
         return Term(_COMPARED[code].format(*texts), truth=True)
-    if code in _INFIX:
-        return Term(f" {_INFIX[code]} ".join(texts))
-    if code in _CALLS:
-        return Term(f"{_CALLS[code]}({', '.join(texts)})")
+    if code in INFIX:
+        return Term(f" {INFIX[code]} ".join(texts))
+    if name := FUNCTIONS.get(code):
+        return Term(f"{f'br_{name}' if name in _OWN else f'BR_{name.upper()}'}({', '.join(texts)})")
     return Term(_OTHERS[code](*texts))
-
-
-def _number(x: Term) -> str:
-    return f"(br_real){x.text}" if x.truth else x.text
 
 
 def _answer(x: Term) -> str:
     return x.text if x.truth else f"({x.text} < BR_C(0.0) || {x.text} > BR_C(0.0))"
-
-
-def _assignment(name: str, value: Term) -> str:
-    return f"const {'int' if value.truth else 'br_real'} {name} = {value.text};"
-
-
-_C = Language("C99", operation, constant, _assignment, prefix="x")
 
 
 def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printed:
@@ -118,10 +90,38 @@ def printed(function: ca.Function, operand: Callable[[int, int], str]) -> Printe
 
     Raises InputError where an operation has no counterpart.
     """
-    return statements(function, operand, _C)
+
+    def assignment(name: str, value: Term) -> str:
+        """A statement that gives a value a name."""
+        return f"const {'int' if value.truth else 'br_real'} {name} = {value.text};"
+
+    return statements(function, operand, Language("C99", operation, constant, assignment, prefix="x"))
 
 
 def escaped(text: str) -> str:
     """A text for a comment: printable ASCII, without what ends a comment, begins a trigraph or joins lines."""
     plain = "".join(c if c.isascii() and c.isprintable() else f"<U+{ord(c):04X}>" for c in text)
     return re.sub(r"\?(?=\?)", "? ", plain).replace("*/", "* /").replace("/*", "/ *").replace("\\", "<U+005C>")
+
+
+def filled(template: str, context: Mapping[str, object]) -> str:
+    """A template of an export, C or about it, with what it names."""
+    return _environment().get_template(template).render(context)
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("bristle.questions.export"),
+        autoescape=lambda name: name is not None and not name.endswith((".c", ".h")),  # noqa: S701  # texts in C pass `escaped`
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "c": escaped,
+        "digits": repr,
+        "attribute": lambda text: Markup(attribute(text)),  # noqa: S704  # which escapes
+        "shown": lambda text: one_line(text, 10_000),
+    }
+    return environment

@@ -5,12 +5,11 @@ Its arithmetic is printed from the CasADi expressions that bristle evaluates; th
 
 import hashlib
 import textwrap
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache, partial
 from typing import Any
 
 import numpy as np
-from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation
@@ -18,16 +17,16 @@ from bristle.control.compensator import Compensator
 from bristle.control.running import RunningCompensator
 from bristle.control.symbolic import settings_of
 from bristle.errors import InputError
+from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Pair, in_current, lugre_of, slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export import c_code
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, large_losses, left_out, slug
-from bristle.questions.export.c_numbers import RANGES, c_field, digits, identifier, range_of, stem_of
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, large_losses, left_out, notes, slug
+from bristle.questions.export.c_numbers import c_field, digits, identifier, range_of, stem_of
 from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_joint, printed_step
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import Friction, losses, lugre, stated_motions
-from bristle.questions.export.notes import notes
+from bristle.questions.export.loss import losses, lugre, stated_motions
 
 _STEPS, _DT, _HERTZ = 48, 5e-3, 2.5
 """The test vector: steps, their length, s, and the frequency of its sine, Hz."""
@@ -48,7 +47,7 @@ def top_speed(joint: ExportedJoint) -> float:
     Viscous friction is another there where a term is below zero.
     """
     beyond = [getattr(p, FASTEST) for p in joint.curves] if joint.law.terms else []
-    return min(1.2 * max(beyond), 0.9 * RANGES["velocity"][1]) if beyond else 0.5 * joint.fastest
+    return min(1.2 * max(beyond), 0.9 * range_of("velocity")[1]) if beyond else 0.5 * joint.fastest
 
 
 def python_torque(joint: ExportedJoint, compensator: Compensator, inputs: dict[str, Array]) -> Array:
@@ -77,22 +76,29 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
     rises = tuple(joint.rises)
     printed = printed_step(kind_of(compensator), joint.law, rises)
     given = settings_of(compensator) | joint.rises
-    _refuse_out_of_range(joint, printed.fields, {name: given[name] for name in printed.settings})
+    of_sets = [(name, getattr(p, name), joint.law) for p in numbers_of(joint) for name in printed.fields]
+    for name, value, law in (*of_sets, *((name, given[name], GAUSSIAN) for name in printed.settings)):
+        low, high = range_of(name, law)
+        if not low <= value <= high:
+            raise InputError(
+                f"{joint.name}: {name}: got {value:g}; the C code takes {low:g} to {high:g}: check its unit"
+            )
     rows = test_vector(joint, compensator, printed)
     peak = float(np.abs(rows[:, -1]).max())
     code = _code(kind_of(compensator), joint.law, rises)
     told = f"{joint.name}{joint.pair if joint.has_bristle else joint.curves}{sorted(given.items())}"
     guard = hashlib.sha256(told.encode("utf-8", "surrogatepass")).hexdigest()[:12].upper()
-    text: str = _template().render(
+    comments = (c_code.escaped(text) for text in (*notes(joint), *_about(compensator, joint)))
+    context = dict(
         joint=shortened(joint.name), name=identifier(joint), compensator=compensator.name,
-        notes=[line for text in (*notes(joint), *_about(compensator, joint)) for line in _wrapped(text)],
+        notes=[line for text in comments for line in textwrap.wrap(text, 140, break_on_hyphens=False)],
         double_only=compensator.name == "lugre-observer" and compensator.adaptation is not None,
         guard=f"BRISTLE_{guard}", sets=[[digits(getattr(p, name)) for name in printed.fields] for p in numbers_of(joint)],
         settings=[(name, digits(given[name])) for name in printed.settings],
         rows=[[*map(digits, row)] for row in rows], columns=printed.inputs,
         tolerances=(digits(_DOUBLE), digits(_SINGLE)), allowed=(digits(_DOUBLE * peak), digits(_SINGLE * peak)), **code,
     )  # fmt: skip  # a list of values
-    return text
+    return c_code.filled("bristle.h", context)
 
 
 def test_vector(joint: ExportedJoint, compensator: Compensator, printed: PrintedStep) -> Array:
@@ -124,16 +130,6 @@ def kind_of(compensator: Compensator) -> Compensator:
     a = compensator.adaptation
     kind = a and Adaptation(law=a.law, step=a.step, parameters=a.parameters, gamma=(0.0,) * len(a.parameters))
     return Compensator(name=compensator.name, velocity=compensator.velocity, adaptation=kind)
-
-
-def _refuse_out_of_range(joint: ExportedJoint, fields: Sequence[str], settings: Mapping[str, float]) -> None:
-    of_sets = ((name, getattr(p, name), range_of(name, joint.law)) for p in numbers_of(joint) for name in fields)
-    of_compensator = ((name, value, range_of(name)) for name, value in settings.items())
-    for name, value, (low, high) in (*of_sets, *of_compensator):
-        if not low <= value <= high:
-            raise InputError(
-                f"{joint.name}: {name}: got {value:g}; the C code takes {low:g} to {high:g}: check its unit"
-            )
 
 
 def _about(compensator: Compensator, joint: ExportedJoint) -> Iterator[str]:
@@ -185,27 +181,16 @@ def _lines(printed: NamedFunction, owners: Sequence[str], target: str | None) ->
         yield f"{place} = {value.text};"
 
 
-def _wrapped(text: str) -> list[str]:
-    """Lines of a comment, escaped."""
-    return textwrap.wrap(c_code.escaped(text), 140, break_on_hyphens=False)
-
-
-@cache
-def _template() -> Any:
-    environment = Environment(  # noqa: S701  # C, whose texts `escaped` makes harmless
-        loader=PackageLoader("bristle.questions.export"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["c"] = c_code.escaped
-    return environment.get_template("bristle.h")
-
-
 def _write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     (joint,) = joints
     whole = request.compensator.name.startswith("lugre")
-    model = lugre(joint.with_bristle("c with this compensator").pair) if whole else _alone(joint, request.compensator)
+
+    def alone(v: Array, step: float) -> Array:
+        """What a compensator without a bristle gives at each velocity by itself, N*m, (n,)."""
+        running = RunningCompensator(request.compensator, numbers_of(joint))
+        return np.array([running.step(step, (0.0, x), 0.0, x) for x in v.tolist()])
+
+    model = lugre(joint.with_bristle("c with this compensator").pair) if whole else alone
     found = () if whole and not joint.quadratic else losses(joint, model, stated_motions(joint))
     lost = {joint.name: found} if found else {}
     return Artefact(
@@ -225,17 +210,6 @@ _HOLDS = {
         "LuGre with both directions, to the last bit as bristle computes it",
     ),
 }
-
-
-def _alone(joint: ExportedJoint, compensator: Compensator) -> Friction:
-    """What a compensator without a bristle gives along a reference velocity, N*m, (n,)."""
-
-    def torque(v: Array, step: float) -> Array:
-        """At each velocity by itself."""
-        running = RunningCompensator(compensator, numbers_of(joint))
-        return np.array([running.step(step, (0.0, x), 0.0, x) for x in v.tolist()])
-
-    return torque
 
 
 TARGET = ExportTarget(write=_write, single=True, loaded=True)

@@ -4,93 +4,65 @@ from typing import NamedTuple
 
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter
-from bristle.model.parameters import Lugre, of_load, unit
+from bristle.model.parameters import unit
 from bristle.page.wording import PARAMETERS
 from bristle.questions.export.artefact import slug
 from bristle.questions.export.c_code import escaped
 from bristle.questions.export.exported import ExportedJoint
 
-RANGES = {
-    "alpha_0": (1e-5, 1e4),
-    "alpha_1": (0.0, 1e4),
-    "alpha_2": (0.0, 1e4),
-    "v_s": (1e-5, 1e3),
-    "sigma_0": (1e-1, 1e9),
-    "sigma_1": (0.0, 1e4),
-    FASTEST: (1e-5, 1e3),
-    "share": (0.0, 10.0),
-    "inertia": (0.0, 1e4),
-    "softness": (1e-6, 1e3),
-    "observer_gain": (0.0, 1e4),
-    "dead_zone": (0.0, 1e3),
-    "leakage": (0.0, 1e3),
-    "forgetting": (0.0, 10.0),
-    "lower": (1e-3, 1.0),
-    "upper": (1.0, 1e3),
-    "gamma": (0.0, 1e6),
-    "reference_position": (-1e6, 1e6),
-    "reference_velocity": (-1e3, 1e3),
-    "reference_acceleration": (-1e6, 1e6),
-    "position": (-1e6, 1e6),
-    "velocity": (-1e3, 1e3),
-    "dt": (1e-6, 1.0),
-    "motor_torque": (-1e4, 1e4),
-    "link_torque": (-1e4, 1e4),
-    "link_load": (0.0, 10.0),
-    "motor_load": (0.0, 10.0),
-    "gear_load": (0.0, 10.0),
-    "gear_load_squared": (0.0, 1e3),
-}
-"""Within which nothing overflows."""
-SINGLE_ADAPTING = {
-    "alpha_0": (1e-3, 1e3),
-    "alpha_1": (0.0, 1e3),
-    "sigma_1": (0.0, 1e3),
-    "gamma": (0.0, 1e4),
-    "observer_gain": (0.0, 1e3),
-    "reference_position": (-1e4, 1e4),
-    "position": (-1e4, 1e4),
-}
-"""The same of a compensator that adapts in single precision, where these are narrower: its gradients are squared."""
-_WHAT = {
-    **PARAMETERS,
-    FASTEST: "fastest measured speed: viscous friction with a term below zero is held beyond it",
-    "share": "of the friction that is compensated",
-    "inertia": "fed forward: times the reference acceleration",
-    "softness": "v_0 of the Coulomb compensator",
-    "observer_gain": "k of the observer",
-    "dead_zone": "a position error below it teaches nothing",
-    "leakage": "rate at which gains return to 1",
-    "forgetting": "of least squares",
-    "lower": "least gain",
-    "upper": "largest gain",
-    "deflection": "of the model's bristle",
-    "reference_position": "where the joint is to be",
-    "reference_velocity": "how fast it is to move",
-    "reference_acceleration": "for the inertia",
-    "position": "measured",
-    "velocity": "that drives the model",
-    "dt": "since the last step",
-    "motor_torque": "that the motor gives",
-    "link_torque": "of gravity and links on the joint, minus what holds it: -(gravity_sin sin q + gravity_cos cos q)",
-    "link_load": "friction per load of gravity and links",
-    "motor_load": "friction per torque of the motor",
-    "gear_load": "friction per torque that the gear carries, motor_torque - link_torque",
-    "gear_load_squared": "the same per its square",
-}
-_SECONDS = {"dt": "s", "observer_gain": "1/s", "leakage": "1/s", "forgetting": "1/s"}
-_LIKE = {
-    "softness": "velocity",
-    "dead_zone": "position",
-    "deflection": "position",
-    "reference_position": "position",
-    "reference_velocity": "velocity",
-    "reference_acceleration": "acceleration",
-    "motor_torque": "torque",
-    "link_torque": "torque",
-}
-_LARGEST = 1e30
-"""Of what has no range of its own."""
+_Range = tuple[float, float]
+_AS_DOCUMENTED = "as docs/compensation.md has it"
+
+
+class _Number(NamedTuple):
+    """What is the same of a number in every header."""
+
+    unit: str
+    what: str
+    double: _Range = (-1e30, 1e30)
+    """Lowest and highest value, within which nothing overflows."""
+    single: _Range | None = None
+    """The same of a compensator that adapts in single precision, where that is narrower: its gradients are squared."""
+
+
+_NUMBERS = {
+    "alpha_0": _Number(unit("alpha_0"), PARAMETERS["alpha_0"], (1e-5, 1e4), (1e-3, 1e3)),
+    "alpha_1": _Number(unit("alpha_1"), PARAMETERS["alpha_1"], (0.0, 1e4), (0.0, 1e3)),
+    "alpha_2": _Number(unit("alpha_2"), PARAMETERS["alpha_2"], (0.0, 1e4)),
+    "v_s": _Number(unit("v_s"), PARAMETERS["v_s"], (1e-5, 1e3)),
+    "sigma_0": _Number(unit("sigma_0"), PARAMETERS["sigma_0"], (1e-1, 1e9)),
+    "sigma_1": _Number(unit("sigma_1"), PARAMETERS["sigma_1"], (0.0, 1e4), (0.0, 1e3)),
+    FASTEST: _Number(unit(FASTEST), "fastest measured speed: viscous friction with a term below zero is held beyond it", (1e-5, 1e3)),
+    "share": _Number("1", "of the friction that is compensated", (0.0, 10.0)),
+    "inertia": _Number(unit("inertia"), "fed forward: times the reference acceleration", (0.0, 1e4)),
+    "softness": _Number(unit("velocity"), "v_0 of the Coulomb compensator", (1e-6, 1e3)),
+    "observer_gain": _Number("1/s", "k of the observer", (0.0, 1e4), (0.0, 1e3)),
+    "dead_zone": _Number(unit("position"), "a position error below it teaches nothing", (0.0, 1e3)),
+    "leakage": _Number("1/s", "rate at which gains return to 1", (0.0, 1e3)),
+    "forgetting": _Number("1/s", "of least squares", (0.0, 10.0)),
+    "lower": _Number("1", "least gain", (1e-3, 1.0)),
+    "upper": _Number("1", "largest gain", (1.0, 1e3)),
+    "gamma": _Number(_AS_DOCUMENTED, "learning rate of adapted parameter {}", (0.0, 1e6), (0.0, 1e4)),
+    "theta": _Number("1", "gain of {}: what it is multiplied by"),
+    "sensitivity": _Number(unit("position"), "dz / d theta of {}"),
+    "covariance": _Number(_AS_DOCUMENTED, "P of least squares"),
+    "deflection": _Number(unit("position"), "of the model's bristle"),
+    "reference_position": _Number(unit("position"), "where the joint is to be", (-1e6, 1e6), (-1e4, 1e4)),
+    "reference_velocity": _Number(unit("velocity"), "how fast it is to move", (-1e3, 1e3)),
+    "reference_acceleration": _Number(unit("acceleration"), "for the inertia", (-1e6, 1e6)),
+    "position": _Number(unit("position"), "measured", (-1e6, 1e6), (-1e4, 1e4)),
+    "velocity": _Number(unit("velocity"), "that drives the model", (-1e3, 1e3)),
+    "dt": _Number("s", "since the last step", (1e-6, 1.0)),
+    "motor_torque": _Number(unit("torque"), "that the motor gives", (-1e4, 1e4)),
+    "link_torque": _Number(
+        unit("torque"), "of gravity and links on the joint, minus what holds it: -(gravity_sin sin q + gravity_cos cos q)", (-1e4, 1e4)
+    ),
+    "link_load": _Number(unit("link_load"), "friction per load of gravity and links", (0.0, 10.0)),
+    "motor_load": _Number(unit("motor_load"), "friction per torque of the motor", (0.0, 10.0)),
+    "gear_load": _Number(unit("gear_load"), "friction per torque that the gear carries, motor_torque - link_torque", (0.0, 10.0)),
+    "gear_load_squared": _Number(unit("gear_load_squared"), "the same per its square", (0.0, 1e3)),
+}  # fmt: skip  # a table
+"""By what they are called, or their stem."""
 _STRONGEST = 1e4
 """The coefficient of a term, either way."""
 
@@ -112,11 +84,11 @@ def identifier(joint: ExportedJoint) -> str:
     return f"bristle_{slug([joint])}"
 
 
-def range_of(name: str, law: Law = GAUSSIAN) -> tuple[float, float]:
+def range_of(name: str, law: Law = GAUSSIAN) -> _Range:
     """Lowest and highest value of a number: of a parameter of this law, or of what has the name in every header."""
     own = _own(name, law)
     if own is None:
-        return RANGES.get(stem_of(name), (-_LARGEST, _LARGEST))
+        return _NUMBERS[stem_of(name)].double
     return own.searched if own in law.peak.own else (max(own.least, -_STRONGEST), _STRONGEST)
 
 
@@ -124,10 +96,10 @@ def _own(name: str, law: Law) -> OwnParameter | None:
     return next((own for own in law.own if own.name == name), None)
 
 
-def ranges(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> tuple[tuple[float, float], tuple[float, float]]:
+def ranges(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> tuple[_Range, _Range]:
     """Lowest and highest value of a number in double precision, and in single."""
-    double = range_of(name, law)
-    return double, SINGLE_ADAPTING.get(stem_of(name), double) if adapts else double
+    double, known = range_of(name, law), _NUMBERS.get(stem_of(name))
+    return double, (known and known.single) or double if adapts else double
 
 
 def c_field(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> CField:
@@ -138,42 +110,19 @@ def c_field(name: str, law: Law = GAUSSIAN, *, adapts: bool) -> CField:
         for x, y in zip(double, single, strict=True)
     )
     shown = "[{:g}, {:g}]".format(*double) + ("" if single == double else " (single [{:g}, {:g}])".format(*single))
-    stem, own = stem_of(name), _own(name, law)
-    if own is not None:
-        part = law.peak if own in law.peak.own else next(term for term in law.terms if term.coefficient == own)
-        kind = "shape of the peak" if part is law.peak else "viscous friction"
-        return CField(name, escaped(own.units[0]), escaped(f"{kind}: {part.name}"), low, high, shown)
-    return CField(name, _unit(name, stem), _meaning(name, stem), low, high, shown)
+    own, stem = _own(name, law), stem_of(name)
+    if own is None:
+        known = _NUMBERS[stem]
+        return CField(name, known.unit, known.what.format(name.removeprefix(f"{stem}_")), low, high, shown)
+    of_peak = own in law.peak.own
+    part = law.peak if of_peak else next(term for term in law.terms if term.coefficient == own)
+    kind = "shape of the peak" if of_peak else "viscous friction"
+    return CField(name, escaped(own.units[0]), escaped(f"{kind}: {part.name}"), low, high, shown)
 
 
 def stem_of(name: str) -> str:
     """What a number is of a kind: gamma_1 -> gamma, theta_alpha_0 -> theta."""
     return name.split("_", 1)[0] if name.startswith(("gamma_", "theta_", "sensitivity_", "covariance_")) else name
-
-
-def _unit(name: str, stem: str) -> str:
-    if stem in ("gamma", "covariance"):
-        return "as docs/compensation.md has it"
-    if stem == "inertia":
-        return unit("inertia")
-    if stem in (*Lugre._fields, FASTEST, "position", "velocity"):
-        return unit(stem)
-    if of_load(stem):
-        return unit(stem)
-    if stem == "sensitivity":
-        return unit("position")
-    return _SECONDS.get(name) or (unit(_LIKE[name]) if name in _LIKE else "1")
-
-
-def _meaning(name: str, stem: str) -> str:
-    rest = name.removeprefix(f"{stem}_")
-    by_stem = {
-        "gamma": f"learning rate of adapted parameter {rest}",
-        "theta": f"gain of {rest}: what it is multiplied by",
-        "sensitivity": f"dz / d theta of {rest}",
-        "covariance": "P of least squares",
-    }
-    return by_stem.get(stem) or _WHAT[name]
 
 
 def digits(value: float) -> str:

@@ -3,41 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 
+from bristle.control import compensator as compensating
 from bristle.control.adaptation import effective
-from bristle.control.compensator import (
-    Compensator,
-    CompensatorState,
-    Measurement,
-    Reference,
-    adapted_count,
-    initial_state,
-    packed,
-    step,
-    unpacked,
-)
+from bristle.control.compensator import Compensator, Measurement, Reference
 from bristle.control.plant import State, plant_step
 from bristle.control.symbolic import SymbolicAdaptation, setting_names, with_settings
 from bristle.model import functions, law, motor
 from bristle.model.laws.gaussian import GAUSSIAN
-from bristle.model.laws.parts import Law
+from bristle.model.laws.parts import Expression, Law
 from bristle.model.parameters import Motor, fields_of, pair_of
 
-Expression = Any
-"""A CasADi symbol: CasADi carries no types."""
 _INPUTS = (
-    "reference_position",
-    "reference_velocity",
-    "reference_acceleration",
-    "position",
-    "velocity",
-    "dt",
-    "motor_torque",
-    "link_torque",
-)
+    "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity", "dt", "motor_torque", "link_torque",
+)  # fmt: skip  # a list of names
 JOINT = ("position", "velocity", "deflection")
 """What a simulated joint remembers."""
 
@@ -88,54 +70,48 @@ def printed_step(compensator: Compensator, of: Law = GAUSSIAN, rises: tuple[str,
 
     `rises` are the coefficients by which friction rises with load (`law.load_levels`); they are among the settings.
     """
-    n, sets = adapted_count(compensator), sets_of(of)
+    n, sets = compensating.adapted_count(compensator), sets_of(of)
     names = (*setting_names(n), *rises)
     q, s, w = ca.SX.sym("q", len(sets)), ca.SX.sym("s", len(names)), ca.SX.sym("w", len(_INPUTS))
     pair = pair_of(ca.vertsplit(q), of)
     own = dict(zip(names, ca.vertsplit(s), strict=True))
     symbolic = with_settings(compensator, own, ChangingAdaptation)
-    at_rest = packed(initial_state(symbolic, pair))
+    at_rest = compensating.packed(compensating.initial_state(symbolic, pair))
     m = ca.SX.sym("m", len(at_rest))
-    state = unpacked(ca.vertsplit(m), pair, n)
+    state = compensating.unpacked(ca.vertsplit(m), pair, n)
     y_ref, v_ref, a_ref, y, v, h, tau_m, tau_l = ca.vertsplit(w)
     level = law.load_rise({name: own[name] for name in rises}, tau_m, tau_l)
-    new, T = step(symbolic, state, Reference(y_ref, v_ref, a_ref, level=level), Measurement(y, v), h)
-    out = ca.densify(ca.vertcat(*packed(new), T))
+    new, T = compensating.step(symbolic, state, Reference(y_ref, v_ref, a_ref, level=level), Measurement(y, v), h)
+    out = ca.densify(ca.vertcat(*compensating.packed(new), T))
     kept = _kept(out, m)
-    remembered = _remembered(compensator)
-    memory = [remembered[k] for k in kept]
-    used = _depends(ca.vertcat(out[kept], out[-1], *_at(at_rest, kept)), s)
+    # the names of what it remembers, in the order of `compensator.packed`
+    adapted = compensator.adaptation.parameters if compensator.adaptation else ()
+    learnt = [f"{what}_{x}" for what in ("theta", "sensitivity") for x in adapted]
+    learnt += [f"covariance_{a}_{b}" for a in adapted for b in adapted]
+    memory = [("deflection", "velocity", "position", *learnt)[k] for k in kept]
+    begun, told = [at_rest[k] for k in kept], [out[k] for k in (*kept, out.numel() - 1)]
+    used = _depends(ca.vertcat(*told, *begun), s)
     used += [names.index(name) for name in ("lower", "upper") if n]
-    given = _depends(ca.vertcat(out[kept], out[-1]), w)
+    given = _depends(ca.vertcat(*told), w)
     settings, inputs = [names[k] for k in used], [_INPUTS[k] for k in given]
-    read = {sets[k].partition(".")[2] for k in _depends(out[[*kept, out.numel() - 1]], q)}
+    read = {sets[k].partition(".")[2] for k in _depends(ca.vertcat(*told), q)}
+    groups = [(sets, q), (settings, s[used]), (memory, m[kept])]
+    gradient = None
+    if "deflection" in memory:
+        z, v, a = state.deflection, state.velocity, symbolic.adaptation
+        p = law.active(z, v, state.parameters)
+        acting = effective(p, a, state.learnt.theta) if a else p
+        _, _, *by = functions.torque_sensitivity_function(p.law)(z, v, *acting)
+        gradient = _named("gradient", groups, fields_of(of), by)
     return PrintedStep(
         fields=tuple(name for name in fields_of(of) if name in read),
         settings=tuple(settings),
         memory=tuple(memory),
         inputs=tuple(inputs),
-        start=_named("start", [(settings, s[used])], memory, _at(at_rest, kept)),
-        advance=_named(
-            "advance",
-            [(sets, q), (settings, s[used]), (memory, m[kept]), (inputs, w[given])],
-            [*memory, "torque"],
-            [out[k] for k in (*kept, out.numel() - 1)],
-        ),
-        gradient=_gradient(symbolic, state, (q, s[used], m[kept]), (settings, memory))
-        if "deflection" in memory
-        else None,
+        start=_named("start", [(settings, s[used])], memory, begun),
+        advance=_named("advance", [*groups, (inputs, w[given])], [*memory, "torque"], told),
+        gradient=gradient,
     )
-
-
-def _remembered(compensator: Compensator) -> tuple[str, ...]:
-    """What a compensator remembers, in the order of `compensator.packed`."""
-    adapted = compensator.adaptation.parameters if compensator.adaptation else ()
-    learnt = [f"{what}_{x}" for what in ("theta", "sensitivity") for x in adapted]
-    return "deflection", "velocity", "position", *learnt, *(f"covariance_{a}_{b}" for a in adapted for b in adapted)
-
-
-def _at(values: Sequence[Expression], places: Sequence[int]) -> list[Expression]:
-    return [values[k] for k in places]
 
 
 def _depends(out: Expression, by: Expression) -> list[int]:
@@ -153,20 +129,6 @@ def _kept(out: Expression, memory: Expression) -> list[int]:
     return sorted(kept)
 
 
-def _gradient(
-    compensator: Compensator,
-    state: CompensatorState,
-    symbols: tuple[Expression, Expression, Expression],
-    names: tuple[Sequence[str], Sequence[str]],
-) -> NamedFunction:
-    z, v, a = state.deflection, state.velocity, compensator.adaptation
-    p = law.active(z, v, state.parameters)
-    acting = effective(p, a, state.learnt.theta) if a else p
-    _, _, *by = functions.torque_sensitivity_function(p.law)(z, v, *acting)
-    groups = list(zip((sets_of(p.law), *names), symbols, strict=True))
-    return _named("gradient", groups, fields_of(p.law), by)
-
-
 @lru_cache(maxsize=16)
 def printed_joint(of: Law = GAUSSIAN) -> NamedFunction:
     """(pair, joint at an instant, (inertia, torque, dt)) -> the joint after dt seconds, and its friction then, N*m: `plant.plant_step`."""
@@ -180,10 +142,7 @@ def printed_joint(of: Law = GAUSSIAN) -> NamedFunction:
 
 
 def _named(
-    name: str,
-    inputs: Sequence[tuple[Sequence[str], Expression]],
-    outputs: Sequence[str],
-    values: Sequence[Expression],
+    name: str, inputs: Sequence[tuple[Sequence[str], Expression]], outputs: Sequence[str], values: Sequence[Expression]
 ) -> NamedFunction:
     out = ca.densify(ca.vertcat(*(ca.SX(x) for x in values)))
     function = ca.Function(name, [x for _, x in inputs], [out], {"cse": True})

@@ -1,27 +1,14 @@
 """Coulomb and viscous friction, which is all that most simulators hold: the best values along a motion, what they lose, and where they are from."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from bristle.errors import InputError, one_line, short
-from bristle.findings import Finding
-from bristle.model.parameters import slides, unit
+from bristle.errors import one_line
+from bristle.model.parameters import unit
 from bristle.page.wording import number
-from bristle.questions.export.artefact import Request, large_losses, left_out
+from bristle.questions.export.artefact import Artefact, Request, large_losses, left_out, notes, slug
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import (
-    Loss,
-    StatedMotion,
-    all_motions,
-    best_coulomb_viscous,
-    coulomb_viscous,
-    losses,
-)
-from bristle.questions.export.notes import notes
-from bristle.questions.export.xml_edit import XmlElement, joint_named
-
-_TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
-"""Of a joint in a URDF or an SDF, by whether the exported one slides."""
+from bristle.questions.export.loss import Loss, StatedMotion, all_motions, best_coulomb_viscous, coulomb_viscous, losses
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,27 +35,22 @@ class CoulombViscous:
 
 def best_values(joints: Sequence[ExportedJoint], request: Request, target: str) -> tuple[CoulombViscous, ...]:
     """Of each joint, along the motion that is asked for. Raises InputError where a joint's torque is known as a current alone."""
-    return tuple(_best(joint.in_newton(target), request) for joint in joints)
+    found = []
+    for joint in (joint.in_newton(target) for joint in joints):
+        motions = all_motions(joint, request.amplitude, request.frequency)
+        coulomb, viscous = best_coulomb_viscous(joint, motions[0])
+        lost = losses(joint, coulomb_viscous(coulomb, viscous), motions)
+        found.append(CoulombViscous(joint=joint, motion=motions[0], coulomb=coulomb, viscous=viscous, losses=lost))
+    return tuple(found)
 
 
-def _best(joint: ExportedJoint, request: Request) -> CoulombViscous:
-    motions = all_motions(joint, request.amplitude, request.frequency)
-    coulomb, viscous = best_coulomb_viscous(joint, motions[0])
-    found = losses(joint, coulomb_viscous(coulomb, viscous), motions)
-    return CoulombViscous(joint=joint, motion=motions[0], coulomb=coulomb, viscous=viscous, losses=found)
-
-
-def losses_of(found: Sequence[CoulombViscous]) -> Mapping[str, tuple[Loss, ...]]:
-    """Those of each joint, by its name."""
-    return {one.joint.name: one.losses for one in found}
-
-
-def said_of(found: Sequence[CoulombViscous], target: str) -> tuple[Finding, ...]:
-    """What the target loses of each joint, and what it leaves out."""
-    return (
-        *large_losses(target, losses_of(found)),
-        *(x for one in found for x in left_out(one.joint, target, counted=("quadratic",))),
-    )
+def artefact_of(found: Sequence[CoulombViscous], target: str, name: str, content: bytes, holds: str) -> Artefact:
+    """What a target takes, with what it loses of each joint and what it leaves out; `name` stands behind that of the joints."""
+    lost = {one.joint.name: one.losses for one in found}
+    beside = (x for one in found for x in left_out(one.joint, target, counted=("quadratic",)))
+    return Artefact(
+        name=f"{slug([one.joint for one in found])}{name}", content=content, holds=holds, losses=lost, said=(*large_losses(target, lost), *beside),
+    )  # fmt: skip  # a list of values
 
 
 def comment_lines(one: CoulombViscous, holds: str) -> Iterator[str]:
@@ -76,34 +58,3 @@ def comment_lines(one: CoulombViscous, holds: str) -> Iterator[str]:
     yield f"bristle: {one_line(one.sentence)}"
     yield one_line(holds)
     yield from map(one_line, notes(one.joint, one.losses))
-
-
-AXIS_HOLDS = (
-    "Coulomb friction and damping, the same in both directions; no Stribeck peak, no presliding, and no rotor inertia."
-)
-"""What the `<dynamics>` of a URDF or an SDF has of a joint."""
-
-
-def axis_note(one: CoulombViscous) -> str:
-    """What stands beside `<dynamics>`; its first two words mark it as ours."""
-    return "\n     ".join(comment_lines(one, AXIS_HOLDS))
-
-
-def axis_values(one: CoulombViscous) -> dict[str, str]:
-    """What `<dynamics>` has, every digit."""
-    return {"damping": repr(one.viscous), "friction": repr(one.coulomb)}
-
-
-def place_of(what: str, elements: Sequence[XmlElement], joint: ExportedJoint, remedy: str = "") -> XmlElement:
-    """The one element of a file's joints that has the joint's name.
-
-    Raises InputError where there is none, opening the list of its joints with a remedy, or two, or it does not move as the exported one.
-    """
-    found = joint_named(what, elements, joint.name, remedy)
-    got, expected = found.attributes.get("type", ""), _TYPES[slides(joint.kind)]
-    if got not in expected:
-        raise InputError(
-            f"{what}, line {found.line}: joint {short(joint.name)} is {short(got)}, and the identified one is {joint.kind}; "
-            f"expected {' or '.join(expected)}"
-        )
-    return found

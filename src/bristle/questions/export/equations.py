@@ -1,16 +1,12 @@
 """The equations of a friction law, for documents that carry them: each is the expression of `model.law`."""
 
-from typing import Any
-
 import casadi as ca
 
 from bristle.model import law
 from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.laws.parts import Expression
 from bristle.model.parameters import lugre_of
 from bristle.questions.export.exported import ExportedJoint
-
-Expression = Any
-"""CasADi carries no types."""
 
 
 def equations(joint: ExportedJoint) -> dict[str, Expression]:

@@ -1,7 +1,8 @@
 """An export as `bristle.export` returns it: it says what is lost, and writes its file."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from importlib import import_module
 from pathlib import Path
 
 from bristle.errors import InputError
@@ -13,7 +14,15 @@ from bristle.page.output_folder import write_bytes
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import told
-from bristle.questions.export.targets import target
+
+_PLACES = {
+    "c": "c_header.TARGET", "mujoco": "mjcf.TARGET", "mujoco-frictionloss": "mjcf.FRICTIONLOSS", "fmu": "fmu.TARGET",
+    "urdf": "axes.URDF", "sdf": "axes.SDF", "isaac": "isaac.TARGET", "json": "json_document.TARGET", "matlab": "matlab.TARGET",
+    "latex": "latex.TARGET",
+}  # fmt: skip  # a table
+"""Where each target stands, in a module that is loaded when it is asked for."""
+TARGETS = tuple(_PLACES)
+"""What a joint can be exported to, in the order of docs/export.md."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +42,21 @@ class Export:
 
     def text(self) -> str:
         """What the target holds, what is lost, and what must be known of the values; as `bristle export` prints it."""
-        return "\n".join(_lines(self)) + "\n"
+        lines = [
+            f"Export to {self.to}: {', '.join(joint.name for joint in self.joints)}",
+            f"  holds: {self.artefact.holds}",
+        ]
+        for joint in self.joints:
+            if joint.simulated:
+                lines.append(f"  {joint.name}: identified from SIMULATED data")
+            if joint.law_name != GAUSSIAN.name:
+                lines.append(f"  {joint.name}: friction law {joint.law_name}")
+            if joint.trust is not Trust.USE:
+                lines.append(f"  {joint.name}: {joint.trust}" + (f": {joint.reason}" if joint.reason else ""))
+            if found := self.artefact.losses.get(joint.name):
+                lines.append(f"  torque RMS error of {joint.name}: {told(found, joint)}")
+            lines += (f"  {said.severity}: {joint.name}: {said.flagged}" for said in joint.said)
+        return "\n".join([*lines, *(f"  {said.severity}: {said.flagged}" for said in self.artefact.said)]) + "\n"
 
     def __str__(self) -> str:
         return self.text()
@@ -46,6 +69,15 @@ class Export:
         path = Path(self.artefact.name if path is None else path)
         write_bytes(path, self.content)
         return path
+
+
+def target(name: str) -> ExportTarget:
+    """The target of a name. Raises InputError where there is none."""
+    if name not in _PLACES:
+        raise InputError(f"to: got {name!r}; expected one of {', '.join(TARGETS)}")
+    module, _, own = _PLACES[name].partition(".")
+    found: ExportTarget = getattr(import_module(f"bristle.questions.export.{module}"), own)
+    return found
 
 
 def export_joints(
@@ -67,48 +99,18 @@ def export_joints(
         raise InputError("amplitude: got one for joints that turn and joints that slide; say which joint with joint")
     if request.into is not None and not chosen.merges:
         raise InputError(f"into: {to} is written as a file of its own; leave into out")
-    kept, left_out = _takes(chosen, joints, request) if len(joints) > 1 else (tuple(joints), ())
-    artefact = chosen.write(kept, request)
-    return Export(
-        to=to, joints=kept, request=request, artefact=replace(artefact, said=(*refused, *left_out, *artefact.said))
-    )
+    kept, left_out = list(joints), list[Finding]()
+    for joint in joints if len(joints) > 1 else ():  # which of several does it take?
+        try:
+            chosen.write([joint], request)
+        except InputError as error:
+            kept.remove(joint)
+            left_out.append(joint_left_out(error))
+    artefact = chosen.write(kept or joints[:1], request)
+    said = (*refused, *left_out, *artefact.said)
+    return Export(to=to, joints=tuple(kept), request=request, artefact=replace(artefact, said=said))
 
 
 def joint_left_out(error: InputError) -> Finding:
     """Of one of several joints, that it is not exported, and why."""
     return Finding("export-joint-left-out", CAUTION, f"Left out: {error}", {"why": str(error)})
-
-
-def _takes(
-    chosen: ExportTarget, joints: Sequence[ExportedJoint], request: Request
-) -> tuple[tuple[ExportedJoint, ...], tuple[Finding, ...]]:
-    """Of several joints those that a target takes, and why not the others. Raises InputError where it takes none."""
-    kept, left_out = [], []
-    for joint in joints:
-        try:
-            chosen.write([joint], request)
-            kept.append(joint)
-        except InputError as error:
-            left_out.append(joint_left_out(error))
-    if not kept:
-        chosen.write(joints[:1], request)
-    return tuple(kept), tuple(left_out)
-
-
-def _lines(export: Export) -> Iterator[str]:
-    names = ", ".join(joint.name for joint in export.joints)
-    yield f"Export to {export.to}: {names}"
-    yield f"  holds: {export.artefact.holds}"
-    for joint in export.joints:
-        if joint.simulated:
-            yield f"  {joint.name}: identified from SIMULATED data"
-        if joint.law_name != GAUSSIAN.name:
-            yield f"  {joint.name}: friction law {joint.law_name}"
-        if joint.trust is not Trust.USE:
-            yield f"  {joint.name}: {joint.trust}" + (f": {joint.reason}" if joint.reason else "")
-        if found := export.artefact.losses.get(joint.name):
-            yield f"  torque RMS error of {joint.name}: {told(found, joint)}"
-        for said in joint.said:
-            yield f"  {said.severity}: {joint.name}: {said.flagged}"
-    for said in export.artefact.said:
-        yield f"  {said.severity}: {said.flagged}"

@@ -188,7 +188,10 @@ def exported(joint: Joint, experiment: Experiment | None, origin: Origin) -> Exp
     sources = {row.parameter: str(row.source) for row in chosen(joint)}
     rows = [row for d in ways for row in _direction(joint, known, d, J, sources)]
     said = [*_assumed(known, ways, rows, J)]
-    rows += _shared(joint, sources)
+    for row in chosen(joint):  # what is of no direction, as far as it has a value
+        if not of_friction(row.parameter.name) and row.estimate.value is not None:
+            name = ParameterName.parse(str(row.parameter))  # which is shared, whatever stage it is from
+            rows.append(_estimated(name, row.estimate.value, row.estimate, sources[row.parameter]))
     found = verdict(joint)
     said += _doubts(rows, ways, known.law)
     rotor = inertia_of(experiment, replace(joint, link_inertia=None))
@@ -210,11 +213,7 @@ def _about(said: Finding | None) -> tuple[str, str] | None:
 
 
 def _direction(
-    joint: Joint,
-    known: KnownJoint,
-    d: Direction,
-    J: float | None,
-    sources: Mapping[ParameterName, str],
+    joint: Joint, known: KnownJoint, d: Direction, J: float | None, sources: Mapping[ParameterName, str]
 ) -> Iterator[ExportedParameter]:
     """The parameters of a direction: without those of the bristle where its stiffness is not known."""
     values, missing = known.values(d), known.missing(d)
@@ -275,14 +274,6 @@ def _assumed_of(
         yield Finding("bristle-filled", CAUTION, message, {"name": "sigma_1", "value": row.value, **numbers})
     elif e := known.estimate("sigma_1", d):
         yield from _priors(e)
-
-
-def _shared(joint: Joint, sources: Mapping[ParameterName, str]) -> Iterator[ExportedParameter]:
-    """What is of no direction, as far as it has a value."""
-    for row in chosen(joint):
-        if not of_friction(row.parameter.name) and row.estimate.value is not None:
-            name = ParameterName.parse(str(row.parameter))  # which is shared, whatever stage it is from
-            yield _estimated(name, row.estimate.value, row.estimate, sources[row.parameter])
 
 
 def _estimated(name: ParameterName, value: float, e: Estimate, source: str) -> ExportedParameter:

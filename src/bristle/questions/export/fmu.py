@@ -7,13 +7,9 @@ import re
 import subprocess
 import tempfile
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
-
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from markupsafe import Markup
 
 from bristle import __version__
 from bristle.control.compensator import Compensator
@@ -21,25 +17,33 @@ from bristle.errors import InputError, one_line
 from bristle.model.parameters import fields_of, unit
 from bristle.page.output_folder import zipped
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, c_compiler, large_losses, left_out, slug
-from bristle.questions.export.c_code import escaped
+from bristle.questions.export.artefact import (
+    Artefact,
+    ExportTarget,
+    Request,
+    c_compiler,
+    large_losses,
+    left_out,
+    notes,
+    slug,
+)
+from bristle.questions.export.c_code import filled
 from bristle.questions.export.c_header import header
-from bristle.questions.export.c_numbers import RANGES, identifier, range_of
+from bristle.questions.export.c_numbers import identifier, range_of
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, all_motions, losses, lugre
-from bristle.questions.export.notes import notes
-from bristle.questions.export.xml_edit import attribute
 
-FMU_FLAGS = ("-std=c99", "-O2", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-fast-math", "-ffp-contract=off")
-"""Of the binary."""
-_NAMELESS = ("-Wl,--build-id=none", "-Wl,-s")
-"""So that its bytes do not tell when and where it was made."""
+_FLAGS = (
+    "-std=c99", "-O2", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-fast-math", "-ffp-contract=off",
+    "-Wl,--build-id=none", "-Wl,-s",
+)  # fmt: skip  # a list of words
+"""Of the binary; the last two so that its bytes do not tell when and where it was made."""
 _LARGEST = 1e30
 _STEP, _RANGE = 1e-3, (1e-6, 1e-2)
 """Longest internal step, s: the default is no longer than that; between these it may be set."""
 _SHARE = 50
 """Internal steps in the shorter one of the joint's two times."""
-_INERTIA = (1e-9, RANGES["inertia"][1])
+_INERTIA = (1e-9, range_of("inertia")[1])
 _TORQUE = (-1e6, 1e6)
 _ANY, _BEFORE, _NEVER = ("BR_INSTANTIATED | BR_INITIALISING | BR_STEPPING", "BR_INSTANTIATED | BR_INITIALISING", "0")
 """Phases in which a variable may be set."""
@@ -71,55 +75,30 @@ class FmuVariable(NamedTuple):
             return "continuous"
         return "fixed" if self.settable == _BEFORE else "tunable"
 
-    @property
-    def low_text(self) -> str:
-        """Every digit."""
-        return repr(self.low)
-
-    @property
-    def high_text(self) -> str:
-        """Every digit."""
-        return repr(self.high)
-
-    @property
-    def start_text(self) -> str:
-        """Every digit; nothing where it is computed."""
-        return "" if self.start is None else repr(self.start)
-
 
 def fmu_variables(joint: ExportedJoint) -> tuple[FmuVariable, ...]:
     """The variables of a joint, in the order of their value references: input, outputs, parameters."""
-    return (*_signals(joint), *_friction_parameters(joint), *_other_parameters(joint))
-
-
-def _signals(joint: ExportedJoint) -> Iterator[FmuVariable]:
-    position, velocity, torque = (unit(name, joint.kind) for name in ("position", "velocity", "torque"))
-    yield FmuVariable("torque", "drives the joint", torque, "input", "torque", *_TORQUE, 0.0, _ANY)
-    yield FmuVariable("position", "of the joint", position, "output", "joint.position")
-    yield FmuVariable("velocity", "of the joint", velocity, "output", "joint.velocity")
-    yield FmuVariable("friction", "against positive velocity", torque, "output", "joint.friction")
-    yield FmuVariable("z", "deflection of the bristle", position, "output", "joint.deflection")
-
-
-def _friction_parameters(joint: ExportedJoint) -> Iterator[FmuVariable]:
-    for direction, p in zip(("positive", "negative"), joint.pair, strict=True):
-        for name in fields_of(joint.law):
-            what = f"{name}, {direction} direction"
-            yield FmuVariable(
-                f"{direction}.{name}", what, unit(name, joint.kind), "parameter", f"p.{direction}.{name}",
-                *range_of(name, joint.law), getattr(p, name), _ANY,
-            )  # fmt: skip  # a list of values
-
-
-def _other_parameters(joint: ExportedJoint) -> Iterator[FmuVariable]:
-    kind, longest = joint.kind, longest_step(joint)
-    for name, what, si, span, start, settable in (
-        ("inertia", "what the torque accelerates", unit("inertia", kind), _INERTIA, _inertia(joint), _ANY),
-        ("start_position", "at the start", unit("position", kind), RANGES["position"], 0.0, _BEFORE),
-        ("start_velocity", "at the start", unit("velocity", kind), RANGES["velocity"], 0.0, _BEFORE),
-        ("longest_step", "longest internal step", "s", _RANGE, longest, _ANY),
-    ):
-        yield FmuVariable(name, what, si, "parameter", name, *span, start, settable)
+    position, velocity, torque, J = (unit(x, joint.kind) for x in ("position", "velocity", "torque", "inertia"))
+    own = [
+        FmuVariable(
+            f"{direction}.{name}", f"{name}, {direction} direction", unit(name, joint.kind), "parameter", f"p.{direction}.{name}",
+            *range_of(name, joint.law), getattr(p, name), _ANY,
+        )
+        for direction, p in zip(("positive", "negative"), joint.pair, strict=True)
+        for name in fields_of(joint.law)
+    ]  # fmt: skip  # a list of values
+    return (
+        FmuVariable("torque", "drives the joint", torque, "input", "torque", *_TORQUE, 0.0, _ANY),
+        FmuVariable("position", "of the joint", position, "output", "joint.position"),
+        FmuVariable("velocity", "of the joint", velocity, "output", "joint.velocity"),
+        FmuVariable("friction", "against positive velocity", torque, "output", "joint.friction"),
+        FmuVariable("z", "deflection of the bristle", position, "output", "joint.deflection"),
+        *own,
+        FmuVariable("inertia", "what the torque accelerates", J, "parameter", "inertia", *_INERTIA, _inertia(joint), _ANY),
+        FmuVariable("start_position", "at the start", position, "parameter", "start_position", *range_of("position"), 0.0, _BEFORE),
+        FmuVariable("start_velocity", "at the start", velocity, "parameter", "start_velocity", *range_of("velocity"), 0.0, _BEFORE),
+        FmuVariable("longest_step", "longest internal step", "s", "parameter", "longest_step", *_RANGE, longest_step(joint), _ANY),
+    )  # fmt: skip  # a table
 
 
 def longest_step(joint: ExportedJoint) -> float:
@@ -165,8 +144,7 @@ def base_units(text: str) -> dict[str, int] | None:
 def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     """The files but the binary. The token is a hash of them all."""
     variables = fmu_variables(joint)
-    first = next(k for k, v in enumerate(variables) if v.causality == "parameter")
-    context = {
+    context: dict[str, object] = {
         "joint": joint.name,
         "name": identifier(joint),
         "tool": f"bristle {__version__}",
@@ -176,46 +154,26 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
         "holds": _HOLDS,
         "notes": [*notes(joint, lost)],
         "variables": variables,
-        "first_parameter": first,
+        "first_parameter": [v.causality for v in variables].index("parameter"),
         "outputs": [k + 1 for k, v in enumerate(variables) if v.causality == "output"],
         "units": {v.unit: base_units(v.unit) for v in variables},
     }
 
     def files(token: str) -> dict[str, bytes]:
         """As they are with that token."""
-        return {
-            "modelDescription.xml": _rendered("modelDescription.xml", context, token),
-            "documentation/index.html": _rendered("fmu.html", context, token),
-            "sources/fmu.c": _rendered("fmu.c", context, token),
-            "sources/joint.h": header(joint, Compensator()).encode("ascii"),
+        places = {
+            "modelDescription.xml": "modelDescription.xml",
+            "documentation/index.html": "fmu.html",
+            "sources/fmu.c": "fmu.c",
         }
+        made = {place: filled(template, {**context, "token": token}) for place, template in places.items()}
+        own = {place: (text.rstrip("\n") + "\n").encode() for place, text in made.items()}
+        return own | {"sources/joint.h": header(joint, Compensator()).encode("ascii")}
 
     digest = hashlib.sha256()
     for name, content in sorted(files("").items()):
         digest.update(f"{name} {len(content)}\n".encode() + content)
     return files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}")
-
-
-def _rendered(template: str, context: Mapping[str, object], token: str) -> bytes:
-    text: str = _environment().get_template(template).render(context, token=token)
-    return (text.rstrip("\n") + "\n").encode()
-
-
-@cache
-def _environment() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("bristle.questions.export"),
-        autoescape=lambda name: name is not None and not name.endswith(".c"),  # noqa: S701  # texts in C pass `escaped`
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {
-        "c": escaped,
-        "attribute": lambda text: Markup(attribute(text)),  # noqa: S704  # which escapes
-        "shown": lambda text: one_line(text, 10_000),
-    }
-    return environment
 
 
 def fmu_binary(sources: Mapping[str, bytes], name: str) -> bytes | str:
@@ -229,16 +187,7 @@ def fmu_binary(sources: Mapping[str, bytes], name: str) -> bytes | str:
         place = Path(folder)
         for file in ("fmu.c", "joint.h"):
             (place / file).write_bytes(sources[f"sources/{file}"])
-        command = [
-            compiler,
-            *FMU_FLAGS,
-            *_NAMELESS,
-            f"-ffile-prefix-map={folder}=.",
-            "-o",
-            f"{name}.so",
-            "fmu.c",
-            "-lm",
-        ]
+        command = [compiler, *_FLAGS, f"-ffile-prefix-map={folder}=.", "-o", f"{name}.so", "fmu.c", "-lm"]
         done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)  # noqa: S603  # our own words
         if done.returncode:
             return f"{Path(compiler).name} refuses the code: {one_line(done.stderr, 200)}"
@@ -256,9 +205,7 @@ def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  #
     (joint,) = joints
     joint = joint.in_newton("fmu").with_bristle("fmu")
     name = identifier(joint)
-    lost: tuple[Loss, ...] = ()
-    if joint.quadratic:
-        lost = losses(joint, lugre(joint.pair), all_motions(joint))
+    lost = losses(joint, lugre(joint.pair), all_motions(joint)) if joint.quadratic else ()
     files = _sources(joint, lost)
     binary = fmu_binary(files, name)
     if isinstance(binary, bytes):

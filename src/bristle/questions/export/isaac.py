@@ -7,17 +7,12 @@ PxJointFrictionParams).
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 
 from bristle.errors import one_line
 from bristle.model.parameters import unit
-from bristle.questions.export.artefact import (
-    Artefact,
-    ExportTarget,
-    Request,
-    slug,
-    without_inertia,
-)
-from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, losses_of, said_of
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, without_inertia
+from bristle.questions.export.coulomb_viscous import CoulombViscous, artefact_of, best_values, comment_lines
 from bristle.questions.export.exported import ExportedJoint
 
 _HOLDS = "static, dynamic and viscous friction, the same in both directions, and armature; no Stribeck velocity and no presliding."
@@ -39,10 +34,8 @@ def write_isaac(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     """
     found = best_values(joints, request, "isaac")
     text = f"{_HEAD}\nfrom isaaclab.actuators import ImplicitActuatorCfg\n\nACTUATORS = {{\n{''.join(map(_entry, found))}}}\n"
-    return Artefact(
-        name=f"{slug(joints)}_actuators.py", content=text.encode("ascii"), holds=_HOLDS,
-        losses=losses_of(found), said=(*said_of(found, "isaac"), *without_inertia(joints)),
-    )  # fmt: skip  # a list of values
+    artefact = artefact_of(found, "isaac", "_actuators.py", text.encode("ascii"), _HOLDS)
+    return replace(artefact, said=(*artefact.said, *without_inertia(joints)))
 
 
 def static_effort(one: CoulombViscous) -> float:
@@ -51,9 +44,13 @@ def static_effort(one: CoulombViscous) -> float:
 
 
 def _entry(one: CoulombViscous) -> str:
-    kind, name = one.joint.kind, one.joint.name
-    lines = "".join(f"    # {_ascii(line)}\n" for line in comment_lines(one, _HOLDS))
-    J = one.joint.rotor_inertia
+    kind, name, J = one.joint.kind, one.joint.name, one.joint.rotor_inertia
+    lines = "".join(f"    # {ascii(one_line(line))[1:-1]}\n" for line in comment_lines(one, _HOLDS))
+    of_armature = "all that the joint accelerates: take off what the asset's links have of it"
+    if J is None:
+        of_armature = "no inertia is known: as the asset has it"
+    elif one.joint.inertia != J:
+        of_armature = "of the rotor, as identified beside the links"
     return f"""\
 {lines}    {name!a}: ImplicitActuatorCfg(
         joint_names_expr=[{re.escape(name)!a}],
@@ -62,22 +59,9 @@ def _entry(one: CoulombViscous) -> str:
         friction={static_effort(one)!r},  # {unit("torque", kind)}, at rest: alpha_0 + alpha_1, the mean of both directions
         dynamic_friction={one.coulomb!r},  # {unit("torque", kind)}
         viscous_friction={one.viscous!r},  # {unit("alpha_2", kind)}
-        armature={J!r},  # {unit("inertia", kind)}; {_of_armature(one.joint)}
+        armature={J!r},  # {unit("inertia", kind)}; {of_armature}
     ),
 """
-
-
-def _of_armature(joint: ExportedJoint) -> str:
-    J = joint.rotor_inertia
-    if J is None:
-        return "no inertia is known: as the asset has it"
-    if joint.inertia != J:
-        return "of the rotor, as identified beside the links"
-    return "all that the joint accelerates: take off what the asset's links have of it"
-
-
-def _ascii(line: str) -> str:
-    return ascii(one_line(line))[1:-1]
 
 
 TARGET = ExportTarget(fitted=True, write=write_isaac)

@@ -10,10 +10,9 @@ from bristle.errors import one_line
 from bristle.model.formula import abbreviated, as_latex, formula_of, symbol_of
 from bristle.model.parameters import SIGNED, Direction, of_friction
 from bristle.page.wording import FITS, measured, shortened, slugs, span
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, notes, slug
 from bristle.questions.export.equations import equations
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
-from bristle.questions.export.notes import notes
 
 _HOLDS = "each parameter, rounded to two digits of its standard error, with unit, 95 % interval and source"
 _ESCAPED = {
@@ -40,10 +39,15 @@ def write_latex(joints: Sequence[ExportedJoint], request: Request) -> Artefact: 
     comments = "".join(f"% {ascii(one_line(line))[1:-1]}\n" for joint in joints for line in notes(joint))
     rows = "\n".join(row for joint in joints for row in _rows(joint, len(joints) > 1))
     laws = "".join(dict.fromkeys(text for joint in joints for text in _equations(joint)))
+    whose = "of the joints" if len(joints) > 1 else f"of {latex_text(joints[0].name)}"
+    simulated = " Identified from simulated data." if any(joint.simulated for joint in joints) else ""
+    assumed = any(one.assumed for joint in joints for one in joint.parameters)
+    marked = " Values with an asterisk are assumed, not identified." if assumed else ""
+    told = "value $\\pm$ standard error, where there is one, and 95~\\% interval."
     text = f"""\
 {comments}\\begin{{table}}
 \\centering
-\\caption{{{_caption(joints)}}}
+\\caption{{LuGre friction {whose}: {told}{simulated}{marked}}}
 \\label{{tab:friction-{slugs([slug(joints)])[0]}}}
 \\begin{{tabular}}{{lllll}}
 \\hline
@@ -54,19 +58,8 @@ Parameter & Value & Unit & 95 \\% interval & Source \\\\
 \\end{{tabular}}
 {laws}\\end{{table}}
 """
-    return Artefact(
-        name=f"{slug(joints)}.tex",
-        content=text.encode("utf-8"),
-        holds=f"{_HOLDS}; the equations of the law" if laws else _HOLDS,
-    )
-
-
-def _caption(joints: Sequence[ExportedJoint]) -> str:
-    whose = "of the joints" if len(joints) > 1 else f"of {latex_text(joints[0].name)}"
-    simulated = " Identified from simulated data." if any(joint.simulated for joint in joints) else ""
-    assumed = any(one.assumed for joint in joints for one in joint.parameters)
-    marked = " Values with an asterisk are assumed, not identified." if assumed else ""
-    return f"LuGre friction {whose}: value $\\pm$ standard error, where there is one, and 95~\\% interval.{simulated}{marked}"
+    holds = f"{_HOLDS}; the equations of the law" if laws else _HOLDS
+    return Artefact(name=f"{slug(joints)}.tex", content=text.encode("utf-8"), holds=holds)
 
 
 def _rows(joint: ExportedJoint, headed: bool) -> Iterator[str]:
@@ -75,13 +68,10 @@ def _rows(joint: ExportedJoint, headed: bool) -> Iterator[str]:
     for one in joint.parameters:
         mark = "$^*$" if one.assumed else ""
         interval = "" if one.interval is None else _math(span(one.interval).replace("∞", r"\infty"))
-        cells = (
-            _symbol(one),
-            _value(one) + mark,
-            _unit(one.unit),
-            interval,
-            latex_text(FITS.get(one.source, one.source)),
-        )
+        value = _math(measured(one.value, one.standard_error).replace("±", r"\pm"))
+        # powers of a unit are raised, its factors set apart
+        unit = re.sub(r"\*\*([0-9])", r"$^\1$", one.unit).replace("*", r"\,")
+        cells = (_symbol(one), value + mark, unit, interval, latex_text(FITS.get(one.source, one.source)))
         yield rf"{' & '.join(cells)} \\"
 
 
@@ -110,32 +100,17 @@ def _equations(joint: ExportedJoint) -> Iterator[str]:
         yield "\n\\medskip\n" + " \\\\\n".join(lines) + "\n"
 
 
-def _value(one: ExportedParameter) -> str:
-    return _math(measured(one.value, one.standard_error).replace("±", r"\pm"))
-
-
 def _math(text: str) -> str:
     """Numbers in math mode, exponents as powers of ten."""
-    return f"${re.sub(r'e([+-])0*([0-9]+)', _power, text)}$"
-
-
-def _power(found: re.Match[str]) -> str:
-    return rf" \times 10^{{{'-' if found[1] == '-' else ''}{found[2]}}}"
-
-
-def _unit(si: str) -> str:
-    """A unit as LaTeX has it: powers raised, factors set apart."""
-    return re.sub(r"\*\*([0-9])", r"$^\1$", si).replace("*", r"\,")
+    return "$" + re.sub(r"e(?:\+|(-))0*([0-9]+)", r" \\times 10^{\1\2}", text) + "$"
 
 
 def latex_text(text: str) -> str:
     """A text, whatever it holds, in one line of at most 80 characters; letters that no plain LaTeX font has by their code."""
-    return "".join(_ESCAPED.get(c) or _letter(c) for c in shortened(" ".join(text.split()), 80).replace("…", "..."))
-
-
-def _letter(c: str) -> str:
-    """ASCII, and the letters of Western Europe that every font encoding of LaTeX has, as they are."""
-    return c if c.isascii() or (c.isalpha() and "\u00c0" <= c <= "\u00ff" and c not in "ÐðÞþ") else f"[U+{ord(c):04X}]"
+    line = shortened(" ".join(text.split()), 80).replace("…", "...")
+    # As they are: ASCII, and the letters of Western Europe that every font encoding of LaTeX has.
+    odd = {c for c in line if not (c.isascii() or (c.isalpha() and "\u00c0" <= c <= "\u00ff" and c not in "ÐðÞþ"))}
+    return "".join(_ESCAPED.get(c) or (f"[U+{ord(c):04X}]" if c in odd else c) for c in line)
 
 
 TARGET = ExportTarget(write=write_latex)

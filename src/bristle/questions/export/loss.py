@@ -80,7 +80,10 @@ class _Own:
         else:
             positive, negative = (evaluate(functions.steady_torque_function(self.law), v, *p)[0] for p in self.curves)
             own = np.where(v < 0, negative, positive)
-        return own + _drag(self.quadratic, v)
+        # and what is proportional to v abs(v)
+        terms, zero = functions.load_terms_function(), np.zeros_like(v)
+        names = [terms.name_out(k) for k in range(terms.n_out())]
+        return own + self.quadratic * evaluate(terms, zero, v, zero, zero)[names.index("quadratic")]
 
 
 def friction_of(joint: ExportedJoint) -> Friction:
@@ -104,21 +107,6 @@ def coulomb_viscous(coulomb: float, viscous: float) -> Friction:
     return torque
 
 
-def _drag(quadratic: float, v: Array) -> Array:
-    """What is proportional to v abs(v), N*m."""
-    zero = np.zeros_like(v)
-    names = [functions.load_terms_function().name_out(k) for k in range(functions.load_terms_function().n_out())]
-    return quadratic * evaluate(functions.load_terms_function(), zero, v, zero, zero)[names.index("quadratic")]
-
-
-def declared_motion(
-    joint: ExportedJoint, amplitude: float | None = None, frequency: float | None = None
-) -> StatedMotion:
-    """The motion for which a target's values are the best: a sine up to the fastest measured speed at 0.5 Hz, unless one is asked for."""
-    f = frequency or FREQUENCY
-    return StatedMotion("fitted", amplitude or joint.fastest / (2 * np.pi * f), f)
-
-
 def stated_motions(joint: ExportedJoint) -> tuple[StatedMotion, ...]:
     """Three sines at 0.5 Hz: medium and slow sliding, and presliding.
 
@@ -138,8 +126,12 @@ def stated_motions(joint: ExportedJoint) -> tuple[StatedMotion, ...]:
 def all_motions(
     joint: ExportedJoint, amplitude: float | None = None, frequency: float | None = None
 ) -> tuple[StatedMotion, ...]:
-    """The declared motion, then the stated ones."""
-    return declared_motion(joint, amplitude, frequency), *stated_motions(joint)
+    """The motion for which a target's values are the best, then the stated ones.
+
+    That one is a sine up to the fastest measured speed at 0.5 Hz, unless one is asked for.
+    """
+    f = frequency or FREQUENCY
+    return StatedMotion("fitted", amplitude or joint.fastest / (2 * np.pi * f), f), *stated_motions(joint)
 
 
 @lru_cache(maxsize=64)
@@ -154,11 +146,8 @@ def along(friction: Friction, motion: StatedMotion) -> tuple[Array, Array]:
 
 def losses(joint: ExportedJoint, model: Friction, motions: Sequence[StatedMotion]) -> tuple[Loss, ...]:
     """How far a model's torque is from the joint's, motion by motion."""
-    found = []
-    for motion in motions:
-        (_, true), (_, kept) = along(friction_of(joint), motion), along(model, motion)
-        found.append(Loss(motion, rms_percent(kept, true)))
-    return tuple(found)
+    own = friction_of(joint)
+    return tuple(Loss(motion, rms_percent(along(model, motion)[1], along(own, motion)[1])) for motion in motions)
 
 
 def rms_percent(found: Array, true: Array) -> float:
@@ -182,11 +171,7 @@ def told(found: Sequence[Loss], joint: ExportedJoint) -> str:
     """The losses in one line, with each motion."""
     q = unit("position", joint.kind)
     return ", ".join(
-        f"{_in_print(x.percent)} {x.motion.name} ({x.motion.amplitude:.3g} {q}, {x.motion.frequency:g} Hz)"
+        f"{'0 %' if x.percent < _NONE else in_percent(x.percent / 100)} {x.motion.name} "
+        f"({x.motion.amplitude:.3g} {q}, {x.motion.frequency:g} Hz)"
         for x in found
     )
-
-
-def _in_print(percent: float) -> str:
-    """In two digits; what is left by rounding is none."""
-    return "0 %" if percent < _NONE else in_percent(percent / 100)

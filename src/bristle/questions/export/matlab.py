@@ -1,20 +1,23 @@
 """MATLAB and Octave: a script that assigns a struct with every parameter, its unit, error, interval and source.
 
-Where the friction law is not the paper's, the struct has its equations as well, as functions.
+Where the friction law is not the paper's, the struct has its equations as well, as anonymous functions, which `model.printing` prints. Such a one
+holds no statements, so each value stands where it is used.
 """
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import casadi as ca
 
 from bristle.errors import one_line
 from bristle.model.parameters import Direction, unit
+from bristle.model.printing import FUNCTIONS, Language, Term, statements
 from bristle.page.wording import slugs
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, notes, slug
 from bristle.questions.export.equations import equations
-from bristle.questions.export.exported import ExportedJoint, ExportedParameter
-from bristle.questions.export.matlab_code import in_matlab
-from bristle.questions.export.notes import notes
+from bristle.questions.export.exported import ExportedJoint
 
 _LONGEST = 50
 """Characters of an identifier; MATLAB takes 63."""
@@ -24,12 +27,7 @@ _WORDS = frozenset({
     "struct", "true", "false", "uint8", "native2unicode", "inf", "nan",
 })  # fmt: skip  # a list of words
 """Of MATLAB and of Octave, and what the script calls."""
-_WAYS = {
-    Direction.POSITIVE: "positive",
-    Direction.NEGATIVE: "negative",
-    Direction.BOTH: "both",
-    Direction.SHARED: "shared",
-}
+_WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))
 _UNITS = {"level": "torque", "rate": "velocity", "torque": "torque", "steady": "torque"}
 """Of the equations: the unit is that of this."""
 _HOLDS = "every parameter with unit, standard error, 95 % interval and source; warnings as comments"
@@ -66,30 +64,21 @@ def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
     yield f"{place}.bristle = {_text(joint.origin.bristle)};"
     yield f"{place}.results_sha256 = {_text(joint.origin.results_sha256 or '')};"
     for one in joint.parameters:
-        yield f"{place}.{_WAYS[one.parameter.direction]}.{_identifier(one.parameter.name)} = {_parameter(one)};"
-    yield from _law(joint, place)
-
-
-def _law(joint: ExportedJoint, place: str) -> Iterator[str]:
-    """The law's name and its equations, each a function of the bristle's deflection z, the velocity v and a set p of parameters."""
-    found = equations(joint)
-    if found:
+        interval = "[]" if one.interval is None else f"[{_number(one.interval[0])}, {_number(one.interval[1])}]"
+        values = {
+            "value": _number(one.value), "unit": _text(one.unit), "standard_error": _number(one.standard_error),
+            "interval": interval, "source": _text(one.source), "assumed": _logical(one.assumed),
+        }  # fmt: skip  # a list of values
+        fields = ", ".join(f"'{name}', {value}" for name, value in values.items())
+        yield f"{place}.{_WAYS[one.parameter.direction]}.{_identifier(one.parameter.name)} = struct({fields});"
+    # The law's name and its equations, each a function of the bristle's deflection z, the velocity v and a set p of parameters.
+    if found := equations(joint):
         yield f"{place}.law = {_text(joint.law.name)};"
         yield "% Of a set p such as .positive, chosen by the sign of v; of two sets sigma_0 goes by the sign of z, the deflection of the bristle."
     for name, expression in found.items():
         text = in_matlab(expression, lambda x: x if x in ("z", "v") else f"p.{_identifier(x)}.value")
         given = "z, v, p" if name in ("rate", "torque") else "v, p"
         yield f"{place}.{name} = @({given}) {text}; % {unit(_UNITS[name], joint.kind)}"
-
-
-def _parameter(one: ExportedParameter) -> str:
-    interval = "[]" if one.interval is None else f"[{_number(one.interval[0])}, {_number(one.interval[1])}]"
-    values = {
-        "value": _number(one.value), "unit": _text(one.unit), "standard_error": _number(one.standard_error),
-        "interval": interval, "source": _text(one.source), "assumed": _logical(one.assumed),
-    }  # fmt: skip  # a list of values
-    fields = ", ".join(f"'{name}', {value}" for name, value in values.items())
-    return f"struct({fields})"
 
 
 def _logical(x: bool) -> str:
@@ -109,6 +98,52 @@ def _text(text: str) -> str:
         return "'" + text.replace("'", "''") + "'"
     codes = " ".join(map(str, text.encode("utf-8", "replace")))
     return f"native2unicode(uint8([{codes}]), 'UTF-8')"
+
+
+_PATTERNS = {
+    ca.OP_ASSIGN: "{0}", ca.OP_ADD: "{0} + {1}", ca.OP_SUB: "{0} - {1}", ca.OP_MUL: "{0} .* {1}", ca.OP_DIV: "{0} ./ {1}",
+    ca.OP_NEG: "-{0}", ca.OP_SQ: "{0} .^ 2", ca.OP_TWICE: "2 .* {0}", ca.OP_INV: "1 ./ {0}",
+    ca.OP_POW: "{0} .^ {1}", ca.OP_CONSTPOW: "{0} .^ {1}", ca.OP_FMOD: "rem({0}, {1})",
+    ca.OP_LT: "{0} < {1}", ca.OP_LE: "{0} <= {1}", ca.OP_EQ: "{0} == {1}", ca.OP_NE: "{0} ~= {1}",
+    ca.OP_NOT: "~{0}", ca.OP_AND: "{0} & {1}", ca.OP_OR: "{0} | {1}",
+    ca.OP_IF_ELSE_ZERO: "min(max({1}, -realmax .* {0}), realmax .* {0})",  # a product would make NaN of what is left out
+}  # fmt: skip  # a table
+_COMPARED = frozenset({ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR})
+
+
+def in_matlab(expression: Any, operand: Callable[[str], str]) -> str:
+    """A scalar CasADi expression (SX) of named symbols as one of MATLAB and Octave, element by element.
+
+    Args:
+        expression: of symbols.
+        operand: (name of a symbol) -> what it is called there.
+
+    Raises InputError where an operation has no counterpart.
+    """
+
+    def operation(code: int, operands: Sequence[Term]) -> Term:
+        """CasADi's operation of that number. Raises KeyError where there is none that gives the same real number."""
+        texts = [x.text for x in operands]
+        if code in _PATTERNS:
+            return Term(_PATTERNS[code].format(*texts), truth=code in _COMPARED)
+        if code in (ca.OP_COPYSIGN, ca.OP_ASINH, ca.OP_ACOSH, ca.OP_ATANH):
+            raise KeyError(code)
+        return Term(f"{FUNCTIONS[code]}({', '.join(texts)})")
+
+    symbols = ca.symvar(expression)
+    function = ca.Function("expression", symbols, [ca.densify(expression)], {"cse": True})
+    matlab = Language("MATLAB", operation, repr, lambda name, value: f"{name}={value.text}", prefix="#")
+    lines, (value,) = statements(function, lambda place, _: operand(symbols[place].name()), matlab)
+    known: dict[str, str] = {}
+
+    def whole(text: str) -> str:
+        """A text in which each name stands for its value."""
+        return re.sub(r"#\d+", lambda name: known[name[0]], text)
+
+    for line in lines:
+        name, text = line.split("=", 1)
+        known[name] = f"({whole(text)})"
+    return whole(value.text)
 
 
 TARGET = ExportTarget(write=write_matlab)

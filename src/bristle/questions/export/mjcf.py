@@ -1,15 +1,20 @@
-"""MuJoCo: one LuGre set for both directions and a constant bias, as actuators of a joint, by themselves or merged into a given MJCF.
+"""MuJoCo: one LuGre set for both directions and a constant bias, as actuators of a joint, or frictionloss and damping of the joint itself.
+
+By themselves, or merged into a given MJCF.
 
 `<dcmotor lugre=...>` is LuGre exactly in continuous time; MuJoCo steps its bristle by the exact exponential at the
 velocity that the step begins with, which is of first order. Without a voltage, and with a motor constant of 1e-9,
 nothing of the motor is left (MuJoCo 3.7.0 to 4.0.0 take it so; with the real constant its back-EMF would brake).
+
+Without LuGre a joint has Coulomb friction, N*m, and damping, N*m*s/rad, in any version of MuJoCo (N and N*s/m where it slides).
+MuJoCo's dry friction is a soft constraint: near standstill it is steep and viscous, so that a joint creeps where it should stick.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from bristle.errors import InputError, one_line, short
-from bristle.findings import Finding
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import shortened
@@ -19,27 +24,22 @@ from bristle.questions.export.artefact import (
     Request,
     large_losses,
     left_out,
+    notes,
     slug,
     without_inertia,
 )
+from bristle.questions.export.coulomb_viscous import CoulombViscous, artefact_of, best_values, comment_lines
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import (
-    Loss,
-    all_motions,
-    losses,
-    told,
-)
-from bristle.questions.export.notes import notes
+from bristle.questions.export.loss import Loss, all_motions, losses, told
 from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
 from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
 
-NAME = "mujoco"
+NAME, FRICTIONLOSS_NAME = "mujoco", "mujoco-frictionloss"
 STEP = 0.002
 """Time step of the example, s."""
 _NO_SPRING = "0 0"
-_LEAST_STEP = 1e-5
-"""Of the example, s."""
 _HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
+_HOLDS_FRICTIONLOSS = "Coulomb friction and damping, the same in both directions, as <joint frictionloss damping>; no Stribeck peak and no presliding"
 _CLOSEST = "its peak is Gaussian and its viscous friction linear, the closest to another law of the joint"
 
 
@@ -69,7 +69,10 @@ def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
         content=content,
         holds="; ".join(holds),
         losses=lost,
-        said=(*large_losses(NAME, lost), *(x for joint in joints for x in mjcf_left_out(joint, NAME))),
+        said=(
+            *large_losses(NAME, lost),
+            *(x for joint in joints for x in (*left_out(joint, NAME), *without_inertia([joint]))),
+        ),
     )
 
 
@@ -81,12 +84,6 @@ def mjcf_held(joint: ExportedJoint, request: Request) -> MjcfHeld:
     return MjcfHeld(
         joint, losses(joint, alone.friction, motions), symmetric, losses(joint, symmetric.friction, motions)
     )
-
-
-def mjcf_left_out(joint: ExportedJoint, target: str) -> Iterator[Finding]:
-    """What is identified and not exported, and that no inertia is known."""
-    yield from left_out(joint, target)
-    yield from without_inertia([joint])
 
 
 def mjcf_actuators(held: MjcfHeld) -> str:
@@ -112,7 +109,10 @@ def own_actuator(name: str) -> str:
 
 def _comment(held: MjcfHeld) -> str:
     joint, (p, bias) = held.joint, held.symmetric
-    torque = unit("torque", joint.kind)
+    torque, largest = unit("torque", joint.kind), _largest_step(held.symmetric)
+    step = "Without damping MuJoCo's bristle oscillates in stick at any time step."
+    if largest:
+        step = f"Keep the time step well below {largest:.2g} s: above it MuJoCo's bristle oscillates in stick."
     lines = [
         *map(one_line, notes(joint, held.lost)),
         f"Held here: one LuGre set for both directions, sigma_0 {p.sigma_0:.4g}, sigma_1 {p.sigma_1:.4g}, alpha_0 {p.alpha_0:.4g}, "
@@ -120,19 +120,12 @@ def _comment(held: MjcfHeld) -> str:
         *(() if joint.law == GAUSSIAN else (f"Of the set: {_CLOSEST}.",)),
         f"Without the bias, the best set has: {told(held.alone, joint)}.",
         "Both directions, exactly: bristle.mujoco.Friction, in a Python simulation.",
-        _step_line(held.symmetric),
+        step,
         "Leave ctrl of these actuators at 0.",
         "saturation and gear keep defaults of the model from cutting or scaling the friction.",
-        *mjcf_joint_lines(joint),
+        *_joint_lines(joint),
     ]
     return comment("\n".join(lines) + "\n")
-
-
-def _step_line(held: SymmetricSet) -> str:
-    largest = _largest_step(held)
-    if not largest:
-        return "Without damping MuJoCo's bristle oscillates in stick at any time step."
-    return f"Keep the time step well below {largest:.2g} s: above it MuJoCo's bristle oscillates in stick."
 
 
 def _largest_step(held: SymmetricSet) -> float:
@@ -145,27 +138,23 @@ def _largest_step(held: SymmetricSet) -> float:
     return (p.sigma_1 + p.alpha_2) / p.sigma_0
 
 
-def mjcf_joint_lines(joint: ExportedJoint) -> Iterator[str]:
+def _joint_lines(joint: ExportedJoint) -> Iterator[str]:
     """Lines for a comment: what was written into the joint itself."""
     yield "damping and frictionloss of the joint itself are set here, so that friction does not count twice."
-    if joint.rotor_inertia is None:
-        yield "No inertia is known: armature is not set."
-    elif joint.rotor_inertia != joint.inertia:
-        yield f"armature {joint.rotor_inertia:.4g} {unit('inertia', joint.kind)} is the rotor's inertia, without the links."
-    else:
-        yield (
-            f"armature {joint.rotor_inertia:.4g} {unit('inertia', joint.kind)} is all that the joint was seen to accelerate; "
-            "where the bodies of the model hold a part of it as well, subtract that part."
-        )
+    J, rest = joint.rotor_inertia, "the rotor's inertia, without the links."
+    if joint.inertia == J:
+        rest = "all that the joint was seen to accelerate; where the bodies of the model hold a part of it as well, subtract that part."
+    yield (
+        "No inertia is known: armature is not set."
+        if J is None
+        else f"armature {J:.4g} {unit('inertia', joint.kind)} is {rest}"
+    )
 
 
-def _joint_attributes(joint: ExportedJoint) -> dict[str, str]:
-    return {**mjcf_armature(joint), "damping": "0 0 0", "frictionloss": "0", "springdamper": _NO_SPRING}
-
-
-def mjcf_armature(joint: ExportedJoint) -> dict[str, str]:
-    """The attribute, where an inertia is known."""
-    return {} if joint.rotor_inertia is None else {"armature": repr(joint.rotor_inertia)}
+def _attributes(joint: ExportedJoint, damping: str = "0 0 0", frictionloss: str = "0") -> dict[str, str]:
+    """Those of the joint itself; its armature where an inertia is known."""
+    armature = {} if joint.rotor_inertia is None else {"armature": repr(joint.rotor_inertia)}
+    return {**armature, "damping": damping, "frictionloss": frictionloss, "springdamper": _NO_SPRING}
 
 
 _Block = tuple[ExportedJoint, str, str]
@@ -174,13 +163,13 @@ _Block = tuple[ExportedJoint, str, str]
 
 def mjcf_example(found: Sequence[MjcfHeld], blocks: Sequence[_Block]) -> bytes:
     """A whole small model with each joint."""
-    step = max(_LEAST_STEP, min(STEP, *(_largest_step(one.symmetric) / 2 for one in found)))
-    bodies = [mjcf_example_body(joint, _joint_attributes(joint)) for joint, _, _ in blocks]
+    step = max(1e-5, min(STEP, *(_largest_step(one.symmetric) / 2 for one in found)))
+    bodies = [_example_body(joint, _attributes(joint)) for joint, _, _ in blocks]
     actuators = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
-    return mjcf_example_model(bodies, step, f"<actuator>\n{_indented(actuators)}\n</actuator>")
+    return _example_model(bodies, step, f"<actuator>\n{_indented(actuators)}\n</actuator>")
 
 
-def mjcf_example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
+def _example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
     """A body that hangs on one joint: next to no inertia of its own, or 1 where none is known."""
     own = "1" if joint.rotor_inertia is None else "1e-9"
     kind = "slide" if slides(joint.kind) else "hinge"
@@ -191,7 +180,7 @@ def mjcf_example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> st
     )
 
 
-def mjcf_example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
+def _example_model(bodies: Sequence[str], step: float, rest: str = "") -> bytes:
     """A model that MuJoCo loads as it is; its bodies are an example, its joints and actuators are to be copied."""
     note = comment("An example: copy the attributes of each joint, and what stands beside, into your own model.")
     inner = (
@@ -207,10 +196,10 @@ def _indented(text: str) -> str:
 
 def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     """The given model with the joints' friction."""
-    document = mjcf_read(request)
+    document = _read(request)
     actuators = [x for x in document.root.children if x.tag == "actuator"]
     for joint, _, _ in blocks:
-        document.set_attributes(mjcf_joint(document, joint), _joint_attributes(joint))
+        document.set_attributes(_joint(document, joint), _attributes(joint))
     text = "\n".join(f"{told}\n{elements}" for _, told, elements in blocks)
     if actuators:
         document.insert_last(actuators[0], text)
@@ -219,7 +208,7 @@ def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     return document.written()
 
 
-def mjcf_read(request: Request) -> XmlDocument:
+def _read(request: Request) -> XmlDocument:
     """The model to merge into. Raises InputError where it is no MJCF."""
     document = XmlDocument.read(request.into or b"", request.into_name or "into")
     if document.root.tag != "mujoco":
@@ -227,36 +216,62 @@ def mjcf_read(request: Request) -> XmlDocument:
     return document
 
 
-def mjcf_joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
+def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
     """The joint of that name in <worldbody>. Raises InputError where it is not there once, or cannot take the friction."""
     own = own_actuator(joint.name)
     actuators = [x for section in document.root.children if section.tag == "actuator" for x in section.children]
     if {x.attributes.get("name") for x in actuators} & {own, f"{own} bias"}:
-        raise InputError(
-            f"{document.what}: has an actuator {short(own)} already, which holds this joint's friction; merge into the model as it was before"
-        )
+        held = f"{document.what}: has an actuator {short(own)} already, which holds this joint's friction"
+        raise InputError(f"{held}; merge into the model as it was before")
     there = [x for world in document.root.children if world.tag == "worldbody" for x in world.find_all("joint")]
     found = joint_named(document.what, there, joint.name, "give one in <worldbody> this name; ")
     kind = "slide" if slides(joint.kind) else "hinge"
+    where = f"{document.what}, line {found.line}: joint {short(joint.name)}"
     by_class = any("type" in x.attributes for d in document.root.find_all("default") for x in d.find_all("joint"))
     if by_class and "type" not in found.attributes:
-        raise InputError(
-            f"{document.what}, line {found.line}: joint {short(joint.name)} may get its type from a default class; write type on the joint itself"
-        )
+        raise InputError(f"{where} may get its type from a default class; write type on the joint itself")
     if (got := found.attributes.get("type", "hinge")) != kind:
-        raise InputError(
-            f"{document.what}, line {found.line}: joint {short(joint.name)} is of type {short(got)}; expected {kind}"
-        )
+        raise InputError(f"{where} is of type {short(got)}; expected {kind}")
     if "actuatorfrcrange" in found.attributes:
-        raise InputError(
-            f"{document.what}, line {found.line}: joint {short(joint.name)} has actuatorfrcrange, which would cut the friction too; "
-            "limit the motor's own forcerange instead"
-        )
+        cuts = "has actuatorfrcrange, which would cut the friction too"
+        raise InputError(f"{where} {cuts}; limit the motor's own forcerange instead")
     if found.attributes.get("springdamper", _NO_SPRING) != _NO_SPRING:
-        raise InputError(
-            f"{document.what}, line {found.line}: joint {short(joint.name)} has springdamper, which makes a damping; give stiffness instead"
-        )
+        raise InputError(f"{where} has springdamper, which makes a damping; give stiffness instead")
     return found
 
 
+def write_frictionloss(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
+    """The best values along the motion that is asked for.
+
+    Raises InputError where a joint's torque is a current, or the file that is merged into is no MJCF or lacks the joint.
+    """
+    found = best_values(joints, request, FRICTIONLOSS_NAME)
+    if request.into is None:
+        content = frictionloss_example(found)
+    else:
+        document = _read(request)
+        for one in found:
+            joint = _joint(document, one.joint)
+            document.set_attributes(joint, _own_attributes(one))
+            document.annotate(joint, _note(one))
+        content = document.written()
+    artefact = artefact_of(found, FRICTIONLOSS_NAME, "_frictionloss.xml", content, _HOLDS_FRICTIONLOSS)
+    return replace(artefact, said=(*artefact.said, *without_inertia(joints)))
+
+
+def _own_attributes(one: CoulombViscous) -> dict[str, str]:
+    return _attributes(one.joint, damping=f"{one.viscous!r} 0 0", frictionloss=repr(one.coulomb))
+
+
+def _note(one: CoulombViscous) -> str:
+    return "\n".join((*comment_lines(one, _HOLDS_FRICTIONLOSS), *_joint_lines(one.joint)))
+
+
+def frictionloss_example(found: Sequence[CoulombViscous]) -> bytes:
+    """A whole small model with each joint."""
+    bodies = [f"{comment(_note(one))}\n{_example_body(one.joint, _own_attributes(one))}" for one in found]
+    return _example_model(bodies, STEP)
+
+
 TARGET = ExportTarget(fitted=True, write=write_mjcf, merges=True)
+FRICTIONLOSS = ExportTarget(fitted=True, write=write_frictionloss, merges=True)

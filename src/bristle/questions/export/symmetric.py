@@ -1,6 +1,6 @@
 """The best symmetric LuGre set, alone or with a constant bias: for simulators whose friction has one set for both directions."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -30,16 +30,6 @@ class SymmetricSet(NamedTuple):
         return lugre(Pair(self.parameters, self.parameters), self.bias)
 
 
-class _Wanted(NamedTuple):
-    """The joint's torque along one motion."""
-
-    motion: StatedMotion
-    torque: Array
-    """Over the last period, (n,), N*m."""
-    weight: float
-    """One over root mean square and root of n: each motion counts the same."""
-
-
 def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bias: bool = True) -> SymmetricSet:
     """The set and the bias of the least squared torque error along motions, each divided by the mean square of its torque.
 
@@ -51,63 +41,47 @@ def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bia
     if positive == negative and not joint.quadratic and joint.law == gaussian.GAUSSIAN:
         return SymmetricSet(positive, 0.0)
     mean = Lugre(*((p + n) / 2 for p, n in zip(positive, negative, strict=True)))
-    wanted = [_wanted(joint, motion) for motion in motions]
+    torques = [along(friction_of(joint), motion)[1] for motion in motions]
+    weights = [1 / float(np.sqrt(np.sum(T**2))) for T in torques]  # each motion counts the same
+    wanted = list(zip(motions, torques, weights, strict=True))
     free = [k for k, (name, x) in enumerate(mean._asdict().items()) if x > 0 and (name != "v_s" or mean.alpha_1 > 0)]
     level = mean.alpha_0 if bias else 0.0
-    held = _held(mean, free, level)
-    solved = _solve(wanted, held, free, level, len(free) + bias)
-    return held(solved)
-
-
-def _gaussian(p: Lugre[float], fastest: float) -> Lugre[float]:
-    """A set of the paper's law to begin with: the peak gone at the same speed, viscous friction as at half the fastest one."""
-    v_s = p.v_s * (p.law.peak.reach / gaussian.PEAK.reach)
-    return Lugre(*p[:6])._replace(v_s=v_s, alpha_2=max(float(law.viscous_rate(fastest / 2, p)), 0.0))
-
-
-def _wanted(joint: ExportedJoint, motion: StatedMotion) -> _Wanted:
-    _, torque = along(friction_of(joint), motion)
-    return _Wanted(motion, torque, 1 / float(np.sqrt(np.sum(torque**2))))
-
-
-def _held(mean: Lugre[float], free: Sequence[int], level: float) -> Callable[[Array], SymmetricSet]:
-    """(unknowns) -> the set: logarithms of the ratio of each free parameter to the mean, then the bias in units of `level`."""
+    count = len(free) + bias
 
     def held(x: Array) -> SymmetricSet:
-        """The set that the unknowns stand for."""
+        """The set that the unknowns stand for: logarithms of the ratio of each free parameter to the mean, then the bias in units of `level`."""
         values = list(mean)
         for k, ratio in zip(free, np.exp(x[: len(free)]).tolist(), strict=True):
             values[k] *= ratio
         return SymmetricSet(Lugre(*values), level * float(x[-1]) if level else 0.0)
 
-    return held
-
-
-def _solve(
-    wanted: Sequence[_Wanted], held: Callable[[Array], SymmetricSet], free: Sequence[int], level: float, count: int
-) -> Array:
-    """The unknowns of the least cost."""
-    from scipy.optimize import least_squares
-
     def residuals(x: Array) -> Array:
         """Of all motions, one after the other."""
-        p, bias = held(x)
+        p, own = held(x)
         return np.concatenate([
-            one.weight * (rollout(one.motion.velocity, one.motion.step, p, 0.0).torque[-one.torque.size :] + bias - one.torque)
-            for one in wanted
+            weight * (rollout(motion.velocity, motion.step, p, 0.0).torque[-T.size :] + own - T)
+            for motion, T, weight in wanted
         ])  # fmt: skip  # one motion in a line
 
     def slopes(x: Array) -> Array:
         """Their derivatives by the unknowns."""
         p, _ = held(x)
         rows = []
-        for one in wanted:
-            by = rollout_jacobian(one.motion.velocity, one.motion.step, p, 0.0).by_parameters[-one.torque.size :]
-            columns = [by[:, k] * p[k] for k in free] + [np.full(one.torque.size, level)] * (count - len(free))
-            rows.append(one.weight * np.column_stack(columns))
+        for motion, T, weight in wanted:
+            by = rollout_jacobian(motion.velocity, motion.step, p, 0.0).by_parameters[-T.size :]
+            columns = [by[:, k] * p[k] for k in free] + [np.full(T.size, level)] * (count - len(free))
+            rows.append(weight * np.column_stack(columns))
         return np.concatenate(rows)
+
+    from scipy.optimize import least_squares
 
     solved = least_squares(
         residuals, np.zeros(count), slopes, bounds=(-_REACH, _REACH), x_scale="jac", xtol=1e-10, ftol=1e-10
     )
-    return np.asarray(solved.x, dtype=np.float64)
+    return held(np.asarray(solved.x, dtype=np.float64))
+
+
+def _gaussian(p: Lugre[float], fastest: float) -> Lugre[float]:
+    """A set of the paper's law to begin with: the peak gone at the same speed, viscous friction as at half the fastest one."""
+    v_s = p.v_s * (p.law.peak.reach / gaussian.PEAK.reach)
+    return Lugre(*p[:6])._replace(v_s=v_s, alpha_2=max(float(law.viscous_rate(fastest / 2, p)), 0.0))

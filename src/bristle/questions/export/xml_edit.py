@@ -21,13 +21,12 @@ MAX_DEPTH = 200
 _ATTRIBUTE = re.compile(rb"""\s+([^\s=/>]+)\s*=\s*("[^"]*"|'[^']*')""")
 _TAG_END = re.compile(rb"\s*(/?)>")
 _NAME = re.compile(rb"<[^\s/>]+")
-_BLANKS = b" \t\r\n"
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 """What XML 1.0 cannot hold, not even as a reference."""
 _ATTRIBUTE_NAME = re.compile(r"[A-Za-z_][\w.:-]*", re.ASCII)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(slots=True, kw_only=True, eq=False)
 class XmlElement:
     """An element as it stands in a file; two are the same only where they are one place of one file."""
 
@@ -35,23 +34,23 @@ class XmlElement:
     """As it is written, with its prefix."""
     attributes: Mapping[str, str]
     """Names as they are written; references resolved."""
-    children: tuple["XmlElement", ...]
-    comments: tuple["XmlElement", ...] = ()
+    children: list["XmlElement"] = field(default_factory=list)
+    comments: list["XmlElement"] = field(default_factory=list)
     """Those right within it, as elements without a tag, whose attribute `text` is what they say."""
     line: int
     """On which it begins, from 1."""
     start: int
     """Byte of its `<`."""
-    opened: int
+    opened: int = 0
     """Byte after its start tag."""
-    closing: int
+    closing: int = 0
     """Byte of its end tag; `opened` where it closes itself."""
-    end: int
+    end: int = 0
     """Byte after it."""
 
-    def find_all(self, tag: str) -> Iterator["XmlElement"]:
-        """The elements of a tag, depth first, in the order of the file: itself and those within."""
-        if self.tag == tag:
+    def find_all(self, tag: str | None = None) -> Iterator["XmlElement"]:
+        """The elements of a tag, or all, depth first, in the order of the file: itself and those within."""
+        if tag in (None, self.tag):
             yield self
         for child in self.children:
             yield from child.find_all(tag)
@@ -85,9 +84,8 @@ class XmlDocument:
             line = content.count(b"\n", 0, error.start) + 1
             raise InputError(f"{what}, line {line}: is not encoded as UTF-8; save it so") from error
         if "\0" in text:
-            raise InputError(
-                f"{what}, line {text.count(chr(10), 0, text.index(chr(0))) + 1}: holds NUL; expected XML in UTF-8"
-            )
+            line = text[: text.index("\0")].count("\n") + 1
+            raise InputError(f"{what}, line {line}: holds NUL; expected XML in UTF-8")
         return cls(content=content, what=what, root=_ElementReader(content, what).root())
 
     def set_attributes(self, element: XmlElement, values: Mapping[str, str]) -> None:
@@ -123,7 +121,17 @@ class XmlDocument:
         Raises ValueError where an edit lies within an element that is replaced, and InputError where the file is not what `read` takes, as too long.
         """
         out, at = [], 0
-        for start, end, new in sorted(self._splices(), key=lambda splice: splice[:2]):
+        splices = []  # of each edit from where, to where, and what stands there afterwards
+        for element, text in self._replaced.items():
+            splices.append((element.start, element.end, self._laid_out(text, self._indent(element) or b"")))
+        for element, values in self._attributes.items():
+            spans, last = _attribute_spans(self.content, element.start)
+            written = {name: attribute(value).encode("utf-8") for name, value in values.items()}
+            splices += [(*spans[name], new) for name, new in written.items() if name in spans]
+            missing = (b" " + name.encode("ascii") + b"=" + new for name, new in written.items() if name not in spans)
+            splices.append((last, last, b"".join(missing)))
+        splices += [self._insertion(parent, texts) for parent, texts in self._inserted.items()]
+        for start, end, new in sorted(splices, key=lambda splice: splice[:2]):
             if start < at:
                 raise ValueError(f"{self.what}: an edit at byte {start} lies within another")
             out += [self.content[at:start], new]
@@ -132,24 +140,18 @@ class XmlDocument:
         type(self).read(result, self.what)
         return result
 
-    def _splices(self) -> Iterator[tuple[int, int, bytes]]:
-        """Each edit: from where, to where, and what stands there afterwards."""
-        for element, text in self._replaced.items():
-            yield element.start, element.end, self._laid_out(text, self._indent(element) or b"")
-        for element, values in self._attributes.items():
-            yield from _attribute_splices(self.content, element, values)
-        for parent, texts in self._inserted.items():
-            yield self._insertion(parent, texts)
-
     def _insertion(self, parent: XmlElement, texts: list[str]) -> tuple[int, int, bytes]:
         own = self._indent(parent)
         inside = self.content[parent.opened : parent.closing]
-        body = inside.rstrip(_BLANKS)
+        body = inside.rstrip(b" \t\r\n")
         empty = parent.opened == parent.closing
         if own is None if empty else b"\n" not in inside[len(body) :]:  # all on one line
             new = b"".join(self._laid_out(text, b"") for text in texts)
         else:
-            indent = self._indent_within(parent, own or b"")
+            # as its last child that is the first on its line is indented; else one step further than itself
+            known = (found for child in reversed(parent.children) if (found := self._indent(child)) is not None)
+            indent = next(known, None)
+            indent = (own or b"") + self._step if indent is None else indent
             new = b"".join(self._newline + indent + self._laid_out(text, indent) for text in texts)
             new += self._newline + (own or b"") if empty else b""
         if parent.closing < parent.end:
@@ -165,17 +167,10 @@ class XmlDocument:
         line = line.removeprefix(b"\xef\xbb\xbf")
         return None if line.strip(b" \t") else line
 
-    def _indent_within(self, parent: XmlElement, own: bytes) -> bytes:
-        """As its last child that is the first on its line is indented; else one step further than itself."""
-        for child in reversed(parent.children):
-            if (found := self._indent(child)) is not None:
-                return found
-        return own + self._step
-
     @property
     def _step(self) -> bytes:
         """By which the file indents: that of the first child which is further in than its parent; else two blanks."""
-        for element in _all(self.root):
+        for element in self.root.find_all():
             own = self._indent(element)
             for child in element.children[:1]:
                 found = self._indent(child)
@@ -222,30 +217,8 @@ def comment(text: str) -> str:
     return f"<!-- {re.sub('-(?=-)', '- ', shown)} -->"
 
 
-def _all(element: XmlElement) -> Iterator[XmlElement]:
-    yield element
-    for child in element.children:
-        yield from _all(child)
-
-
 def _check_fragment(text: str) -> None:
     XmlDocument.read(f"<_>{text}</_>".encode(), "what is inserted")
-
-
-def _attribute_splices(
-    content: bytes, element: XmlElement, values: Mapping[str, str]
-) -> Iterator[tuple[int, int, bytes]]:
-    """The edits that give an element some attributes."""
-    spans, end = _attribute_spans(content, element.start)
-    missing = b""
-    for name, value in values.items():
-        text = attribute(value).encode("utf-8")
-        if name in spans:
-            yield *spans[name], text
-        else:
-            missing += b" " + name.encode("ascii") + b"=" + text
-    if missing:
-        yield end, end, missing
 
 
 def _attribute_spans(content: bytes, start: int) -> tuple[dict[str, tuple[int, int]], int]:
@@ -259,25 +232,13 @@ def _attribute_spans(content: bytes, start: int) -> tuple[dict[str, tuple[int, i
     return spans, at
 
 
-@dataclass(slots=True)
-class _Open:
-    """An element whose end has not come."""
-
-    tag: str
-    attributes: dict[str, str]
-    line: int
-    start: int
-    children: list[XmlElement] = field(default_factory=list)
-    comments: list[XmlElement] = field(default_factory=list)
-
-
 class _ElementReader:
     """Reads the elements of one file."""
 
     def __init__(self, content: bytes, what: str) -> None:
         self._content = content
         self._what = what
-        self._stack = [_Open("", {}, 0, 0)]
+        self._stack = [XmlElement(tag="", attributes={}, line=0, start=0)]
         self._count = 0
         self._parser: Any = expat.ParserCreate("UTF-8")
         self._parser.StartElementHandler = self._begin
@@ -300,45 +261,34 @@ class _ElementReader:
         return InputError(f"{self._what}, line {line}: {why}")
 
     def _begin(self, tag: str, attributes: dict[str, str]) -> None:
-        line = self._parser.CurrentLineNumber
-        self._add()
+        element = self._new(tag, attributes)
         if len(self._stack) > MAX_DEPTH:
-            raise self._error(line, f"nests elements deeper than {MAX_DEPTH}; expected a model")
-        self._stack.append(_Open(tag, attributes, line, self._parser.CurrentByteIndex))
+            raise self._error(element.line, f"nests elements deeper than {MAX_DEPTH}; expected a model")
+        self._stack[-1].children.append(element)
+        self._stack.append(element)
 
-    def _add(self) -> None:
-        """One more."""
+    def _new(self, tag: str, attributes: dict[str, str]) -> XmlElement:
+        """One more, which begins here."""
+        line = self._parser.CurrentLineNumber
         self._count += 1
         if self._count > MAX_ELEMENTS:
-            why = f"has more than {MAX_ELEMENTS} elements; expected a model without meshes"
-            raise self._error(self._parser.CurrentLineNumber, why)
+            raise self._error(line, f"has more than {MAX_ELEMENTS} elements; expected a model without meshes")
+        return XmlElement(tag=tag, attributes=attributes, line=line, start=self._parser.CurrentByteIndex)
 
     def _end(self, _tag: str) -> None:
         done = self._stack.pop()
         _, last = _attribute_spans(self._content, done.start)
         tag_end = _TAG_END.match(self._content, last)
         assert tag_end is not None  # noqa: S101  # Expat found it sound
-        opened = closing = end = tag_end.end()
+        done.opened = done.closing = done.end = tag_end.end()
         if not tag_end[1]:
-            closing = self._parser.CurrentByteIndex
-            end = self._content.index(b">", closing) + 1
-        self._stack[-1].children.append(
-            XmlElement(
-                tag=done.tag, attributes=done.attributes, children=tuple(done.children), comments=tuple(done.comments),
-                line=done.line, start=done.start, opened=opened, closing=closing, end=end,
-            )
-        )  # fmt: skip  # a list of values
+            done.closing = self._parser.CurrentByteIndex
+            done.end = self._content.index(b">", done.closing) + 1
 
     def _commented(self, text: str) -> None:
-        self._add()
-        start = self._parser.CurrentByteIndex
-        end = self._content.index(b"-->", start + 4) + 3
-        self._stack[-1].comments.append(
-            XmlElement(
-                tag="", attributes={"text": text}, children=(), line=self._parser.CurrentLineNumber,
-                start=start, opened=end, closing=end, end=end,
-            )
-        )  # fmt: skip  # a list of values
+        found = self._new("", {"text": text})
+        found.opened = found.closing = found.end = self._content.index(b"-->", found.start + 4) + 3
+        self._stack[-1].comments.append(found)
 
     def _declared(self, _version: str, encoding: str | None, _standalone: int) -> None:
         if encoding is not None and encoding.upper() not in {"UTF-8", "UTF8"}:

@@ -112,7 +112,13 @@ def _values(joint: Joint) -> Iterator[str]:
     fixed = {name: value for name, value in known.given.items() if name not in rows and name.name != FASTEST}
     cells: list[tuple[str, ...]] = [("parameter", "value +/- standard error", "95 % interval", "from")]
     missing: dict[Direction, dict[str, list[str]]] = {}
-    for name in sorted({*rows, *fixed, *_unmeasured({*rows, *fixed})}, key=_place):
+    names = {*rows, *fixed}
+    ways = {d for name, d in names if of_friction(name)}
+    for of_law in Lugre._fields:  # those that no run is about, of each direction that there is
+        there = {d for own, d in names if own == of_law}
+        if Direction.BOTH not in there:
+            names |= {ParameterName(of_law, d) for d in ways - there - ({Direction.BOTH} if there else set())}
+    for name in sorted(names, key=_place):
         row = rows.get(name)
         if row is not None and (row.estimate.value is not None or _bounded(row.estimate)):
             cells.append(_cells(row))
@@ -142,16 +148,6 @@ def _place(name: ParameterName) -> tuple[int, int, str]:
     order = Lugre._fields
     at = order.index(name.name) if name.name in order else len(order)
     return list(Direction).index(name.direction), at, name.name
-
-
-def _unmeasured(names: set[ParameterName]) -> Iterator[ParameterName]:
-    """The LuGre parameters that no run is about, of each direction that there is."""
-    directions = {d for name, d in names if of_friction(name)}
-    for name in Lugre._fields:
-        there = {d for own, d in names if own == name}
-        if Direction.BOTH not in there:
-            lacking = directions - there - ({Direction.BOTH} if there else set())
-            yield from (ParameterName(name, d) for d in lacking)
 
 
 def _bounded(e: Estimate) -> bool:

@@ -4,7 +4,6 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bristle.identification.fits import TrackingFit
@@ -59,14 +58,9 @@ def course_figure(joint: Joint) -> Figure | None:
     if fit is None or not fit.time.size:
         return None
     own = window(fit)
-    k = own.start + thinned(own.stop - own.start, MOST)
-    figure, above, below = _panels(joint)
-    time, torque, residual = fit.time[k], fit.measured[k], fit.residuals[k]
-    above.plot(time, torque, "-", color=_GREY, linewidth=3.5, label="measured")
-    above.plot(time, torque - residual, "-", color=_BLUE, linewidth=1.2, label="predicted")
-    below.plot(time, residual, "-", color=_VERMILION, linewidth=0.9, label="_residual")
-    _finish(joint, figure, "time", fit.quantity)
-    return figure
+    measured, predicted = {"linestyle": "-", "linewidth": 3.5}, {"linestyle": "-", "linewidth": 1.2}
+    looks = measured, predicted, {"linestyle": "-", "linewidth": 0.9}
+    return _compared(joint, fit, "time", own.start + thinned(own.stop - own.start, MOST), looks)
 
 
 @styled
@@ -75,13 +69,29 @@ def velocity_figure(joint: Joint) -> Figure | None:
     fit = joint.moving
     if fit is None or not fit.time.size:
         return None
-    k = thinned(fit.time.size, MOST)
-    figure, above, below = _panels(joint)
-    velocity, torque, residual = fit.velocity[k], fit.measured[k], fit.residuals[k]
-    above.plot(velocity, torque, "o", color=_GREY, markerfacecolor="none", markersize=5, label="measured")
-    above.plot(velocity, torque - residual, ".", color=_BLUE, markersize=3.5, label="predicted")
-    below.plot(velocity, residual, ".", color=_VERMILION, markersize=3, label="_residual")
-    _finish(joint, figure, "velocity", fit.quantity)
+    dot = {"marker": ".", "linestyle": ""}
+    measured = {"marker": "o", "linestyle": "", "markerfacecolor": "none", "markersize": 5}
+    looks = measured, {**dot, "markersize": 3.5}, {**dot, "markersize": 3}
+    return _compared(joint, fit, "velocity", thinned(fit.time.size, MOST), looks)
+
+
+def _compared(joint: Joint, fit: TrackingFit, over: str, k: Any, looks: tuple[dict[str, Any], ...]) -> Figure:
+    """What was measured and is predicted above, residuals below, of some equations over one axis; how the three look."""
+    figure = new_figure(5.2)
+    above, below = figure.subplots(2, sharex=True, height_ratios=(5, 4))
+    title(above, joint.name, joint.simulated)
+    below.axhline(0.0, color="#666666", linewidth=0.8, label="_zero")
+    x, torque, residual = getattr(fit, over)[k], fit.measured[k], fit.residuals[k]
+    above.plot(x, torque, color=_GREY, label="measured", **looks[0])
+    above.plot(x, torque - residual, color=_BLUE, label="predicted", **looks[1])
+    below.plot(x, residual, color=_VERMILION, label="_residual", **looks[2])
+    above.set_ylabel(axis(fit.quantity, joint.kind))
+    below.set_ylabel(axis(fit.quantity, joint.kind, "residual"))
+    below.set_xlabel(axis(over, joint.kind))
+    low, high = above.get_ylim()
+    above.set_ylim(low, high + 0.2 * (high - low))  # room for the legend
+    above.legend(loc="upper right", ncols=2)
+    figure.subplots_adjust(hspace=0.14, left=1.1 / figure.get_size_inches()[0])  # residuals have long numbers
     return figure
 
 
@@ -113,23 +123,3 @@ def load_figure(joint: Joint) -> Figure | None:
     ax.set_ylabel(axis("torque", joint.kind, "friction"))
     ax.legend(loc="upper left", fontsize="small")
     return figure
-
-
-def _panels(joint: Joint) -> tuple[Figure, Axes, Axes]:
-    """What is predicted above, residuals below, over one axis."""
-    figure = new_figure(5.2)
-    above, below = figure.subplots(2, sharex=True, height_ratios=(5, 4))
-    title(above, joint.name, joint.simulated)
-    below.axhline(0.0, color="#666666", linewidth=0.8, label="_zero")
-    return figure, above, below
-
-
-def _finish(joint: Joint, figure: Figure, over: str, quantity: str) -> None:
-    above, below = figure.axes
-    above.set_ylabel(axis(quantity, joint.kind))
-    below.set_ylabel(axis(quantity, joint.kind, "residual"))
-    below.set_xlabel(axis(over, joint.kind))
-    low, high = above.get_ylim()
-    above.set_ylim(low, high + 0.2 * (high - low))  # room for the legend
-    above.legend(loc="upper right", ncols=2)
-    figure.subplots_adjust(hspace=0.14, left=1.1 / figure.get_size_inches()[0])  # residuals have long numbers

@@ -29,8 +29,6 @@ INTRO = (
 _COLOURS = dict(zip(WAYS, ("#000000", "#0072B2", "#D55E00"), strict=True))
 _TOP = 2.4
 """How high the profile is drawn, in thresholds."""
-_NARROW = 1e-12
-"""Of the value: a span that floating point does not divide, as of data without any noise."""
 _FEW = 20
 """Points of a profile below which they are drawn as such, with a curve through them."""
 
@@ -123,7 +121,9 @@ def _panel(ax: Axes, row: IntervalRow) -> None:
         decimal_log(ax)
     else:
         ax.xaxis.set_major_locator(MaxNLocator(3, prune="both"))
-    if three.draws.size and high - low > _NARROW * abs(high):
+    if three.draws.size and high - low > 1e-12 * abs(
+        high
+    ):  # which floating point divides; data without noise have less
         inside = three.draws[(three.draws >= low) & (three.draws <= high)]
         counts, edges = np.histogram(inside, 24, (low, high))
         ax.stairs(1.9 * counts / max(counts.max(), 1), edges, fill=True, color="#cccccc", label="bootstrap draws")

@@ -21,8 +21,6 @@ _CURVES = {"printed": (":", "#D55E00"), "samples": ("--", "#0072B2"), "edges": (
 """Line and colour of the methods that are drawn; the inverse of (14) would lie among them and show nothing new."""
 _ABOVE = 1 + np.geomspace(1e-3, 20.0, 80)
 """Times the largest torque held: the g0 that are tried where none is known, from just above it to a curve that is straight."""
-_MOST_EDGES = 90
-"""Count edges marked in a panel, shared evenly by its loadings; the caption says that there may be more."""
 
 
 def displacement(T: Array, g0: float, sigma_0: float) -> Array:
@@ -116,7 +114,9 @@ def _loadings(ax: Axes, fit: PreslidingFit) -> None:
         kept = thinned(loading.torque.size, max(MOST_POINTS // len(fit.loadings), 60))
         label = "_loadings" if k else "loadings"
         ax.plot(loading.displacement[kept] - start, loading.torque[kept], "-", color=_GREY, linewidth=0.7, label=label)
-        shown = thinned(loading.edge_torque.size, max(_MOST_EDGES // len(fit.loadings), 4))
+        shown = thinned(
+            loading.edge_torque.size, max(90 // len(fit.loadings), 4)
+        )  # the caption says that there may be more
         edges.append(np.array([loading.edge_displacement[shown] - start, loading.edge_torque[shown]]))
     y, T = np.concatenate(edges, axis=1)
     if y.size:

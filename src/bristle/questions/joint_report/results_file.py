@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from bristle import __version__
+from bristle.identification.document import schema_of
 from bristle.identification.known_joint import Known, chosen, moving_estimates, moving_fits, stage_estimates
 from bristle.identification.results import Document, Joint, WrittenExperiment, adapter
 from bristle.identification.samples import samples_of
@@ -19,15 +20,7 @@ COLUMNS = (
 
 def schema() -> dict[str, Any]:
     """The JSON schema of `results.json`; bristle writes every field, and so every field is required."""
-    from pydantic.json_schema import GenerateJsonSchema
-
-    class Complete(GenerateJsonSchema):
-        def field_is_required(self, field: Any, total: bool) -> bool:  # noqa: ARG002  # whatever it is
-            """Every field is written, so that each is required."""
-            return True
-
-    document = adapter().json_schema(mode="serialization", schema_generator=Complete)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **document, "title": "bristle-results/2"}
+    return schema_of(adapter(), "bristle-results/2")
 
 
 def to_json(joints: Sequence[Joint], experiments: Sequence[WrittenExperiment] = ()) -> str:

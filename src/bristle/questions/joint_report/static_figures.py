@@ -278,7 +278,15 @@ def inspect_figure(records: Sequence[Record], segments: Sequence[Segment], kind:
     for row, record in zip(axes, records, strict=False):
         own = [s for s in segments if s.file == record.file]
         for ax, quantity in zip(row, ("velocity", "torque"), strict=True):
-            _signal(ax, record, quantity)
+            values = getattr(record, quantity)
+            if values is None:
+                ax.text(0.5, 0.5, f"no {quantity}", transform=ax.transAxes, ha="center")
+            else:
+                k = thinned(record.time.size, 3000)
+                ax.plot(record.time[k], values[k], "-", color="black", linewidth=0.8, label="_measured")
+                low, high = np.percentile(values, [1, 99])
+                if np.ptp(values) > 3 * (high - low) > 0:  # a transient would flatten all else
+                    ax.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))
             for s in own:
                 ends = float(record.time[s.start]), float(record.time[min(s.stop, record.time.size) - 1])
                 ax.axvspan(*ends, **_SHADES[_shade_of(s)])
@@ -291,18 +299,6 @@ def inspect_figure(records: Sequence[Record], segments: Sequence[Segment], kind:
     if handles:
         axes[0, 1].legend(handles=handles, loc="lower right", ncols=len(handles), fontsize="small")
     return figure
-
-
-def _signal(ax: Axes, record: Record, quantity: str) -> None:
-    values = getattr(record, quantity)
-    if values is None:
-        ax.text(0.5, 0.5, f"no {quantity}", transform=ax.transAxes, ha="center")
-        return
-    k = np.unique(np.linspace(0, record.time.size - 1, min(record.time.size, 3000)).astype(int))
-    ax.plot(record.time[k], values[k], "-", color="black", linewidth=0.8, label="_measured")
-    low, high = np.percentile(values, [1, 99])
-    if np.ptp(values) > 3 * (high - low) > 0:  # a transient would flatten all else
-        ax.set_ylim(low - 0.5 * (high - low), high + 0.5 * (high - low))
 
 
 def _shade_of(s: Segment) -> str:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, Uncertainty
+from bristle.identification.fits import Estimate, PreslidingFit, RunScatter, StaticFit, TrackingFit, Uncertainty
 from bristle.identification.known_joint import moving_fits
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName, unit
@@ -96,13 +96,12 @@ def crosscheck(joints: Sequence[Joint]) -> pd.DataFrame:
 
 def hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
-    rows = (
-        (joint.name, d, h.file, h.relative_error, fit.relative_error)
-        for joint in joints
-        for d, fit in joint.static.items()
-        for h in fit.hold_out
-    )
-    return _framed(rows, ("joint", "direction", "file", "relative_error", "relative_error_of_fit"))
+    return _held([(joint.name, d, fit) for joint in joints for d, fit in joint.static.items()], "direction")
+
+
+def _held(fits: Iterable[tuple[str, str, StaticFit | TrackingFit]], of: str) -> pd.DataFrame:
+    rows = ((joint, d, h.file, h.relative_error, fit.relative_error) for joint, d, fit in fits for h in fit.hold_out)
+    return _framed(rows, ("joint", of, "file", "relative_error", "relative_error_of_fit"))
 
 
 def presliding(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -219,13 +218,7 @@ def tracking(joints: Sequence[Joint]) -> pd.DataFrame:
 
 def tracking_hold_out(joints: Sequence[Joint]) -> pd.DataFrame:
     """One row per fit and hold-out run: relative error of the prediction, and of the fit on its own data, percent."""
-    rows = (
-        (joint.name, kind, held.file, held.relative_error, fit.relative_error)
-        for joint in joints
-        for kind, fit in moving_fits(joint).items()
-        for held in fit.hold_out
-    )
-    return _framed(rows, ("joint", "fit", "file", "relative_error", "relative_error_of_fit"))
+    return _held([(joint.name, kind, fit) for joint in joints for kind, fit in moving_fits(joint).items()], "fit")
 
 
 def consistency(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -306,7 +299,7 @@ def uncertainty(joints: Sequence[Joint]) -> pd.DataFrame:
         for x in interval_rows(joint)
     ]  # fmt: skip  # one row, one line
     columns = ["joint", "fit", "direction", "parameter", "value", "unit", *ends, "warnings"]
-    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(["value", *ends], float))
+    return _framed(found, columns, ["value", *ends])
 
 
 def repeats(joints: Sequence[Joint]) -> pd.DataFrame:
@@ -321,8 +314,7 @@ def repeats(joints: Sequence[Joint]) -> pd.DataFrame:
         for file, value in x.by_run.items()
     ]
     numbers = ["value", "before", "after", "widened"]
-    columns = ["joint", "fit", "direction", "parameter", "file", *numbers]
-    return pd.DataFrame(found, columns=columns).astype(dict.fromkeys(numbers, float))
+    return _framed(found, ["joint", "fit", "direction", "parameter", "file", *numbers], numbers)
 
 
 def scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
@@ -338,8 +330,9 @@ def scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:
 def units(joints: Sequence[Joint]) -> pd.DataFrame:
     """The unit of every column that has one, per joint."""
     names = {"velocity": "velocity", "torque": "torque", "residual": "torque", "time": "time", "position": "position"}
-    names |= {"breakaway": "torque"}
-    names |= dict.fromkeys(("secant", "slope", "inverse_slope", "lugre", "sigma_0"), "sigma_0")
+    names |= {"breakaway": "torque"} | dict.fromkeys(
+        ("secant", "slope", "inverse_slope", "lugre", "sigma_0"), "sigma_0"
+    )
     names |= {"torque_amplitude": "torque", "displacement": "position", "displacement_amplitude": "position"}
     rows = [(joint.name, column, unit(quantity, joint.kind)) for joint in joints for column, quantity in names.items()]
     rows += [(joint.name, "loss", WORK) for joint in joints]

@@ -51,13 +51,11 @@ def _joint(joint: Joint) -> Iterator[str]:
         where = ", ".join(filter(None, about))
         yield f"    critical{f' ({printable(where)})' if where else ''}: {printable(warning.coded)}"
     yield from _sentences([*filter(None, (joint.torque_scale,)), *joint.warnings], said)
-    for direction, fit in joint.static.items():
-        yield from _fit(direction, fit, said)
+    for direction in dict.fromkeys((*joint.static, *joint.crosscheck)):
+        if direction in joint.static:
+            yield from _fit(direction, joint.static[direction], said)
         if direction in joint.crosscheck:
             yield from _check(joint.crosscheck[direction])
-    for direction, check in joint.crosscheck.items():
-        if direction not in joint.static:
-            yield from _check(check)
     if joint.presliding:
         yield from _presliding(joint, joint.presliding, said)
     for kind, moving in moving_fits(joint).items():
@@ -87,10 +85,7 @@ def _fit(direction: str, fit: StaticFit, said: set[str]) -> Iterator[str]:
     torque_unit = fit.parameters["alpha_0"].unit if "alpha_0" in fit.parameters else ""
     yield _heading(direction, fit.outcome, fit.warnings)
     yield f"    {'data':<15}= {points}"
-    yield f"    {'rms residual':<15}= {_number(fit.rms)} {torque_unit * (fit.rms is not None)}".rstrip()
-    yield f"    {'relative error':<15}= {_percent(fit.relative_error)}"
-    for held in fit.hold_out:
-        yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
+    yield from _errors(fit, torque_unit * (fit.rms is not None))
     yield from _parameters("parameters", fit.parameters, said)
     yield from _repeats(fit.repeats)
     yield from _correlations(fit.names, fit.covariance)
@@ -104,6 +99,14 @@ def _fit(direction: str, fit: StaticFit, said: set[str]) -> Iterator[str]:
             alone = ", ".join(f"{name} {_number(value)}" for name, value in x.without.items())
             yield f"      without {printable(x.file)} {x.where} alone: {alone}"
     yield from _sentences(fit.warnings, said)
+
+
+def _errors(fit: StaticFit | TrackingFit, si: str, of: str = "") -> Iterator[str]:
+    """What it leaves, and how well it predicts runs that were not fitted."""
+    yield f"    {'rms residual':<15}= {_number(fit.rms)} {si}".rstrip()
+    yield f"    {'relative error':<15}= {_percent(fit.relative_error)}{of}"
+    for held in fit.hold_out:
+        yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
 
 
 def _parameters(title: str, parameters: Mapping[Any, Estimate], said: set[str]) -> Iterator[str]:
@@ -191,11 +194,8 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None, said: se
         yield "    [[stiffness vs amplitude]]"
     rows = []
     for x in fit.amplitudes:
-        value, at = (
-            pair(x.value, x.standard_error),
-            f"{_number(x.torque)} {torque}, {_number(x.displacement)} {position}",
-        )
-        rows.append((f"{x.kind}:", f"{value} {stiffness}", f"at {at};", f"LuGre {_number(x.lugre)}"))
+        at = f"at {_number(x.torque)} {torque}, {_number(x.displacement)} {position};"
+        rows.append((f"{x.kind}:", f"{pair(x.value, x.standard_error)} {stiffness}", at, f"LuGre {_number(x.lugre)}"))
     yield from columns(rows, indent=6)
     yield from _sentences(fit.warnings, said)
 
@@ -203,10 +203,7 @@ def _slow(joint: Joint, fit: PreslidingFit, breakaway: Estimate | None, said: se
 def _tracking(joint: Joint, name: str, fit: TrackingFit, said: set[str]) -> Iterator[str]:
     yield _heading(name, fit.outcome, fit.warnings)
     yield f"    {'data':<15}= {fit.n} samples, {counted(len(fit.starts_of_runs), 'segment')}"
-    yield f"    {'rms residual':<15}= {_number(fit.rms)} {unit(fit.quantity, joint.kind)}"
-    yield f"    {'relative error':<15}= {_percent(fit.relative_error)} of the {fit.quantity}"
-    for held in fit.hold_out:
-        yield f"    {'hold-out':<15}= {_percent(held.relative_error)} on {printable(held.file)}"
+    yield from _errors(fit, unit(fit.quantity, joint.kind), f" of the {fit.quantity}")
     yield f"    {'starts':<15}= {sentences.reached(fit)}"
     yield f"    {'condition':<15}= {_number(fit.condition)}"
     yield from _parameters("parameters", fit.parameters, said)

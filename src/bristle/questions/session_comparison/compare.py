@@ -8,7 +8,7 @@ counts, and that of a constant of one session whole. One test per fit asks wheth
 covariances are known. Under different friction laws only what means the same in both is compared, and breakaway.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from math import hypot, inf, isfinite, log, sqrt
 
@@ -36,8 +36,6 @@ from bristle.questions.session_comparison.results import (
     usable,
 )
 
-_LIST = 120
-"""Characters of a list of names in an error."""
 _FEW = 4.0
 """Degrees of freedom below which the test of a set says nothing."""
 _MANY = 1e9
@@ -51,9 +49,10 @@ def compare(first: Session, second: Session) -> Comparison:
     """
     shared = [name for name in first if name in second]
     if not shared:
+        listed = (", ".join(session) or "none" for session in (first, second))
+        one, other = (names if len(names) <= 120 else f"{names[:120]}..." for names in listed)
         raise InputError(
-            f"no joint is in both sessions: one has {_few(first)}, the other {_few(second)}; "
-            "give the joint one name in both experiment files"
+            f"no joint is in both sessions: one has {one}, the other {other}; give the joint one name in both experiment files"
         )
     for name in shared:
         if first[name].kind != second[name].kind:
@@ -79,12 +78,6 @@ def compare(first: Session, second: Session) -> Comparison:
         warnings=tuple(warnings(first, second, shared)),
         simulated=any(session[name].simulated for session in (first, second) for name in shared),
     )
-
-
-def _few(names: Iterable[str]) -> str:
-    """The names, as many as make no long sentence."""
-    listed = ", ".join(names) or "none"
-    return listed if len(listed) <= _LIST else f"{listed[:_LIST]}..."
 
 
 def _with_breakaway(joint: SessionJoint) -> SessionJoint:
@@ -204,12 +197,14 @@ def _sets(joint: str, first: SessionJoint, second: SessionJoint) -> Iterator[Set
 def _statistic(a: SessionFit, b: SessionFit, names: Sequence[ParameterName]) -> float | None:
     """The statistic d' (C_a + C_b)**-1 d over the number of parameters; None where the sum is no covariance, or there is no such number."""
     with np.errstate(all="ignore"):  # a foreign file may hold any numbers: what is none is left out
-        apart = np.array([_scaled(b, n) - _scaled(a, n) for n in names])
+        first, second = (np.array([_scaled(fit, n) for n in names]) for fit in (a, b))
+        apart = second[:, 0] - first[:, 0]
         total = np.zeros((len(names), len(names)))
-        for fit in (a, b):
-            own, slope = [fit.names.index(n) for n in names], np.array([_slope(fit, n) for n in names])
+        for fit, slope in ((a, first[:, 1]), (b, second[:, 1])):
+            own = [fit.names.index(n) for n in names]
             total += fit.covariance[np.ix_(own, own)] * np.outer(slope, slope)
-        moved = [_systematic(a.parameters[n], b.parameters[n], _slope(a, n), _slope(b, n)) for n in names]
+        slopes = zip(names, first[:, 1].tolist(), second[:, 1].tolist(), strict=True)
+        moved = [_systematic(a.parameters[n], b.parameters[n], by_a, by_b) for n, by_a, by_b in slopes]
         for constant in dict.fromkeys(c for by in moved for c in by):
             together = np.array([by.get(constant, 0.0) for by in moved])
             total += np.outer(together, together)
@@ -227,12 +222,7 @@ def _by_factor(name: ParameterName) -> bool:
     return name.name in ("v_s", "sigma_0") or of_shape(name.name)
 
 
-def _scaled(fit: SessionFit, name: ParameterName) -> float:
+def _scaled(fit: SessionFit, name: ParameterName) -> tuple[float, float]:
+    """What is compared of a parameter, and its slope by the parameter: its logarithm where it is known by a factor."""
     value = fit.parameters[name].value or 0.0
-    return log(value) if _by_factor(name) and value > 0 else value
-
-
-def _slope(fit: SessionFit, name: ParameterName) -> float:
-    """Of `_scaled` by the parameter."""
-    value = fit.parameters[name].value or 0.0
-    return 1 / value if _by_factor(name) and value > 0 else 1.0
+    return (log(value), 1 / value) if _by_factor(name) and value > 0 else (value, 1.0)

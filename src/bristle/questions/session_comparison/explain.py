@@ -28,8 +28,7 @@ def incomparable(joint: str, name: ParameterName, first: SessionJoint, second: S
     """A parameter that cannot be compared, with the reason; `same`: some stage has it in both sessions."""
     a, b = (_any(session, name) for session in (first, second))
     why = Finding("not-comparable", NOTE, f"Not comparable: {_why_not(name, first, second, same=same)}.")
-    known = a or b
-    unit = known.unit if known else ""
+    unit = next((e.unit for e in (a, b) if e), "")
     return Change(joint=joint, parameter=name, unit=unit, source="", first=a, second=b, verdict=why)
 
 
@@ -50,25 +49,18 @@ def _why_not(name: ParameterName, first: SessionJoint, second: SessionJoint, *, 
                 return f"the {which} session has it in other directions; identify both with the same fit.directions"
             return f"the {which} session does not have it"
     unknown = [which for which, e in told.items() if e is None or e.value is None]
-    if unknown:
-        return f"it is not identifiable in {_the(unknown)}"
-    if not same:
+    if not unknown and not same:
         return "the sessions have it from different stages"
-    opened = [which for which, e in told.items() if e is None or not usable(e)]
-    return f"its interval is open, or one-sided, in {_the(opened)}"
-
-
-def _the(which: Sequence[str]) -> str:
-    return f"the {which[0]} session" if len(which) == 1 else "both sessions"
+    those = unknown or [which for which, e in told.items() if e is None or not usable(e)]
+    where = f"the {those[0]} session" if len(those) == 1 else "both sessions"
+    return f"it is not identifiable in {where}" if unknown else f"its interval is open, or one-sided, in {where}"
 
 
 def verdict(c: Change, *, changed: bool) -> Finding:
     """What became of one parameter."""
-    if not changed:
-        return NO_CHANGE
-    if (c.difference or 0.0) > 0:
-        return Finding("rose", NOTE, "Rose beyond the joint uncertainty.")
-    return Finding("fell", NOTE, "Fell beyond the joint uncertainty.")
+    rose = (c.difference or 0.0) > 0
+    way = "Rose" if rose else "Fell"
+    return Finding("rose" if rose else "fell", NOTE, f"{way} beyond the joint uncertainty.") if changed else NO_CHANGE
 
 
 def sentence(changes: Sequence[Change], sets: Sequence[SetChange]) -> Finding:

@@ -17,8 +17,6 @@ from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import shortened
 from bristle.questions.session_comparison.results import Session, SessionFit, SessionJoint
 
-_NAME = 400
-"""Characters of a name or unit."""
 _FAR = 1e60
 """No friction parameter, in any unit, is larger, or has a larger inverse; squares of such numbers still are numbers."""
 
@@ -51,8 +49,8 @@ def session_of(joints: Iterable[Joint]) -> Session:
 
 def _shown(text: str, what: str) -> str:
     """Text that is shown somewhere; raises InputError where it holds a control character, or is a book."""
-    if len(text) > _NAME:
-        raise InputError(f"{what} {short(text)} has {len(text)} characters, more than {_NAME}")
+    if len(text) > 400:
+        raise InputError(f"{what} {short(text)} has {len(text)} characters, more than 400")
     return check_name(text, what)
 
 

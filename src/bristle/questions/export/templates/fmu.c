@@ -91,7 +91,7 @@ typedef struct {
 enum { BR_VARIABLES = {{ variables | length }}, BR_FIRST_PARAMETER = {{ first_parameter }} };
 static const br_variable br_variables[BR_VARIABLES] = {
 {% for v in variables %}
-    { "{{ v.name }}", {{ v.low_text }}, {{ v.high_text }}, {{ v.settable }} }{{ "," if not loop.last }}
+    { "{{ v.name }}", {{ v.low | digits }}, {{ v.high | digits }}, {{ v.settable }} }{{ "," if not loop.last }}
 {% endfor %}
 };
 
@@ -162,8 +162,8 @@ static void br_fresh(br_model *m)
 {
     memset(m, 0, sizeof *m);
     m->p = {{ name }};
-{% for v in variables if v.start_text and not v.member.startswith("p.") %}
-    m->{{ v.member }} = {{ v.start_text }};
+{% for v in variables if v.start is not none and not v.member.startswith("p.") %}
+    m->{{ v.member }} = {{ v.start | digits }};
 {% endfor %}
     m->stop = BR_LARGEST;
     m->phase = BR_INSTANTIATED;
