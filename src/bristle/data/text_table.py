@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.data import binary_tables
+from bristle.data.binary_tables import READERS, read_binary
 from bristle.data.columns import Key, reading
 from bristle.data.ros.files import is_bag
 from bristle.data.ros.read import read_bag
@@ -37,13 +37,6 @@ MAX_LINE = 2**20
 """Longest line of a text file, bytes."""
 _BITS = 1023
 """Of an integer; a longer one is no float."""
-BINARY = {
-    ".mat": binary_tables.read_mat,
-    ".npz": binary_tables.read_npz,
-    ".parquet": binary_tables.read_parquet,
-    ".pq": binary_tables.read_parquet,
-    **dict.fromkeys((".h5", ".hdf5", ".hdf"), binary_tables.read_hdf5),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -128,12 +121,12 @@ class ReadOnce:
 def _read_binary(path: Path, keys: Sequence[Key]) -> RawTable:
     if stamps := next((key for key in keys if key.stamps), None):
         raise InputError(f"column {stamps}: unit iso is for text; expected a time in a unit such as s, ms or ns")
-    return RawTable(columns=BINARY[path.suffix.lower()](path, keys), rows=0, sha256="")
+    return RawTable(columns=read_binary(path, keys), rows=0, sha256="")
 
 
 def is_text(path: Path) -> bool:
     """Whether a data file is read as text, as its suffix says."""
-    return path.suffix.lower() not in BINARY and not is_bag(path)
+    return path.suffix.lower() not in READERS and not is_bag(path)
 
 
 @contextmanager
