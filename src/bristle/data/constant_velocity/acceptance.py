@@ -1,10 +1,15 @@
 """Whether a candidate counts as motion at constant velocity: each reason says what would have let it in."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil, floor, log10
+from typing import Annotated
+
+from pydantic import Field
 
 from bristle.data.constant_velocity.statistics import Evidence, Scale
+from bristle.data.experiment.signals import Seconds, Speed, quantity
+from bristle.data.experiment.yaml_file import StrictModel
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 _TOLERANCE = 0.05
@@ -18,17 +23,16 @@ _INDEPENDENT = 5.0
 """Fewest independent samples of velocity and torque."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Thresholds:
-    """What a constant-velocity segment must satisfy. None: from the data's own noise floor."""
+class Thresholds(StrictModel):
+    """What a constant-velocity segment must satisfy, as under `segments`. None: from the data's own noise floor."""
 
-    minimum_duration: float | None = None
+    minimum_duration: Seconds | None = None
     """Shortest segment that counts, s."""
-    velocity_tolerance: float | None = None
+    velocity_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
     """Largest drift of the velocity over a segment, relative to its mean."""
-    torque_limit: float | None = None
+    torque_limit: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
     """Torque at which the drive saturates, N*m."""
-    minimum_velocity: float | None = None
+    minimum_velocity: Speed | None = None
     """Slowest mean velocity that counts as motion, rad/s."""
 
 
