@@ -12,8 +12,6 @@ from bristle.data.hdf5 import read_hdf5
 from bristle.data.isolated import ask
 from bristle.errors import InputError, short, short_list
 
-_LONGEST = 1000
-"""Characters of a dotted path."""
 _PART = re.compile(r"[A-Za-z]\w*|\{[0-9]{1,9}\}|\([0-9]{1,9}\)")
 _PATH = re.compile(r"[A-Za-z]\w*(?:\.[A-Za-z]\w*|\{[0-9]{1,9}\}|\([0-9]{1,9}\))*")
 
@@ -35,7 +33,8 @@ def read_mat(path: Path, keys: Sequence[Key] | None) -> list[Any]:
 def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     """The columns of some keys, or (None) the names of all vectors of numbers."""
     for key in keys or ():
-        if not isinstance(key.column, str) or len(key.column) > _LONGEST or not _PATH.fullmatch(key.column):
+        # 1000 characters of a dotted path
+        if not isinstance(key.column, str) or len(key.column) > 1000 or not _PATH.fullmatch(key.column):
             raise InputError(
                 f"column {key} is no variable of a MAT-file; expected a name or a dotted path such as data.q or data.run{{2}}.q"
             )

@@ -31,8 +31,6 @@ _STAMP = re.compile(
 _SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)
 """What Excel writes above a table."""
 _BRACKETS = re.compile(r"(.*?)[\s_]*[\[(<](.*?)[\])>]\s*")
-_MOST_LINES = 2000
-"""Lines that are looked at."""
 _HEADED = 3
 """Lines that a sample has at least, if the file has as many: a header, perhaps units, and numbers."""
 _LOOKED_AT = 200
@@ -254,7 +252,7 @@ def _decode(file: IO[bytes]) -> tuple[str, list[str]]:
         encoding = encoding if cut or encoding == "utf-16" else "latin-1"
         text = sample.decode(encoding, errors="replace")
     lines = re.split(r"\r\n|\r|\n", text)
-    return encoding, (lines if whole else lines[:-1])[:_MOST_LINES]
+    return encoding, (lines if whole else lines[:-1])[:2000]  # 2000 lines that are looked at
 
 
 def _fitness(lines: Sequence[str], delimiter: str) -> tuple[float, int]:

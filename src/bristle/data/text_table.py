@@ -29,14 +29,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_LOOKED_THROUGH = 2**26
-"""Bytes of a file whose lines are counted."""
 MAX_BYTES = 2**29
 """Largest data file, bytes."""
 MAX_LINE = 2**20
 """Longest line of a text file, bytes."""
-_BITS = 1023
-"""Of an integer; a longer one is no float."""
 _GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")
 """A number with its thousands set apart."""
 
@@ -222,7 +218,7 @@ def _frame(path: Path, layout: Layout, stamps: Sequence[int]) -> "pd.DataFrame":
 
 def _line_by_line(path: Path, layout: Layout, rows: int) -> bool:
     """Whether each line after the header is one row of numbers, in a file that is short enough to look."""
-    if path.stat().st_size > _LOOKED_THROUGH:
+    if path.stat().st_size > 2**26:  # 2**26 bytes of a file whose lines are counted
         return False
     with path.open(encoding=layout.encoding, errors="replace") as file:
         lines = [line.strip() for line in file]
@@ -278,7 +274,8 @@ def _numbers(column: "pd.Series[float]", key: Key) -> Array:
     if column.dtype.kind in "iuf":
         return np.asarray(column, dtype=float)
     text = column.astype(object)
-    long = (len(x) > LONGEST if isinstance(x, str) else isinstance(x, int) and x.bit_length() > _BITS for x in text)
+    # 1023 of an integer; a longer one is no float
+    long = (len(x) > LONGEST if isinstance(x, str) else isinstance(x, int) and x.bit_length() > 1023 for x in text)
     none = np.fromiter((is_long or isinstance(x, bool) for is_long, x in zip(long, text, strict=True)), bool, text.size)
     numbers = pd.to_numeric(text.mask(none), errors="coerce")
     bad = np.flatnonzero(numbers.isna() & text.notna())

@@ -65,8 +65,6 @@ _SI = {
 }
 LONGEST = 100
 """Characters of a column's name that may be a usual one."""
-_SHORT = 2
-"""Letters of a name that means a signal only beside words such as `motor` or `measured`."""
 _BESIDE = frozenset((
     "joint", "motor", "link", "axis", "drive", "actuator", "servo", "arm", "load", "output", "out", "angular", "linear",
     "actual", "act", "meas", "measured", "m", "raw", "filt", "filtered", "sensor", "enc", "encoder",
@@ -171,7 +169,8 @@ def _score(words: list[str], signal: str, unit: str) -> float:
         return 0.0
     elif rest & _ASKED:
         score = 1.0 if signal in ("torque", "current", "voltage") else 0.0
-    elif len(words[at]) > _SHORT or rest <= _BESIDE:
+    # 2 letters of a name that means a signal only beside words such as `motor` or `measured`
+    elif len(words[at]) > 2 or rest <= _BESIDE:
         score = 2.0 + 0.01 * at
     else:
         return 0.0

@@ -37,12 +37,8 @@ _SHOWN = 200
 """Columns that the draft lists."""
 _LINEAR = {"position": "m", "velocity": "m/s", "torque": "N"}
 """Units of a joint that slides."""
-_POINTS = 1000
-"""Rows: where time is not logged, more than so many are a log, and no velocity-torque pairs."""
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
 """Units of time, and the sampling intervals from which on a time without a unit is in them: below, it is in s."""
-_WRAPPED = 0.1
-"""Of a full turn: a jump of the position that is as close to one is a wrap."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -266,7 +262,8 @@ def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> boo
         )
     if told.rate is not None or "time" in guesses:
         return False
-    if "velocity" in guesses and log.values(guesses["velocity"]).size <= _POINTS:
+    # 1000 rows: where time is not logged, more than so many are a log, and no velocity-torque pairs
+    if "velocity" in guesses and log.values(guesses["velocity"]).size <= 1000:
         return True
     raise InputError(
         f"{log.path}: no column is named as the time; name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz' "
@@ -290,7 +287,8 @@ def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
         return False
     turn = 2 * np.pi / abs(factor(unit, "rad", scale=scale))
     jumps = (np.abs(np.diff(_Log(file).values(guess))) for file in files)
-    return any(bool((np.abs(jump / turn - 1) < _WRAPPED).any()) for jump in jumps)
+    # 0.1 of a full turn: a jump of the position that is as close to one is a wrap
+    return any(bool((np.abs(jump / turn - 1) < 0.1).any()) for jump in jumps)
 
 
 def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, log: _Log, guessed: list[str]) -> str:

@@ -17,8 +17,6 @@ from bristle.data.timestamps import ISO
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
-_INSIDE = 2
-"""Samples of a signal with a time of its own that lie in a run."""
 Source = tuple[Path, str]
 """A file, and how it is called."""
 
@@ -146,7 +144,7 @@ def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
     onto[(steps[after - 1] > gap * np.median(steps)) & (time != own[after]) & (time != own[after - 1])] = np.nan
     seen = time[np.isfinite(time)]
     inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
-    if inside < _INSIDE or not np.isfinite(onto).any():
+    if inside < 2 or not np.isfinite(onto).any():  # 2 samples of a signal with a time of its own that lie in a run
         rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
         raise InputError(
             f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; check the unit of each, and that "

@@ -20,10 +20,8 @@ from bristle.data.text_table import Reader, ReadOnce
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
-_RESTS = 0.02
-"""Of a joint's largest travel in any run: it rests where it goes no further, ..."""
 _STILL = 1e-3
-"""... or no further than this, rad or m."""
+"""rad or m: a joint that goes no further rests, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +75,9 @@ def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
     }
     farthest = {name: max((t.get(name, 0.0) for t in travels.values()), default=0.0) for name in robot.names}
     rests = {
-        key: {name for name, x in t.items() if x <= max(_STILL, _RESTS * farthest[name])} for key, t in travels.items()
+        # a joint rests where it goes no further than 0.02 of its largest travel in any run
+        key: {name for name, x in t.items() if x <= max(_STILL, 0.02 * farthest[name])}
+        for key, t in travels.items()
     }
     return {
         key: RobotMotion(
