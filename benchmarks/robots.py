@@ -17,7 +17,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bristle.data.robot.robot_file import load_robot
+from bristle.data.experiment.yaml_file import parse, read_text
+from bristle.data.robot.robot_file import robot_of
 from bristle.identification.fits import Estimate
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_joint import chosen
@@ -82,7 +83,8 @@ def main() -> None:
 def _of_seed(seed: int) -> tuple[list[Found], list[str]]:
     """What bristle finds from one simulation, and the kinds of its warnings that are no notes."""
     with tempfile.TemporaryDirectory() as folder:
-        robot = load_robot(_written(Path(folder), seed))
+        path = _written(Path(folder), seed)
+        robot = robot_of(parse(read_text(path), str(path)), path)
         found, kinds = [], []
         for measured in measure_robot(robot):
             joint = identify_joint(measured)

@@ -12,7 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bristle.data.constant_velocity.segments import Thresholds
-from bristle.data.experiment.load import Experiment, FitOptions, PlusMinus, load_experiment, read_runs
+from bristle.data.experiment.load import Experiment, load_experiment, read_runs
+from bristle.data.experiment.schema import FitOptions, PlusMinus
 from bristle.data.experiment.yaml_file import parse
 from bristle.errors import InputError
 

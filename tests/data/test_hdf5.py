@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bristle.data import hdf5, hdf5_worker
+from bristle.data import isolated
 from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
 from bristle.data.experiment.draft import draft_experiment
@@ -194,12 +194,11 @@ def _refusal(path: Path, key: Key) -> str | None:
     ],
 )
 def test_a_library_that_crashes_or_hangs_ends_in_a_sentence(
-    tmp_path: Path, log: Path, worker: str, says: str, monkeypatch: pytest.MonkeyPatch
+    log: Path, worker: str, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Where the process that reads crashes, takes too long or says nothing, one sentence says so."""
-    (tmp_path / "worker.py").write_text(worker)
-    monkeypatch.setattr(hdf5_worker, "__file__", str(tmp_path / "worker.py"))
-    monkeypatch.setattr(hdf5, "SECONDS", 1.0)
+    monkeypatch.setattr(isolated, "CODE", worker)
+    monkeypatch.setattr(isolated, "SECONDS", 1.0)
     with pytest.raises(InputError, match=says):
         read_table(log, [Key("t")])
 

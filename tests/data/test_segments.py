@@ -11,7 +11,6 @@ from scipy.signal import butter, filtfilt, lfilter
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment, Thresholds, find_segments, nothing_left
-from bristle.data.experiment.schema import SegmentLimits
 from bristle.data.experiment.signals import Context
 from bristle.data.record import Record
 from bristle.model.functions import steady_torque_function
@@ -325,11 +324,7 @@ def test_what_a_reason_proposes_answers_it(name: str) -> None:
     for s in find_segments(records[name], Thresholds()):
         for option, value in re.findall(r"segments\.(\w+)(?: of|:) ([\d.e-]+)", " ".join(map(str, s.reasons))):
             proposed += 1
-            limits = Thresholds(
-                **SegmentLimits.model_validate(
-                    {option: value + units[option]}, context=Context(kind="revolute")
-                ).model_dump()
-            )
+            limits = Thresholds.model_validate({option: value + units[option]}, context=Context(kind="revolute"))
             (same,) = [x for x in find_segments(records[name], limits) if (x.start, x.stop) == (s.start, s.stop)]
             assert not any(reason.code in kinds[option] for reason in same.reasons)
     assert proposed or name in {"triangle", "sine", "rest", "staircase"}

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from bristle.data.experiment.yaml_file import parse, read_text
+from bristle.data.robot.robot_file import Robot, robot_of
 from bristle.simulation import arm
 from bristle.simulation.arm import ArmLog
 
@@ -61,3 +63,8 @@ def write(folder: Path, keys: Mapping[str, Any], log: ArmLog | None = None) -> P
     path = folder / "robot.yaml"
     path.write_text(yaml.safe_dump(dict(keys), sort_keys=False), encoding="utf-8")
     return path
+
+
+def load_robot(path: Path) -> Robot:
+    """The robot that a file describes."""
+    return robot_of(parse(read_text(path), str(path)), path)

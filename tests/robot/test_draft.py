@@ -6,12 +6,11 @@ import pandas as pd
 import pytest
 
 import bristle
-from bristle.data.robot.robot_file import load_robot
 from bristle.errors import InputError
 from bristle.simulation import arm
 
 from ..bags import START, state, write_bag
-from .arms import NAMES, NO_PINOCCHIO
+from .arms import NAMES, NO_PINOCCHIO, load_robot
 
 pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
 FOLDER = arm.arm_folder()

@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from bristle.data.robot.robot_file import load_robot
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured
@@ -14,7 +13,7 @@ from bristle.identification.robot.measured import measure_robot
 from bristle.simulation import arm
 from bristle.simulation.arm import ArmLog, simulate_arm
 
-from .arms import NAMES, NO_PINOCCHIO, SIGNALS, document, write
+from .arms import NAMES, NO_PINOCCHIO, SIGNALS, document, load_robot, write
 
 pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
 SEED = 7

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from bristle.data.robot.motion import read_motions, reader_of
-from bristle.data.robot.robot_file import load_robot, pick
+from bristle.data.robot.robot_file import pick
 from bristle.errors import InputError
 from bristle.simulation.arm import ArmLog
 
-from .arms import NAMES, SIGNALS, document, write
+from .arms import NAMES, SIGNALS, document, load_robot, write
 
 TRACKING = {"files": "log.npz", "experiment": "tracking"}
 

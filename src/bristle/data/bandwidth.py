@@ -20,28 +20,14 @@ from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.findings import NOTE, Finding
 
-_POWER = 0.999
-"""Of the position's power, which lies below the motion's bandwidth."""
 _WIDER, _ABOVE = 4.0, 2.0
 """Cut-off over the bandwidth, at the least, and over the frequency at which a signal falls into noise."""
 _HELD, _SLOW = 0.5, 10.0
 """The latter of held speeds, and the former of slow loading, whose breakaway is a corner of the position."""
-_EQUATIONS = 16.0, 0.7
-"""Equations per second over the bandwidth, and over the cut-off, at the least."""
-_NOISE = 4.0
-"""Times the noise, below which a spectrum shows nothing."""
-_UNEVEN = 0.01
-"""Of all samples, that are another number of counts apart than most."""
-_GAP = 4.0
-"""Times a frequency, up to where nothing is seen beyond the end of a signal."""
-_SILENT = 1e-6
-"""Of its power, below which the noise of an effort is that of none that was measured."""
 _LADDER = 2**0.5
 """A cut-off over the next one that is tried."""
 _STANDS = 0.003, 0.25
 """The inertia stands still where the next cut-off raises it by no more than this share of itself, or of its standard error."""
-_SEEN = 3.0
-"""Standard errors, below which an inertia is none to go by."""
 _PER_OCTAVE, _LEAST = 12, 3
 """Bins of a spectrum per octave, and lines in each at the least."""
 
@@ -62,7 +48,8 @@ def of_motion(record: Record) -> tuple[float, Finding]:
     # where the inertia makes as much of the motion's noise as the effort has itself, white both; one that is commanded has none
     drives, order = _shown(effort[part], record.step), 2 if record.velocity is None else 1
     shown = min(_first(moves, own), _first(drives, own))
-    if drives.noise > _SILENT * 2 * record.step * np.var(effort[part]):
+    # 1e-6 of its power, below which the noise of an effort is that of none that was measured
+    if drives.noise > 1e-6 * 2 * record.step * np.var(effort[part]):
         made = max((sum(_inertia(record, effort, least)) ** 2) * moves.noise, 1e-300)  # by an inertia that may be
         shown = min(shown, float((drives.noise / made) ** (0.5 / order) / (2 * np.pi)))
     cutoff = usable(record, max(least, _ABOVE * shown))
@@ -73,7 +60,8 @@ def of_motion(record: Record) -> tuple[float, Finding]:
     (inertia, error), tried = _inertia(record, effort, cutoff), cutoff / _LADDER
     while tried > least:
         lower, its_error = _inertia(record, effort, tried)
-        if lower < _SEEN * its_error or lower - inertia <= max(_STANDS[0] * lower, _STANDS[1] * error):
+        # three standard errors, below which an inertia is none to go by
+        if lower < 3.0 * its_error or lower - inertia <= max(_STANDS[0] * lower, _STANDS[1] * error):
             break
         cutoff, inertia, error, tried = tried, lower, its_error, tried / _LADDER
     return cutoff, _by_motion(own, shown)
@@ -105,7 +93,8 @@ def of_slow_loading(record: Record) -> tuple[float, Finding]:
 
 def decimation(records: Sequence[Record]) -> int:
     """One sample of how many makes an equation of some moving runs, of the slowest of them."""
-    per_motion, per_cutoff = _EQUATIONS
+    # equations per second over the bandwidth, and over the cut-off, at the least
+    per_motion, per_cutoff = 16.0, 0.7
     needed = max(max(per_motion * _own(r), per_cutoff * r.cutoff) for r in records)
     return max(int(1 / (max(r.step for r in records) * needed)), 1)
 
@@ -150,7 +139,8 @@ def _shown(x: Array, step: float) -> _Shown:
     f, power = _spectrum(x, step)
     count, moved = smallest_step(x), np.abs(np.diff(x))
     # steps that are all alike are those of an even motion, not of counts
-    uneven = np.mean(np.abs(moved - np.median(moved)) > count / 2) > _UNEVEN
+    # 0.01 of all samples, that are another number of counts apart than most
+    uneven = np.mean(np.abs(moved - np.median(moved)) > count / 2) > 0.01
     highest, counts = float(np.median(power[f >= f[-1] / 2])) / np.log(2), count**2 / 6 * step if uneven else 0.0
     noise = max(highest, counts)
     edges = [0]
@@ -158,16 +148,18 @@ def _shown(x: Array, step: float) -> _Shown:
         edges.append(max(edges[-1] + _LEAST, round(edges[-1] * 2 ** (1 / _PER_OCTAVE))))
     size = np.diff([*edges[:-1], f.size])
     middle, mean = (np.add.reduceat(values, edges[:-1]) / size for values in (f, power))
-    seen = mean > _NOISE * noise
+    seen = mean > 4.0 * noise  # four times the noise, below which a spectrum shows nothing
     below = np.cumsum((power - noise) * np.repeat(seen, size))  # what noise adds up to beyond is no motion
-    own = float(f[np.argmax(below >= _POWER * below[-1])])
+    # 0.999 of the position's power, which lies below the motion's bandwidth
+    own = float(f[np.argmax(below >= 0.999 * below[-1])])
     return _Shown(middle, seen, own, noise, counts > highest / 2)
 
 
 def _first(shown: _Shown, above: float) -> float:
     """The first frequency above one beyond which nothing is seen for a while, for a square has gaps between its lines; else the last one."""
     f, sure = shown.f, np.append(0, np.cumsum(shown.seen))
-    empty = sure[np.searchsorted(f, _GAP * f, "right")] == sure[:-1]
+    # four times a frequency, up to where nothing is seen beyond the end of a signal
+    empty = sure[np.searchsorted(f, 4.0 * f, "right")] == sure[:-1]
     lost = np.flatnonzero(empty & (f > above))
     return float(f[lost[0]]) if lost.size else float(f[-1])
 

@@ -1,8 +1,7 @@
-"""Columns from MAT, NPZ, Parquet and HDF5 files, which hold named arrays."""
+"""Columns from files that hold named arrays, by their suffix: MAT and HDF5 elsewhere, NPZ and Parquet here."""
 
 import zipfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,70 +9,93 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, bounded, is_vector, numeric, reading
-from bristle.data.hdf5 import hdf5_names, read_hdf5
-from bristle.data.mat import mat_names, read_mat
+from bristle.data.hdf5 import read_hdf5
+from bristle.data.isolated import Columns
+from bristle.data.mat import read_mat
 from bristle.errors import InputError, short, short_list
 
-__all__ = ["Key", "names_of", "read_hdf5", "read_mat", "read_npz", "read_parquet"]
-
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
-_SAVEZ = "write it again with numpy.savez"
+_NPZ = ("NPZ file", "write it again with numpy.savez")
 
 
-def read_npz(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a NumPy archive, by the name of the array. Raises InputError; pickled objects are refused."""
-    with reading("NPZ file", _SAVEZ):
+def read_binary(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
+    """Columns of a MAT, NPZ, Parquet or HDF5 file, by name, path or number. Raises InputError where one cannot be read."""
+    return dict(zip(keys, READERS[path.suffix.lower()](path, keys), strict=True))
+
+
+def names_of(path: Path) -> tuple[str, ...]:
+    """Names of the one-dimensional numeric columns that a MAT, NPZ, Parquet or HDF5 file offers, structs as dotted paths.
+
+    A name may repeat. Raises InputError where the file cannot be read.
+    """
+    return tuple(READERS[path.suffix.lower()](path, None))
+
+
+def _npz(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
+    """Columns of a NumPy archive, by the name of the array; pickled objects are refused."""
+    with reading(*_NPZ):
         archive = zipfile.ZipFile(path)
     with archive:
-        there = [name.removesuffix(".npy") for name in archive.namelist()]
-        bounded(sum(member.file_size for member in archive.infolist()) / 4)
+        members = archive.infolist()
+        there = [member.filename.removesuffix(".npy") for member in members]
+        if keys is None:
+            named = [(name, m) for name, m in zip(there, members, strict=True) if m.filename != name]
+            yield from (name for name, member in named if is_vector(*_header(archive, member)))
+            return
+        bounded(sum(member.file_size for member in members) / 4)
         for key in keys:
             if there.count(str(key.column)) != 1:
                 problem = "several arrays" if key.column in there else "no array"
                 raise InputError(f"{problem} named {key}; there are: {short_list(there)}")
-        members = dict(zip(there, archive.infolist(), strict=True))
-        return {key: numeric(_array(archive, members[str(key.column)], key), key) for key in keys}
-
-
-def _array(archive: zipfile.ZipFile, member: zipfile.ZipInfo, key: Key) -> "np.ndarray[Any, Any]":
-    """The array that a member holds; raises InputError where it holds another thing, or less than its header says."""
-    shape, dtype = _header(archive, member)
-    if dtype.hasobject:
-        raise InputError(f"column {key} holds no plain array of numbers, but Python objects; expected one per sample")
-    bounded(np.prod(shape, dtype=float))
-    if min(shape, default=0) < 0 or np.prod(shape, dtype=float) * dtype.itemsize > member.file_size:
-        raise InputError(f"is damaged: array {key} is shorter than its header says, {shape}; {_SAVEZ}")
-    with reading("NPZ file", _SAVEZ), archive.open(member) as file:
-        return np.asarray(np.lib.format.read_array(file, allow_pickle=False))
+        for key in keys:
+            member = members[there.index(str(key.column))]
+            shape, dtype = _header(archive, member)
+            if dtype.hasobject:
+                raise InputError(
+                    f"column {key} holds no plain array of numbers, but Python objects; expected one per sample"
+                )
+            bounded(np.prod(shape, dtype=float))
+            if min(shape, default=0) < 0 or np.prod(shape, dtype=float) * dtype.itemsize > member.file_size:
+                raise InputError(f"is damaged: array {key} is shorter than its header says, {shape}; {_NPZ[1]}")
+            with reading(*_NPZ), archive.open(member) as file:
+                array = np.lib.format.read_array(file, allow_pickle=False)
+            yield numeric(array, key)
 
 
 def _header(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> tuple[tuple[int, ...], "np.dtype[Any]"]:
     """Shape and type of the array that a member holds."""
-    with reading("NPZ file", _SAVEZ), archive.open(member) as file:
+    with reading(*_NPZ), archive.open(member) as file:
         shape, _, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
     return shape, dtype
 
 
-def read_parquet(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a Parquet file, by name or by number from 0. Raises InputError; needs the extra `parquet`."""
-    with _parquet(path) as file:
+def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
+    """Columns of a Parquet file, by name or by number from 0; it needs the extra `parquet`."""
+    try:
         import pyarrow as pa
-
-        there = list(file.schema_arrow.names)
-        names = {key: _named(key, there) for key in keys}
-        for key, name in names.items():
-            kind = file.schema_arrow.field(name).type
-            if not _is_number(kind):
+        from pyarrow import parquet
+    except ImportError as error:
+        raise InputError(
+            "is a Parquet file, which needs pyarrow; install it with pip install 'bristle[parquet]'"
+        ) from error
+    with reading("Parquet file"):
+        file = parquet.ParquetFile(path)
+    with file:
+        schema = file.schema_arrow
+        if keys is None:
+            yield from (field.name for field in schema if _is_number(field.type))
+            return
+        names = [_named(key, schema.names) for key in keys]
+        for key, name in zip(keys, names, strict=True):
+            if not _is_number(kind := schema.field(name).type):
                 raise InputError(
                     f"column {key} holds no numbers, but {short(str(kind))}; expected one number per sample"
                 )
         bounded(file.metadata.num_rows * len(names))
         with reading("Parquet file"):
-            table = file.read(columns=sorted(set(names.values())))
-            return {
-                key: np.array(table.column(name).cast(pa.float64(), safe=False).to_numpy(), dtype=float)
-                for key, name in names.items()
-            }
+            table = file.read(columns=sorted(set(names)))
+            columns = [table.column(name).cast(pa.float64(), safe=False).to_numpy() for name in names]
+        yield from (np.array(column, dtype=float) for column in columns)
 
 
 def _named(key: Key, there: Sequence[str]) -> str:
@@ -97,36 +119,10 @@ def _is_number(kind: Any) -> bool:
     return bool(types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind))
 
 
-def names_of(path: Path) -> tuple[str, ...]:
-    """Names of the one-dimensional numeric columns that a MAT, NPZ, Parquet or HDF5 file offers, structs as dotted paths.
-
-    A name may repeat. Raises InputError where the file cannot be read.
-    """
-    suffix = path.suffix.lower()
-    if suffix == ".mat":
-        return mat_names(path)
-    if suffix == ".npz":
-        with reading("NPZ file", _SAVEZ):
-            archive = zipfile.ZipFile(path)
-        with archive:
-            members = [m for m in archive.infolist() if m.filename.endswith(".npy")]
-            return tuple(m.filename.removesuffix(".npy") for m in members if is_vector(*_header(archive, m)))
-    if suffix in (".h5", ".hdf5", ".hdf"):
-        return hdf5_names(path)
-    with _parquet(path) as file:
-        return tuple(field.name for field in file.schema_arrow if _is_number(field.type))
-
-
-@contextmanager
-def _parquet(path: Path) -> Iterator[Any]:
-    """The open Parquet file."""
-    try:
-        from pyarrow import parquet
-    except ImportError as error:
-        raise InputError(
-            "is a Parquet file, which needs pyarrow; install it with pip install 'bristle[parquet]'"
-        ) from error
-    with reading("Parquet file"):
-        file = parquet.ParquetFile(path)
-    with file:
-        yield file
+READERS: dict[str, Columns] = {
+    ".mat": read_mat,
+    ".npz": _npz,
+    **dict.fromkeys((".parquet", ".pq"), _parquet),
+    **dict.fromkeys((".h5", ".hdf5", ".hdf"), read_hdf5),
+}
+"""Of each suffix what reads columns or, of no keys, the names of all."""

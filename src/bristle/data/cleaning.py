@@ -25,8 +25,6 @@ _LARGEST = 1e20
 is a unit that is wrong."""
 _STEPS = (1e-12, 1e12)
 """Seconds that a sampling interval may have."""
-_LATEST = 0.1
-"""Of a run: a delay is shorter."""
 
 
 @dataclass(slots=True)
@@ -271,7 +269,7 @@ def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
     for name, signal in signals:
         if not isinstance(signal, Signal) or not signal.delay:
             continue
-        if not abs(signal.delay) < _LATEST * (time[-1] - time[0]):
+        if not abs(signal.delay) < 0.1 * (time[-1] - time[0]):  # 0.1 of a run: a delay is shorter
             raise InputError(
                 f"{name}: delay: got {signal.delay:g} s in a run of {time[-1] - time[0]:.3g} s; expected less than a tenth of it, such as 1 ms"
             )

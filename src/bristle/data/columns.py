@@ -63,28 +63,31 @@ def numeric(value: Any, key: Key) -> Array:
     if hasattr(value, "toarray"):
         raise InputError(f"column {key} is a sparse array; in MATLAB save full({key.column}) in its place")
     if not isinstance(value, np.ndarray) or value.dtype.kind not in "iufb":
-        what = f", but {_words(value)}" if isinstance(value, np.ndarray) else ""
+        kinds = {"c": "complex numbers", "U": "text", "S": "text", "O": "cells", "V": "structs"}
+        is_array = isinstance(value, np.ndarray)
+        what = f", but {kinds.get(value.dtype.kind, f'values of type {value.dtype}')}" if is_array else ""
         raise InputError(f"column {key} holds no plain array of numbers{what}; expected one real number per sample")
     bounded(value.size)
-    if value.ndim == 0:
+    return picked(value, value.shape, key)
+
+
+def picked(source: Any, shape: tuple[int, ...], key: Key, *, rows_last: bool = False) -> Array:
+    """A vector of numbers, or the column `key.index` of a matrix, of a source that is read as it is indexed, as floats, (n,).
+
+    `rows_last`: the source is stored the other way round, as MATLAB's matrices are in HDF5 files.
+    """
+    shape = shape[::-1] if rows_last else shape
+    if not shape:
         raise InputError(f"column {key} holds a single number; expected one per sample")
-    if key.index is not None:
-        if value.ndim != 2 or key.index >= value.shape[1]:
-            raise InputError(
-                f"column {key}: the array has shape {value.shape}; index counts the columns of a matrix from 0"
-            )
-        value = value[:, key.index]
-    if value.size != max(value.shape, default=0):
+    if key.index is not None and (len(shape) != 2 or key.index >= shape[1]):
+        raise InputError(f"column {key}: the array has shape {shape}; index counts the columns of a matrix from 0")
+    if key.index is None and np.prod(shape, dtype=float) != max(shape):
         raise InputError(
-            f"column {key} is a matrix of shape {value.shape}; say which column with index: 0 to {value.shape[-1] - 1}"
+            f"column {key} is a matrix of shape {shape}; say which column with index: 0 to {shape[-1] - 1}"
         )
-    with np.errstate(over="ignore"):  # of longer floats, which are then not finite
-        return np.asarray(value, dtype=float).ravel()
-
-
-def _words(value: "np.ndarray[Any, Any]") -> str:
-    kinds = {"c": "complex numbers", "U": "text", "S": "text", "O": "cells", "V": "structs"}
-    return kinds.get(value.dtype.kind, f"values of type {value.dtype}")
+    column = () if key.index is None else (key.index, slice(None)) if rows_last else (slice(None), key.index)
+    with np.errstate(over="ignore", invalid="ignore"):  # of longer floats, which are then not finite
+        return np.asarray(source[column], dtype=float).ravel()
 
 
 def is_vector(shape: tuple[int, ...], dtype: "np.dtype[Any]") -> bool:
@@ -92,7 +95,7 @@ def is_vector(shape: tuple[int, ...], dtype: "np.dtype[Any]") -> bool:
     return dtype.kind in "iufb" and np.prod(shape, dtype=float) == max(shape, default=0) > 1
 
 
-def bounded(values: float) -> None:
-    """Raises InputError where a file holds more numbers than are read."""
+def bounded(values: float, what: str = "") -> None:
+    """Raises InputError where a file, or what is named, holds more numbers than are read."""
     if values > MAX_VALUES:
-        raise InputError(f"holds {values:.3g} numbers, over the limit of {MAX_VALUES}; cut it into several runs")
+        raise InputError(f"{what}holds {values:.3g} numbers, over the limit of {MAX_VALUES}; cut it into several runs")

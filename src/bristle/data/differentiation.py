@@ -19,9 +19,6 @@ Choice = Callable[[Record], tuple[float, Finding]]
 """A rule for the cut-off of a record's low pass, Hz, with the reason."""
 ORDER = 4
 """Order of the Butterworth filter, which runs forward and backward."""
-_PAD = 15
-"""Least samples by which a segment is continued, mirrored about its ends, before it is filtered; else as many as the
-cut-off's period has."""
 LOWEST = 1e-6
 """Cut-off of the low pass over the sampling rate."""
 SHORTEST = 16
@@ -81,14 +78,6 @@ def usable(record: Record, cutoff: float) -> float:
     return cutoff if cutoff < nyquist else 0.8 * nyquist
 
 
-_SETTLES = 10.0
-"""Periods of its cut-off that a segment beside a rest has at least."""
-_REST = 3.0
-"""s: a joint whose position stays for so long rests; at a slow turn it does for less."""
-_STEP = 4.0
-"""Standard deviations of the samples about it, by which the end of a noisy signal is off only after a step."""
-
-
 @cache
 def _sections(cutoff: float, rate: float) -> Array:
     """The low pass of a cut-off at a sampling rate, both Hz, by sections: the same one filters many signals."""
@@ -112,7 +101,8 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
             f"{LOWEST / record.step:.3g} Hz; check the cut-offs under fit, and the unit of time"
         )
     sections = _sections(cutoff, 1 / record.step)
-    reach = max(_PAD, round(1 / (record.step * cutoff)))
+    # least samples by which a segment is continued, mirrored about its ends, before it is filtered; else as many as the cut-off's period has
+    reach = max(15, round(1 / (record.step * cutoff)))
 
     def one(x: Array) -> Array:
         """A piece between gaps, (m,)."""
@@ -132,7 +122,8 @@ def _end(part: Array) -> float:
     at = np.arange(part.size) - (part.size - 1.0)
     slope, level = np.polyfit(at, part, 1).tolist()
     scatter = float(np.std(part - slope * at - level))
-    return float(part[-1]) if abs(part[-1] - level) > _STEP * scatter else float(level)
+    # four standard deviations of the samples about it, by which the end of a noisy signal is off only after a step
+    return float(part[-1]) if abs(part[-1] - level) > 4.0 * scatter else float(level)
 
 
 def derivative(record: Record, values: Array, order: int = 1) -> Array:
@@ -169,13 +160,15 @@ def without_rests(record: Record) -> Record:
     stays = np.append(False, np.diff(record.position) == 0)
     stays[list(record.starts)] = False
     ends = np.flatnonzero(np.diff(np.concatenate([[False], stays, [False]]).astype(int))).reshape(-1, 2)
-    rests = [(a - 1, b) for a, b in ends.tolist() if (b - a) * record.step >= _REST]
+    # 3 s: a joint whose position stays for so long rests; at a slow turn it does for less
+    rests = [(a - 1, b) for a, b in ends.tolist() if (b - a) * record.step >= 3.0]
     moves = np.ones(record.time.size, dtype=bool)
     for start, stop in rests:
         moves[start:stop] = False
     first = {*record.starts, *(stop for _, stop in rests)}
     cuts = sorted({*first, *(start for start, _ in rests), record.time.size})
-    shortest = max(SHORTEST, _SETTLES / (record.cutoff * record.step) if record.cutoff else 0.0)
+    # ten periods of its cut-off that a segment beside a rest has at least
+    shortest = max(SHORTEST, 10.0 / (record.cutoff * record.step) if record.cutoff else 0.0)
     long = [slice(a, b) for a, b in pairwise(cuts) if b - a >= shortest and moves[a]]
     if not rests or 2 * sum(s.stop - s.start for s in long) < np.count_nonzero(moves):
         return record

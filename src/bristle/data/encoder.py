@@ -21,10 +21,6 @@ POSITION_UNITS = {"revolute": ("rad", "deg", "rev", "mrad"), "prismatic": ("m", 
 _NEAR, _ENOUGH = 50.0, 8
 """Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid
 by chance."""
-_DIFFERENT = 3
-"""Multiples of a count among the steps, beyond which a grid is no constant speed, where readings hardly repeat."""
-_WHOLE = 0.5
-"""SI: no encoder has a count so large, rad or m."""
 _FACTOR = 0.05
 """Declared and seen counts differ by less: an encoder is known better than that."""
 _NAMED = 0.01
@@ -70,7 +66,7 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
     if not (seen == np.round(seen)).all() or np.unique(seen).size < 3:
         return None
     size = abs(signal.factor("position", context) / context.to_joint("position"))
-    if size >= _WHOLE:
+    if size >= 0.5:  # no encoder has a count so large, rad or m
         message = (
             f"Every position of {file}{OTHER_FILES} is a whole number of {signal.unit}: encoder counts. Write `unit: counts` under "
             "signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
@@ -95,7 +91,8 @@ def count_mismatch(record: Record, signal: Position | None, context: Context) ->
     levels = np.unique(record.position)
     step, multiples = _grid(levels)
     repeats = levels.size <= record.position.size / 2
-    if not step or multiples.size < _ENOUGH or not (repeats or np.unique(multiples).size > _DIFFERENT):
+    # 3 multiples of a count among the steps, beyond which a grid is no constant speed, where readings hardly repeat
+    if not step or multiples.size < _ENOUGH or not (repeats or np.unique(multiples).size > 3):
         return None
     step /= abs(context.to_joint("position"))
     if context.resolution is None:

@@ -1,114 +1,143 @@
-"""Columns from HDF5 files, and from MATLAB files of version 7.3, which are such.
+"""Columns from HDF5 files, and from MATLAB files of version 7.3, which are such, by the path of a dataset."""
 
-The HDF5 library can crash or hang at a damaged file. So it runs in a process of its own (`hdf5_worker`), which ends
-with the file, and is ended where it takes longer than the size of the file explains.
-"""
-
-import json
-import os
-import subprocess
 import sys
-import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data import hdf5_worker
-from bristle.data.columns import MAX_VALUES, Key, bounded
-from bristle.errors import InputError
+from bristle.data.columns import Key, bounded, is_vector, picked
+from bristle.data.isolated import ask
+from bristle.errors import InputError, short_list
 
-SECONDS, _BYTES_PER_SECOND = 15.0, 5e6
-"""How long a file may take, beside what its size explains."""
-_LONGEST = 1000
-"""Characters of a path."""
-_ADVICE = "write it again, or repair it with h5repack"
-MATLAB_ADVICE = "in MATLAB save it again, or for less than 2 GB with save(file, '-v7', ...)"
-"""What to do about a MAT-file of version 7.3 that is not read."""
+_FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32", 4: "szip", 5: "nbit", 6: "scaleoffset", 32000: "lzf"}
+"""By their number: what HDF5 and h5py bring; no other is loaded."""
+_CHUNK = 2**28
+"""Largest chunk, bytes: a chunk is unpacked whole."""
+_DEEPEST, _HOPS, _LONGEST = 20, 20, 1000
+"""Groups in groups, links to links, and characters of a path."""
+_MATLAB_ADVICE = "in MATLAB save it again, or for less than 2 GB with save(file, '-v7', ...)"
 
 
-def read_hdf5(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of an HDF5 file, each by the path of its dataset, as `/group/position`, `index` picking one of a matrix.
+def read_hdf5(path: Path, keys: Sequence[Key] | None) -> list[Any]:
+    """Columns of an HDF5 file or, by its suffix, a MATLAB file of version 7.3; None: the names of its vectors of numbers.
 
-    A field of a table is the last part of the path: `/log.position` or `/log/position`. Data outside the file (external
-    links and storage, virtual datasets), text, references, lists of any length and filters that h5py does not bring are
-    refused. Raises InputError; needs the extra `hdf5`.
+    A column is the path of its dataset, as `/group/position`, `index` picking one of a matrix; a field of a table is the last
+    part of the path, `/log.position` or `/log/position`. In a MATLAB file it is a dotted path through structs (`data.q`);
+    cells and arrays of structs are not read. Data outside the file (external links and storage, virtual datasets), text,
+    references, lists of any length and filters that h5py does not bring are refused. Raises InputError; needs the extra `hdf5`.
     """
-    return _read(path, keys, matlab=False)
-
-
-def hdf5_names(path: Path) -> tuple[str, ...]:
-    """Paths of the vectors of numbers in an HDF5 file. Raises InputError; needs the extra `hdf5`."""
-    return tuple(_ask(path, None, matlab=False)[0]["names"])
-
-
-def read_mat_7_3(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a MATLAB file of version 7.3, by variable or dotted path through structs (`data.q`).
-
-    Cells and arrays of structs are not read. Raises InputError; needs the extra `hdf5`.
-    """
-    for key in keys:
-        if isinstance(key.column, str) and set(key.column) & set("{}()"):
-            raise InputError(
-                f"column {key} is in a cell or an array of structs, which of version 7.3 is not read; {MATLAB_ADVICE}"
-            )
-    return _read(path, keys, matlab=True)
-
-
-def mat_7_3_names(path: Path) -> tuple[str, ...]:
-    """Dotted paths of the vectors of numbers in a MATLAB file of version 7.3. Raises InputError; needs the extra `hdf5`."""
-    return tuple(_ask(path, None, matlab=True)[0]["names"])
-
-
-def _read(path: Path, keys: Sequence[Key], *, matlab: bool) -> dict[Key, Array]:
-    for key in keys:
-        if not isinstance(key.column, str) or len(key.column) > _LONGEST:
-            raise InputError(f"column {key} is no path; expected the name of a dataset, as /group/position")
-    if not keys:
-        _ask(path, None, matlab=matlab)
-        return {}
-    answer, values = _ask(path, [[key.column, key.index] for key in keys], matlab=matlab)
-    ends = np.cumsum(answer["lengths"])
-    return {key: part.astype(float) for key, part in zip(keys, np.split(values, ends[:-1]), strict=True)}
-
-
-def _ask(path: Path, keys: list[Any] | None, *, matlab: bool) -> tuple[dict[str, Any], Array]:
-    """What the worker answers: a header, and the columns after one another. Raises InputError."""
-    _check_installed(matlab=matlab)
-    asked = {"path": str(path.absolute()), "keys": keys, "matlab": matlab, "most": MAX_VALUES}
-    with tempfile.TemporaryFile() as out:
-        _run(asked, out, SECONDS + path.stat().st_size / _BYTES_PER_SECOND)
-        out.seek(0)
-        answer = json.loads(out.readline() or b'{"damaged": "no answer"}')
-        if "error" in answer:
-            raise InputError(answer["error"])
-        if "damaged" in answer:
-            what = "MAT-file of version 7.3" if matlab else "HDF5 file"
-            raise InputError(f"is damaged, or no {what} ({answer['damaged']}); {MATLAB_ADVICE if matlab else _ADVICE}")
-        bounded(sum(answer.get("lengths", ())))
-        return answer, np.frombuffer(out.read(), "<f8")
-
-
-def _run(asked: dict[str, Any], out: IO[bytes], seconds: float) -> None:
-    """Run the worker to its end. Raises InputError where it crashes, or takes too long."""
-    command = [sys.executable, "-I", hdf5_worker.__file__]
-    environment = {**os.environ, "HDF5_PLUGIN_PRELOAD": "::"}  # no filters from elsewhere
-    try:
-        ran = subprocess.run(  # noqa: S603  # our own worker
-            command, input=json.dumps(asked).encode(), stdout=out, stderr=subprocess.DEVNULL, timeout=seconds, env=environment, check=False,
-        )  # fmt: skip  # one call
-    except subprocess.TimeoutExpired as error:
-        raise InputError(
-            f"is damaged, or on a slow disk: the HDF5 library took over {seconds:.0f} s; {_ADVICE}"
-        ) from error
-    if ran.returncode:
-        raise InputError(f"is damaged: the HDF5 library crashed at it (exit code {ran.returncode}); {_ADVICE}")
-
-
-def _check_installed(*, matlab: bool) -> None:
+    matlab = _is_matlab(path)
     if sys.modules.get("h5py", "") is None or find_spec("h5py") is None:
-        what, also = ("a MAT-file of version 7.3 (HDF5)", f", or {MATLAB_ADVICE}") if matlab else ("an HDF5 file", "")
+        what, also = ("a MAT-file of version 7.3 (HDF5)", f", or {_MATLAB_ADVICE}") if matlab else ("an HDF5 file", "")
         raise InputError(f"is {what}, which needs h5py; install it with pip install 'bristle[hdf5]'{also}")
+    what = "MAT-file of version 7.3" if matlab else "HDF5 file"
+    advice = _MATLAB_ADVICE if matlab else "write it again, or repair it with h5repack"
+    return ask(columns_of, path, keys, "the HDF5 library", what, advice)
+
+
+def _is_matlab(path: Path) -> bool:
+    return path.suffix.lower() == ".mat"
+
+
+def columns_of(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
+    """The columns of some keys, or (None) the names of all vectors of numbers."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        if keys is None:
+            yield from _names(file, "" if _is_matlab(path) else "/", 0, matlab=_is_matlab(path))
+        for key in keys or ():
+            yield _column(file, key, matlab=_is_matlab(path))
+
+
+def _column(file: Any, key: Key, *, matlab: bool) -> Array:
+    """One column as floats; MATLAB's matrices stand with their rows last."""
+    import h5py
+
+    if matlab and isinstance(key.column, str) and set(key.column) & set("{}()"):
+        raise InputError(
+            f"column {key} is in a cell or an array of structs, which of version 7.3 is not read; {_MATLAB_ADVICE}"
+        )
+    dataset, field = _opened(file, key, "." if matlab else "/")
+    if not isinstance(dataset, h5py.Dataset):
+        there = short_list(dataset) if hasattr(dataset, "keys") else "nothing"
+        raise InputError(f"column {key} is a group, with {there}; name a dataset")
+    names, dtype = dataset.dtype.names, dataset.dtype if field is None else dataset.dtype[field]
+    if field is None and names:
+        raise InputError(
+            f"column {key} is a table with the fields {short_list(names)}; name one, as in {key}.{names[0]}"
+        )
+    kind = _class(dataset)
+    if dtype.kind not in "iufb" or kind in ("char", "cell", "function_handle"):
+        what = kind or ("text, references or lists" if dtype.kind in "OSU" else f"values of type {dtype}")
+        raise InputError(f"column {key} holds no plain numbers, but {what[:60]}; expected one real number per sample")
+
+    # what is stored elsewhere, packed in an unknown way, or too large, is refused before it is read
+    if dataset.is_virtual or dataset.external:
+        raise InputError(f"column {key} is stored in other files; copy the data into the file")
+    plan = dataset.id.get_create_plist()
+    foreign = [n for k in range(plan.get_nfilters()) if (n := plan.get_filter(k)[0]) not in _FILTERS]
+    if foreign:
+        raise InputError(
+            f"column {key} is packed by filter {foreign[0]}; expected one of {', '.join(_FILTERS.values())}; repack it with h5repack"
+        )
+    if dataset.chunks and np.prod(dataset.chunks, dtype=float) * dataset.dtype.itemsize > _CHUNK:
+        raise InputError(f"column {key} has chunks of over {_CHUNK} bytes; repack it with h5repack")
+    bounded(float(np.prod(dataset.shape or (0,), dtype=float)), f"column {key} ")
+    return picked(dataset if field is None else dataset.fields(field), dataset.shape, key, rows_last=matlab)
+
+
+def _opened(file: Any, key: Key, between: str) -> tuple[Any, str | None]:
+    """The dataset that a path leads to, and the field of it that its last part names; no link leaves the file."""
+    name = key.column if isinstance(key.column, str) and len(key.column) <= _LONGEST else ""
+    here, left, hops = file, [part for part in name.replace(between, "/").split("/") if part], 0
+    if not left or len(left) > 4 * _DEEPEST:
+        raise InputError(f"column {key} is no path; expected the name of a dataset, as /group/position")
+    while left and hasattr(here, "keys"):
+        part = left.pop(0)
+        link, stem = here.get(part, getlink=True), part.rpartition(".")[0]
+        kind = type(link).__name__
+        if link is None and not left and here.get(stem, getlink=True) is not None:
+            left = part.rsplit(".", 1)
+        elif link is None:
+            raise InputError(f"column {key}: nothing is named {part[:60]!r}; there are: {short_list(here)}")
+        elif kind == "HardLink":
+            here = here[part]
+        elif kind == "SoftLink" and hops < _HOPS:
+            hops += 1
+            here = file if link.path.startswith("/") else here
+            left = [x for x in link.path.split("/") if x not in ("", ".")] + left
+        else:
+            raise InputError(
+                f"column {key} is behind a link to another file, or links in a circle; copy the data into the file"
+            )
+    fields = getattr(here.dtype, "names", None) or () if left else ()
+    if left and (len(left) > 1 or left[0] not in fields):
+        raise InputError(f"column {key}: no field {left[0][:60]!r}; there are: {short_list(fields)}")
+    return here, next(iter(left), None)
+
+
+def _class(dataset: Any) -> str:
+    """What MATLAB calls the kind of a variable; empty where it did not write it."""
+    kind = dataset.attrs.get("MATLAB_class", b"")
+    return kind.decode() if isinstance(kind, bytes) else str(kind)
+
+
+def _names(group: Any, before: str, depth: int, *, matlab: bool) -> Iterator[str]:
+    """Paths of the vectors of numbers below a group, through no links."""
+    import h5py
+
+    for name in group:
+        if type(group.get(name, getlink=True)).__name__ != "HardLink" or (matlab and name.startswith("#")):
+            continue
+        here, path = group[name], f"{before}{name}"
+        if isinstance(here, h5py.Dataset):
+            parts = [(f"{path}.{part}", here.dtype[part]) for part in here.dtype.names or ()] or [(path, here.dtype)]
+            shown = not matlab or _class(here) != "char"
+            yield from (part for part, dtype in parts if shown and is_vector(here.shape or (), dtype))
+        elif isinstance(here, h5py.Group) and depth < _DEEPEST:
+            yield from _names(here, f"{path}{'.' if matlab else '/'}", depth + 1, matlab=matlab)

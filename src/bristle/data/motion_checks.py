@@ -20,34 +20,14 @@ _JUMP = 10.0
 """Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
 _MANY, _ALIKE = 20, 0.1
 """Jumps, and the share of their size that they differ by: so many alike may be counts."""
-_MISSING = 0.75
-"""Samples' travel; less is none."""
-_REGULAR = 1e-3
-"""Of a sampling interval: time stamps that deviate less were counted, not measured."""
 _NAMED = 4
 """Places in one sentence."""
-_JITTER = 0.05
-"""Of a sampling interval, standard deviation: less of it hides nothing."""
-_WHITE = -0.6
-"""Correlation of neighbours in what a cubic through neighbours leaves: -0.8 of white noise, positive of a vibration."""
 _DEVIATIONS = 4.0
 """Standard errors by which something is surely not zero: 6e-5 of clean records."""
-_OF_VARIANCE = 2.3
-"""Relative standard error of a variance from the median of sizes, times the root of their number."""
-_REVERSAL = 25
-"""Samples before and after a reversal in which no jump is looked for."""
-_SPANS = (4, 16, 64, 256)
-"""Samples over which travel is compared."""
-_FEWEST = 20
-"""Spans that tell a lag."""
 _HELD = 3
 """Times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample."""
-_SMALLEST = 0.05
-"""Share of the steps of a position that its count is sought in."""
 _BESIDE = 20
 """Samples on either side of a held reading that tell its speed."""
-_LAG = (1.0, 0.01)
-"""A lag is told beyond so many samples, where it changes the velocity by this share (rms)."""
 
 
 def shortened(names: list[str]) -> tuple[str, ...]:
@@ -68,7 +48,8 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
         intervals = np.diff(record.time[s]) / record.step
         found = _jumps(np.diff(record.position[s]), intervals, count)
         places += [(s.start + k, size, samples) for k, size, samples in found]
-        counted = counted and (not found or bool(np.ptp(intervals) <= _REGULAR))
+        # 1e-3 of a sampling interval: time stamps that deviate less were counted, not measured
+        counted = counted and (not found or bool(np.ptp(intervals) <= 1e-3))
     if not places or _are_counts(places):
         return None
     word, rows = _rows(record, signals, [k + 1 for k, *_ in places])
@@ -111,11 +92,12 @@ def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, floa
     along, travel = steps[inner] * np.sign(usual), np.abs(usual) * np.maximum(intervals[inner], 1.0)
     excess = np.where(along > 0, np.maximum(along - travel, 0.0), along)  # a stop is none
     size = np.abs(excess)
-    side = np.sign(usual)  # at a reversal a jump is play: whoever lost samples there would not see it
-    one_way = minimum_filter1d(side, 2 * _REVERSAL + 1) * maximum_filter1d(side, 2 * _REVERSAL + 1) > 0
-    found = (
-        (before * after > 0) & one_way & (size > _MISSING * np.abs(usual)) & (size > _JUMP * _noise(off) + 2 * count)
-    )
+    side = np.sign(
+        usual
+    )  # at a reversal, 25 samples about it, a jump is play: whoever lost samples there would not see it
+    one_way = minimum_filter1d(side, 51) * maximum_filter1d(side, 51) > 0
+    # 0.75 samples' travel; less is none
+    found = (before * after > 0) & one_way & (size > 0.75 * np.abs(usual)) & (size > _JUMP * _noise(off) + 2 * count)
     found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
     best = [k for k in np.flatnonzero(found) if size[k] >= size[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
     lost = np.where(excess < 0, excess - travel, excess)
@@ -164,7 +146,8 @@ def _held(position: Array) -> list[tuple[int, int]]:
     moves = np.flatnonzero(steps)
     if not moves.size:
         return []
-    count = float(np.quantile(np.abs(steps[moves]), _SMALLEST))
+    # 0.05 share of the steps of a position that its count is sought in
+    count = float(np.quantile(np.abs(steps[moves]), 0.05))
     start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
     ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
     start, end, times = start[ok], end[ok], times[ok]
@@ -182,7 +165,7 @@ def irregular_sampling(record: Record) -> Finding | None:
     if record.position is None:
         return None
     jitter = _jitter(record, record.time / record.step)
-    if jitter < _JITTER:
+    if jitter < 0.05:  # 0.05 of a sampling interval, standard deviation: less of it hides nothing
         return None
     if _jitter(record, np.arange(record.time.size, dtype=float), least=0.0) < jitter / 2:
         longest = record.time[max(between_gaps(record), key=lambda s: s.stop - s.start)]
@@ -225,13 +208,15 @@ def _jitter(record: Record, time: Array, least: float = _DEVIATIONS) -> float:
     floor = max(_variance(r[slow]), count * count / 4)  # three times that of counts
     of_speed = float(np.median(x[fast] ** 2))
     more = _variance(r[fast]) - floor
-    error = _OF_VARIANCE * np.sqrt(2 / fast.sum()) * _variance(r[fast])
+    # relative standard error of a variance from the median of sizes, times the root of their number
+    error = 2.3 * np.sqrt(2 / fast.sum()) * _variance(r[fast])
     if not of_speed > 0 or more <= max(least * error, floor):
         return 0.0
     both = fast[1:] & fast[:-1]
     z = np.clip(r / np.sqrt(_variance(r[fast])), -_DEVIATIONS, _DEVIATIONS)
     correlation = float(z[1:][both] @ z[:-1][both]) / max(float(z[1:][both] @ z[1:][both]), 1e-12)
-    return float(np.sqrt(more / of_speed)) if least == 0.0 or correlation < _WHITE else 0.0
+    # correlation of neighbours in what a cubic through neighbours leaves: -0.8 of white noise, positive of a vibration
+    return float(np.sqrt(more / of_speed)) if least == 0.0 or correlation < -0.6 else 0.0
 
 
 def _beside_cubic(time: Array, position: Array) -> tuple[Array, Array]:
@@ -262,14 +247,14 @@ def velocity_lag(record: Record) -> Finding | None:
         return None
     area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
     found = []
-    for span in _SPANS:
+    for span in (4, 16, 64, 256):  # samples over which travel is compared
         ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
         moved, said, changed = (
             np.concatenate([np.diff(x[k]) for k in ends]) for x in (record.position, area, record.velocity)
         )
         X = np.column_stack([changed, said, np.ones(said.size)])
         scale = np.sqrt((X**2).sum(axis=0))
-        if said.size < _FEWEST or not (np.isfinite(scale).all() and scale.all()):
+        if said.size < 20 or not (np.isfinite(scale).all() and scale.all()):  # 20 spans that tell a lag
             continue
         X /= scale
         if np.linalg.matrix_rank(X, tol=1e-6) < X.shape[1]:
@@ -283,7 +268,8 @@ def velocity_lag(record: Record) -> Finding | None:
     if not found:
         return None
     lag, error, share = max(found, key=lambda x: abs(x[0]) / max(x[1], 1e-12))
-    samples, matters = _LAG
+    # a lag is told beyond so many samples, where it changes the velocity by this share (rms)
+    samples, matters = 1.0, 0.01
     if abs(lag) - samples * record.step < _DEVIATIONS * error or share < matters:
         return None
     lags, why, remedy = (

@@ -19,26 +19,12 @@ from bristle.errors import InputError
 from bristle.model.parameters import Kind as JointKind
 
 MovingKind = Literal["ramp", "presliding", "tracking"]
-_MOVES = 0.02
-"""Of the fastest speed: what is slower, and not held, is at rest."""
 _SMOOTH = 10.0
 """Hz: the low pass of the speed by which rest is told from motion."""
 _BEND = {"revolute": 0.1, "prismatic": 0.005}
 """rad or m: no bristle bends further, so a longer displacement is a motion."""
-_LOADING = 0.5
-"""s: a shorter rise of the torque is the beginning of a motion."""
-_LOADED = 0.2
-"""Of a run: a presliding one loads for so long."""
-_AT_REST = 0.5
-"""Of the time below the breakaway torque: a joint that is loaded slowly rests for so long, one that moves passes."""
-_SPRING = 0.3
-"""Correlation of torque and position of a joint that rests on its bristles."""
-_FLAT = (0.8, 1 / 3)
-"""A joint that slides has this share of its largest torque for this share of the time; slow loading passes it."""
 _SURELY = 0.9
 """Of its motion and loading: what a run does for so long needs no other runs to tell."""
-_MOSTLY = 0.79
-"""Of its motion: a run that holds velocities for less tells more as a tracking run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,7 +52,8 @@ class Stretches:
     @property
     def kind(self) -> MovingKind:
         """What it does most."""
-        if self.loaded + self.broken > max(self.held, self.moving) and self.loaded >= _LOADED * self.total:
+        # 0.2 of a run: a presliding one loads for so long
+        if self.loaded + self.broken > max(self.held, self.moving) and self.loaded >= 0.2 * self.total:
             return "presliding"
         return "ramp" if self.held > self.moving + self.loaded + self.broken else "tracking"
 
@@ -79,7 +66,8 @@ class Stretches:
     @property
     def steadily(self) -> bool:
         """Whether it does hardly anything but hold velocities, or holds a single one, as one log of a series does."""
-        return len(self.speeds) == 1 or self.held >= _MOSTLY * (self.held + self.moving + self.broken)
+        # 0.79 of its motion: a run that holds velocities for less tells more as a tracking run
+        return len(self.speeds) == 1 or self.held >= 0.79 * (self.held + self.moving + self.broken)
 
     def unused(self, kind: str) -> float:
         """Share of the motion that a fit of this kind leaves out; a tracking run is used whole."""
@@ -150,7 +138,8 @@ def _moves(record: Record) -> NDArray[np.bool_]:
     short = min(np.diff([*record.starts, velocity.size])) < 2
     slow = velocity if short or _SMOOTH * record.step >= 0.5 else smoothed(record, velocity, _SMOOTH)
     speed = np.abs(slow)
-    return np.asarray(speed > _MOVES * speed.max(initial=0.0))
+    # 0.02 of the fastest speed: what is slower, and not held, is at rest
+    return np.asarray(speed > 0.02 * speed.max(initial=0.0))
 
 
 def _slow_loadings(record: Record, joint: JointKind) -> list[Loading]:
@@ -161,7 +150,10 @@ def _slow_loadings(record: Record, joint: JointKind) -> list[Loading]:
     except InputError:  # the joint slides
         return []
     return [
-        x for x in found if x.time.size and x.time[-1] >= _LOADING and x.displacement.max(initial=0.0) <= _BEND[joint]
+        # 0.5 s: a shorter rise of the torque is the beginning of a motion
+        x
+        for x in found
+        if x.time.size and x.time[-1] >= 0.5 and x.displacement.max(initial=0.0) <= _BEND[joint]
     ]
 
 
@@ -188,9 +180,11 @@ def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
         for x in (record.position, direction, record.torque)
     )
     with_q, with_side = (float(x @ T) / max(float(np.linalg.norm(x)), 1e-300) for x in (q, side))
-    size, (share, most) = np.abs(record.torque[loaded]), _FLAT
+    # a joint that slides has this share of its largest torque for this share of the time; slow loading passes it
+    size, (share, most) = np.abs(record.torque[loaded]), (0.8, 1 / 3)
     slides = with_side > with_q and float(np.mean(size > share * np.quantile(size, 0.99))) > most
-    return with_q > _SPRING * float(np.linalg.norm(T)) and not slides
+    # correlation of torque and position of a joint that rests on its bristles
+    return with_q > 0.3 * float(np.linalg.norm(T)) and not slides
 
 
 def _breaks_away(record: Record, loadings: Sequence[Loading], loaded: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -199,5 +193,6 @@ def _breaks_away(record: Record, loadings: Sequence[Loading], loaded: NDArray[np
     if not torques or record.torque is None:
         return np.zeros(loaded.size, dtype=bool)
     below = np.abs(record.torque) < max(torques)
-    rests = np.count_nonzero(loaded & below) >= _AT_REST * np.count_nonzero(below)
+    # 0.5 of the time below the breakaway torque: a joint that is loaded slowly rests for so long, one that moves passes
+    rests = np.count_nonzero(loaded & below) >= 0.5 * np.count_nonzero(below)
     return np.full(loaded.size, rests) & ~loaded

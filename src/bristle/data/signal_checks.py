@@ -28,12 +28,6 @@ _FEWEST = 20
 """Spans that tell a factor."""
 _FACTOR = 0.05
 """Velocity and position of one motion differ by less: sampling rates and gears are known better than that."""
-_DEVIATIONS = 4.0
-"""Standard errors by which a factor is surely not one: 6e-5 of clean records."""
-_TOGETHER = 2.0
-"""A factor is told where noise leaves it uncertain by less than this."""
-_UNRELATED = 0.7
-"""Correlation over a span that a velocity and its position have, where neither is mere noise."""
 _UNITS = {
     "velocity": {
         "revolute": ("rad/s", "deg/s", "rpm", "rev/s", "mrad/s"),
@@ -120,7 +114,8 @@ def travel_ratio(record: Record) -> TravelRatio | None:
         size = max(abs(correlation), 1e-9)
         value = np.sqrt(moved_2 / said_2)
         error = np.sqrt(max(1 - size**2, 0.0) / (moved.size - 2)) / size
-        away = size * np.exp(-min(_DEVIATIONS * error, 50.0))
+        # four standard errors by which a factor is surely not one: 6e-5 of clean records
+        away = size * np.exp(-min(4.0 * error, 50.0))
         found = TravelRatio(float(np.copysign(value, correlation)), value * away, value / away, correlation)
         if best is None or found.low * best.high > best.low * found.high:
             best = found
@@ -131,9 +126,10 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     ratio = travel_ratio(record)
     if ratio is None:
         return None
-    if abs(ratio.correlation) < _UNRELATED:
+    # correlation over a span that a velocity and its position have, where neither is mere noise
+    if abs(ratio.correlation) < 0.7:
         return _unrelated(record, ratio)
-    sure = ratio.high < _TOGETHER * ratio.low
+    sure = ratio.high < 2.0 * ratio.low  # a factor is told where noise leaves it uncertain by less than this
     if not sure or (ratio.value > 0 and ratio.low < 1 + _FACTOR and ratio.high > 1 - _FACTOR):
         return None
     remedy = " or ".join(_remedies(signals, context, ratio.value))

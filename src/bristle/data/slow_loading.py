@@ -25,32 +25,8 @@ _PROMINENT = 0.1
 ONSET = 10.0
 """Sliding begins where the joint moves this many times as fast as in the first half of its loading: LuGre's own creep does
 so within a tenth below g0, for its speed under a ramp is as 1 / (1 - T / g0)."""
-_FLOOR = 5.0
-"""... and this many times the deviation that counts alone give its speed."""
-_STEPS = 3.0
-"""Counts that a joint slides at least; fewer are steps of the encoder."""
-_TRAVELS = 2.0
-"""Times the way up to there: a joint that goes on for this far slides; one that goes on for less may merely creep."""
-_PEAK = 0.99
-"""Of its largest torque: up to where a piece is looked at for sliding, since a joint that slides stops as the torque falls."""
-_EXCEEDED = 1.02
-"""Times the torque of an onset: where another loading held that much, noise aside, the onset was none."""
-_NOISES = 4.0
-"""Standard deviations that the largest of some thousand noisy torques may be too large."""
-_HELD = 0.9
-"""Of its largest torque: where a piece ends, so that a torque that is held belongs to it, and its fall does not."""
-_SHORTEST = 8
-"""Samples in a piece."""
-_SLIDES = (0.05, 0.8)
-"""A run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not
-load."""
 _CLOSED = 0.1
 """Of the range of torque: how far apart the ends of a closed cycle may be."""
-
-_EDGES = 4
-"""Count edges kept, at the most, for each reading."""
-_COUNTS = 2.0**40
-"""Counts that no encoder has over any travel."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +149,8 @@ def find_loadings(
         if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
             continue  # faster than the low pass can follow: a step, and no slow loading
         torque_along, position_along = sign * slow[piece], sign * position[piece]
-        least = _Least(0.5 * _FLOOR * quantum * cutoff, _STEPS * quantum, 0.5 / (cutoff * record.step))
+        # five times the deviation that counts alone give its speed, and three counts, for fewer are steps of the encoder
+        least = _Least(0.5 * 5.0 * quantum * cutoff, 3.0 * quantum, 0.5 / (cutoff * record.step))
         moved, name = position_along - position_along[0], "+" if sign > 0 else "-"
         slide = _slides_at(torque_along, moved, sign * speed[piece], least, breakaway, held.get(name, 0.0))
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
@@ -238,7 +215,7 @@ def _quantum(record: Record, position: Array, resolution: float | None) -> float
 
     Raises InputError where the joint would have moved more counts than any encoder has.
     """
-    if resolution and not np.ptp(position) / resolution < _COUNTS:
+    if resolution and not np.ptp(position) / resolution < 2.0**40:  # 2.0**40 counts that no encoder has over any travel
         raise InputError(
             f"{record.file}: the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution, more than any encoder has; "
             "check its unit"
@@ -271,12 +248,14 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
             part = torque[first : turn + 1]
             sign = 1.0 if part.max() + part.min() > 2 * part[0] else -1.0
             most = float((sign * part).max())
-            last = first + int(np.flatnonzero(sign * part >= most - (1 - _HELD) * abs(most))[-1])
+            # 0.9 of its largest torque: where a piece ends, so that a torque that is held belongs to it, and its fall does not
+            last = first + int(np.flatnonzero(sign * part >= most - (1 - 0.9) * abs(most))[-1])
             part = part[: last + 1 - first]
             before = np.flatnonzero(sign * part <= 0)
             start = first + (int(before[-1]) + 1 if before.size else 0)
             unloaded = before.size > 0 or abs(part[0]) <= _CLOSED * np.ptp(torque)
-            if unloaded and last + 1 - start >= _SHORTEST and sign * torque[last] > _PROMINENT * np.ptp(torque):
+            # 8 samples in a piece
+            if unloaded and last + 1 - start >= 8 and sign * torque[last] > _PROMINENT * np.ptp(torque):
                 pieces.append((slice(start, last + 1), sign))
     return pieces
 
@@ -303,7 +282,8 @@ def _slides_at(
     if breakaway is not None:
         beyond = np.flatnonzero(displacement >= breakaway)
         return int(beyond[0]) if beyond.size else None
-    top = int(np.flatnonzero(torque >= _PEAK * torque.max())[-1]) + 1
+    # 0.99 of its largest torque: up to where a piece is looked at for sliding, since a joint that slides stops as the torque falls
+    top = int(np.flatnonzero(torque >= 0.99 * torque.max())[-1]) + 1
     onset = top
     while onset > 1:
         first = speed[:onset][torque[:onset] <= torque[onset - 1] / 2]
@@ -315,8 +295,10 @@ def _slides_at(
         onset = earlier
     if top - onset <= least.samples or displacement[top - 1] - displacement[onset] < least.travel:
         return None
-    far = float(displacement.max() - displacement[onset]) > _TRAVELS * float(displacement[onset])
-    return None if not far and held > _EXCEEDED * torque[onset] else onset
+    # twice the way up to there: a joint that goes on for this far slides; one that goes on for less may merely creep
+    far = float(displacement.max() - displacement[onset]) > 2.0 * float(displacement[onset])
+    # 1.02 times the torque of an onset: where another loading held that much, noise aside, the onset was none
+    return None if not far and held > 1.02 * torque[onset] else onset
 
 
 def _held(smooth: Array, logged: Array) -> float:
@@ -327,12 +309,14 @@ def _held(smooth: Array, logged: Array) -> float:
     """
     noise = 1.4826 * float(np.median(np.abs(np.diff(logged, 2)))) / 6**0.5
     most = float(logged.max())
-    return min(max(float(smooth.max()), most - _NOISES * noise), most)
+    # four standard deviations that the largest of some thousand noisy torques may be too large
+    return min(max(float(smooth.max()), most - 4.0 * noise), most)
 
 
 def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None, quantum: float) -> None:
     travel, largest = float(np.ptp(position)), float(torque.max())
-    share, level = _SLIDES
+    # a run that has this share of its largest torque (second) within this share of its travel (first) slides, and does not load
+    share, level = 0.05, 0.8
     early = position - position[0] <= share * travel
     if slide is None and travel > 20 * quantum and travel > 0 and torque[early].max(initial=0.0) > level * largest:
         if float((position - position.mean()) @ (torque - torque.mean())) < 0:
@@ -355,7 +339,7 @@ def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
         return np.zeros(0), np.zeros(0)
     count = np.round((position - position[0]) / quantum)
     reached, left = np.maximum.accumulate(count), np.minimum.accumulate(count[::-1])[::-1]
-    every = max(np.ceil(left[-1] / (_EDGES * position.size)), 1.0)
+    every = max(np.ceil(left[-1] / (4 * position.size)), 1.0)  # 4 count edges kept, at the most, for each reading
     levels = every * np.arange(1.0, left[-1] // every + 1)
     after = np.searchsorted(reached, levels, side="left")
     before = np.searchsorted(left, levels, side="left") - 1

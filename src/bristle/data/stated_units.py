@@ -11,9 +11,6 @@ from bristle.data.timestamps import ISO
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 
-_SAME = 1e-6
-"""Units differ by more."""
-
 
 def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple[Finding, ...]:
     """Signals whose unit is another than the one that the file states of their column, `stated` by signal.
@@ -40,7 +37,7 @@ def _alike(unit: str, other: str) -> bool:
     if other.strip().startswith("count"):
         return True
     with suppress(InputError):
-        return abs(units.factor(unit, other) - 1) < _SAME
+        return abs(units.factor(unit, other) - 1) < 1e-6  # units differ by more
     return False
 
 

@@ -6,7 +6,7 @@ Above its table a file may say anything, in lines of any width: where the number
 import csv
 import re
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import IO, NamedTuple
@@ -32,8 +32,6 @@ _STAMP = re.compile(
 _SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)
 """What Excel writes above a table."""
 _BRACKETS = re.compile(r"(.*?)[\s_]*[\[(<](.*?)[\])>]\s*")
-_MOST_LINES = 2000
-"""Lines that are looked at."""
 _HEADED = 3
 """Lines that a sample has at least, if the file has as many: a header, perhaps units, and numbers."""
 _LOOKED_AT = 200
@@ -68,13 +66,6 @@ class Layout(NamedTuple):
     """Whether each channel has a block of two columns, its time and its value."""
 
 
-class _Header(NamedTuple):
-    """Which of the rows above the numbers is which."""
-
-    names: int | None
-    units: int | None
-
-
 Rows = Sequence[Sequence[str]]
 
 
@@ -106,36 +97,41 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     delimiter = told[1] if told else max(_DELIMITERS, key=lambda d: _fitness(body, d))
     cells = [split(line, delimiter) for _, line in rows]
     start = _start(cells)
-    first = tuple(cells[start]) if start < len(cells) else ()
-    width = _width(cells[start:] or cells)
-    skip = rows[start][0] if start < len(cells) else len(lines)
+    table = cells[start:]
+    first = tuple(table[0]) if table else ()
+    width = _width(table or cells)
+    skip = rows[start][0] if table else len(lines)
     above, numbers = cells[:start], [i + 1 for i, _ in rows[:start]]
-    header = _header(above, width)
-    note = _header_note(list(zip(numbers, above, strict=True)), header.names, width) if first else None
-    if header.names is None and comment:
-        above = [split(line, delimiter) for line in _uncommented(lines[:skip], comment)]
+    named, stated = _header(above, width)
+    note = _header_note(list(zip(numbers, above, strict=True)), named, width) if first else None
+    if named is None and comment:
+        said = [line.lstrip() for line in lines[:skip] if line.lstrip().startswith(comment)]
+        above = [split(line.lstrip("#%/").strip(), delimiter) for line in said]
         above = [row for row in above if len(row) == len([c for c in first if c]) > 1]
-        header = _header(above, width)
-    names = () if header.names is None else tuple(above[header.names])
+        named, stated = _header(above, width)
+    names = () if named is None else tuple(above[named])
+    below = [_stated(cell) if cell else "" for cell in (() if stated is None else above[stated])]
+    below += [""] * (len(names) - len(below))
+
+    # a comma in numbers is their decimal sign, but between commas only in quotes, where a thousand may be meant by it
+    commas = [cell for row in table for cell in row if "," in cell and not _STAMP.fullmatch(cell)]
+    thousands = delimiter == "," and all(re.fullmatch(r"[+-]?\d{1,3}(,\d{3})+", cell) for cell in commas)
+    decimal = delimiter != "," or any(is_value(cell) for cell in commas)
     return Layout(
         delimiter,
         names,
         width,
         skip,
-        _decimal(cells[start:], delimiter),
+        "," if commas and decimal and not thousands else ".",
         # pandas would take one slash for it, and cut a cell that holds one
         comment if comment != "//" else None,
         encoding,
         first,
-        _units(above, header, names),
+        tuple(unit or signal_unit(bracketed(name)[1]) for unit, name in zip(below, names, strict=False)),
         tuple(tuple(row) for row in above[-_LOOKED_AT:] if len(row) <= width + 1 and tuple(row) != names),
         note,
-        header.names is not None and _keyed(names).startswith("name"),
+        named is not None and _keyed(names).startswith("name"),
     )
-
-
-def _uncommented(lines: Iterable[str], comment: str) -> list[str]:
-    return [line.lstrip().lstrip("#%/").strip() for line in lines if line.lstrip().startswith(comment)]
 
 
 def _start(cells: Rows) -> int:
@@ -143,7 +139,14 @@ def _start(cells: Rows) -> int:
 
     Rows that look alike above a line of names, as `Range,1,2` does, are no part of it, but those that have a line of names above them are.
     """
-    columns = _columns_of_numbers(cells)
+    # columns that hold a value in most rows that hold mostly values, far from the file's beginning
+    last = cells[-_LOOKED_AT:]
+    rows = [row for row in last if _values(row) > 0.5] or [row for row in last if _values(row) > 0]
+    usual = _usual([len(row) for row in rows]) if rows else 0
+    rows = [row for row in rows if len(row) == usual]
+    counts = [sum(is_value(row[k]) for row in rows) for k in range(usual)]
+    columns = [k for k, n in enumerate(counts) if n > len(rows) / 2] or [k for k, n in enumerate(counts) if n]
+
     first = next((k for k, row in enumerate(cells) if _is_row(row, columns)), len(cells))
     if first == len(cells):
         return first
@@ -153,16 +156,6 @@ def _start(cells: Rows) -> int:
     between = [row for row in cells[first:later] if _is_names(row, width)]
     named = first > 0 and _is_names(cells[first - 1], width)
     return later if between and not named else first
-
-
-def _columns_of_numbers(cells: Rows) -> list[int]:
-    """Columns that hold a value in most rows that hold mostly values, far from the file's beginning."""
-    last = cells[-_LOOKED_AT:]
-    rows = [row for row in last if _values(row) > 0.5] or [row for row in last if _values(row) > 0]
-    usual = _usual([len(row) for row in rows]) if rows else 0
-    rows = [row for row in rows if len(row) == usual]
-    counts = [sum(is_value(row[k]) for row in rows) for k in range(usual)]
-    return [k for k, count in enumerate(counts) if count > len(rows) / 2] or [k for k, n in enumerate(counts) if n]
 
 
 def _is_row(row: Sequence[str], columns: Sequence[int]) -> bool:
@@ -175,7 +168,7 @@ def _is_names(row: Sequence[str], width: int) -> bool:
     return abs(len(row) - width) <= 1 and any(row) and not any(is_value(cell) for cell in row if cell)
 
 
-def _header(rows: Rows, width: int) -> _Header:
+def _header(rows: Rows, width: int) -> tuple[int | None, int | None]:
     """The row of names and that of units among the rows above the numbers.
 
     Names stand right above the numbers, or above their units; where each channel has a block of its own, in the row in which each begins with `Name`.
@@ -184,25 +177,22 @@ def _header(rows: Rows, width: int) -> _Header:
     fitting = fitting or [k for k, row in enumerate(rows) if abs(len(row) - width) <= 1]
     block = [k for k in fitting if _keyed(rows[k]).startswith("name")]
     if block:
-        return _Header(block[0], next((k for k in fitting if _keyed(rows[k]).startswith("unit")), None))
+        return block[0], next((k for k in fitting if _keyed(rows[k]).startswith("unit")), None)
     places = set(fitting)
     for k in reversed(fitting):
-        if k - 1 in places and any(rows[k - 1]) and _is_units(rows[k]):
-            return _Header(k - 1, k)
+        filled = [cell for cell in rows[k] if cell and cell not in {"1", "-"}]
+        units = filled and all(_stated(cell) or (_inside(cell) is not None) for cell in filled)
+        if k - 1 in places and any(rows[k - 1]) and units:
+            return k - 1, k
         if _is_names(rows[k], width):
-            return _Header(k, None)
-    return _Header(fitting[0] if fitting else None, None)
+            return k, None
+    return (fitting[0] if fitting else None), None
 
 
 def _keyed(row: Sequence[str]) -> str:
     """The word, in small letters, with which each of several channels' blocks begins in a row; empty where there is none."""
     keys = {cell.casefold() for cell in row[::2] if cell}
     return keys.pop() if len(keys) == 1 and len(row) >= 4 and any(row[1::2]) else ""
-
-
-def _is_units(row: Sequence[str]) -> bool:
-    filled = [cell for cell in row if cell and cell not in {"1", "-"}]
-    return bool(filled) and all(_stated(cell) or (_inside(cell) is not None) for cell in filled)
 
 
 def _inside(cell: str) -> str | None:
@@ -221,13 +211,6 @@ def bracketed(name: str) -> tuple[str, str]:
     """`Torque [Nm]` as (Torque, Nm): a name and the unit in brackets behind it; the name as it is where there are none."""
     match = _BRACKETS.fullmatch(name) if len(name) <= LONGEST else None
     return (match[1].strip(), match[2].strip()) if match and match[1].strip() else (name, "")
-
-
-def _units(rows: Rows, header: _Header, names: Sequence[str]) -> tuple[str, ...]:
-    """The unit that the file states of each column, as pint has it."""
-    row = [] if header.units is None else list(rows[header.units])
-    below = [_stated(cell) if cell else "" for cell in row] + [""] * (len(names) - len(row))
-    return tuple(unit or signal_unit(bracketed(name)[1]) for unit, name in zip(below, names, strict=False))
 
 
 def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Finding | None:
@@ -276,15 +259,7 @@ def _decode(file: IO[bytes]) -> tuple[str, list[str]]:
         encoding = encoding if cut or encoding == "utf-16" else "latin-1"
         text = sample.decode(encoding, errors="replace")
     lines = re.split(r"\r\n|\r|\n", text)
-    return encoding, (lines if whole else lines[:-1])[:_MOST_LINES]
-
-
-def _decimal(cells: Rows, delimiter: str) -> str:
-    """The decimal sign: a comma where numbers hold one, which between commas stands in quotes; there a thousand may be meant by it."""
-    commas = [cell for row in cells for cell in row if "," in cell and not _STAMP.fullmatch(cell)]
-    thousands = delimiter == "," and all(re.fullmatch(r"[+-]?\d{1,3}(,\d{3})+", cell) for cell in commas)
-    numbers = delimiter != "," or any(is_value(cell) for cell in commas)
-    return "," if commas and numbers and not thousands else "."
+    return encoding, (lines if whole else lines[:-1])[:2000]  # 2000 lines that are looked at
 
 
 def _fitness(lines: Sequence[str], delimiter: str) -> tuple[float, int]:

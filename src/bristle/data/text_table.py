@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.data import binary_tables
+from bristle.data.binary_tables import READERS, read_binary
 from bristle.data.columns import Key, reading
 from bristle.data.ros.files import is_bag
 from bristle.data.ros.read import read_bag
@@ -29,21 +29,12 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-_LOOKED_THROUGH = 2**26
-"""Bytes of a file whose lines are counted."""
 MAX_BYTES = 2**29
 """Largest data file, bytes."""
 MAX_LINE = 2**20
 """Longest line of a text file, bytes."""
-_BITS = 1023
-"""Of an integer; a longer one is no float."""
-BINARY = {
-    ".mat": binary_tables.read_mat,
-    ".npz": binary_tables.read_npz,
-    ".parquet": binary_tables.read_parquet,
-    ".pq": binary_tables.read_parquet,
-    **dict.fromkeys((".h5", ".hdf5", ".hdf"), binary_tables.read_hdf5),
-}
+_GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")
+"""A number with its thousands set apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +81,12 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
             check_regular(path, name)
             text = is_text(path)
             digest = _digest(path, text=text)
-            table = replace(_read_text(path, keys) if text else _read_binary(path, keys), sha256=digest)
+            if not text and (stamps := next((key for key in keys if key.stamps), None)):
+                raise InputError(
+                    f"column {stamps}: unit iso is for text; expected a time in a unit such as s, ms or ns"
+                )
+            table = _read_text(path, keys) if text else RawTable(columns=read_binary(path, keys), rows=0, sha256="")
+            table = replace(table, sha256=digest)
     lengths = {key: column.size for key, column in table.columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(
@@ -125,15 +121,9 @@ class ReadOnce:
         return replace(table, columns={key: table.columns[key] for key in keys})
 
 
-def _read_binary(path: Path, keys: Sequence[Key]) -> RawTable:
-    if stamps := next((key for key in keys if key.stamps), None):
-        raise InputError(f"column {stamps}: unit iso is for text; expected a time in a unit such as s, ms or ns")
-    return RawTable(columns=BINARY[path.suffix.lower()](path, keys), rows=0, sha256="")
-
-
 def is_text(path: Path) -> bool:
     """Whether a data file is read as text, as its suffix says."""
-    return path.suffix.lower() not in BINARY and not is_bag(path)
+    return path.suffix.lower() not in READERS and not is_bag(path)
 
 
 @contextmanager
@@ -176,8 +166,13 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
     if not layout.first:
         raise InputError("has a header and no row of numbers; expected a log with a row per sample")
     frame = _frame(path, layout, [place for key, place in places.items() if key.stamps])
-    if layout.blocks:
-        _refuse_other_times(frame, places)
+    times = [place for place in places.values() if place % 2 == 0] if layout.blocks else []
+    for key, place in places.items():  # channels of a time and a value each have one time
+        if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):
+            raise InputError(
+                f"column {key} has a time of its own, column {place - 1}, which is not that of column {times[0]}; "
+                f"add time: {place - 1} to the signal"
+            )
     comma = Finding("decimal-comma", CAUTION, "Numbers have a decimal comma.") if layout.decimal == "," else None
     notes = tuple(filter(None, (layout.note, comma)))
     stamps = {key: seconds_of_stamps(frame[place], str(key)) for key, place in places.items() if key.stamps}
@@ -192,17 +187,6 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
         units={key: unit for key, unit in stated.items() if unit},
         origins={key: origin for key, (_, origin) in stamps.items()},
     )
-
-
-def _refuse_other_times(frame: "pd.DataFrame", places: Mapping[Key, int]) -> None:
-    """Raises InputError where channels of a file of blocks, a time and a value each, are read with a time that is another one's."""
-    times = [place for place in places.values() if place % 2 == 0]
-    for key, place in places.items():
-        if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):
-            raise InputError(
-                f"column {key} has a time of its own, column {place - 1}, which is not that of column {times[0]}; "
-                f"add time: {place - 1} to the signal"
-            )
 
 
 def _frame(path: Path, layout: Layout, stamps: Sequence[int]) -> "pd.DataFrame":
@@ -234,7 +218,7 @@ def _frame(path: Path, layout: Layout, stamps: Sequence[int]) -> "pd.DataFrame":
 
 def _line_by_line(path: Path, layout: Layout, rows: int) -> bool:
     """Whether each line after the header is one row of numbers, in a file that is short enough to look."""
-    if path.stat().st_size > _LOOKED_THROUGH:
+    if path.stat().st_size > 2**26:  # 2**26 bytes of a file whose lines are counted
         return False
     with path.open(encoding=layout.encoding, errors="replace") as file:
         lines = [line.strip() for line in file]
@@ -283,36 +267,26 @@ def _named(column: str, index: int | None, layout: Layout) -> list[int]:
     return every[int(number) - 1 : int(number)] if int(number) else []
 
 
-def _cell(cell: object) -> object:
-    """The cell; None where it is no number that a float could hold."""
-    long = (isinstance(cell, str) and len(cell) > LONGEST) or (isinstance(cell, int) and cell.bit_length() > _BITS)
-    return None if isinstance(cell, bool) or long else cell
-
-
 def _numbers(column: "pd.Series[float]", key: Key) -> Array:
+    """The numbers of a column; one that no float could hold is none."""
     import pandas as pd
 
     if column.dtype.kind in "iuf":
         return np.asarray(column, dtype=float)
     text = column.astype(object)
-    numbers = pd.to_numeric(text.map(_cell), errors="coerce")
+    # 1023 of an integer; a longer one is no float
+    long = (len(x) > LONGEST if isinstance(x, str) else isinstance(x, int) and x.bit_length() > 1023 for x in text)
+    none = np.fromiter((is_long or isinstance(x, bool) for is_long, x in zip(long, text, strict=True)), bool, text.size)
+    numbers = pd.to_numeric(text.mask(none), errors="coerce")
     bad = np.flatnonzero(numbers.isna() & text.notna())
     if bad.size:
-        held = text.iloc[bad[0]]
+        held, advice = text.iloc[bad[0]], ""
+        if isinstance(held, str) and len(held) <= LONGEST:  # it is nearly a number
+            if _GROUPED.fullmatch(held):
+                advice = " without separators of thousands, which the log is exported with"
+            elif is_stamp(held):
+                advice = ", and a column of dates or times of day has unit: iso"
         raise InputError(
-            f"row {bad[0] + 1} of column {key} holds {short(held)}; expected a number{_advice(held)} (rows count from 1, after the header)"
+            f"row {bad[0] + 1} of column {key} holds {short(held)}; expected a number{advice} (rows count from 1, after the header)"
         )
     return np.asarray(numbers, dtype=float)
-
-
-_GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")
-"""A number with its thousands set apart."""
-
-
-def _advice(cell: object) -> str:
-    """What to do about a cell that is nearly a number."""
-    if not isinstance(cell, str) or len(cell) > LONGEST:
-        return ""
-    if _GROUPED.fullmatch(cell):
-        return " without separators of thousands, which the log is exported with"
-    return ", and a column of dates or times of day has unit: iso" if is_stamp(cell) else ""

@@ -13,8 +13,6 @@ if TYPE_CHECKING:
 
 ISO = "iso"
 """The unit of a time column that holds dates or times of day."""
-_LONGEST = 60
-"""Characters of a date with its time and its zone."""
 _DAY = 86_400 * 10**9
 _CLOCK = re.compile(r"\d\d?:\d\d:\d\d(\.\d+)?")
 _POINTS = re.compile(r"\d\d?\.\d\d?\.\d{4} .*")
@@ -32,7 +30,8 @@ def seconds_of_stamps(column: "pd.Series[str]", name: str) -> tuple[Array, int]:
     text = column.str.strip().str.replace(",", ".", regex=False)
     filled = text.notna().to_numpy()
     first = str(text[filled].iloc[0]) if filled.any() else ""
-    counted = _nanoseconds(text.where(text.str.len() <= _LONGEST), first)
+    # 60 characters of a date with its time and its zone
+    counted = _nanoseconds(text.where(text.str.len() <= 60), first)
     bad = np.flatnonzero(filled & (counted == _MISSING))
     if bad.size:
         raise InputError(

@@ -12,36 +12,12 @@ from bristle.data.record import OTHER_FILES, Record
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, CRITICAL, Finding
 
-_LEVELS = 20
-"""A signal has more levels than this, or nothing can be said of how often it takes one."""
-_POINTS_A_LEVEL = 4
-"""... or, of few points, so many points to a level: most of them are then levels of their own."""
 _PILED, _NEXT = 4.0, 3
 """A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
-_BESIDE = 0.05
-"""Of the range of a torque: how far its next value is from a limit, at the most."""
-_CLIPPED = (0.005, 8)
-"""... which is at least this share of its samples, and so many of them."""
-_LEFT = 0.5
-"""Of the samples: where more are clipped, too little is left to fit."""
 _SAME, _REPEATS = 3, 0.1
 """Points of several speeds that do not have the very same torque by chance, the largest, where no more than this share of the others repeats one."""
-_DEAD = (5e-4, 4)
-"""A dead zone takes at least this share of the samples, and so many of them."""
-_COARSE = (64, 0.5)
-"""A torque of fewer levels than this, that stays at one from sample to sample more often than not, is rounded coarsely."""
-_CROSSES = 0.5
-"""Of the samples at zero, those that lie between torques of opposite sign."""
-_RESTS = 0.001
-"""Of the mean speed: a joint that is slower while its torque is zero rests."""
 _PARTS = 100
 """The first of so many parts of slow loading, but no less than ..."""
-_FEWEST = 20
-"""... so many samples, tell with what it begins."""
-_BEGINS = 0.02
-"""Of the largest torque of slow loading: what it begins with is told beyond this."""
-_DEVIATIONS = 4.0
-"""Standard errors by which that is surely not zero: 6e-5 of clean records."""
 
 
 def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
@@ -64,7 +40,8 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
 def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
     """Which samples of a run are clipped: the true torque there is unknown, (n,); none where hardly any others are left."""
     clipped = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
-    return clipped if clipped.mean() < _LEFT else np.zeros(clipped.size, dtype=bool)
+    # 0.5 of the samples: where more are clipped, too little is left to fit
+    return clipped if clipped.mean() < 0.5 else np.zeros(clipped.size, dtype=bool)
 
 
 def _limits(record: Record, kind: RunKind) -> list[float]:
@@ -73,13 +50,14 @@ def _limits(record: Record, kind: RunKind) -> list[float]:
         return []
     if kind == "points":
         return _limits_of_points(record.torque, record.velocity)
-    part, few = _CLIPPED
+    part, few = 0.005, 8  # this share of the samples at least, and so many of them
     least = max(part * record.torque.size, few if record.torque.size > 200 else 3)
     ends = (record.torque.min(), record.torque.max())
     if max(np.count_nonzero(record.torque == end) for end in ends) < least:  # told before all levels are counted
         return []
     levels, counts = np.unique(record.torque, return_counts=True)
-    if levels.size <= min(_LEVELS, record.torque.size // _POINTS_A_LEVEL):
+    # with fewer levels nothing can be said of how often one is taken; of few points most are levels of their own
+    if levels.size <= min(20, record.torque.size // 4):
         return []
     padded = np.pad(counts, _NEXT)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
@@ -87,7 +65,8 @@ def _limits(record: Record, kind: RunKind) -> list[float]:
     piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
     alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
     gaps = np.diff(levels)
-    near = {k for k in (0, -1) if not gaps.size or gaps[k] < _BESIDE * gaps.sum()}  # a step jumps to its level
+    # 0.05 of the range of a torque: how far its next value is from a limit, at the most
+    near = {k for k in (0, -1) if not gaps.size or gaps[k] < 0.05 * gaps.sum()}  # a step jumps to its level
     at = [k for k in (0, -1) if k in near and (piled[k] or (alike and piled[-1 - k]))]
     if (piled[1:-1] & (levels[1:-1] != 0)).any():  # a command, which holds other values too
         return []
@@ -137,14 +116,16 @@ def _loaded_at_start(record: Record) -> Finding | None:
     """A slow loading whose torque, by the line through its first samples, does not begin at zero."""
     if record.torque is None or record.torque.size < _PARTS:
         return None
-    first = max(record.torque.size // _PARTS, _FEWEST)
+    first = max(record.torque.size // _PARTS, 20)  # the first part tells with what it begins
     time, torque = record.time[:first] - record.time[0], record.torque[:first]
     X = np.column_stack([np.ones(first), time])
     (begins, slope), (of_begins, _) = np.linalg.lstsq(X, torque, rcond=None)[0], np.linalg.inv(X.T @ X).diagonal()
     rest = torque - begins - slope * time
     error = np.sqrt(rest @ rest / (first - 2) * of_begins * inflation(rest))
     largest = float(np.abs(record.torque).max())
-    if abs(begins) <= max(_DEVIATIONS * error, _BEGINS * largest):
+    # 0.02 of the largest torque of slow loading: what it begins with is told beyond this
+    # four standard errors by which that is surely not zero: 6e-5 of clean records
+    if abs(begins) <= max(4.0 * error, 0.02 * largest):
         return None
     share = abs(begins) / largest
     message = (
@@ -160,7 +141,7 @@ def _dead_zone(record: Record) -> Finding | None:
     if torque is None or position is None or record.voltage is not None:
         return None
     zero = torque == 0
-    part, few = _DEAD
+    part, few = 5e-4, 4  # a dead zone takes at least this share of the samples, and so many of them
     if zero.sum() < max(part * torque.size, few) or zero.sum() < _PILED * _most_often(np.abs(torque[~zero])):
         return None
     starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
@@ -169,8 +150,10 @@ def _dead_zone(record: Record) -> Finding | None:
     samples = (stops - starts)[whole]
     steps = np.abs(np.diff(position))
     inside = steps[zero[1:] & zero[:-1]]
-    rests = inside.size > 0 and inside.mean() < _RESTS * steps.mean()
-    if rests or samples[crosses].sum() < _CROSSES * samples.sum():
+    # 0.001 of the mean speed: a joint that is slower while its torque is zero rests
+    rests = inside.size > 0 and inside.mean() < 0.001 * steps.mean()
+    # 0.5 of the samples at zero, those that lie between torques of opposite sign
+    if rests or samples[crosses].sum() < 0.5 * samples.sum():
         return None
     share = float(zero.mean())
     message = (
@@ -190,7 +173,8 @@ def _coarse(record: Record, kind: RunKind) -> Finding | None:
     if torque is None or record.voltage is not None or torque.size < _PARTS:
         return None
     step, reach = smallest_step(torque), float(np.ptp(torque))
-    most, stays = _COARSE
+    # a torque of fewer levels than this, that stays at one from sample to sample more often than not, is rounded coarsely
+    most, stays = 64, 0.5
     if not step or reach > most * step or np.mean(np.diff(torque) == 0) < stays:
         return None
     levels = round(reach / step) + 1

@@ -15,8 +15,7 @@ from scipy.special import fdtrc
 from bristle.arrays import Array
 from bristle.data.differentiation import smoothed
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.orders import PERIODIC
-from bristle.data.experiment.schema import PlusMinus
+from bristle.data.experiment.schema import PERIODIC, PlusMinus
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
 from bristle.errors import InputError

@@ -8,7 +8,7 @@ from scipy.special import chdtri
 
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.orders import PERIODIC
+from bristle.data.experiment.schema import PERIODIC
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.levels import SIGNIFICANCE

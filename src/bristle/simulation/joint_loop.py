@@ -13,7 +13,8 @@ from bristle.control.adaptation import Adaptation, Law, steady_gradient
 from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import Case
 from bristle.control.pid import Gains
-from bristle.data.experiment.load import AdaptOptions, Experiment
+from bristle.data.experiment.load import Experiment
+from bristle.data.experiment.schema import AdaptOptions
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import (

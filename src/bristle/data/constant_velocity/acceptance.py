@@ -1,34 +1,33 @@
 """Whether a candidate counts as motion at constant velocity: each reason says what would have let it in."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil, floor, log10
+from typing import Annotated
+
+from pydantic import Field
 
 from bristle.data.constant_velocity.statistics import Evidence, Scale
+from bristle.data.experiment.signals import Seconds, Speed, quantity
+from bristle.data.experiment.yaml_file import StrictModel
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
-_TOLERANCE = 0.05
-"""Default drift of the velocity, relative to its mean; or what noise alone gives, where that is more."""
-_SWING = 0.25
-"""Scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to
-speak of."""
 _SHARE = 0.25
 """Of the typical plateau of a run: what is shorter both in time and in travel is a piece of something else."""
 _INDEPENDENT = 5.0
 """Fewest independent samples of velocity and torque."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Thresholds:
-    """What a constant-velocity segment must satisfy. None: from the data's own noise floor."""
+class Thresholds(StrictModel):
+    """What a constant-velocity segment must satisfy, as under `segments`. None: from the data's own noise floor."""
 
-    minimum_duration: float | None = None
+    minimum_duration: Seconds | None = None
     """Shortest segment that counts, s."""
-    velocity_tolerance: float | None = None
+    velocity_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
     """Largest drift of the velocity over a segment, relative to its mean."""
-    torque_limit: float | None = None
+    torque_limit: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
     """Torque at which the drive saturates, N*m."""
-    minimum_velocity: float | None = None
+    minimum_velocity: Speed | None = None
     """Slowest mean velocity that counts as motion, rad/s."""
 
 
@@ -129,7 +128,8 @@ def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Finding 
 def _accelerating(e: Evidence, t: Thresholds) -> Finding | None:
     """Transient, with a whole message, where no tolerance would let it in."""
     speed = abs(e.velocity)
-    tolerance = max(_TOLERANCE * speed, min(e.drift_noise, 0.5 * speed))
+    # default drift of the velocity, relative to its mean; or what noise alone gives, where that is more
+    tolerance = max(0.05 * speed, min(e.drift_noise, 0.5 * speed))
     allowed = tolerance if t.velocity_tolerance is None else t.velocity_tolerance * speed
     if e.drift <= allowed:
         return None
@@ -159,7 +159,8 @@ def _hunting(e: Evidence) -> Finding | None:
 
 def _unsteady(e: Evidence, t: Thresholds) -> Finding | None:
     speed = abs(e.velocity)
-    allowed = max(_SWING, t.velocity_tolerance or 0.0) * speed
+    # scatter of the mean velocities of eighths of a segment, relative to their mean, beyond which there is no mean to speak of
+    allowed = max(0.25, t.velocity_tolerance or 0.0) * speed
     if e.scatter <= allowed:
         return None
     unit = unit_of("velocity")

@@ -23,13 +23,6 @@ _ENOUGH = 512
 """Blocks beyond which one looks only where no more than half is explained: the work grows with their square."""
 _COLUMNS = 64
 """Ends of lines whose costs are found at once."""
-_CONSTANT = 0.05
-"""Swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion,
-not less noise."""
-_SETTLING = 4.0
-"""Standard errors by which the halves of a plateau differ whose torque still settles."""
-_TRIMS = 64
-"""Parts of a plateau of which the first may be dropped."""
 _PRIOR = 4.0
 """Degrees of freedom of the prior on each line's noise."""
 
@@ -186,7 +179,7 @@ def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
     The marginal standard error rule (White, 1997). Where the halves of what is left differ, the torque still settles, as that of a bristle
     does over several of its deflections: then in the first three quarters.
     """
-    length = max((s.stop - s.start) // _TRIMS, 1)
+    length = max((s.stop - s.start) // 64, 1)  # 64 parts of a plateau of which the first may be dropped
     count = (s.stop - s.start) // length
     t = torque[s.start : s.start + count * length].reshape(count, length).mean(axis=1)
     first = 0
@@ -200,7 +193,8 @@ def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
             if min(x.size for x in halves) > 1
             else np.inf
         )
-        if apart <= _SETTLING * noise:
+        # four standard errors by which the halves of a plateau differ whose torque still settles
+        if apart <= 4.0 * noise:
             break
     return replace(s, start=s.start + length * first, cut=length * first)
 
@@ -217,4 +211,5 @@ def _score(u: Array, v: Array) -> float:
     if drifts or mean <= 5 * sd / np.sqrt(m):
         return 0.0
     swing = float(np.var(v)) * max(float(autocorrelation(v)[min(2, v.size - 1)]), 0.0)
-    return v.size / (1 + 6 * max(float(np.sqrt(swing)) / mean - _CONSTANT, 0.0))
+    # swing of the velocity, relative to its mean, that costs a plateau nothing: cutting finer must explain more motion, not less noise
+    return v.size / (1 + 6 * max(float(np.sqrt(swing)) / mean - 0.05, 0.0))

@@ -65,8 +65,6 @@ _SI = {
 }
 LONGEST = 100
 """Characters of a column's name that may be a usual one."""
-_SHORT = 2
-"""Letters of a name that means a signal only beside words such as `motor` or `measured`."""
 _BESIDE = frozenset((
     "joint", "motor", "link", "axis", "drive", "actuator", "servo", "arm", "load", "output", "out", "angular", "linear",
     "actual", "act", "meas", "measured", "m", "raw", "filt", "filtered", "sensor", "enc", "encoder",
@@ -134,9 +132,19 @@ def _fits(unit: str, signal: str) -> bool:
     return False
 
 
-def _readings(name: str, stated: str = "") -> list[_Reading]:
-    bare, bracket = _split(name)
-    words = _words(bare)
+def _readings(name: str, stated: str) -> list[_Reading]:
+    """What a name may mean, with the unit that the file states of it."""
+    # the name after the last dot or slash of a path, without an index, and the unit in brackets: `Torque[0] [Nm]` as (Torque, Nm)
+    bare = re.sub(r"\[\d+\]", "", name) if re.search(r"\w\[\d+\]", name) else name
+    if re.fullmatch(r"/[\w./]+", bare):
+        bare = bare.rsplit("/", 1)[-1]
+    bare = bare.rsplit(".", 1)[-1] if re.fullmatch(r"[\w.{}()]+", bare) else bare
+    match = re.fullmatch(r"\s*(.*?)[\s_]*[\[(](.*?)[\])]\s*", bare)
+    bare, bracket = (match[1], match[2].strip()) if match else (bare, "")
+
+    # `jointPos_1` as [joint, pos]: in small letters, without the numbers of joints
+    parted = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", "_", bare.strip()).lower()
+    words = [word for x in re.split(r"[^\w*/·°.-]+|_", parted) if (word := re.sub(r"\d+$", "", x))]
     readings = []
     for signal, units in _UNITS.items():
         if stated and _fits(stated, signal) and (score := _score(words, signal, stated)):
@@ -161,26 +169,9 @@ def _score(words: list[str], signal: str, unit: str) -> float:
         return 0.0
     elif rest & _ASKED:
         score = 1.0 if signal in ("torque", "current", "voltage") else 0.0
-    elif len(words[at]) > _SHORT or rest <= _BESIDE:
+    # 2 letters of a name that means a signal only beside words such as `motor` or `measured`
+    elif len(words[at]) > 2 or rest <= _BESIDE:
         score = 2.0 + 0.01 * at
     else:
         return 0.0
     return score + (0.5 if unit and score else 0.0)
-
-
-def _split(name: str) -> tuple[str, str]:
-    """`Torque[0] [Nm]` as (Torque, Nm): the name after the last dot or slash of a path, without an index, and the unit in brackets."""
-    name = re.sub(r"\[\d+\]", "", name) if re.search(r"\w\[\d+\]", name) else name
-    if re.fullmatch(r"/[\w./]+", name):
-        name = name.rsplit("/", 1)[-1]
-    last = name.rsplit(".", 1)[-1] if re.fullmatch(r"[\w.{}()]+", name) else name
-    match = re.fullmatch(r"\s*(.*?)[\s_]*[\[(](.*?)[\])]\s*", last)
-    bare, unit = (match[1], match[2]) if match else (last, "")
-    return bare.strip(), unit.strip()
-
-
-def _words(bare: str) -> list[str]:
-    """`jointPos_1` as [joint, pos]: in small letters, without the numbers of joints."""
-    parted = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", "_", bare).lower()
-    words = (re.sub(r"\d+$", "", word) for word in re.split(r"[^\w*/·°.-]+|_", parted))
-    return [word for word in words if word]

@@ -37,12 +37,8 @@ _SHOWN = 200
 """Columns that the draft lists."""
 _LINEAR = {"position": "m", "velocity": "m/s", "torque": "N"}
 """Units of a joint that slides."""
-_POINTS = 1000
-"""Rows: where time is not logged, more than so many are a log, and no velocity-torque pairs."""
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
 """Units of time, and the sampling intervals from which on a time without a unit is in them: below, it is in s."""
-_WRAPPED = 0.1
-"""Of a full turn: a jump of the position that is as close to one is a wrap."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,23 +111,11 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     told, first = told or Told(), files[0]
     for file in files:
         check_name(file.name, f"{file}: the file name")
-    names, described = _columns(first)
-    stated = _stated(first)
-    guesses = _guesses(first, names, stated, told) | {
-        signal: _told(told, signal, names, stated) for signal in told.columns
-    }
-    if told.rate is None and not names and "time" not in guesses and _rises(first):
-        guesses["time"] = ColumnGuess("0", None)
-    if "time" in guesses and "time" not in told.units and _is_dated(first, guesses["time"]):
-        guesses["time"] = guesses["time"]._replace(unit=ISO)
-    by_step = None
-    if "time" in guesses and "time" not in told.units and not guesses["time"].unit:
-        by_step = _by_step(_values(first, guesses["time"]))
-        guesses["time"] = guesses["time"]._replace(unit=by_step)
-    drive = _drive(first, guesses, told, described)
-    of_points = _of_points(first, guesses, told, described)
+    log = _Log(first)
+    guesses, by_step = _guesses(log, told)
+    drive = _drive(log, guesses, told)
+    of_points = _of_points(log, guesses, told)
     kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
-    wanted = ("velocity", drive) if of_points else ("time", "position", "velocity", drive)
     lines, guessed = [], [f"joint.kind: {kind}, by the units"]
     if by_step:
         guessed.append(f"unit of time: {by_step}, for a log has many samples a second")
@@ -141,16 +125,17 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         )
     if told.rate is not None:
         lines.append(f"time: {{rate: {quoted(told.rate)}}}")
-    for name in wanted:
+    for name in ("velocity", drive) if of_points else ("time", "position", "velocity", drive):
         if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
             wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(files, guess, told) else ""
-            lines.append(_signal(name, guess, kind, told, names, stated, guessed) + f"{wraps}}}")
+            lines.append(_signal(name, guess, kind, told, log, guessed) + f"{wraps}}}")
             guessed += ["position: wraps at a full turn, for it jumps by one"] if wraps else []
+    motor = {"torque_constant": told.torque_constant, "resistance": told.resistance}
     return Draft(
         name=first.stem[:200],
         kind=kind,
-        motor=_motor(told),
-        columns=described,
+        motor=", ".join(f"{name}: {quoted(value)}" for name, value in motor.items() if value),
+        columns=log.described,
         signals=tuple(lines),
         files=tuple(Path(os.path.relpath(f, first.parent if folder is None else folder)).as_posix() for f in files),
         of_points=of_points,
@@ -158,148 +143,141 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     )
 
 
-def _columns(path: Path) -> tuple[tuple[str, ...], str]:
-    """Names of the columns, and what is told of them in the draft."""
-    with naming(str(path)):
-        read_table(path, ())
-        if not is_text(path):
-            names = bag_columns(path) if is_bag(path) else names_of(path)
-            return names, _list(names) or "none that is a vector of numbers"
-        layout = text_layout(path)
-    if layout.names:
-        return layout.names, _list(layout.names)
-    some = layout.first[:_SHOWN]
-    numbered = ", ".join(f"{k} (first value {quoted(cell[:LONGEST])})" for k, cell in enumerate(some) if cell)
-    return (), f"no header; {numbered}{', ...' if len(layout.first) > _SHOWN else ''}"
+class _Log:
+    """A log: what its columns are called, in which units, and what they hold."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.layout = path, None
+        with naming(str(path)):
+            read_table(path, ())
+            if is_text(path):
+                self.layout = text_layout(path)
+                self.names = self.layout.names
+            else:
+                self.names = bag_columns(path) if is_bag(path) else names_of(path)
+        self.stated = self.layout.units if self.layout else ()
+        """The unit that a text file states of each column, empty where it states none."""
+        self.described = ", ".join(
+            [*(quoted(name[:LONGEST]) for name in self.names[:_SHOWN]), *["..."] * (len(self.names) > _SHOWN)]
+        )
+        """What is told of the columns in the draft."""
+        if self.layout and not self.names:
+            first = self.layout.first
+            some = [f"{k} (first value {quoted(x[:LONGEST])})" for k, x in enumerate(first[:_SHOWN]) if x]
+            self.described = f"no header; {', '.join(some)}{', ...' if len(first) > _SHOWN else ''}"
+        self.described = self.described or "none that is a vector of numbers"
+
+    def _column(self, guess: ColumnGuess) -> int | str:
+        return int(guess.column) if guess.column.isdecimal() and guess.column not in self.names else guess.column
+
+    def values(self, guess: ColumnGuess) -> Array:
+        """The finite numbers of a column, (n,)."""
+        key = Key(self._column(guess))
+        values: Array = np.asarray(read_table(self.path, [key]).columns[key], float).ravel()
+        return np.compress(np.isfinite(values), values)
+
+    def is_dated(self, guess: ColumnGuess) -> bool:
+        """Whether a column of a text file holds dates or times of day."""
+        column = self._column(guess)
+        if self.layout is None or (isinstance(column, str) and column not in self.names):
+            return False
+        place = column if isinstance(column, int) else self.names.index(column)
+        return place < len(self.layout.first) and is_stamp(self.layout.first[place])
+
+    def rises(self) -> bool:
+        """Whether the first column of a text file grows in steps that could be those of seconds."""
+        if self.layout is None:
+            return False
+        if self.is_dated(_FIRST):
+            return True
+        try:
+            steps = np.diff(self.values(_FIRST))
+        except InputError:  # it holds words
+            return False
+        usual = np.median(steps) if steps.size else 0.0
+        return bool(steps.size and steps.min() > 0 and 1e-5 < usual < 1 and steps.max() < 100 * usual)
 
 
-def _guesses(path: Path, names: tuple[str, ...], stated: tuple[str, ...], told: Told) -> dict[str, ColumnGuess]:
-    """Columns by their names; of a bag those of its only joint."""
-    if not is_bag(path):
-        return guess_columns(names, stated)
-    with naming(str(path)):
-        return bag_guesses(path, told.columns)
+_FIRST = ColumnGuess("0", None)
 
 
-def _stated(path: Path) -> tuple[str, ...]:
-    """The units that a text file states of its columns, empty where it states none."""
-    return text_layout(path).units if is_text(path) else ()
+def _guesses(log: _Log, told: Told) -> tuple[dict[str, ColumnGuess], str | None]:
+    """Columns by their names, of a bag those of its only joint, and as told; and the unit of time where its steps tell it."""
+    if is_bag(log.path):
+        with naming(str(log.path)):
+            guesses = bag_guesses(log.path, told.columns)
+    else:
+        guesses = guess_columns(log.names, log.stated)
+    for signal, column in told.columns.items():  # with the unit that its name has, or the file states
+        known = column in log.names
+        place = log.names.index(column) if known else int(column) if column.isdecimal() and len(column) < 6 else None
+        unit = log.stated[place] if place is not None and place < len(log.stated) else ""
+        named = guess_columns([column], [unit]).get(signal) if known else None
+        guesses[signal] = ColumnGuess(column, named.unit if named else unit or None)
+    if told.rate is None and not log.names and "time" not in guesses and log.rises():
+        guesses["time"] = _FIRST
+    if "time" not in guesses or "time" in told.units:
+        return guesses, None
+    if log.is_dated(guesses["time"]):
+        guesses["time"] = guesses["time"]._replace(unit=ISO)
+    if guesses["time"].unit:
+        return guesses, None
+
+    # a log has more than three samples a second, and its step in ms is less than one in us
+    time = log.values(guesses["time"])
+    step = float(np.median(np.abs(np.diff(time)))) if time.size > 1 else 0.0
+    by_step = next((unit for unit, least in reversed(_STEPS.items()) if step >= least), None)
+    guesses["time"] = guesses["time"]._replace(unit=by_step)
+    return guesses, by_step
 
 
-def _is_dated(path: Path, guess: ColumnGuess) -> bool:
-    """Whether a column of a text file holds dates or times of day."""
-    column = _key(guess, path).column
-    if not is_text(path):
-        return False
-    layout = text_layout(path)
-    place = (
-        column
-        if isinstance(column, int)
-        else layout.names.index(column)
-        if column in layout.names
-        else len(layout.first)
-    )
-    return place < len(layout.first) and is_stamp(layout.first[place])
-
-
-def _list(names: tuple[str, ...]) -> str:
-    return ", ".join([*(quoted(name[:LONGEST]) for name in names[:_SHOWN]), *["..."] * (len(names) > _SHOWN)])
-
-
-def _told(told: Told, signal: str, names: tuple[str, ...], stated: tuple[str, ...]) -> ColumnGuess:
-    """The column that was told, with the unit that its name has, or the file states."""
-    column = told.columns[signal]
-    place = names.index(column) if column in names else int(column) if column.isdecimal() and len(column) < 6 else None
-    unit = stated[place] if place is not None and place < len(stated) else ""
-    named = guess_columns([column], [unit]).get(signal) if column in names else None
-    return ColumnGuess(column, named.unit if named else unit or None)
-
-
-def _key(guess: ColumnGuess, path: Path) -> Key:
-    names, _ = _columns(path)
-    return Key(int(guess.column) if guess.column.isdecimal() and guess.column not in names else guess.column)
-
-
-def _values(path: Path, guess: ColumnGuess) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
-    key = _key(guess, path)
-    values: np.ndarray[tuple[int], np.dtype[np.float64]] = np.asarray(
-        read_table(path, [key]).columns[key], float
-    ).ravel()
-    return np.compress(np.isfinite(values), values)
-
-
-def _rises(path: Path) -> bool:
-    """Whether the first column of a text file grows in steps that could be those of seconds."""
-    if not is_text(path):
-        return False
-    if _is_dated(path, ColumnGuess("0", None)):
-        return True
-    try:
-        steps = np.diff(_values(path, ColumnGuess("0", None)))
-    except InputError:  # it holds words
-        return False
-    return bool(steps.size and steps.min() > 0 and 1e-5 < np.median(steps) < 1 and steps.max() < 100 * np.median(steps))
-
-
-def _drive(path: Path, guesses: Mapping[str, ColumnGuess], told: Told, described: str) -> str:
+def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
     """Which of torque, current and voltage is taken.
 
     Raises InputError where none is known, or torque needs a constant that was not told.
     """
-    by_name = next((name for name in _DRIVES if name in told.columns), None)
-    drive = by_name or next((name for name in _DRIVES if name in guesses and _computable(name, told)), None)
-    drive = drive or next((name for name in _DRIVES if name in guesses), None)
+    there = [name for name in _DRIVES if name in guesses]
+    computable = [name for name in there if name != "voltage" or (told.torque_constant and told.resistance)]
+    drive = next(iter([*(name for name in there if name in told.columns), *computable, *there]), None)
     if drive is None:
         raise InputError(
-            f"{path}: no column is named as a torque, a current or a voltage; name it, as in --column torque=NAME --unit torque=N*m "
-            f"(there are: {short(described)})"
+            f"{log.path}: no column is named as a torque, a current or a voltage; name it, as in --column torque=NAME --unit torque=N*m "
+            f"(there are: {short(log.described)})"
         )
-    if not _computable(drive, told):
+    if drive not in computable:
         options = "--torque-constant '0.35 N*m/A' --resistance '2.1 ohm'"
         raise InputError(
-            f"{path}: column {short(guesses[drive].column)} is a {drive}, and the torque from it needs the motor's constants; give them as seen "
+            f"{log.path}: column {short(guesses[drive].column)} is a {drive}, and the torque from it needs the motor's constants; give them as seen "
             f"at the joint, gear included, as in {options}"
         )
     return drive
 
 
-def _computable(drive: str, told: Told) -> bool:
-    return drive != "voltage" or bool(told.torque_constant and told.resistance)
-
-
-def _of_points(path: Path, guesses: Mapping[str, ColumnGuess], told: Told, described: str) -> bool:
+def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> bool:
     """Whether a file holds velocity-torque pairs. Raises InputError where a log lacks time, or position and velocity."""
     if "position" not in guesses and "velocity" not in guesses:
         raise InputError(
-            f"{path}: no column is named as a position or a velocity; name it, as in --column position=NAME --unit position=deg "
-            f"(there are: {short(described)})"
+            f"{log.path}: no column is named as a position or a velocity; name it, as in --column position=NAME --unit position=deg "
+            f"(there are: {short(log.described)})"
         )
     if told.rate is not None or "time" in guesses:
         return False
-    if "velocity" in guesses and _values(path, guesses["velocity"]).size <= _POINTS:
+    # 1000 rows: where time is not logged, more than so many are a log, and no velocity-torque pairs
+    if "velocity" in guesses and log.values(guesses["velocity"]).size <= 1000:
         return True
     raise InputError(
-        f"{path}: no column is named as the time; name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz' "
-        f"(there are: {short(described)})"
+        f"{log.path}: no column is named as the time; name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz' "
+        f"(there are: {short(log.described)})"
     )
 
 
-def _by_step(time: Array) -> str | None:
-    """The unit of a time that no name tells: a log has more than three samples a second, and its step in ms is less than one in us."""
-    step = float(np.median(np.abs(np.diff(time)))) if time.size > 1 else 0.0
-    return next((unit for unit, least in reversed(_STEPS.items()) if step >= least), None)
-
-
 def _is_linear(guesses: Mapping[str, ColumnGuess], told: Told) -> bool:
-    slides = any(_is_unit(told.units.get(name) or guesses[name].unit, name) for name in _LINEAR if name in guesses)
-    return slides or ("torque" in guesses and "force" in guesses["torque"].column.lower())
-
-
-def _is_unit(unit: str | None, name: str) -> bool:
-    """Whether a unit is one of a signal of a joint that slides."""
-    with suppress(InputError):
-        return bool(unit and factor(unit, _LINEAR[name]))
-    return False
+    for name, target in _LINEAR.items():
+        unit = name in guesses and (told.units.get(name) or guesses[name].unit)
+        with suppress(InputError):
+            if unit and factor(unit, target):
+                return True
+    return "torque" in guesses and "force" in guesses["torque"].column.lower()
 
 
 def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
@@ -308,33 +286,21 @@ def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
     if unit.startswith("count"):  # which nothing here tells the size of
         return False
     turn = 2 * np.pi / abs(factor(unit, "rad", scale=scale))
-    jumps = (np.abs(np.diff(_values(file, guess))) for file in files)
-    return any(bool((np.abs(jump / turn - 1) < _WRAPPED).any()) for jump in jumps)
+    jumps = (np.abs(np.diff(_Log(file).values(guess))) for file in files)
+    # 0.1 of a full turn: a jump of the position that is as close to one is a wrap
+    return any(bool((np.abs(jump / turn - 1) < 0.1).any()) for jump in jumps)
 
 
-def _motor(told: Told) -> str:
-    given = {"torque_constant": told.torque_constant, "resistance": told.resistance}
-    return ", ".join(f"{name}: {quoted(value)}" for name, value in given.items() if value)
-
-
-def _signal(
-    name: str,
-    guess: ColumnGuess,
-    kind: Kind,
-    told: Told,
-    names: tuple[str, ...],
-    stated: tuple[str, ...],
-    guessed: list[str],
-) -> str:
+def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, log: _Log, guessed: list[str]) -> str:
     """The line of a signal, but for its end; says what was guessed."""
     unit = told.units.get(name) or guess.unit or unit_of(name, kind)
-    shown = quoted(guess.column) if guess.column in names or not guess.column.isdecimal() else guess.column
+    shown = quoted(guess.column) if guess.column in log.names or not guess.column.isdecimal() else guess.column
     if name not in told.columns:
         others = f", the first of {guess.others + 1} that are named so" if guess.others else ""
-        guessed.append(f"{name}: column {shown}{others}" if names else f"{name}: column {shown}, which rises steadily")
+        guessed.append(f"{name}: column {shown}{others if log.names else ', which rises steadily'}")
     if guess.unit == ISO:
         guessed.append(f"unit of time: iso, for column {shown} holds dates or times of day")
-    elif guess.unit in stated and guess.unit and name not in told.units:
+    elif guess.unit in log.stated and guess.unit and name not in told.units:
         guessed.append(f"unit of {name}: {guess.unit}, as the file's header states")
     if not (name in told.units or guess.unit):
         guessed.append(f"unit of {name} (column {shown}): assumed {unit}")

@@ -18,21 +18,16 @@ _MOST = 1e6
 
 def _read_ratio(value: object, info: ValidationInfo) -> float:
     """Read `100` or `-100`, turns of the motor for one of the joint; for a prismatic joint `1256 rad/m`, or its inverse, `5 mm/rev`."""
+    most, ratio = _MOST, 0.0
     if getattr(info.context, "kind", "revolute") == "prismatic":
-        return _bounded(_per_metre(value), value, _MOST**2)
-    number = value if isinstance(value, int | float) and not isinstance(value, bool) else math.nan
-    return _bounded(float(number), value, _MOST)
-
-
-def _per_metre(value: object) -> float:
-    try:
-        return units.to_si(value, "rad/m")
-    except InputError:
-        travel = units.to_si(value, "m/rad") if isinstance(value, str) and "/" in value else 0.0
-        return 1 / travel if travel else 0.0
-
-
-def _bounded(ratio: float, value: object, most: float) -> float:
+        most = _MOST**2
+        try:
+            ratio = units.to_si(value, "rad/m")
+        except InputError:
+            travel = units.to_si(value, "m/rad") if isinstance(value, str) and "/" in value else 0.0
+            ratio = 1 / travel if travel else 0.0
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        ratio = float(value)
     if not 1 / most <= abs(ratio) <= most:
         raise InputError(
             f"got {short(value)}; expected turns of the motor for one turn of the joint, such as 100, or -100 where they turn opposite ways "

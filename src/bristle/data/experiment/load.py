@@ -4,7 +4,7 @@ All quantities are in SI once the file is loaded; m, N and kg stand in for rad, 
 prismatic.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -13,12 +13,12 @@ import numpy as np
 from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
 
 from bristle.data import cleaning as clean
-from bristle.data.constant_velocity.segments import Thresholds
+from bristle.data.constant_velocity.acceptance import Thresholds
 from bristle.data.experiment.constants import Constant, torque_constants, torque_shifts
 from bristle.data.experiment.gear import SIDED, Gear
-from bristle.data.experiment.orders import PERIODIC
 from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.schema import (
+    PERIODIC,
     AdaptOptions,
     FitOptions,
     JointDescription,
@@ -26,12 +26,11 @@ from bristle.data.experiment.schema import (
     PlanOptions,
     PlusMinus,
     RunKind,
-    SegmentLimits,
     Shown,
     TrueSet,
     read_inertia,
 )
-from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time, quantity, si
+from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals, quantity, si
 from bristle.data.experiment.sources import matches, sources_of
 from bristle.data.experiment.tables import Source, keys_of
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
@@ -45,24 +44,6 @@ from bristle.model.parameters import Lugre, Motor
 
 if TYPE_CHECKING:
     from bristle.data.text_table import RawTable, Reader
-
-__all__ = [
-    "AdaptOptions",
-    "Cleaning",
-    "Experiment",
-    "FitOptions",
-    "PlanOptions",
-    "PlusMinus",
-    "Position",
-    "Run",
-    "Signal",
-    "Signals",
-    "Time",
-    "experiment_of",
-    "load_experiment",
-    "read_runs",
-    "run_of_table",
-]
 
 _NAN = float("nan")
 
@@ -81,7 +62,7 @@ class Experiment(StrictModel):
     signals: Signals = Signals()
     runs: Annotated[tuple[RunFiles, ...], Field(min_length=1)]
     cleaning: Cleaning = Cleaning()
-    segment_limits: SegmentLimits = Field(default=SegmentLimits(), alias="segments")
+    segments: Thresholds = Thresholds()
     fit: FitOptions = FitOptions()
     adapt: AdaptOptions = AdaptOptions()
     plan: PlanOptions = PlanOptions()
@@ -102,11 +83,6 @@ class Experiment(StrictModel):
     def encoder_resolution(self) -> float | None:
         """Size of one count at the joint, rad."""
         return self.context.count
-
-    @property
-    def segments(self) -> Thresholds:
-        """What a constant-velocity segment must satisfy."""
-        return Thresholds(**self.segment_limits.model_dump())
 
     @property
     def truth(self) -> dict[str, Lugre[float]]:
@@ -211,7 +187,18 @@ def experiment_from(data: dict[str, Any], path: Path, where: str) -> Experiment:
     if "path" in data:
         raise InputError(f"{where}: unknown key 'path'; data files are named under runs, as files")
     data = {key: value for key, value in data.items() if value is not None}  # a heading with nothing under it
-    return validate(Experiment, {**data, "path": path}, where, _context(data))
+
+    # the joint's kind, resolution and gear, before they are validated: the units of all other keys depend on them
+    joint, motor = data.get("joint"), data.get("motor")
+    kind: JointKind = "prismatic" if isinstance(joint, dict) and joint.get("kind") == "prismatic" else "revolute"
+    declared, gear = motor.get("gear") if isinstance(motor, dict) else None, None
+    if isinstance(declared, dict):
+        try:
+            gear = Gear.model_validate(declared, context=Context(kind=kind))
+        except ValueError:  # of one that is not valid its sides
+            gear = Gear.model_construct(ratio=1.0, **{name: declared.get(name) for name in SIDED})
+    context = Context(kind=kind, resolution=1.0 if "encoder_resolution" in data else None, gear=gear)
+    return validate(Experiment, {**data, "path": path}, where, context)
 
 
 def in_amperes(experiment: Experiment, asked: tuple[str, ...] | None) -> Experiment:
@@ -241,25 +228,6 @@ def in_amperes(experiment: Experiment, asked: tuple[str, ...] | None) -> Experim
     )
 
 
-def _context(data: dict[str, Any]) -> Context:
-    """The joint's kind and resolution, before they are validated: the units of all other keys depend on them."""
-    joint = data.get("joint")
-    kind: JointKind = "prismatic" if isinstance(joint, dict) and joint.get("kind") == "prismatic" else "revolute"
-    return Context(kind=kind, resolution=1.0 if "encoder_resolution" in data else None, gear=_gear(data, kind))
-
-
-def _gear(data: dict[str, Any], kind: JointKind) -> Gear | None:
-    """The gear, before it is validated with the rest; of one that is not valid its sides, on which units depend."""
-    motor = data.get("motor")
-    gear = motor.get("gear") if isinstance(motor, dict) else None
-    if not isinstance(gear, dict):
-        return None
-    try:
-        return Gear.model_validate(gear, context=Context(kind=kind))
-    except ValueError:
-        return Gear.model_construct(ratio=1.0, **{name: gear.get(name) for name in SIDED})
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
     """One file that was read."""
@@ -287,12 +255,6 @@ def files_of(experiment: Experiment) -> Iterator[tuple[RunFiles, list[Source]]]:
     Raises InputError where there is none, or a file is in two runs.
     """
     found = [(run, sources) for run in experiment.runs for sources in sources_of(run, experiment.path)]
-    _refuse_parts_again(experiment, found)
-    yield from found
-
-
-def _refuse_parts_again(experiment: Experiment, found: Sequence[tuple[RunFiles, list[tuple[Path, str]]]]) -> None:
-    """Raises InputError where a file of a joined run is in another run of the same signals too."""
     for k, (run, sources) in enumerate(found):
         for other, files in found[:k]:
             again = [shown for path, shown in sources if path in [x for x, _ in files]]
@@ -301,6 +263,7 @@ def _refuse_parts_again(experiment: Experiment, found: Sequence[tuple[RunFiles, 
                 raise InputError(
                     f"{experiment.path}: runs: {short(again[0])} is a part of a joined run and of another; name each run once"
                 )
+    yield from found
 
 
 def run_of_table(experiment: Experiment, table: "RawTable", shown: str) -> Run:

@@ -17,7 +17,6 @@ from pydantic import (
 
 from bristle.data import units
 from bristle.data.experiment.gear import Gear, refuse_efficiency
-from bristle.data.experiment.orders import check_orders, read_orders
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
@@ -87,13 +86,12 @@ def read_fixed(value: object, info: ValidationInfo) -> object:
         )
     if not isinstance(info.context, Context):
         return value
-    return {name: _fixed_value(x, si(_bare(name), info.context)) for name, x in value.items()}
-
-
-def _fixed_value(value: object, unit: str) -> float:
-    """In SI; a number alone where it has no unit."""
-    plain = unit == "1" and isinstance(value, int | float) and not isinstance(value, bool)
-    return units.to_si(f"{value} {unit}" if plain else value, unit)
+    found = {}
+    for name, x in value.items():  # a number alone where it has no unit
+        unit = si(_bare(name), info.context)
+        plain = unit == "1" and isinstance(x, int | float) and not isinstance(x, bool)
+        found[name] = units.to_si(f"{x} {unit}" if plain else x, unit)
+    return found
 
 
 def _bare(name: object) -> str:
@@ -118,17 +116,13 @@ def _physical(fixed: dict[str, float]) -> dict[str, float]:
     return fixed
 
 
-def _label(value: object) -> object:
-    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-def _shown(text: str) -> str:
-    return check_name(text, "the text")
-
-
-Shown = Annotated[StrictStr, AfterValidator(_shown)]
+Shown = Annotated[StrictStr, AfterValidator(lambda text: check_name(text, "the text"))]
 """What pages and terminals show as it is."""
-Label = Annotated[Shown, Field(max_length=200), BeforeValidator(_label)]
+Label = Annotated[
+    Shown,
+    Field(max_length=200),
+    BeforeValidator(lambda x: str(x) if isinstance(x, int | float) and not isinstance(x, bool) else x),
+]
 
 
 def _declared_kind(value: object) -> object:
@@ -179,15 +173,6 @@ class MotorConstants(StrictModel):
             "gear": None,
         }
         return self.model_copy(update=at_joint)
-
-
-class SegmentLimits(StrictModel):
-    """Thresholds for constant-velocity segments; what is not given comes from the data."""
-
-    minimum_duration: Seconds | None = None
-    velocity_tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
-    torque_limit: Annotated[float, quantity("torque"), Field(gt=0)] | None = None
-    minimum_velocity: Speed | None = None
 
 
 def read_rows(value: object) -> object:
@@ -243,6 +228,24 @@ GONE = {
     "horizon": "the windows that are simulated are 0.5 s long, shorter in short runs",
 }
 """Keys that `fit` had, and what holds in their place: files that have them are read, and told so."""
+
+
+PERIODIC = ("cogging", "ripple")
+"""Regressors that repeat with the position: each has its columns for every one of `fit.orders`."""
+_MOST, _HIGHEST = 20, 100_000
+
+
+def read_orders(value: object) -> object:
+    """Read `[4, 11]` or `auto`; raises InputError of anything else."""
+    if value is None or value == AUTO:
+        return value
+    numbers = value if isinstance(value, list | tuple) else [value]
+    for k in numbers:
+        if not isinstance(k, int) or isinstance(k, bool) or not 1 <= k <= _HIGHEST:
+            raise InputError(f"got {short(k)}; expected {AUTO}, or whole numbers from 1 to {_HIGHEST:_}, as [4, 11]")
+    if not 1 <= len(set(numbers)) == len(numbers) <= _MOST:
+        raise InputError(f"got {short(value)}; expected {AUTO}, or up to {_MOST} orders, each once, as [4, 11]")
+    return tuple(sorted(numbers))
 
 
 class FitOptions(StrictModel):
@@ -338,7 +341,13 @@ class FitOptions(StrictModel):
             raise InputError(
                 f"fit.regressors: quadratic is the same term as that of law: {self.law}, v abs(v); write one of the two"
             )
-        check_orders(self.regressors or (), self.orders, self.predict)
+        repeats = [name for name in PERIODIC if name in (self.regressors or ())]
+        if self.orders is not None and not repeats:
+            raise InputError("fit.orders: nothing has orders; add cogging or ripple to fit.regressors, or leave it out")
+        if repeats and self.predict == "position":
+            raise InputError(
+                f"fit.regressors: {repeats[0]} is fitted to a torque; leave it out, or set fit.predict: torque"
+            )
         return self
 
 
@@ -442,10 +451,6 @@ class PlanOptions(StrictModel):
             raise InputError(
                 f"plan.minimum_velocity: got {self.minimum_velocity:g}; expected less than plan.velocity, {self.velocity:g}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _sampled(self) -> "PlanOptions":
         if self.rate < 20:
             raise InputError(
                 f"plan.rate: got {self.rate:g} Hz; expected at least 20 Hz, four samples of the shortest turn"

@@ -94,35 +94,31 @@ Seconds = Annotated[float, quantity("s"), Field(gt=0)]
 Speed = Annotated[float, quantity("velocity"), Field(gt=0)]
 
 
+Index = Annotated[StrictInt, Field(ge=0)]
+"""Column of a matrix, or of an array in the names of columns, counted from 0."""
+
+
+def _of_time(text: str) -> str:
+    units.factor(text, "s")
+    return text
+
+
 class PlusColumn(StrictModel):
     """A second column of a time, which is added to the first: the nanoseconds beside the seconds."""
 
     column: Column
-    index: Annotated[StrictInt, Field(ge=0)] | None = None
-    unit: StrictStr
-
-    @field_validator("unit")
-    @classmethod
-    def _of_time(cls, text: str) -> str:
-        units.factor(text, "s")
-        return text
+    index: Index | None = None
+    unit: Annotated[StrictStr, AfterValidator(_of_time)]
 
 
 class TimeColumn(StrictModel):
     """Time stamps from a column."""
 
     column: Column | None = None
-    index: Annotated[StrictInt, Field(ge=0)] | None = None
-    unit: StrictStr | None = None
+    index: Index | None = None
+    unit: Annotated[StrictStr, AfterValidator(lambda text: text if text == ISO else _of_time(text))] | None = None
     """Such as s, or `iso` of dates and times of day; None, of one signal's own time: that of the others."""
     plus: PlusColumn | None = None
-
-    @field_validator("unit")
-    @classmethod
-    def _of_time(cls, text: str | None) -> str | None:
-        if text is not None and text != ISO:
-            units.factor(text, "s")
-        return text
 
     @model_validator(mode="after")
     def _dates_stand_alone(self) -> "TimeColumn":
@@ -161,8 +157,7 @@ class Signal(StrictModel):
 
     column: Column
     """Name, or number counted from 0; in MAT and NPZ files a variable or a dotted path."""
-    index: Annotated[StrictInt, Field(ge=0)] | None = None
-    """Column of a matrix, or of an array in the names of columns, counted from 0."""
+    index: Index | None = None
     file: Annotated[StrictStr, Field(min_length=1, max_length=4096)] | None = None
     """Where it is logged in another file than the rest of the run."""
     time: Annotated[TimeColumn | None, BeforeValidator(_as_column)] = None

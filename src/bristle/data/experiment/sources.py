@@ -50,11 +50,15 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
         raise InputError(
             f"{experiment}: runs: files {short(files)} {what}; expected a path or glob relative to the folder of the experiment file"
         )
-    shown = [_shown(match, folder, variables) for match in found]
-    return [
-        (folder / match, check_name(name, f"{experiment}: runs: files: the file name"))
-        for match, name in zip(found, shown, strict=True)
-    ]
+    sources = []
+    for match in found:
+        name = os.path.relpath(match, folder) if Path(match).is_absolute() else match
+        filled = next(((key, value) for key, value in variables.items() if value in match), None)
+        if filled is not None:  # the variable stands for its folder
+            name = match.replace(filled[1], f"${{{filled[0]}}}", 1)
+        shown = check_name(Path(name).as_posix(), f"{experiment}: runs: files: the file name")
+        sources.append((folder / match, shown))
+    return sources
 
 
 def _glob(pattern: str, folder: Path) -> list[str]:
@@ -64,10 +68,3 @@ def _glob(pattern: str, folder: Path) -> list[str]:
     base = Path(root) if root else folder
     matches = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
     return [f"{root}{path}" for path in matches if not any(p.startswith(".") and p != ".." for p in path.parts)]
-
-
-def _shown(match: str, folder: Path, variables: dict[str, str]) -> str:
-    for name, value in variables.items():
-        if value in match:
-            return Path(match.replace(value, f"${{{name}}}", 1)).as_posix()
-    return Path(os.path.relpath(match, folder) if Path(match).is_absolute() else match).as_posix()

@@ -6,20 +6,17 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data import units
 from bristle.data.columns import Key
-from bristle.data.experiment.run_files import RunFiles, TimeRange
+from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn
 from bristle.data.text_table import RawTable, Reader, read_table
 from bristle.data.timestamps import ISO
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
-_INSIDE = 2
-"""Samples of a signal with a time of its own that lie in a run."""
 Source = tuple[Path, str]
 """A file, and how it is called."""
 
@@ -147,7 +144,7 @@ def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
     onto[(steps[after - 1] > gap * np.median(steps)) & (time != own[after]) & (time != own[after - 1])] = np.nan
     seen = time[np.isfinite(time)]
     inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
-    if inside < _INSIDE or not np.isfinite(onto).any():
+    if inside < 2 or not np.isfinite(onto).any():  # 2 samples of a signal with a time of its own that lie in a run
         rest = f"{seen.min():.6g} s to {seen.max():.6g} s" if seen.size else "nowhere"
         raise InputError(
             f"its own time, {own[0]:.6g} s to {own[-1]:.6g} s, has {inside} samples in that of the run, {rest}; check the unit of each, and that "
@@ -217,24 +214,13 @@ def part_of(table: RawTable, run: RunFiles, name: str) -> tuple[RawTable, str]:
             raise InputError(
                 f"{name}: rows: got {first}-{last}; expected {word} between {number[0]} and {number[-1]}, as bristle inspect prints them"
             )
-        return _cut(table, (number >= first) & (number <= last), number, name, f"{word} {first}-{last}")
-    if run.time is not None and table.time is not None:
-        return _cut(table, *_within(table.time, run.time, number), name, _span(run.time))
-    return table, name
-
-
-def _within(time: Array, span: TimeRange, number: NDArray[np.intp]) -> tuple[NDArray[np.bool_], NDArray[np.intp]]:
-    low, high = (-np.inf if span.start is None else span.start), (np.inf if span.to is None else span.to)
-    return (time >= low) & (time <= high), number
-
-
-def _span(span: TimeRange) -> str:
-    return " ".join(f"{word} {end:g} s" for word, end in (("from", span.start), ("to", span.to)) if end is not None)
-
-
-def _cut(
-    table: RawTable, inside: NDArray[np.bool_], number: NDArray[np.intp], name: str, part: str
-) -> tuple[RawTable, str]:
+        inside, part = (number >= first) & (number <= last), f"{word} {first}-{last}"
+    elif run.time is not None and table.time is not None:
+        start, to = run.time.start, run.time.to
+        inside = (table.time >= (-np.inf if start is None else start)) & (table.time <= (np.inf if to is None else to))
+        part = " ".join(f"{word} {end:g} s" for word, end in (("from", start), ("to", to)) if end is not None)
+    else:
+        return table, name
     rows = int(inside.sum())
     if not rows:
         seen = np.zeros(0) if table.time is None else table.time[np.isfinite(table.time)]

@@ -59,7 +59,10 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
         *([f"  time: {{rate: {told.rate}}}"] if told.rate and "time" not in templates else []),
         "",
         "runs:",
-        *(_run(_relative(log, base), last=0 < k == len(logs) - 1) for k, log in enumerate(logs)),
+        *(
+            f"  - {{files: {quoted(_relative(log, base))}, experiment: tracking{', hold_out: true' if 0 < k == len(logs) - 1 else ''}}}"
+            for k, log in enumerate(logs)
+        ),
         "",
     ]
     if drive == "current" and constant == FREE:
@@ -77,7 +80,11 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
 
 def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[UrdfJoint], list[str]]:
     """The columns of each signal, the joints that have them, and what is said of that."""
-    templates, there = _of_states(log) if _is_bag(log) else _of_names(log, [j.name for j in urdf.joints])
+    templates, there = (
+        _of_states(log)
+        if log.is_dir() or log.suffix.lower() in {".bag", ".mcap", ".db3"}
+        else _of_names(log, [j.name for j in urdf.joints])
+    )
     said = [f"{name}: columns {column}" for name, column in templates.items() if name not in told.columns]
     templates |= told.columns
     if any(name in told.columns for name in _DRIVES):
@@ -91,10 +98,6 @@ def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[Ur
     if absent:
         said.append(f"joints: {short_list(absent)} not in the log, and taken as at rest at zero")
     return templates, joints, said
-
-
-def _is_bag(log: Path) -> bool:
-    return log.is_dir() or log.suffix.lower() in {".bag", ".mcap", ".db3"}
 
 
 def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
@@ -120,7 +123,8 @@ def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
 
 def _of_names(log: Path, joints: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:
     """Columns whose names hold those of the joints, or count them, and the time; the joints that are named."""
-    names = _header(log) if is_text(log) else []
+    with naming(str(log)):
+        names = list(text_layout(log).names) if is_text(log) else []
     found: dict[str, str] = {}
     for name in names:
         joint = max((j for j in joints if j in name), key=len, default=None)
@@ -129,26 +133,16 @@ def _of_names(log: Path, joints: Sequence[str]) -> tuple[dict[str, str], tuple[s
             signal = _meant(name.replace(str(joint), "").strip("_. /[]"))
             found.setdefault(signal, stem) if signal else None
     named = tuple(j for j in joints if any(x.replace("{joint}", j) in names for x in found.values()))
-    if not found:
-        found = {signal: columns for signal, columns in _counted(names, len(joints)) if signal}
+    if not found:  # groups of columns q_0 q_1 ..., with one for each joint
+        groups: dict[str, list[int]] = {}
+        for k, name in enumerate(names):
+            if match := _NUMBERED.fullmatch(name):
+                groups.setdefault(match[1], []).append(k)
+        for stem, at in groups.items():
+            if len(at) == len(joints) == at[-1] + 1 - at[0] and (signal := _meant(stem)):
+                found[signal] = f"{at[0]}-{at[-1]}"
     time = next((guess.column for signal, guess in guess_columns(names).items() if signal == "time"), None)
     return ({"time": time} if time else {}) | found, named
-
-
-def _header(log: Path) -> list[str]:
-    with naming(str(log)):
-        return list(text_layout(log).names)
-
-
-def _counted(names: Sequence[str], joints: int) -> list[tuple[str | None, str]]:
-    """Groups of columns q_0 q_1 ... with one for each joint: the signal that the name means, and their numbers."""
-    groups: dict[str, list[int]] = {}
-    for k, name in enumerate(names):
-        match = _NUMBERED.fullmatch(name)
-        if match:
-            groups.setdefault(match[1], []).append(k)
-    whole = {stem: at for stem, at in groups.items() if len(at) == joints and at == list(range(at[0], at[0] + joints))}
-    return [(_meant(stem), f"{at[0]}-{at[-1]}") for stem, at in whole.items()]
 
 
 def _meant(stem: str) -> str | None:
@@ -181,10 +175,6 @@ def _signal(columns: str, unit: str, scale: str | None) -> str:
         else f"column: {columns if columns.isdecimal() else quoted(columns)}"
     )
     return f"{{{key}, unit: {unit}{f', scale: {scale}' if scale else ''}}}"
-
-
-def _run(file: str, *, last: bool) -> str:
-    return f"  - {{files: {quoted(file)}, experiment: tracking{', hold_out: true' if last else ''}}}"
 
 
 def _relative(path: Path, base: Path) -> str:

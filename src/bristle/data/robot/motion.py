@@ -20,10 +20,8 @@ from bristle.data.text_table import Reader, ReadOnce
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
-_RESTS = 0.02
-"""Of a joint's largest travel in any run: it rests where it goes no further, ..."""
 _STILL = 1e-3
-"""... or no further than this, rad or m."""
+"""rad or m: a joint that goes no further rests, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,16 +69,25 @@ def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
                 key = _key(run, sources)
                 called[key], moved = _motion(experiment, run, sources, read)
                 records.setdefault(key, {})[experiment.joint.name] = moved
-    travels = {key: {name: _travel(x) for name, x in own.items()} for key, own in records.items()}
+    travels = {
+        key: {name: 0.0 if isinstance(x, float) else float(np.ptp(np.asarray(x.position))) for name, x in own.items()}
+        for key, own in records.items()
+    }
     farthest = {name: max((t.get(name, 0.0) for t in travels.values()), default=0.0) for name in robot.names}
     rests = {
-        key: {name for name, x in t.items() if x <= max(_STILL, _RESTS * farthest[name])} for key, t in travels.items()
+        # a joint rests where it goes no further than 0.02 of its largest travel in any run
+        key: {name for name, x in t.items() if x <= max(_STILL, 0.02 * farthest[name])}
+        for key, t in travels.items()
     }
     return {
         key: RobotMotion(
             file=called[key],
             moving={name: x for name, x in own.items() if isinstance(x, Record) and name not in rests[key]},
-            resting={name: _place(x) for name, x in own.items() if name in rests[key]},
+            resting={
+                name: x if isinstance(x, float) else float(np.median(np.asarray(x.position)))
+                for name, x in own.items()
+                if name in rests[key]
+            },
         )
         for key, own in records.items()
     }
@@ -112,14 +119,6 @@ def _motion(experiment: Experiment, run: RunFiles, sources: list[Source], read: 
     except InputError as error:
         raise InputError(f"{shown}: {experiment.joint.name}: {str(error).removeprefix(f'{shown}: ')}") from error
     return shown, estimate_motion(record, experiment.fit.position_cutoff or of_motion)
-
-
-def _travel(x: Record | float) -> float:
-    return 0.0 if isinstance(x, float) else float(np.ptp(np.asarray(x.position)))
-
-
-def _place(x: Record | float) -> float:
-    return x if isinstance(x, float) else float(np.median(np.asarray(x.position)))
 
 
 class LinkTorques:

@@ -64,7 +64,7 @@ def rigid_body(urdf: Urdf, names: Sequence[str], gravity: Sequence[float], paylo
         ) from error
     if len(names) > MAX_JOINTS:
         raise InputError(f"got {len(names)} joints of {urdf.file}; expected at most {MAX_JOINTS}")
-    own = [urdf.place(name) for name in names]
+    own = [urdf.places[urdf.joint(name).name] for name in names]
     with reading("URDF that Pinocchio reads"):
         whole = pinocchio.buildModelFromXML(urdf.holding(payload) if payload else urdf.text)
         held = [k for k, name in enumerate(whole.names) if k and name not in own]

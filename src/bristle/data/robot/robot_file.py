@@ -5,17 +5,18 @@ for that one.
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import Field, StrictBool, StrictInt, StrictStr
 
 from bristle.data.experiment.load import Experiment, experiment_from
-from bristle.data.experiment.signals import Context, quantity
-from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
-from bristle.data.robot.urdf import Payload, Urdf, UrdfJoint, read_urdf
+from bristle.data.experiment.signals import Context
+from bristle.data.experiment.yaml_file import StrictModel, validate
+from bristle.data.robot.urdf import Payload, Urdf, read_urdf
 from bristle.errors import InputError, short, short_list
 
 FREE = "free"
@@ -25,19 +26,6 @@ _OWN = ("motor", "fit", "segments", "plan", "adapt", "signals")
 _WHOLE = ("inertia", "encoder_resolution", "kind", "truth", "assumptions")
 """Those that it replaces as a whole."""
 _RANGE = re.compile(r"\s*([0-9]{1,5})\s*-\s*([0-9]{1,5})\s*")
-
-
-class PayloadDescription(StrictModel):
-    """What the robot holds."""
-
-    mass: Annotated[float, quantity("kg"), Field(gt=0)]
-    center: tuple[Annotated[float, quantity("m")], Annotated[float, quantity("m")], Annotated[float, quantity("m")]] = (
-        0.0,
-        0.0,
-        0.0,
-    )
-    """In the frame of the link, m."""
-    link: Annotated[StrictStr, Field(min_length=1, max_length=200)]
 
 
 Pull = Annotated[float, Field(ge=-1e3, le=1e3)]
@@ -51,7 +39,7 @@ class RobotDescription(StrictModel):
     """Path, relative to the file."""
     gravity: tuple[Pull, Pull, Pull] = (0.0, 0.0, -9.81)
     """m/s**2, in the frame of the base: of an arm that hangs, (0, 0, 9.81)."""
-    payload: PayloadDescription | None = None
+    payload: Payload | None = None
 
 
 class JointEntry(StrictModel):
@@ -100,16 +88,11 @@ def is_robot(data: Mapping[str, Any]) -> bool:
     return "joints" in data or "robot" in data
 
 
-def load_robot(path: str | Path) -> Robot:
-    """The robot that a YAML file describes; its logs are not read yet.
-
-    Raises InputError in one sentence that names the file, the key or the line, what was got and what to do.
-    """
-    return robot_of(parse(read_text(Path(path)), str(path)), Path(path))
-
-
 def robot_of(data: dict[str, Any], path: Path) -> Robot:
-    """The robot that the keys of a file describe. Raises InputError as `load_robot` does."""
+    """The robot that the keys of a YAML file describe; its logs are not read yet.
+
+    Raises InputError in one sentence that names the file and the key, what was got and what to do.
+    """
     shared = {key: x for key, x in data.items() if key not in ("robot", "joints") and x is not None}
     if "joint" in shared:
         raise InputError(f"{path}: got joint beside joints; a robot's file names its joints under joints alone")
@@ -125,34 +108,20 @@ def robot_of(data: dict[str, Any], path: Path) -> Robot:
             raise InputError(f"{path}: robot: got {short(given)}; expected keys with values, as {{urdf: arm.urdf}}")
         about = validate(RobotDescription, given, f"{path}: robot", Context())
     urdf = None if about is None else read_urdf(path.parent / about.urdf)
-    _refuse_other_joints(shared.get("runs"), [entry.get("name") for entry in entries], path)
+    known = [entry.get("name") for entry in entries]
+    for k, run in enumerate(runs if isinstance(runs := shared.get("runs"), list) else ()):
+        if isinstance(run, dict) and run.get("joint") is not None and run["joint"] not in known:
+            raise InputError(f"{path}: runs.{k}: joint: got {short(run['joint'])}; expected one of {short_list(known)}")
     joints = tuple(_joint(shared, dict(entry), k, path, urdf) for k, entry in enumerate(entries))
-    _refuse_alike(joints, path)
-    held = about.payload if about else None
-    return Robot(
-        path=path,
-        joints=joints,
-        urdf=urdf,
-        gravity=about.gravity if about else (0.0, 0.0, -9.81),
-        payload=Payload(mass=held.mass, center=held.center, link=held.link) if held else None,
-    )
-
-
-def _refuse_other_joints(runs: Any, names: Sequence[object], path: Path) -> None:
-    """Raise InputError where a run is said to be of a joint that is none."""
-    for k, run in enumerate(runs if isinstance(runs, list) else ()):
-        if isinstance(run, dict) and run.get("joint") is not None and run["joint"] not in names:
-            known = short_list(names)
-            raise InputError(f"{path}: runs.{k}: joint: got {short(run['joint'])}; expected one of {known}")
-
-
-def _refuse_alike(joints: Sequence[JointOfRobot], path: Path) -> None:
     names = [joint.experiment.joint.name for joint in joints]
     twice = next((name for name in names if names.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"{path}: joints: {short(twice)} is named twice; give each joint its own name")
     if not any(joint.identify for joint in joints):
         raise InputError(f"{path}: joints: each has identify: false; leave that out of at least one")
+    if about is None:
+        return Robot(path=path, joints=joints, urdf=None)
+    return Robot(path=path, joints=joints, urdf=urdf, gravity=about.gravity, payload=about.payload)
 
 
 def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path, urdf: Urdf | None) -> JointOfRobot:
@@ -162,7 +131,10 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
     about = validate(JointEntry, entry, where, None)
     index = k if about.index is None else about.index
     if urdf is not None:
-        known = _of_urdf(urdf, about.name, where)
+        try:
+            known = urdf.joint(about.name)
+        except InputError as error:
+            raise InputError(f"{where}: name: {error}") from error
         if own.setdefault("kind", known.kind) != known.kind:
             raise InputError(f"{where}: kind: got {short(own['kind'])}; {urdf.file} has {about.name} {known.kind}")
     data = dict(shared)
@@ -178,9 +150,27 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
         data["motor"] = {**(data.get("motor") or {}), "torque_constant": constant}
     data["joint"] = {"name": about.name, "kind": data.pop("kind", "revolute")}
     data["signals"] = _signals(data.get("signals"), about.name, index, f"{where}: signals")
-    every = _runs(data.get("runs"), about.name, index, f"{where}: runs")
-    if urdf is not None:
-        data["plan"] = _limits(data.get("plan"), urdf, about.name)
+    every = runs = data.get("runs")
+    if isinstance(runs, list):  # all with the columns of this joint
+        every = [
+            {
+                key: _signals(x, about.name, index, f"{where}: runs.{j}.signals") if key == "signals" else x
+                for key, x in run.items()
+                if key != "joint"
+            }
+            if isinstance(run, dict)
+            else run
+            for j, run in enumerate(runs)
+        ]
+    if urdf is not None:  # what is planned stays within the joint's limits, unless the file has its own
+        q, T = ("rad", "N*m") if known.kind == "revolute" else ("m", "N")
+        reach = [f"{known.lower!r} {q}", f"{known.upper!r} {q}"] if known.upper < inf else None
+        speed = f"{known.velocity!r} {q}/s" if known.velocity < inf else None
+        torque = f"{known.effort!r} {T}" if known.effort < inf else None
+        limits = {"position": reach, "velocity": speed, "torque": torque}
+        plan = data.get("plan")
+        own_plan = plan if isinstance(plan, dict) else {}
+        data["plan"] = {**{key: x for key, x in limits.items() if x}, **own_plan}
     everywhere = experiment_from({**data, "runs": every}, path, where)
     own_runs = tuple(
         run
@@ -197,75 +187,35 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
     return JointOfRobot(experiment=experiment, everywhere=everywhere, free=free, identify=about.identify)
 
 
-def _of_urdf(urdf: Urdf, name: str, where: str) -> UrdfJoint:
-    try:
-        return urdf.joint(name)
-    except InputError as error:
-        raise InputError(f"{where}: name: {error}") from error
-
-
 def _signals(signals: Any, name: str, index: int, where: str) -> Any:
     """The signals with the column of one joint in place of those of all."""
     if not isinstance(signals, dict):
         return signals
-    return {key: _of_joint(x, key, name, index, f"{where}.{key}") for key, x in signals.items()}
-
-
-def _of_joint(signal: Any, key: str, name: str, index: int, where: str) -> Any:
-    if not isinstance(signal, dict):
-        return signal
-    own = dict(signal)
-    if "columns" in own:
-        if "column" in own:
-            raise InputError(f"{where}: got column beside columns; expected one of them")
-        columns = _columns(own.pop("columns"), where)
-        if index >= len(columns):
-            raise InputError(f"{where}.columns: got {len(columns)}; expected one for each joint, at least {index + 1}")
-        return {"column": columns[index], **own}
-    column = own.get("column")
-    if isinstance(column, str) and ("{joint}" in column or "{index}" in column):
-        return {**own, "column": column.replace("{joint}", name).replace("{index}", str(index))}
-    return own if key == "time" or "index" in own else {**own, "index": index}
-
-
-def _columns(columns: Any, where: str) -> list[Any]:
-    """`1-6`, or a list of names or numbers."""
-    if isinstance(columns, list):
-        return columns
-    match = _RANGE.fullmatch(columns) if isinstance(columns, str) else None
-    if match is None or int(match[2]) < int(match[1]):
-        raise InputError(f"{where}.columns: got {short(columns)}; expected a range such as 1-6, or a list of columns")
-    return list(range(int(match[1]), int(match[2]) + 1))
-
-
-def _runs(runs: Any, name: str, index: int, where: str) -> Any:
-    """All runs with the columns of one joint."""
-    if not isinstance(runs, list):
-        return runs
-    every = []
-    for k, run in enumerate(runs):
-        if not isinstance(run, dict):
-            every.append(run)
+    own = dict(signals)
+    for key, signal in signals.items():
+        if not isinstance(signal, dict):
             continue
-        entry = {key: x for key, x in run.items() if key != "joint"}
-        if "signals" in run:
-            entry["signals"] = _signals(run["signals"], name, index, f"{where}.{k}.signals")
-        every.append(entry)
-    return every
-
-
-def _limits(plan: Any, urdf: Urdf, name: str) -> Any:
-    """What is planned stays within the joint's limits, unless the file has its own."""
-    joint = urdf.joint(name)
-    q, T = ("rad", "N*m") if joint.kind == "revolute" else ("m", "N")
-    own: dict[str, Any] = {}
-    if joint.upper < float("inf"):
-        own["position"] = [f"{joint.lower!r} {q}", f"{joint.upper!r} {q}"]
-    if joint.velocity < float("inf"):
-        own["velocity"] = f"{joint.velocity!r} {q}/s"
-    if joint.effort < float("inf"):
-        own["torque"] = f"{joint.effort!r} {T}"
-    return {**own, **(plan if isinstance(plan, dict) else {})} if own or plan else plan
+        column, columns = signal.get("column"), signal.get("columns")
+        rest = {part: x for part, x in signal.items() if part not in ("column", "columns")}
+        if "columns" in signal:
+            if "column" in signal:
+                raise InputError(f"{where}.{key}: got column beside columns; expected one of them")
+            match = _RANGE.fullmatch(columns) if isinstance(columns, str) else None
+            listed = list(range(int(match[1]), int(match[2]) + 1)) or None if match else columns
+            if not isinstance(listed, list):
+                raise InputError(
+                    f"{where}.{key}.columns: got {short(columns)}; expected a range such as 1-6, or a list of columns"
+                )
+            if index >= len(listed):
+                raise InputError(
+                    f"{where}.{key}.columns: got {len(listed)}; expected one for each joint, at least {index + 1}"
+                )
+            own[key] = {"column": listed[index], **rest}
+        elif isinstance(column, str) and ("{joint}" in column or "{index}" in column):
+            own[key] = {"column": column.replace("{joint}", name).replace("{index}", str(index)), **rest}
+        elif key != "time":
+            own[key] = {"index": index, **signal}
+    return own
 
 
 def pick(robot: Robot, name: str) -> JointOfRobot:

@@ -8,9 +8,13 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 from xml.etree import ElementTree as Xml
 
+from pydantic import Field, StrictStr
+
+from bristle.data.experiment.signals import quantity
+from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, read_at_most, short, short_list
 
 MAX_BYTES = 2**23
@@ -23,6 +27,7 @@ _MOVES: dict[str, Literal["revolute", "prismatic"]] = {
     "prismatic": "prismatic",
 }
 _TYPES = (*_MOVES, "fixed")
+_ENDS, _MOMENTS = ("parent", "child"), ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _FAR = 1e9
 """No length, mass or limit of a robot is larger, in SI."""
 PAYLOAD = "bristle_payload"
@@ -41,13 +46,15 @@ class UrdfJoint:
     effort: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Payload:
+Metres = Annotated[float, quantity("m")]
+
+
+class Payload(StrictModel):
     """What the robot holds: a point of mass, kg, somewhere in the frame of a link, m, (3,)."""
 
-    mass: float
-    center: tuple[float, float, float]
-    link: str
+    mass: Annotated[float, quantity("kg"), Field(gt=0)]
+    center: tuple[Metres, Metres, Metres] = (0.0, 0.0, 0.0)
+    link: Annotated[StrictStr, Field(min_length=1, max_length=200)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,10 +68,6 @@ class Urdf:
     """A URDF without shapes: each number was read, and is finite; names are our own, which no parser takes for its own."""
     places: Mapping[str, str]
     """What each joint is called there."""
-
-    def place(self, name: str) -> str:
-        """What a joint that moves is called in `text`. Raises InputError as `joint` does."""
-        return self.places[self.joint(name).name]
 
     def joint(self, name: str) -> UrdfJoint:
         """The joint of a name. Raises InputError where none that moves has it."""
@@ -81,16 +84,13 @@ class Urdf:
             raise InputError(
                 f"robot.payload.link: got {short(payload.link)}; expected a link of {self.file}: {short_list(self.links)}"
             )
-        root = Xml.fromstring(self.text)  # noqa: S314  # our own text
-        link = Xml.SubElement(root, "link", name=PAYLOAD)
-        inertial = Xml.SubElement(link, "inertial")
-        Xml.SubElement(inertial, "origin", xyz=_text(payload.center))
-        Xml.SubElement(inertial, "mass", value=repr(payload.mass))
-        Xml.SubElement(inertial, "inertia", dict.fromkeys(("ixx", "ixy", "ixz", "iyy", "iyz", "izz"), "0.0"))
-        joint = Xml.SubElement(root, "joint", name=f"{PAYLOAD}_joint", type="fixed")
-        Xml.SubElement(joint, "parent", link=_link(self.links.index(payload.link)))
-        Xml.SubElement(joint, "child", link=PAYLOAD)
-        return Xml.tostring(root, encoding="unicode")
+        moments = " ".join(f'{key}="0.0"' for key in _MOMENTS)
+        held = (
+            f'<link name="{PAYLOAD}"><inertial><origin xyz="{_text(payload.center)}" /><mass value="{payload.mass!r}" />'
+            f'<inertia {moments} /></inertial></link><joint name="{PAYLOAD}_joint" type="fixed">'
+            f'<parent link="link_{self.links.index(payload.link)}" /><child link="{PAYLOAD}" /></joint></robot>'
+        )
+        return self.text.removesuffix("</robot>") + held
 
 
 def read_urdf(path: Path) -> Urdf:
@@ -101,34 +101,25 @@ def read_urdf(path: Path) -> Urdf:
     """
     content = read_at_most(path, MAX_BYTES, "a URDF, without meshes")
     try:
-        return _urdf(content, path.name)
+        root = _root(content)
+        links = _by_name(root, "link")
+        joints = {key: x for key, x in _by_name(root, "joint").items() if x.find("parent") is not None}
+        if not links or not joints:
+            xacro = any("xacro" in str(x.tag) for x in root)
+            remedy = "run xacro on it first" if xacro else "expected a URDF with <link> and <joint> elements"
+            raise InputError(f"holds {len(links)} links and {len(joints)} joints; {remedy}")
+        if len(joints) > MAX_JOINTS:
+            raise InputError(f"holds {len(joints)} joints; expected at most {MAX_JOINTS}")
+        moving = tuple(_moving_joints(joints))
+        _refuse_no_tree(links, joints)
+        numbered = {key: f"link_{k}" for k, key in enumerate(links)}
+        places = {key: f"joint_{k}" for k, key in enumerate(joints)}
+        parts = [_clean_link(key, x, numbered[key]) for key, x in links.items()]
+        parts += [_clean_joint(key, x, places[key], numbered) for key, x in joints.items()]
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-
-
-def _urdf(content: bytes, name: str) -> Urdf:
-    root = _root(content)
-    links = _by_name(root, "link")
-    joints = {key: x for key, x in _by_name(root, "joint").items() if x.find("parent") is not None}
-    if not links or not joints:
-        xacro = any("xacro" in str(x.tag) for x in root)
-        remedy = "run xacro on it first" if xacro else "expected a URDF with <link> and <joint> elements"
-        raise InputError(f"holds {len(links)} links and {len(joints)} joints; {remedy}")
-    if len(joints) > MAX_JOINTS:
-        raise InputError(f"holds {len(joints)} joints; expected at most {MAX_JOINTS}")
-    moving = tuple(_moving_joints(joints))
-    _refuse_no_tree(links, joints)
-    numbered = {key: _link(k) for k, key in enumerate(links)}
-    places = {key: f"joint_{k}" for k, key in enumerate(joints)}
-    clean = Xml.Element("robot", name="robot")
-    clean.extend([_clean_link(key, x, numbered) for key, x in links.items()])
-    clean.extend([_clean_joint(key, x, places, numbered) for key, x in joints.items()])
-    text = Xml.tostring(clean, encoding="unicode")
-    return Urdf(file=name, joints=moving, links=tuple(links), text=text, places=places)
-
-
-def _link(k: int) -> str:
-    return f"link_{k}"
+    text = f'<robot name="robot">{"".join(parts)}</robot>'
+    return Urdf(file=path.name, joints=moving, links=tuple(links), text=text, places=places)
 
 
 def _root(content: bytes) -> Xml.Element:
@@ -181,54 +172,48 @@ def _moving_joints(joints: Mapping[str, Xml.Element]) -> Iterator[UrdfJoint]:
             )
 
 
-def _clean_link(name: str, x: Xml.Element, numbered: Mapping[str, str]) -> Xml.Element:
+def _clean_link(name: str, x: Xml.Element, own: str) -> str:
     """The link with its mass, and nothing else."""
-    clean = Xml.Element("link", name=numbered[name])
     inertial = x.find("inertial")
     if inertial is None:
-        return clean
+        return f'<link name="{own}" />'
     mass = _number(inertial.find("mass"), "value", math.nan, name)
     if not mass >= 0:
         raise InputError(f"link {short(name)}: the mass is {mass:g}; expected a number that is not negative")
-    own = Xml.SubElement(clean, "inertial")
-    own.append(_clean_origin(inertial, name))
-    Xml.SubElement(own, "mass", value=repr(mass))
-    moments = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-    tensor = inertial.find("inertia")
-    Xml.SubElement(own, "inertia", {key: repr(_number(tensor, key, 0.0, name)) for key in moments})
-    return clean
+    origin, tensor = _clean_origin(inertial, name), inertial.find("inertia")
+    moments = " ".join(f'{key}="{_number(tensor, key, 0.0, name)!r}"' for key in _MOMENTS)
+    return f'<link name="{own}"><inertial>{origin}<mass value="{mass!r}" /><inertia {moments} /></inertial></link>'
 
 
-def _clean_joint(name: str, x: Xml.Element, places: Mapping[str, str], numbered: Mapping[str, str]) -> Xml.Element:
+def _clean_joint(name: str, x: Xml.Element, own: str, numbered: Mapping[str, str]) -> str:
     """The joint with where it stands and its axis; one without end turns between limits that nothing reaches."""
     kind = x.get("type", "")
-    clean = Xml.Element("joint", name=places[name], type=_MOVES.get(kind, kind))
-    clean.append(_clean_origin(x, name))
-    for role in ("parent", "child"):
-        end = x.find(role)
-        Xml.SubElement(clean, role, link="" if end is None else numbered[end.get("link", "")])
+    inside = _clean_origin(x, name)
+    inside += "".join(f'<{role} link="{numbered[end]}" />' for role, end in zip(_ENDS, _ends(x), strict=True))
     if kind in _MOVES:
-        axis = x.find("axis")
-        direction = (1.0, 0.0, 0.0) if axis is None else _triple(axis.get("xyz", "1 0 0"), name)
+        direction = _triple(x.find("axis"), "xyz", "1 0 0", name)
         if not math.hypot(*direction) > 0:
             raise InputError(f"joint {short(name)}: its axis has no direction; expected one such as 0 0 1")
-        Xml.SubElement(clean, "axis", xyz=_text(direction))
-        Xml.SubElement(clean, "limit", lower="-1e9", upper="1e9", effort="1e9", velocity="1e9")
-    return clean
+        inside += f'<axis xyz="{_text(direction)}" /><limit lower="-1e9" upper="1e9" effort="1e9" velocity="1e9" />'
+    return f'<joint name="{own}" type="{_MOVES.get(kind, kind)}">{inside}</joint>'
 
 
-def _clean_origin(x: Xml.Element, name: str) -> Xml.Element:
-    origin = x.find("origin")
-    places = ("0 0 0", "0 0 0") if origin is None else (origin.get("xyz", "0 0 0"), origin.get("rpy", "0 0 0"))
-    return Xml.Element("origin", xyz=_text(_triple(places[0], name)), rpy=_text(_triple(places[1], name)))
+def _clean_origin(x: Xml.Element, name: str) -> str:
+    xyz, rpy = (_text(_triple(x.find("origin"), key, "0 0 0", name)) for key in ("xyz", "rpy"))
+    return f'<origin xyz="{xyz}" rpy="{rpy}" />'
+
+
+def _ends(joint: Xml.Element) -> list[str]:
+    """The links between which a joint is, parent and child; empty where it does not say."""
+    ends = (joint.find(role) for role in _ENDS)
+    return ["" if end is None else end.get("link", "") for end in ends]
 
 
 def _refuse_no_tree(links: Mapping[str, Xml.Element], joints: Mapping[str, Xml.Element]) -> None:
     """Raise InputError unless the joints make one tree of all links."""
     parent: dict[str, str] = {}
     for name, x in joints.items():
-        ends = [x.find(role) for role in ("parent", "child")]
-        above, below = ("" if end is None else end.get("link", "") for end in ends)
+        above, below = _ends(x)
         missing = next((end for end in (above, below) if end not in links), None)
         if missing is not None:
             raise InputError(
@@ -258,12 +243,13 @@ def _number(x: Xml.Element | None, key: str, default: float, name: str) -> float
     return default if text is None else _float(text, f"{name}: {key}")
 
 
-def _triple(text: str, name: str) -> tuple[float, float, float]:
+def _triple(x: Xml.Element | None, key: str, default: str, name: str) -> tuple[float, float, float]:
+    text = default if x is None else x.get(key, default)
     cells = text.split()
     if len(cells) != 3:
         raise InputError(f"{short(name)}: got {short(text)}; expected three numbers")
-    x, y, z = (_float(cell, name) for cell in cells)
-    return x, y, z
+    first, second, third = (_float(cell, name) for cell in cells)
+    return first, second, third
 
 
 def _float(text: str, where: str) -> float:
