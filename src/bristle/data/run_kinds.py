@@ -24,7 +24,7 @@ _SMOOTH = 10.0
 _BEND = {"revolute": 0.1, "prismatic": 0.005}
 """rad or m: no bristle bends further, so a longer displacement is a motion."""
 _SURELY = 0.9
-"""Of its motion and loading: what a run does for so long needs no other runs to tell."""
+"""Of its motion and loading: what is loaded for so long needs no other runs to tell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,10 +58,10 @@ class Stretches:
         return "ramp" if self.held > self.moving + self.loaded + self.broken else "tracking"
 
     @property
-    def surely(self) -> bool:
-        """Whether it holds velocities, or is loaded slowly, nearly all the time that it moves or is loaded."""
+    def is_loaded(self) -> bool:
+        """Whether it is loaded slowly nearly all the time that it moves or is loaded."""
         loaded = self.loaded + self.broken
-        return max(self.held, loaded) >= _SURELY * (self.held + loaded + self.moving)
+        return self.kind == "presliding" and loaded >= _SURELY * (self.held + loaded + self.moving)
 
     @property
     def steadily(self) -> bool:
@@ -99,7 +99,7 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
 
 
 def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
-    """The experiment of each file: what it surely is, or else what most of those are whose names differ in numbers alone.
+    """The experiment of each file: slow loading where it is nothing else, or what most of those are whose names differ in numbers alone.
 
     A motion among constant velocities is one of them that sticks and slips only where each of these is one velocity.
     Constant velocities are ramps where there is hardly anything else; else such a run is a tracking one, which uses what
@@ -108,7 +108,7 @@ def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
     families = defaultdict[str, list[Stretches]](list)
     for file, does in found:
         families[_family(file)].append(does)
-    kinds = [does.kind if does.surely else _voted(does, families[_family(file)]) for file, does in found]
+    kinds = [does.kind if does.is_loaded else _voted(does, families[_family(file)]) for file, does in found]
     if all(does.steadily for kind, (_, does) in zip(kinds, found, strict=True) if kind == does.kind == "ramp"):
         return kinds
     return ["tracking" if kind == "ramp" else kind for kind in kinds]

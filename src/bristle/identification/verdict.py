@@ -151,12 +151,12 @@ def _serious(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
 
 
 def _weightiest(warnings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Each once: what is critical first, notes last, then by effect, then by weight."""
+    """Each once: what is critical first, then by effect, then by weight, notes last."""
 
     def place(x: Finding) -> tuple[float, ...]:
         effects = (-x.effect.get(of, 0.0) for of in ("torque", "errors"))
-        severity = (Severity.CRITICAL, Severity.CAUTION, Severity.NOTE).index(x.severity)
-        return severity, *effects, WEIGHTIEST_FIRST.get(x.code, len(WEIGHTIEST_FIRST))
+        weight = WEIGHTIEST_FIRST.get(x.code, len(WEIGHTIEST_FIRST))
+        return x.severity is not Severity.CRITICAL, *effects, weight, x.severity is Severity.NOTE
 
     return tuple(sorted(dict.fromkeys(warnings), key=place))
 
