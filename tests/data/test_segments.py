@@ -121,7 +121,7 @@ def test_units_and_sign_change_no_decision(powers: tuple[float, float, float], s
 
 
 RECORDS = [staircase(seed=3, hold=0.5, signs=(1,)), quantised(staircase(seed=4, hold=0.5, signs=(-1,)), 4096)]
-limits = st.tuples(st.floats(0.0, 3.0), st.floats(1e-3, 1.0), st.floats(0.5, 4.0), st.floats(0.0, 2.0))
+limits = st.tuples(st.floats(1e-9, 3.0), st.floats(1e-3, 0.999), st.floats(0.5, 4.0), st.floats(1e-9, 2.0))
 
 
 @settings(deadline=None, max_examples=6)

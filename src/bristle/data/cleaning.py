@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.encoder import whole_positions
-from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals, Time
+from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time
 from bristle.data.experiment.tables import keys_of
 from bristle.data.record import Record
 from bristle.data.text_table import RawTable
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 
-_TURN = 2 * np.pi
 _LARGEST = 1e20
 """No signal of a joint reaches more in SI, or reaches less than its inverse; beyond, squares leave the numbers, and it
 is a unit that is wrong."""
@@ -75,13 +74,7 @@ def make_record(
     if signals.position is not None:
         whole = whole_positions(file, table.columns[keys_of(signals)["position"]], signals.position, context)
         rows.warnings += [whole] if whole else []
-        _unwrap(
-            rows,
-            signals.position.period(context),
-            declared=signals.position.wraps is not None or whole is not None,
-            revolute=context.kind == "revolute",
-            turn=_TURN * abs(context.to_joint("position")) if context.kind_of("position") == "revolute" else None,
-        )
+        _unwrap(rows, signals.position, context, told=whole is not None)
     _refuse_constant(rows)
     _undelay(rows, signals, starts)
     return _record(file, table, rows, starts, labels or {})
@@ -136,18 +129,14 @@ def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
             data[name] = table.columns[key] * signal.factor(name, context)
         else:
             data[name] = table.columns[key] * factor(signal.unit or "s", "s") if table.time is None else table.time
-        _refuse_absurd(name, data[name])
+        size = np.abs(data[name], where=np.isfinite(data[name]), out=np.zeros(data[name].shape))
+        largest = float(size.max(initial=0.0))
+        if largest and not 1 / _LARGEST < largest < _LARGEST:
+            raise InputError(
+                f"{name} reaches {largest:.3g} (SI) at most; expected between {1 / _LARGEST:g} and {_LARGEST:g}; check its unit and scale"
+            )
     number = np.arange(1, table.rows + 1) + (table.header or 0) if table.numbers is None else table.numbers
     return _Rows(data, number, "row" if table.header is None else "line", list(table.notes))
-
-
-def _refuse_absurd(name: str, values: Array) -> None:
-    """Raises InputError where the largest value is none that a joint could have."""
-    largest = float(np.abs(values, where=np.isfinite(values), out=np.zeros(values.shape)).max(initial=0.0))
-    if largest and not 1 / _LARGEST < largest < _LARGEST:
-        raise InputError(
-            f"{name} reaches {largest:.3g} (SI) at most; expected between {1 / _LARGEST:g} and {_LARGEST:g}; check its unit and scale"
-        )
 
 
 def _drop_non_finite(rows: _Rows, table: RawTable, cleaning: Cleaning) -> None:
@@ -245,16 +234,17 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))
 
 
-def _unwrap(rows: _Rows, period: float | None, *, declared: bool, revolute: bool, turn: float | None) -> None:
-    position = rows.data["position"]
+def _unwrap(rows: _Rows, signal: Position, context: Context, *, told: bool) -> None:
+    position, period = rows.data["position"], signal.period(context)
     jumps = np.diff(position)
     if period is not None:
         rows.data["position"] = np.unwrap(position, period=period)
         turns = int((np.abs(jumps) > period / 2).sum())
-        unit, times = "rad" if revolute else "m", f"{turns} time{'' if turns == 1 else 's'}"
+        unit, times = "rad" if context.kind == "revolute" else "m", f"{turns} time{'' if turns == 1 else 's'}"
         message = f"Position wraps at {period:.6g} {unit}: unwrapped {times}."
         rows.notes.append(Finding("unwrapped", NOTE, message, {"period": period, "turns": turns}))
-    elif turn is not None and not declared:
+    elif context.kind_of("position") == "revolute" and signal.wraps is None and not told:
+        turn = 2 * np.pi * abs(context.to_joint("position"))
         full = np.flatnonzero(np.abs(np.abs(jumps) / turn - 1) < 0.1)
         if full.size:
             raise InputError(

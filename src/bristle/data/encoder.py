@@ -8,7 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data import units
-from bristle.data.experiment.signals import Context, Position
+from bristle.data.experiment.signals import Context, Position, Signal
 from bristle.data.record import OTHER_FILES, Record
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.model.parameters import unit as unit_of
@@ -16,8 +16,11 @@ from bristle.model.parameters import unit as unit_of
 if TYPE_CHECKING:
     from bristle.data.experiment.load import Experiment
 
-POSITION_UNITS = {"revolute": ("rad", "deg", "rev", "mrad"), "prismatic": ("m", "mm", "cm")}
-"""In which positions are logged."""
+UNITS = {
+    "velocity": {"revolute": ("rad/s", "deg/s", "rpm", "rev/s", "mrad/s"), "prismatic": ("m/s", "mm/s", "cm/s")},
+    "position": {"revolute": ("rad", "deg", "rev", "mrad"), "prismatic": ("m", "mm", "cm")},
+}
+"""In which signals are logged."""
 _NEAR, _ENOUGH = 50.0, 8
 """Steps of up to so many counts tell the count (beyond, rounding in the log adds up); so few of them may lie on a grid
 by chance."""
@@ -72,8 +75,8 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
             "signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
         )
         return Finding("whole-positions", CRITICAL, message, {"files": (file,)})
-    declared = context.resolution is not None and _apart(size / context.resolution, 1.0) < _FACTOR
-    degrees = context.kind_of("position") == "revolute" and _apart(size, units.factor("deg", "rad")) < _NAMED
+    declared = context.resolution is not None and apart(size / context.resolution, 1.0) < _FACTOR
+    degrees = context.kind_of("position") == "revolute" and apart(size, units.factor("deg", "rad")) < _NAMED
     if declared or not degrees:
         return None
     message = (
@@ -98,13 +101,14 @@ def count_mismatch(record: Record, signal: Position | None, context: Context) ->
     if context.resolution is None:
         return _turn_of_another_unit(record.file, step, signal, context)
     ratio = step / context.resolution
-    return None if _apart(ratio, 1.0) < _FACTOR else _mismatch(record.file, step, ratio, signal, context)
+    return None if apart(ratio, 1.0) < _FACTOR else _mismatch(record.file, step, ratio, signal, context)
 
 
 def _mismatch(file: str, step: float, ratio: float, signal: Position, context: Context) -> Finding:
     """Steps of the position that are `ratio` times the declared count: a wrong unit, bits, rounding, or none of these."""
     now = signal.factor("position", context) / context.to_joint("position")
-    line = next((f"`unit: {u}`" for u, by in _other_units(signal, context) if _apart(ratio * by, 1.0) < _NAMED), None)
+    others = other_units("position", signal, context)
+    line = next((f"`unit: {u}`" for u, by in others if apart(ratio * by, 1.0) < _NAMED < apart(by, 1.0)), None)
     numbers: dict[str, Any] = {"files": (file,), "step": step, "ratio": ratio}
     position = f"The position of {file}{OTHER_FILES}"
     times = f"{ratio:.4g} times the declared encoder_resolution"
@@ -121,7 +125,8 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
             f"Write `encoder_resolution: {seen}`."
         )
         return Finding("count-bits", NOTE, message, numbers)
-    if _is_round(step / abs(now)):
+    x = step / abs(now)
+    if any(apart(x, digit * 10.0 ** np.floor(np.log10(1.001 * x))) < 1e-3 for digit in (1, 2, 5)):  # of few digits
         message = f"{position} is rounded to steps of {seen}, {times}: log more digits, or write `encoder_resolution: {seen}`."
         return Finding("count-rounded", CAUTION, message, numbers)
     message = (
@@ -136,8 +141,8 @@ def _turn_of_another_unit(file: str, step: float, signal: Position, context: Con
     turn = 2 * np.pi / step
     if context.kind_of("position") != "revolute" or _power_of_two(turn, _POWER):
         return None
-    for unit, by in _other_units(signal, context):
-        if turn / by > _COARSEST and _power_of_two(turn / by, _POWER):
+    for unit, by in other_units("position", signal, context):
+        if turn / by > _COARSEST and _power_of_two(turn / by, _POWER) and apart(by, 1.0) > _NAMED:
             counts, remedy = round(turn / by), f"`unit: {unit}`"
             message = (
                 f"A turn of {file}{OTHER_FILES} has {turn:.6g} counts as declared, and {counts} with {remedy} under "
@@ -148,24 +153,19 @@ def _turn_of_another_unit(file: str, step: float, signal: Position, context: Con
     return None
 
 
-def _other_units(signal: Position, context: Context) -> Iterator[tuple[str, float]]:
-    """Each unit that the column may have been logged in, and what it multiplies the position by, as declared."""
-    now = signal.factor("position", context)
-    for unit in (*POSITION_UNITS[context.kind_of("position")], *(["counts"] if context.resolution else [])):
+def other_units(name: str, signal: Signal, context: Context) -> Iterator[tuple[str, float]]:
+    """Each unit that a position or a velocity may have been logged in, and what it multiplies the signal by, as declared."""
+    now = signal.factor(name, context)
+    counts = ["counts"] if name == "position" and context.resolution else []
+    for unit in (*UNITS[name][context.kind_of(name)], *counts):
         with suppress(ValueError):  # where the scale converts the unit
-            by = signal.model_copy(update={"unit": unit}).factor("position", context) / now
-            if _apart(by, 1.0) > _NAMED:
-                yield unit, by
+            yield unit, signal.model_copy(update={"unit": unit}).factor(name, context) / now
 
 
-def _apart(x: float, wanted: float) -> float:
+def apart(x: float, wanted: float) -> float:
+    """How far the sizes of two numbers are apart: the logarithm of their ratio."""
     return abs(float(np.log(abs(x) / wanted)))
 
 
 def _power_of_two(x: float, within: float) -> bool:
-    return _apart(x, 2.0 ** round(np.log2(x))) < within
-
-
-def _is_round(x: float) -> bool:
-    """Whether a step is that of a number printed with a few digits: 1, 2 or 5 in one of them."""
-    return any(_apart(x, digit * 10.0 ** np.floor(np.log10(1.001 * x))) < 1e-3 for digit in (1, 2, 5))
+    return apart(x, 2.0 ** round(np.log2(x))) < within

@@ -18,8 +18,6 @@ _BLOCK = 100
 """Samples that tell the noise of that."""
 _JUMP = 10.0
 """Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
-_MANY, _ALIKE = 20, 0.1
-"""Jumps, and the share of their size that they differ by: so many alike may be counts."""
 _NAMED = 4
 """Places in one sentence."""
 _DEVIATIONS = 4.0
@@ -50,8 +48,11 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
         places += [(s.start + k, size, samples) for k, size, samples in found]
         # 1e-3 of a sampling interval: time stamps that deviate less were counted, not measured
         counted = counted and (not found or bool(np.ptp(intervals) <= 1e-3))
-    if not places or _are_counts(places):
+    if not places:
         return None
+    _, sizes, travels = np.abs(np.array(places)).T
+    if sizes.size > 20 and np.ptp(sizes) < 0.1 * sizes.mean() and np.median(travels) > _JUMP:
+        return None  # alike, among next to no travel: the counts of an encoder under something that drifts
     word, rows = _rows(record, signals, [k + 1 for k, *_ in places])
     where = f"{record.file} {word}{'s' * (len(rows) > 1)} {', '.join(shortened(list(map(str, rows))))}"
     if counted and all(samples > 0 for *_, samples in places):
@@ -71,17 +72,8 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
     return Finding("position-jumps", CAUTION, message, {"files": (place,)})
 
 
-def _are_counts(places: Sequence[tuple[int, float, float]]) -> bool:
-    """Whether many jumps of one size, among next to no travel, are the counts of an encoder under something that drifts."""
-    _, sizes, samples = np.abs(np.array(places)).T
-    return bool(sizes.size > _MANY and np.ptp(sizes) < _ALIKE * sizes.mean() and np.median(samples) > _JUMP)
-
-
 def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, float, float]]:
-    """Which steps (n,) of a motion that goes on are jumps, forward or backward: where, by how much, and the travel of how many samples.
-
-    Intervals, (n,), are in samples: a step may be as long as those about it, or as its interval says.
-    """
+    """Where steps (n,), longer than those about them or intervals (n,) say, are jumps; by how much, and the travel of how many samples."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     windows = np.lib.stride_tricks.sliding_window_view(steps, _AROUND)
@@ -92,25 +84,21 @@ def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, floa
     along, travel = steps[inner] * np.sign(usual), np.abs(usual) * np.maximum(intervals[inner], 1.0)
     excess = np.where(along > 0, np.maximum(along - travel, 0.0), along)  # a stop is none
     size = np.abs(excess)
-    side = np.sign(
-        usual
-    )  # at a reversal, 25 samples about it, a jump is play: whoever lost samples there would not see it
+
+    # the noise of the noisiest block about each, from the median of deviations
+    blocks = np.array_split(np.abs(off), max(off.size // _BLOCK, 1))
+    padded = np.pad(np.array([np.median(b) for b in blocks]) / 0.6745, 1, mode="edge")
+    widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
+    noise = np.repeat(widest, [b.size for b in blocks])
+
+    # at a reversal, 25 samples about it, a jump is play; 0.75 samples' travel, and less is none
+    side = np.sign(usual)
     one_way = minimum_filter1d(side, 51) * maximum_filter1d(side, 51) > 0
-    # 0.75 samples' travel; less is none
-    found = (before * after > 0) & one_way & (size > 0.75 * np.abs(usual)) & (size > _JUMP * _noise(off) + 2 * count)
+    found = (before * after > 0) & one_way & (size > 0.75 * np.abs(usual)) & (size > _JUMP * noise + 2 * count)
     found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
     best = [k for k in np.flatnonzero(found) if size[k] >= size[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
     lost = np.where(excess < 0, excess - travel, excess)
     return [(int(inner[k]), float(lost[k]), float(lost[k] / abs(usual[k]))) for k in best]
-
-
-def _noise(off: Array) -> Array:
-    """Standard deviation of deviations (n,), of the noisiest block about each: from the median of their size."""
-    blocks = np.array_split(np.abs(off), max(off.size // _BLOCK, 1))
-    of_block = np.array([np.median(b) for b in blocks]) / 0.6745
-    padded = np.pad(of_block, 1, mode="edge")
-    widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
-    return np.repeat(widest, [b.size for b in blocks])
 
 
 def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str, list[int]]:
@@ -184,26 +172,28 @@ def irregular_sampling(record: Record) -> Finding | None:
 
 
 def _jitter(record: Record, time: Array, least: float = _DEVIATIONS) -> float:
-    """Standard deviation of the instants of sampling about `time`, (n,), samples; 0 where noise does not follow the speed.
-
-    Each position is compared with the cubic through two on either side: what is left has the variance of the noise,
-    times one and the squares of the cubic's weights. The slow quarter of the samples has the noise that does not depend on speed.
-    """
+    """Standard deviation of the instants of sampling about `time`, (n,), samples; 0 where noise does not follow the speed."""
     if record.position is None:
         return 0.0
     left, speed = [], []
     for s in between_gaps(record):
         if s.stop - s.start > _BLOCK:
-            rest, v = _beside_cubic(time[s], record.position[s])
-            left.append(rest)
-            speed.append(v)
+            # beside the cubic through four neighbours noise has its variance times one and the squares of the cubic's weights
+            t, q, inner = time[s], record.position[s], np.arange(2, s.stop - s.start - 2)
+            near = [t[inner + k] - t[inner] for k in (-2, -1, 1, 2)]
+            weights = [
+                np.prod([near[j] / (near[j] - near[k]) for j in range(4) if j != k], axis=0) for k in range(4)
+            ]  # of Lagrange
+            through = np.sum([w * q[inner + k] for w, k in zip(weights, (-2, -1, 1, 2), strict=True)], axis=0)
+            left.append((q[inner] - through) / np.sqrt(1 + np.sum(np.square(weights), axis=0)))
+            speed.append((q[inner + 2] - q[inner - 2]) / (near[3] - near[0]))
     if not left:
         return 0.0
     x, r = np.abs(np.concatenate(speed)), np.concatenate(left)
     if not (np.isfinite(x).all() and np.isfinite(r).all()):  # overflown
         return 0.0
     low, high = np.quantile(x, [0.25, 0.75])
-    slow, fast = x <= low, x >= high
+    slow, fast = x <= low, x >= high  # the slow quarter has the noise that does not depend on speed
     count = smallest_step(record.position)
     floor = max(_variance(r[slow]), count * count / 4)  # three times that of counts
     of_speed = float(np.median(x[fast] ** 2))
@@ -217,18 +207,6 @@ def _jitter(record: Record, time: Array, least: float = _DEVIATIONS) -> float:
     correlation = float(z[1:][both] @ z[:-1][both]) / max(float(z[1:][both] @ z[1:][both]), 1e-12)
     # correlation of neighbours in what a cubic through neighbours leaves: -0.8 of white noise, positive of a vibration
     return float(np.sqrt(more / of_speed)) if least == 0.0 or correlation < -0.6 else 0.0
-
-
-def _beside_cubic(time: Array, position: Array) -> tuple[Array, Array]:
-    """Deviation of each position from the cubic through its four neighbours, as noise of one sample, and its speed, (n - 4,)."""
-    inner = np.arange(2, time.size - 2)
-    near = [time[inner + k] - time[inner] for k in (-2, -1, 1, 2)]
-    weights = [
-        np.prod([near[j] / (near[j] - near[k]) for j in range(4) if j != k], axis=0) for k in range(4)
-    ]  # of Lagrange
-    through = np.sum([w * position[inner + k] for w, k in zip(weights, (-2, -1, 1, 2), strict=True)], axis=0)
-    rest = (position[inner] - through) / np.sqrt(1 + np.sum(np.square(weights), axis=0))
-    return rest, (position[inner + 2] - position[inner - 2]) / (near[3] - near[0])
 
 
 def _variance(x: Array) -> float:

@@ -88,8 +88,18 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
     loaded = _union([_until_unloaded(record, x) for x in loadings], n) & ~steady
     if not _is_spring(record, loaded):
         loadings, loaded = [], np.zeros(n, dtype=bool)
-    moving = _moves(record) & ~steady & ~loaded
-    broken = moving & _breaks_away(record, loadings, loaded)
+    velocity = np.zeros(n) if record.velocity is None else record.velocity
+    short = min(np.diff([*record.starts, n])) < 2
+    speed = np.abs(velocity if short or _SMOOTH * step >= 0.5 else smoothed(record, velocity, _SMOOTH))
+    # 0.02 of the fastest speed: what is slower, and not held, is at rest
+    moving = (speed > 0.02 * speed.max(initial=0.0)) & ~steady & ~loaded
+
+    # above the breakaway torque of a joint that is loaded slowly, and so rests half of the time below it; one that moves passes
+    broken, torques = np.zeros(n, dtype=bool), [x.breakaway for x in loadings if x.breakaway is not None]
+    if torques and record.torque is not None:
+        below = np.abs(record.torque) < max(torques)
+        if np.count_nonzero(loaded & below) >= 0.5 * np.count_nonzero(below):
+            broken = moving
     times = {"held": steady, "loaded": loaded, "broken": broken, "moving": moving & ~broken}
     return Stretches(
         **{name: step * float(np.count_nonzero(mask)) for name, mask in times.items()},
@@ -133,15 +143,6 @@ def _union(spans: Sequence[tuple[int, int]], n: int) -> NDArray[np.bool_]:
     return mask
 
 
-def _moves(record: Record) -> NDArray[np.bool_]:
-    velocity = np.zeros(record.time.size) if record.velocity is None else record.velocity
-    short = min(np.diff([*record.starts, velocity.size])) < 2
-    slow = velocity if short or _SMOOTH * record.step >= 0.5 else smoothed(record, velocity, _SMOOTH)
-    speed = np.abs(slow)
-    # 0.02 of the fastest speed: what is slower, and not held, is at rest
-    return np.asarray(speed > 0.02 * speed.max(initial=0.0))
-
-
 def _slow_loadings(record: Record, joint: JointKind) -> list[Loading]:
     if record.position is None:
         return []
@@ -167,10 +168,7 @@ def _until_unloaded(record: Record, loading: Loading) -> tuple[int, int]:
 
 
 def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
-    """Whether the torque goes with the position in the stretches that load, each of which begins anew, where the joint slid to.
-
-    That of a joint that slides goes more with the direction of motion, and is flat.
-    """
+    """Whether torque goes with position in stretches that load, each for itself; of a joint that slides it goes with the direction, and is flat."""
     if record.position is None or record.torque is None or np.count_nonzero(loaded) < 2:
         return False
     bounds = np.flatnonzero(np.diff(loaded, prepend=False, append=False)).reshape(-1, 2)
@@ -185,14 +183,3 @@ def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
     slides = with_side > with_q and float(np.mean(size > share * np.quantile(size, 0.99))) > most
     # correlation of torque and position of a joint that rests on its bristles
     return with_q > 0.3 * float(np.linalg.norm(T)) and not slides
-
-
-def _breaks_away(record: Record, loadings: Sequence[Loading], loaded: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Samples above the breakaway torque of a joint that mostly rests below it, (n,)."""
-    torques = [x.breakaway for x in loadings if x.breakaway is not None]
-    if not torques or record.torque is None:
-        return np.zeros(loaded.size, dtype=bool)
-    below = np.abs(record.torque) < max(torques)
-    # 0.5 of the time below the breakaway torque: a joint that is loaded slowly rests for so long, one that moves passes
-    rests = np.count_nonzero(loaded & below) >= 0.5 * np.count_nonzero(below)
-    return np.full(loaded.size, rests) & ~loaded

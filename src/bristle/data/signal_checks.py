@@ -3,8 +3,7 @@
 Each check is a function of a record that gives a diagnostic, or None. None of them knows a friction law.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterable
 from dataclasses import replace
 from itertools import groupby
 from typing import NamedTuple
@@ -13,9 +12,9 @@ import numpy as np
 
 from bristle.data import units
 from bristle.data.differentiation import between_gaps
-from bristle.data.encoder import POSITION_UNITS, count_mismatch
+from bristle.data.encoder import apart, count_mismatch, other_units
 from bristle.data.experiment.schema import RunKind
-from bristle.data.experiment.signals import Context, Position, Signal, Signals
+from bristle.data.experiment.signals import Context, Signal, Signals
 from bristle.data.motion_checks import held_position, irregular_sampling, position_jumps, shortened, velocity_lag
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.timestamps import ISO
@@ -28,13 +27,6 @@ _FEWEST = 20
 """Spans that tell a factor."""
 _FACTOR = 0.05
 """Velocity and position of one motion differ by less: sampling rates and gears are known better than that."""
-_UNITS = {
-    "velocity": {
-        "revolute": ("rad/s", "deg/s", "rpm", "rev/s", "mrad/s"),
-        "prismatic": ("m/s", "mm/s", "cm/s"),
-    },
-    "position": POSITION_UNITS,
-}
 _TIMES = ("s", "ms", "us")
 
 
@@ -79,17 +71,14 @@ def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
         return d.code, str(d.numbers.get("remedy", ""))
 
     groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]
-    return tuple(sorted(map(_as_one, groups), key=lambda d: d.severity is not CRITICAL))
-
-
-def _as_one(same: Sequence[Finding]) -> Finding:
-    """The first of some warnings, with the files or places of all."""
-    first = same[0]
-    files = shortened([file for x in same for file in x.numbers["files"]])
-    message = first.message
-    for mark, between in ((OTHER_FILES, ", "), (OTHER_PLACES, "; ")):
-        message = message.replace(mark, "".join(f"{between}{file}" for file in files[1:]))
-    return replace(first, message=message, numbers={**first.numbers, "files": files})
+    found = []
+    for first, *others in groups:
+        files = shortened([file for x in (first, *others) for file in x.numbers["files"]])
+        message = first.message
+        for mark, between in ((OTHER_FILES, ", "), (OTHER_PLACES, "; ")):
+            message = message.replace(mark, "".join(f"{between}{file}" for file in files[1:]))
+        found.append(replace(first, message=message, numbers={**first.numbers, "files": files}))
+    return tuple(sorted(found, key=lambda d: d.severity is not CRITICAL))
 
 
 def travel_ratio(record: Record) -> TravelRatio | None:
@@ -161,31 +150,25 @@ def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
     size = abs(ratio)
     if context.gear and _near(max(size, 1 / size), abs(context.gear.ratio)):
         return [f"the other side for {name} under motor.gear" for name in ("velocity", "position")]
-    lines = [] if _near(size, 1.0) else [*_other_units(signals, context, size)] or _factors(signals, size)
+    lines = list[str]()
+    if not _near(size, 1.0):
+        for name, wanted in (("velocity", size), ("position", 1 / size)):
+            signal: Signal | None = getattr(signals, name)
+            if signal is not None and not signal.unit.strip().startswith("count"):
+                units_of = other_units(name, signal, context)
+                lines += [
+                    f"`unit: {u}` under signals.{name}" for u, by in units_of if u != "counts" and _near(by, wanted)
+                ]
+        time, rate = signals.time, None if signals.time is None else signals.time.rate
+        if time is not None and time.unit not in {None, ISO}:
+            now = units.factor(time.unit or "s", "s")
+            lines += [f"`unit: {x}` under signals.time" for x in _TIMES if _near(units.factor(x, "s") / now, size)]
+        if not lines:
+            lines.append(f"a `scale` of signals.velocity {size:.3g} times as large")
+            lines += [] if rate is None else [f"`rate: {rate / size:.3g} Hz` under signals.time"]
     turned = ["the opposite sign of `scale` under signals.velocity or signals.position"]
     return [*lines, *(turned if ratio < 0 else [])]
 
 
-def _other_units(signals: Signals, context: Context, size: float) -> Iterator[str]:
-    for name, wanted in (("velocity", size), ("position", 1 / size)):
-        signal: Signal | Position | None = getattr(signals, name)
-        if signal is None or signal.unit.strip().startswith("count"):
-            continue
-        now = signal.factor(name, context)
-        for unit in _UNITS[name][context.kind_of(name)]:
-            with suppress(ValueError):  # where the scale converts the unit
-                if _near(signal.model_copy(update={"unit": unit}).factor(name, context) / now, wanted):
-                    yield f"`unit: {unit}` under signals.{name}"
-    if signals.time is not None and signals.time.unit not in {None, ISO}:
-        now = units.factor(signals.time.unit or "s", "s")
-        yield from (f"`unit: {x}` under signals.time" for x in _TIMES if _near(units.factor(x, "s") / now, size))
-
-
-def _factors(signals: Signals, size: float) -> list[str]:
-    rate = None if signals.time is None else signals.time.rate
-    more = [] if rate is None else [f"`rate: {rate / size:.3g} Hz` under signals.time"]
-    return [f"a `scale` of signals.velocity {size:.3g} times as large", *more]
-
-
 def _near(x: float, wanted: float) -> bool:
-    return abs(float(np.log(abs(x) / wanted))) < _FACTOR
+    return apart(x, wanted) < _FACTOR

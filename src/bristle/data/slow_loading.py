@@ -9,7 +9,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from types import MappingProxyType
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,14 +108,11 @@ def find_all_loadings(
     held: dict[str, float] = {}
     while True:
         found = tuple(find_loadings(record, record.cutoff, resolution, breakaway, held) for record in records)
-        reached = {d: max(x.held for one in found for x in one if x.direction == d) for d in _directions(found)}
+        directions = {x.direction for one in found for x in one}
+        reached = {d: max(x.held for one in found for x in one if x.direction == d) for d in directions}
         if reached == held:
             return found
         held = reached
-
-
-def _directions(found: Sequence[Sequence[Loading]]) -> set[str]:
-    return {x.direction for one in found for x in one}
 
 
 def find_loadings(
@@ -149,8 +145,9 @@ def find_loadings(
         if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
             continue  # faster than the low pass can follow: a step, and no slow loading
         torque_along, position_along = sign * slow[piece], sign * position[piece]
-        # five times the deviation that counts alone give its speed, and three counts, for fewer are steps of the encoder
-        least = _Least(0.5 * 5.0 * quantum * cutoff, 3.0 * quantum, 0.5 / (cutoff * record.step))
+        # a speed of five times the deviation that counts alone give it, three counts of travel, and as many samples as the low
+        # pass makes of a step of the encoder at the end of a run
+        least = (0.5 * 5.0 * quantum * cutoff, 3.0 * quantum, 0.5 / (cutoff * record.step))
         moved, name = position_along - position_along[0], "+" if sign > 0 else "-"
         slide = _slides_at(torque_along, moved, sign * speed[piece], least, breakaway, held.get(name, 0.0))
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
@@ -200,7 +197,24 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
             if abs(y[-1] - y[0]) > max(1.5 * quantum, _CLOSED * np.ptp(y)):
                 drifts.append(float((y[-1] - y[0]) / np.ptp(y)))
             else:
-                loops.append(_loop(record.file, start, stop, y, T, quantum))
+                centred, level = y - y.mean(), T - T.mean()
+                top, bottom = int(T.argmax()), int(T.argmin())
+                loops.append(
+                    Loop(
+                        file=record.file,
+                        start=start,
+                        stop=stop,
+                        position=y,
+                        torque=T,
+                        torque_amplitude=float(np.ptp(T)) / 2,
+                        displacement_amplitude=float(np.ptp(y)) / 2,
+                        loss=abs(float(np.trapezoid(T, y))),
+                        secant=_stiffness(float(T[top] - T[bottom]), float(y[top] - y[bottom])),
+                        slope=_stiffness(float(centred @ level), float(centred @ centred)),
+                        inverse_slope=_stiffness(float(level @ level), float(centred @ level)),
+                        counts=round(float(np.ptp(y)) / quantum) if quantum else 0,
+                    )
+                )
     return tuple(loops), tuple(drifts)
 
 
@@ -211,10 +225,7 @@ def _signals(record: Record) -> tuple[Array, Array]:
 
 
 def _quantum(record: Record, position: Array, resolution: float | None) -> float:
-    """One count, rad: as declared, or the smallest step seen.
-
-    Raises InputError where the joint would have moved more counts than any encoder has.
-    """
+    """One count, rad: as declared, or the smallest step seen. Raises InputError where more were moved than any encoder has."""
     if resolution and not np.ptp(position) / resolution < 2.0**40:  # 2.0**40 counts that no encoder has over any travel
         raise InputError(
             f"{record.file}: the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution, more than any encoder has; "
@@ -260,25 +271,16 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
     return pieces
 
 
-class _Least(NamedTuple):
-    """What a joint that slides does at least."""
-
-    speed: float
-    """rad/s."""
-    travel: float
-    """rad."""
-    samples: float
-    """For how long: at the end of a run the low pass makes a step of the encoder look like sliding."""
-
-
 def _slides_at(
-    torque: Array, displacement: Array, speed: Array, least: _Least, breakaway: float | None, held: float
+    torque: Array,
+    displacement: Array,
+    speed: Array,
+    least: tuple[float, float, float],
+    breakaway: float | None,
+    held: float,
 ) -> int | None:
-    """The sample at which the joint breaks away; None where it does not.
-
-    It keeps sliding from there to the peak of the torque. What the usual speed of loading is, the first half up to there
-    tells, whatever the torque rises to thereafter.
-    """
+    """The sample from which the joint slides up to the peak of its torque, faster than in the first half of its loading; None where it does not."""
+    least_speed, least_travel, least_samples = least
     if breakaway is not None:
         beyond = np.flatnonzero(displacement >= breakaway)
         return int(beyond[0]) if beyond.size else None
@@ -288,12 +290,12 @@ def _slides_at(
     while onset > 1:
         first = speed[:onset][torque[:onset] <= torque[onset - 1] / 2]
         usual = max(float(np.median(first)) if first.size else 0.0, 0.0)
-        slow = np.flatnonzero(speed[:onset] <= max(ONSET * usual, least.speed))
+        slow = np.flatnonzero(speed[:onset] <= max(ONSET * usual, least_speed))
         earlier = int(slow[-1]) + 1 if slow.size else 0
         if earlier == onset:
             break
         onset = earlier
-    if top - onset <= least.samples or displacement[top - 1] - displacement[onset] < least.travel:
+    if top - onset <= least_samples or displacement[top - 1] - displacement[onset] < least_travel:
         return None
     # twice the way up to there: a joint that goes on for this far slides; one that goes on for less may merely creep
     far = float(displacement.max() - displacement[onset]) > 2.0 * float(displacement[onset])
@@ -302,11 +304,7 @@ def _slides_at(
 
 
 def _held(smooth: Array, logged: Array) -> float:
-    """The largest torque of a loading, N*m.
-
-    That through the low pass, which rounds tips off or overshoots them, but no less than the logged one without its
-    noise, and no more than the logged one.
-    """
+    """The largest torque, N*m: of the low pass, which rounds tips off or overshoots, but within the logged one with and without noise."""
     noise = 1.4826 * float(np.median(np.abs(np.diff(logged, 2)))) / 6**0.5
     most = float(logged.max())
     # four standard deviations that the largest of some thousand noisy torques may be too large
@@ -330,11 +328,7 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
 
 
 def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
-    """Count edges that the position crosses upward, and when.
-
-    The middle between the first reading above and the last one below, in samples. Where there are more edges than
-    readings, every so many of them alone: those between tell nothing more.
-    """
+    """Count edges crossed upward, and when, samples, between the last reading below and the first above; no more than a few for each reading."""
     if quantum == 0 or position.size == 0:
         return np.zeros(0), np.zeros(0)
     count = np.round((position - position[0]) / quantum)
@@ -344,26 +338,6 @@ def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
     after = np.searchsorted(reached, levels, side="left")
     before = np.searchsorted(left, levels, side="left") - 1
     return position[0] + (levels - 0.5) * quantum, (after + before) / 2
-
-
-def _loop(file: str, start: int, stop: int, position: Array, torque: Array, quantum: float) -> Loop:
-    y, T = position - position.mean(), torque - torque.mean()
-    top, bottom = int(torque.argmax()), int(torque.argmin())
-    across = float(position[top] - position[bottom])
-    return Loop(
-        file=file,
-        start=start,
-        stop=stop,
-        position=position,
-        torque=torque,
-        torque_amplitude=float(np.ptp(torque)) / 2,
-        displacement_amplitude=float(np.ptp(position)) / 2,
-        loss=abs(float(np.trapezoid(torque, position))),
-        secant=_stiffness(float(torque[top] - torque[bottom]), across),
-        slope=_stiffness(float(y @ T), float(y @ y)),
-        inverse_slope=_stiffness(float(T @ T), float(y @ T)),
-        counts=round(float(np.ptp(position)) / quantum) if quantum else 0,
-    )
 
 
 def _stiffness(torque: float, displacement: float) -> float | None:

@@ -135,10 +135,7 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
 
 
 def _start(cells: Rows) -> int:
-    """The first row of the table; as many as there are rows where there is none.
-
-    Rows that look alike above a line of names, as `Range,1,2` does, are no part of it, but those that have a line of names above them are.
-    """
+    """The first row of the table; rows like `Range,1,2` above a line of names are none of it, unless they have a line of names above them, too."""
     # columns that hold a value in most rows that hold mostly values, far from the file's beginning
     last = cells[-_LOOKED_AT:]
     rows = [row for row in last if _values(row) > 0.5] or [row for row in last if _values(row) > 0]
@@ -169,10 +166,7 @@ def _is_names(row: Sequence[str], width: int) -> bool:
 
 
 def _header(rows: Rows, width: int) -> tuple[int | None, int | None]:
-    """The row of names and that of units among the rows above the numbers.
-
-    Names stand right above the numbers, or above their units; where each channel has a block of its own, in the row in which each begins with `Name`.
-    """
+    """The rows of names and of units: right above the numbers or, where each channel has a block, those that begin with `Name` and `Unit`."""
     fitting = [k for k, row in enumerate(rows) if abs(len(row) - width) <= 1 and (len(row) > 1 or width == 1)]
     fitting = fitting or [k for k, row in enumerate(rows) if abs(len(row) - width) <= 1]
     block = [k for k in fitting if _keyed(rows[k]).startswith("name")]
@@ -214,10 +208,7 @@ def bracketed(name: str) -> tuple[str, str]:
 
 
 def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Finding | None:
-    """What is said of lines before the first row of numbers that are more than one line of names.
-
-    Refuses a row of data among them: below the names one that begins with a number, and holds another than the `1` of a unit, is one that was logged.
-    """
+    """What is said of lines above the numbers that are more than one line of names; a row that begins with a number, and was logged, is refused."""
     for line, row in cells[len(cells) if named is None else named + 1 :]:
         begins = next((is_value(cell) for cell in row if cell), False)
         if len(row) == width and begins and any(is_value(cell) and cell != "1" for cell in row if cell):
@@ -276,10 +267,7 @@ def _usual(widths: Sequence[int]) -> int:
 
 
 def _width(rows: Rows) -> int:
-    """Columns, counting empty ones that a delimiter at the end of a line makes.
-
-    Refuses a row with more than the others.
-    """
+    """Columns, those that a delimiter at the end of a line makes included; a row with more than the others is refused."""
     usual = _usual([len(row) for row in rows])
     wide = next((k for k, row in enumerate(rows) if any(row[usual:])), None)
     if wide is not None:

@@ -140,10 +140,7 @@ def naming(name: str) -> Iterator[None]:
 
 
 def _digest(path: Path, *, text: bool) -> str:
-    """SHA-256 of a file, which is read once, in pieces.
-
-    Refuses what is too large, empty, or (as text) binary or one long line.
-    """
+    """SHA-256 of a file, read in pieces; one that is too large, empty, or (as text) binary or one long line is refused."""
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise InputError(f"is {size} bytes long, over the limit of {MAX_BYTES}; cut it into several runs")

@@ -14,8 +14,6 @@ from bristle.findings import CAUTION, CRITICAL, Finding
 
 _PILED, _NEXT = 4.0, 3
 """A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
-_SAME, _REPEATS = 3, 0.1
-"""Points of several speeds that do not have the very same torque by chance, the largest, where no more than this share of the others repeats one."""
 _PARTS = 100
 """The first of so many parts of slow loading, but no less than ..."""
 
@@ -77,10 +75,10 @@ def _limits_of_points(torque: Array, velocity: Array | None) -> list[float]:
     """The same of points, N*m, (n,), each of which has a torque of its own, at velocities, rad/s, (n,)."""
     ends = list(dict.fromkeys((float(torque.max(initial=-np.inf)), float(torque.min(initial=np.inf)))))
     others = torque[~np.isin(torque, ends)]
-    if velocity is None or np.unique(others).size < (1 - _REPEATS) * others.size:
+    if velocity is None or np.unique(others).size < 0.9 * others.size:
         return []
     speeds = {x: np.unique(velocity[torque == x]).size for x in ends if (velocity[torque == x] * x > 0).all()}  # brakes
-    return [x for x in speeds if speeds[x] + speeds.get(-x, 0) >= _SAME]
+    return [x for x in speeds if speeds[x] + speeds.get(-x, 0) >= 3]  # not by chance
 
 
 def _clipped(record: Record, kind: RunKind) -> Finding | None:
@@ -142,7 +140,9 @@ def _dead_zone(record: Record) -> Finding | None:
         return None
     zero = torque == 0
     part, few = 5e-4, 4  # a dead zone takes at least this share of the samples, and so many of them
-    if zero.sum() < max(part * torque.size, few) or zero.sum() < _PILED * _most_often(np.abs(torque[~zero])):
+    if zero.sum() < max(part * torque.size, few):
+        return None
+    if zero.sum() < _PILED * np.unique(np.abs(torque[~zero]), return_counts=True)[1].max(initial=0):
         return None
     starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
     whole = (starts > 0) & (stops < torque.size)
@@ -165,10 +165,7 @@ def _dead_zone(record: Record) -> Finding | None:
 
 
 def _coarse(record: Record, kind: RunKind) -> Finding | None:
-    """A torque in so few steps that rounding does not average out: its noise is less than a step.
-
-    A hold whose torque stays at one of them is off by up to half a step, and so is the curve through holds.
-    """
+    """A torque in so few steps that rounding does not average out: a hold, and so the curve through holds, is off by up to half a step."""
     torque = record.torque
     if torque is None or record.voltage is not None or torque.size < _PARTS:
         return None
@@ -184,8 +181,3 @@ def _coarse(record: Record, kind: RunKind) -> Finding | None:
     )
     effect = {"torque": step / 2} if kind == "ramp" else {}
     return Finding("torque-coarse", CAUTION, message, {"files": (record.file,), "step": step, "levels": levels}, effect)
-
-
-def _most_often(values: Array) -> int:
-    """How often the commonest of some values (n,) is there."""
-    return int(np.unique(values, return_counts=True)[1].max(initial=0))

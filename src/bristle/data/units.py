@@ -116,7 +116,12 @@ def scale_parts(scale: object) -> tuple[float, str, float | None]:
     """
     parts = _parts(scale)
     if parts is None:
-        return *_scale(scale), None
+        match = _QUANTITY.fullmatch(_plain(str(scale)))
+        if not match or float(match[1]) == 0:
+            raise InputError(
+                f"scale {short(str(scale))} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
+            )
+        return float(match[1]), match[2] or "1", None
     number, first, error, second = parts
     if number == 0 or not (relative := error * factor(second, first) / abs(number)) < 1:
         raise InputError(f"scale {short(str(scale))}: expected a number, with an error that is smaller than it")
@@ -166,34 +171,22 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
         number *= resolution
         unit = target.split("/", maxsplit=1)[0] + unit.strip()[counts.end() :]
     by_scale = "" if scale == 1 else f" times scale {short(scale)}"
-    times_si = number if (unit, times) == (target, "1") else _converted(number, unit, times, target, by_scale)
+    times_si = number
+    if (unit, times) != (target, "1"):  # pint takes half a second to load
+        measured, wanted = _parse(unit) * _parse(times), _parse(target)
+        size, root = _root(measured)
+        target_size, target_root = _root(wanted)
+        torque_like = "N" in target or "kg" in target
+        if measured.dimensionality != wanted.dimensionality or not (torque_like or root == target_root):
+            raise InputError(
+                f"unit {short(unit)}{by_scale} is no unit of {target}; expected one such as {_example(target, '')}"
+            )
+        times_si = number * size / target_size
     if not 1 / LARGEST < abs(times_si) < LARGEST:
         raise InputError(
             f"unit {short(unit)}{by_scale} is {times_si:g} {target}; expected between {1 / LARGEST:g} and {LARGEST:g}"
         )
     return times_si
-
-
-def _converted(number: float, unit: str, times: str, target: str, by_scale: str) -> float:
-    """A number of a unit, times that of a scale, in `target`; it needs pint, which takes half a second to load."""
-    measured, wanted = _parse(unit) * _parse(times), _parse(target)
-    size, root = _root(measured)
-    target_size, target_root = _root(wanted)
-    torque_like = "N" in target or "kg" in target
-    if measured.dimensionality != wanted.dimensionality or not (torque_like or root == target_root):
-        raise InputError(
-            f"unit {short(unit)}{by_scale} is no unit of {target}; expected one such as {_example(target, '')}"
-        )
-    return number * size / target_size
-
-
-def _scale(scale: object) -> tuple[float, str]:
-    match = _QUANTITY.fullmatch(_plain(str(scale)))
-    if not match or float(match[1]) == 0:
-        raise InputError(
-            f"scale {short(str(scale))} is no quantity; expected a non-zero number, with a unit where the unit changes, such as '7.6 N*m/A'"
-        )
-    return float(match[1]), match[2] or "1"
 
 
 def _root(unit: "pint.Unit") -> tuple[float, object]:
@@ -251,6 +244,5 @@ def _registry() -> "pint.UnitRegistry[float]":
 
 
 def _example(target: str, number: str = "1 ") -> str:
-    return f"{number and repr(number + _EXAMPLES.get(target, target).split(',')[0].split(' or ')[0])}" or _EXAMPLES.get(
-        target, target
-    )
+    units = _EXAMPLES.get(target, target)
+    return repr(number + units.split(",")[0].split(" or ")[0]) if number else units

@@ -86,10 +86,7 @@ def sticks(e: Evidence) -> bool:
 
 
 def _too_short(e: Evidence, usual: Scale, t: Thresholds, other: Finding | None) -> Finding | None:
-    """Where there is another reason too, no threshold is proposed: it would let in what is no plateau.
-
-    The messages of this and of the following reasons lack their effect, which `reasons` adds.
-    """
+    """Messages here lack their effect, which `reasons` adds; beside another reason no threshold is proposed: it would let in no plateau."""
     if t.minimum_duration is not None:
         if e.duration >= t.minimum_duration * (1 - 1e-9):
             return None

@@ -99,10 +99,7 @@ def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> 
 
 
 def _lines(u: Array) -> list[tuple[int, int]]:
-    """Divide u among straight lines.
-
-    The optimal partition under minus twice the log marginal likelihood, with a penalty per line.
-    """
+    """Divide u among straight lines: the optimal partition under minus twice the log marginal likelihood, and a penalty per line."""
     n = u.size
     penalty = 6 * np.log(n)
     k = np.arange(n) - n / 2
@@ -123,30 +120,18 @@ def _lines(u: Array) -> list[tuple[int, int]]:
 
 
 def _line_costs(sums: Array, noise: float) -> Array:
-    """Minus twice the log marginal likelihood of lines through blocks, noise integrated out.
-
-    Terms in their number alone are left out. The prior scale is the noise between neighbouring blocks, and no less than
-    1 % of the line's mean: what is flatter than that is flat.
-
-    Args:
-        sums: over each line's blocks, of 1, k, k**2, u, u**2 and k u, shape (6, ...); what holds no block gives no
-            meaning.
-        noise: standard deviation between neighbours.
-    """
+    """Minus twice the log marginal likelihood of lines, noise integrated out, by sums of 1, k, k**2, u, u**2 and k u over blocks, (6, ...)."""
     m, sk, skk, su, suu, sku = sums
     m = np.maximum(m, 1)
     spread, covariance = skk - sk * sk / m, sku - sk * su / m
     covariance[m < 2] = 0.0
     residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
-    scale = noise**2 + (0.01 * su / m) ** 2
+    scale = noise**2 + (0.01 * su / m) ** 2  # of the prior: what is flatter than 1 % of its mean is flat
     return np.asarray((m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale))
 
 
 def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
-    """Blocks i to j - 1 without those at either end that are off.
-
-    Their mean velocity or torque is off the others' median by over four deviations.
-    """
+    """Blocks i to j - 1 without those at either end whose mean velocity or torque is off the others' median by over four deviations."""
     outside = np.zeros(j - i, dtype=bool)
     for x in (u[i:j], t[i:j]):
         off = np.abs(x - np.median(x))
@@ -156,10 +141,7 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
 
 
 def _without_edges(velocity: Array, plateaus: list[CandidateSpan]) -> list[CandidateSpan]:
-    """Without plateaus that are the edge of another.
-
-    An edge is no further from it than it is long, a third as long or less, at its speed within 10 %.
-    """
+    """Without plateaus that are an edge of another: as near as they are long, a third as long or less, at its speed within 10 %."""
     kept: list[tuple[CandidateSpan, float]] = []
     for s in sorted(plateaus, key=lambda s: s.start - s.stop):
         length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
@@ -174,11 +156,7 @@ def _without_edges(velocity: Array, plateaus: list[CandidateSpan]) -> list[Candi
 
 
 def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
-    """A plateau from where its mean torque has the least standard error, in its first quarter.
-
-    The marginal standard error rule (White, 1997). Where the halves of what is left differ, the torque still settles, as that of a bristle
-    does over several of its deflections: then in the first three quarters.
-    """
+    """A plateau from the least standard error of its mean torque (White, 1997), in its first quarter or, still settling, three quarters."""
     length = max((s.stop - s.start) // 64, 1)  # 64 parts of a plateau of which the first may be dropped
     count = (s.stop - s.start) // length
     t = torque[s.start : s.start + count * length].reshape(count, length).mean(axis=1)

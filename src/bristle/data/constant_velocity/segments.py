@@ -142,11 +142,7 @@ def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresho
 
 
 def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSpan | None]:
-    """For each candidate, the plateau that it is the beginning or end of.
-
-    That is at least three times as long, at the same speed within 10 %, and reached from the candidate, in a third of
-    its length, without ever leaving that speed; what was cut off its own beginning, while its torque settled, is part of it.
-    """
+    """The plateau that each begins or ends: three times as long, its speed held within 10 % from one to the other, over a third of it."""
     means = [float(np.mean(velocity[s.start : s.stop])) for s in cut]
     owner: list[CandidateSpan | None] = [None] * len(cut)
     for j, plateau in enumerate(cut):

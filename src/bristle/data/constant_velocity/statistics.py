@@ -124,10 +124,7 @@ def evidence(record: Record, candidate: CandidateSpan, usual: Scale, torque_limi
 
 
 def _drift(x: Array) -> tuple[float, float, float]:
-    """Range of the parabola through x, and four standard deviations of the range that noise gives a constant.
-
-    `samples` are those per independent one.
-    """
+    """Range of the parabola through x, four standard deviations of the range that noise gives a constant, and samples per independent one."""
     n = x.size
     if n < 4:
         return float(np.ptp(x)), 0.0, 1.0
@@ -140,10 +137,7 @@ def _drift(x: Array) -> tuple[float, float, float]:
 
 
 def _swing(v: Array, position: Array | None, time: Array, mean: float, quantum: float) -> tuple[float, float, float]:
-    """Deviation, and shares at rest and backward, of averaged v.
-
-    The average is over a window just long enough for noise to be a tenth of the mean.
-    """
+    """Deviation, and shares at rest and backward, of v averaged over a window just long enough for noise to be a tenth of the mean."""
     from scipy.ndimage import uniform_filter1d
 
     n, speed = v.size, abs(mean)

@@ -88,18 +88,15 @@ def torque_shifts(record: Record, signals: Signals, motor: MotorConstants | None
     for constant in torque_constants(signals, motor, context):
         if constant.error is not None and record.torque is not None:
             by = record.torque / constant.value
-            if record.voltage is not None and record.velocity is not None and motor is not None:
-                by = _of_voltage(record.voltage, record.velocity, constant, motor.at_joint())
+            m = None if motor is None else motor.at_joint()
+            if record.voltage is not None and record.velocity is not None and m is not None:
+                by = np.zeros(record.voltage.size)
+                if m.torque_constant is not None and m.resistance is not None:
+                    k_t, R = m.torque_constant.value, m.resistance.value
+                    slopes = evaluate(drive_torque_slopes_function(), record.voltage, record.velocity, k_t, R)
+                    by_V, by_k_t, by_R = slopes
+                    by = by_R if constant.name == RESISTANCE else by_V * record.voltage / constant.value
+                    if constant.name == TORQUE_CONSTANT:  # as declared: the motor's own where there is a gear
+                        by = by_k_t * (k_t / constant.value)
             shifts[str(constant)] = by * constant.error
     return shifts
-
-
-def _of_voltage(voltage: Array, velocity: Array, constant: Constant, motor: MotorConstants) -> Array:
-    """Slope of a torque from voltage by one of its constants, as declared: k_t is the motor's own where there is a gear, (n,)."""
-    if motor.torque_constant is None or motor.resistance is None:
-        return np.zeros(voltage.size)
-    k_t, R = motor.torque_constant.value, motor.resistance.value
-    by_V, by_k_t, by_R = evaluate(drive_torque_slopes_function(), voltage, velocity, k_t, R)
-    if constant.name == TORQUE_CONSTANT:
-        return by_k_t * (k_t / constant.value)
-    return by_R if constant.name == RESISTANCE else by_V * voltage / constant.value

@@ -232,10 +232,7 @@ def _guesses(log: _Log, told: Told) -> tuple[dict[str, ColumnGuess], str | None]
 
 
 def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
-    """Which of torque, current and voltage is taken.
-
-    Raises InputError where none is known, or torque needs a constant that was not told.
-    """
+    """Which of torque, current and voltage is taken. Raises InputError where none is known, or needs a constant that was not told."""
     there = [name for name in _DRIVES if name in guesses]
     computable = [name for name in there if name != "voltage" or (told.torque_constant and told.resistance)]
     drive = next(iter([*(name for name in there if name in told.columns), *computable, *there]), None)

@@ -122,51 +122,50 @@ class Experiment(StrictModel):
     @model_validator(mode="after")
     def _runs_have_signals(self) -> "Experiment":
         for k, run in enumerate(self.runs):
-            _check_run(self, run, f"runs.{k}")
+            where = f"runs.{k}"
+            signals = self.signals_of(run)
+            drive, moving = signals.drive(), run.experiment != "points"
+            if drive is None:
+                raise InputError(f"{where}: no torque; name one of torque, voltage and current under signals")
+            if moving and signals.time is None:
+                raise InputError(
+                    f"{where}: no time; give a column, as in time: {{column: t, unit: s}}, or a rate, as in time: {{rate: 1 kHz}}, under signals"
+                )
+            by_position = not {"gravity", *PERIODIC}.isdisjoint(self.fit.regressors or ())
+            needs_position = run.experiment == "presliding" or (moving and by_position)
+            if signals.position is None and (needs_position or signals.velocity is None):
+                wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
+                raise InputError(f"{where}: no {wanted}, which {run.experiment} runs need; name it under signals")
+            if not moving and (signals.velocity is None or drive != "torque"):
+                raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
+            constants = self.motor_constants
+            k_t = constants and constants.torque_constant
+            alone = constants is None and all(self.signals_of(r).drive() == "current" for r in self.runs)
+            if (drive != "torque" and not alone) and (
+                constants is None or k_t is None or (drive == "voltage" and constants.resistance is None)
+            ):
+                wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
+                raise InputError(
+                    f"{where}: torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
+                )
+
+            gear = self.context.gear
+            unsaid = [
+                name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None
+            ]
+            if unsaid:
+                raise InputError(
+                    f"{where}: motor.gear does not say on which side {unsaid[0]} was logged; add {unsaid[0]}: motor, or {unsaid[0]}: joint, to it"
+                )
+            if not moving and signals.apart():
+                raise InputError(
+                    f"{where}: points are pairs in rows, without time; leave out signals.{min(signals.apart())}.time"
+                )
         return self
 
 
 def _known(value: float | None) -> float:
     return _NAN if value is None else value
-
-
-def _check_run(experiment: Experiment, run: RunFiles, where: str) -> None:
-    signals = experiment.signals_of(run)
-    drive, moving = signals.drive(), run.experiment != "points"
-    if drive is None:
-        raise InputError(f"{where}: no torque; name one of torque, voltage and current under signals")
-    if moving and signals.time is None:
-        raise InputError(
-            f"{where}: no time; give a column, as in time: {{column: t, unit: s}}, or a rate, as in time: {{rate: 1 kHz}}, under signals"
-        )
-    by_position = not {"gravity", *PERIODIC}.isdisjoint(experiment.fit.regressors or ())
-    needs_position = run.experiment == "presliding" or (moving and by_position)
-    if signals.position is None and (needs_position or signals.velocity is None):
-        wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
-        raise InputError(f"{where}: no {wanted}, which {run.experiment} runs need; name it under signals")
-    if not moving and (signals.velocity is None or drive != "torque"):
-        raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
-    constants = experiment.motor_constants
-    k_t = constants and constants.torque_constant
-    alone = constants is None and all(experiment.signals_of(r).drive() == "current" for r in experiment.runs)
-    if (drive != "torque" and not alone) and (
-        constants is None or k_t is None or (drive == "voltage" and constants.resistance is None)
-    ):
-        wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
-        raise InputError(
-            f"{where}: torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
-        )
-
-    gear = experiment.context.gear
-    unsaid = [name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None]
-    if unsaid:
-        raise InputError(
-            f"{where}: motor.gear does not say on which side {unsaid[0]} was logged; add {unsaid[0]}: motor, or {unsaid[0]}: joint, to it"
-        )
-    if not moving and signals.apart():
-        raise InputError(
-            f"{where}: points are pairs in rows, without time; leave out signals.{min(signals.apart())}.time"
-        )
 
 
 def load_experiment(path: str | Path) -> Experiment:

@@ -105,7 +105,12 @@ def parse(text: str, name: str) -> dict[str, Any]:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f" line {mark.line + 1}, column {mark.column + 1}:" if mark else ""
-        problem = _in_words(str(error.problem or error.context), text, mark.line if mark else 0)
+        problem, line = str(error.problem or error.context), mark.line if mark else 0
+        words = next((words for fragment, words in _IN_WORDS.items() if fragment in problem), None)
+        if words:  # else the sentence is our own
+            lines = text.splitlines()
+            there = lines[line].strip() if line < len(lines) else ""
+            problem = f"got {short(there) if there else 'the end of the file'}; {words}"
         raise InputError(f"{name}:{where} {problem}") from error
     except yaml.YAMLError as error:
         raise InputError(f"{name}: not YAML: {' '.join(str(error).split())}") from error
@@ -131,14 +136,6 @@ _IN_WORDS = {
     "expected '<document start>'": "expected keys such as joint:, signals: and runs:; begin with these",
 }
 """What is expected, and what to do, by what PyYAML's sentence says."""
-
-
-def _in_words(problem: str, text: str, line: int) -> str:
-    """What was got, what was expected, and what to do; the sentence as it is where that is our own."""
-    lines = text.splitlines()
-    got = short(lines[line].strip()) if line < len(lines) and lines[line].strip() else "the end of the file"
-    words = next((words for fragment, words in _IN_WORDS.items() if fragment in problem), None)
-    return f"got {got}; {words}" if words else problem
 
 
 def validate(model: type[M], data: dict[str, Any], name: str, context: object) -> M:
