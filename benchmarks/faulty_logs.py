@@ -298,6 +298,7 @@ class Fault(NamedTuple):
 DRIFT = ("drift-in-order", "drift-over-runs", "friction-drifts", "residual-trend")
 TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend")
 DELAY = ("torque-delayed",)
+LATE = ("reversals-left", "inertia-below-zero")
 WARMS = ("torque-drifts-in-runs", "friction-drifts", "residual-trend")
 RIPPLE = ("residual-ripple", "lacks-a-term")
 SPEED = ("velocity-factor", "velocity-unrelated")
@@ -311,7 +312,7 @@ STICKS = ("stick-slip", "stick-slip-points")
 
 FAULTS: dict[str, Fault] = {
     "torque late by 2, 8 ms": Fault(motion, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (2e-3, 8e-3), DELAY),
-    "torque through a slow filter": Fault(motion, torque(lambda x, s: low_passed(x.torque, s)), (20.0, 3.0), (*DELAY, "reversals-left")),
+    "torque through a slow filter": Fault(motion, torque(lambda x, s: low_passed(x.torque, s)), (20.0, 3.0), (*DELAY, *LATE)),
     "torque of the wrong sign": Fault(motion, torque(lambda x, s: -s * x.torque), (1.0, 2.0), OPPOSES),
     "torque clipped": Fault(motion, torque(lambda x, s: np.clip(x.torque, -s * rms(x.torque), s * rms(x.torque))), (1.4, 1.0), ("clipped",)),
     "torque overflows its integer": Fault(motion, torque(lambda x, s: wrapped(x.torque, s * largest(x))), (0.9, 0.6)),

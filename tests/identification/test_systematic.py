@@ -210,7 +210,7 @@ def test_which_constants_are_taken_as_exact_is_said(
     said = results.joints[0].torque_scale
     assert (said and said.code) == kind
     assert said is None or str(said) in " ".join(results.text(full=True).split())
-    assert (kind == "torque-exact") == ("give it, as in scale: 0.35 +/- s N*m/A" in str(said))
+    assert (kind == "torque-exact") == ("give it, as in scale: 0.35 +/- 0.007 N*m/A for 2 %" in str(said))
 
 
 def test_a_change_of_sign_and_a_measured_torque_are_no_assumption(tmp_path: Path) -> None:

@@ -67,10 +67,10 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
     if not exact:
         return None
     first = exact[0]
-    line = f"{first.name.split()[0]}: {first.value:g} +/- s {first.unit}".removesuffix(" 1")
+    line = f"{first.name.split()[0]}: {first.value:g} +/- {abs(first.value) / 50:.2g} {first.unit}".removesuffix(" 1")
     message = (
         f"Torque: assuming {_listed(exact)} exact: no interval contains that error, which is often the largest; "
-        f"give it, as in {line}."
+        f"give it, as in {line} for 2 %."
     )
     return Finding("torque-exact", NOTE, message, {"constants": exact})
 

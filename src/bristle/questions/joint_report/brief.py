@@ -133,7 +133,7 @@ def _values(joint: Joint) -> Iterator[str]:
                 unseen = any(
                     w.code in NOT_IDENTIFIABLE or w.severity is not Severity.NOTE for w in row.estimate.warnings
                 )
-                why = "not identifiable" if unseen else "not estimated"
+                why = "not identifiable" if unseen else "not estimated (--full says why)"
             missing.setdefault(name.direction, {}).setdefault(why, []).append(str(name))
     yield from columns(cells) if len(cells) > 1 else ()
     for by_reason in missing.values():
