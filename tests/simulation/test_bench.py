@@ -10,7 +10,7 @@ from bristle.simulation.bench import Clock, Logs, Rig
 from bristle.simulation.references import Ramps
 
 PAIR = edro.TABLE_1["gripper rotation"]
-CLOCK = Clock(2e-3, 1, 5)
+CLOCK = Clock(2e-3, 5)
 RAMPS = Ramps((0.02, 0.1, 0.6), plateau=2.0, run_in=0.03)
 NOISE = 2e-4  # standard error of a plateau's mean torque, N*m
 
@@ -20,7 +20,7 @@ def gripper(noise: float) -> Rig:
     m = edro.motor("gripper rotation")
     per_sample = noise * np.sqrt(RAMPS.plateau / (CLOCK.period * CLOCK.decimation))
     sensors = Sensors(edro.RESOLUTION, per_sample * m.R / m.k_t, 0.0)
-    return bench.on_bench(PAIR, m, sensors, bench.ramp_gains(m.J, 60.0), CLOCK, 12.0)
+    return Rig(PAIR, m, bench.ramp_gains(m.J, 60.0), 12.0 * m.k_t / m.R, sensors, CLOCK)
 
 
 def means(joint: Rig, logs: Logs) -> tuple[Array, Array, Array]:

@@ -19,10 +19,6 @@ from bristle.model.rollout import rollout
 from bristle.simulation.edro import TABLE_1, datasets_folder
 from bristle.simulation.references import Multisine
 
-GRAVITY = (0.0, 0.0, -9.81)
-"""m/s**2, in the frame of the base."""
-
-
 STIFFER = 4.0
 """Times which a bristle's stiffness is beside what the torques are: it deflects by 0.8 mrad, not 3 mrad, as gears of arms are stiffer."""
 
@@ -53,14 +49,11 @@ class ArmJoint(NamedTuple):
 
     @property
     def friction(self) -> Pair[float]:
-        """Its friction in both directions."""
-        return Pair(*(_scaled(p, self.scale) for p in TABLE_1[self.source]))
-
-
-def _scaled(p: Lugre[float], by: float) -> Lugre[float]:
-    """The set for larger torques and a stiffer gear, of five digits."""
-    factors = Lugre(by, by, by, 1.0, STIFFER * by, by)
-    return Lugre(*(float(f"{x * factor:.5g}") for x, factor in zip(p, factors, strict=True)))
+        """Its friction in both directions: the source's for larger torques and a stiffer gear, of five digits."""
+        by = self.scale
+        factors = (by, by, by, 1.0, STIFFER * by, by)
+        sets = (zip(p, factors, strict=True) for p in TABLE_1[self.source])
+        return Pair(*(Lugre(*(float(f"{x * factor:.5g}") for x, factor in own)) for own in sets))
 
 
 JOINTS: tuple[ArmJoint, ...] = (
@@ -75,8 +68,6 @@ JOINTS: tuple[ArmJoint, ...] = (
 
 PERIOD, HELD_OUT_PERIOD = 40.0, 16.0
 """Length of the logs, s."""
-REST = 0.5
-"""Over which a motion fades in and out, s."""
 RATE, SUBSTEPS = 125.0, 8
 """Samples a second, and steps of the simulated friction in each."""
 RESOLUTION = 2 * np.pi / 2**19
@@ -85,8 +76,6 @@ NOISE = 0.03
 """Of the current: standard deviation of a sample over that of the larger alpha_0."""
 SHARES = (1.0, 0.8, 0.7, 0.35)
 """Of each line, in speed."""
-
-
 CUTOFF, DECIMATION = 20.0, 6
 """How the runs are fitted: low pass of the positions, Hz, far above the motion's 0.6 Hz; and one equation in so many samples."""
 
@@ -122,7 +111,7 @@ def arm_folder() -> Path:
 def body() -> RigidBody:
     """The arm without friction. Raises InputError where Pinocchio is missing."""
     urdf = read_urdf(arm_folder() / "arm.urdf")
-    return rigid_body(urdf, [joint.name for joint in JOINTS], GRAVITY, None)
+    return rigid_body(urdf, [joint.name for joint in JOINTS], (0.0, 0.0, -9.81), None)
 
 
 def simulate_arm(seed: int, *, held_out: bool = False) -> ArmLog:
@@ -134,7 +123,9 @@ def simulate_arm(seed: int, *, held_out: bool = False) -> ArmLog:
     duration = HELD_OUT_PERIOD if held_out else PERIOD
     time = np.arange(round(duration * RATE) * SUBSTEPS + 1) / (RATE * SUBSTEPS)
     motions = [_motion(joint, rng, time, duration) for joint in JOINTS]
-    friction = np.column_stack([_friction(joint, m) for joint, m in zip(JOINTS, motions, strict=True)])[::SUBSTEPS]
+    moved = zip(JOINTS, motions, strict=True)
+    rolled = [rollout(motion.velocity, 1 / (RATE * SUBSTEPS), joint.friction).torque for joint, motion in moved]
+    friction = np.column_stack(rolled)[::SUBSTEPS]
     q, v, a = (np.column_stack([m[k] for m in motions])[::SUBSTEPS] for k in range(3))
     torque = body().torques(q, v, a) + np.array([joint.inertia for joint in JOINTS]) * a + friction
     current = torque / np.array([joint.torque_constant for joint in JOINTS])
@@ -153,10 +144,6 @@ def _motion(joint: ArmJoint, rng: np.random.Generator, time: Array, duration: fl
     frequency = turns / PERIOD
     amplitude = np.array(SHARES) / (2 * np.pi * frequency)
     sines = Multisine(amplitude, frequency, rng.uniform(0, 2 * np.pi, turns.size))
-    shape = sines.at(time, duration, REST)
+    shape = sines.at(time, duration)  # fading over half a second
     factor = min(joint.travel / np.abs(shape.position).max(), joint.speed / np.abs(shape.velocity).max())
     return Reference(joint.home + factor * shape.position, factor * shape.velocity, factor * shape.acceleration)
-
-
-def _friction(joint: ArmJoint, motion: Reference) -> Array:
-    return rollout(motion.velocity, 1 / (RATE * SUBSTEPS), joint.friction).torque

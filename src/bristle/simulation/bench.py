@@ -19,7 +19,7 @@ from bristle.control.plant import Sensors, white_noise
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Motor, Pair, Stribeck
 from bristle.model.vectorize import evaluate
-from bristle.simulation.references import Multisine, Plateau, Ramps, SlowLoads
+from bristle.simulation.references import Plateau, Ramps
 
 Seed = int | Sequence[int]
 
@@ -29,8 +29,6 @@ class Clock(NamedTuple):
 
     period: float
     """Control period, s."""
-    substeps: int
-    """Plant steps in one control period."""
     decimation: int
     """Control periods between logged samples."""
 
@@ -71,56 +69,29 @@ def ramp_gains(J: float, bandwidth: float) -> Gains[float]:
     )
 
 
-def on_bench(
-    pair: Pair[float], motor: Motor[float], sensors: Sensors, gains: Gains[float], clock: Clock, volts: float
-) -> Rig:
-    """A joint under PID control on the bench, with a drive of at most about `volts`."""
-    return Rig(pair, motor, gains, volts * motor.k_t / motor.R, sensors, clock)
-
-
 def follow(rig: Rig, reference: Reference, load: Array) -> Trajectory:
     """What happens at every control period, once for each disturbing torque, N*m, (cases, periods)."""
     case = Case(
         plant=rig.pair, motor=rig.motor, model=rig.pair, gains=rig.gains, torque_limit=rig.torque_limit, resolution=rig.sensors.resolution
     )  # fmt: skip  # a list of values
-    options = LoopOptions(
-        compensator=Compensator(name="none"), drive="voltage", encoder=True, substeps=rig.clock.substeps
-    )
+    options = LoopOptions(compensator=Compensator(name="none"), drive="voltage", encoder=True)
     return simulate(options, [case] * len(load), reference, rig.clock.period, Disturbance(load=load), alike=True)
 
 
 def ramp_logs(rig: Rig, ramps: Ramps, seeds: Sequence[Seed]) -> Logs:
     """The same ramp experiment, once for each seed; one seed gives the same numbers whatever the others are."""
     time = rig.clock.instants(ramps.duration)
-    return _logged(rig, time, ramps.at(time), seeds)._replace(plateaus=ramps.plateaus)
+    return logged(rig, time, ramps.at(time), seeds)._replace(plateaus=ramps.plateaus)
 
 
-def record_tracking(rig: Rig, sines: Multisine, duration: float, seeds: Sequence[Seed]) -> Logs:
-    """A motion followed under the rig's controller, once for each seed; the voltage is the mean of the two logged intervals about each sample.
-
-    A voltage that is held until the next sample belongs half an interval later than the position: at 17 Hz and 500 Hz that is 0.1 rad of phase. The
-    controller knows positions alone: the velocity that it feeds forward is their central difference.
-    """
-    time = rig.clock.instants(duration)
-    motion = sines.at(time, duration)
-    motion = motion._replace(velocity=np.gradient(motion.position, rig.clock.period))
-    return _logged(rig, time, motion, seeds, centred=True)
-
-
-def record_loads(rig: Rig, loads: SlowLoads, seeds: Sequence[Seed]) -> Logs:
-    """The presliding experiment, once for each seed: the voltage follows the loads, open loop; the joint rests anywhere in a count."""
-    time = rig.clock.instants(loads.duration)
-    open_loop = rig._replace(gains=Gains(0.0, 0.0, 0.0, 0.0))
-    return _logged(open_loop, time, loads.at(time), seeds, anywhere=True)
-
-
-def _logged(
+def logged(
     rig: Rig, time: Array, reference: Reference, seeds: Sequence[Seed], *, centred: bool = False, anywhere: bool = False
 ) -> Logs:
     """A reference followed once for each seed; the position where each sample begins, and the mean voltage over it, with noise.
 
-    Sampled, the controller's ripple would alias into the voltage. `centred`: the mean of that and the one before. `anywhere`: the joint begins at
-    rest anywhere in a count.
+    Sampled, the controller's ripple would alias into the voltage. `centred`: the mean of that and the one before, as a voltage that is held until
+    the next sample belongs half an interval later than the position: at 17 Hz and 500 Hz that is 0.1 rad of phase. `anywhere`: the joint begins
+    at rest anywhere in a count.
     """
     rngs, every, sensors = [np.random.default_rng(seed) for seed in seeds], rig.clock.decimation, rig.sensors
     if time.size % every:

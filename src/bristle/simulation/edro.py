@@ -15,7 +15,7 @@ from bristle.control.plant import Sensors
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Lugre, Motor, Pair
 from bristle.simulation import bench
-from bristle.simulation.bench import Clock, Logs, Rig, on_bench, ramp_gains, ramp_logs
+from bristle.simulation.bench import Clock, Logs, Rig, ramp_gains, ramp_logs
 from bristle.simulation.references import Multisine, Ramps, SlowLoads
 
 TABLE_1: dict[str, Pair[float]] = {
@@ -53,16 +53,10 @@ TORQUE_CONSTANT, RESISTANCE, DRIVE = 0.35, 2.1, 12.0
 PEAK = 0.85
 """Assumed: of each direction's true alpha_0 + alpha_1, where its slow loading turns."""
 
-FAST_CLOCK = Clock(period=2e-3, substeps=1, decimation=1)
-"""Assumed, moving runs: control and logging at 500 Hz."""
-
 LINES: tuple[tuple[float, float, float], ...] = (
     (0.0, 0.23, 0.0), (8.0, 0.61, 0.3), (5.0, 1.7, 1.0), (1.2, 4.1, 2.0), (0.5, 7.3, 0.5), (0.15, 13.0, 2.2),
 )  # fmt: skip  # a table
 """Assumed, moving runs: amplitude in largest bristle deflections of the joint, frequency (Hz) and phase (rad); the first line has `WIDE` rad."""
-
-MOVING_NOISE = 0.5
-"""Assumed, moving runs: voltage noise of a sample, relative to that of the ramps."""
 
 WIDE = 0.35
 """Assumed: amplitude of the slowest line, rad."""
@@ -75,7 +69,7 @@ HELD_OUT_LINES: tuple[tuple[float, float, float], ...] = (
 CUTOFF, DECIMATION = 60.0, 5
 """How the moving runs are fitted: low pass of the position, Hz, and one equation in so many samples, so that 40 Hz are left."""
 
-CLOCK = Clock(period=2e-3, substeps=1, decimation=5)
+CLOCK = Clock(period=2e-3, decimation=5)
 """Assumed: control at 500 Hz, logged at 100 Hz."""
 
 RESOLUTION = 2 * pi / 2**20
@@ -105,38 +99,41 @@ SETTINGS: dict[str, Setting] = {
 }
 """File stem -> joint, in the order of Table 1."""
 
-ASSUMPTIONS: tuple[str, ...] = (
-    "SIMULATED: a motor and LuGre friction with the parameters of Table 1; no measurement of the robot is in these data.",
-    f"Motor, every joint: torque constant {TORQUE_CONSTANT} N*m/A at the joint, resistance {RESISTANCE} ohm, no inductance; "
-    "the paper gives none of them.",
-    "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions (the paper gives none).",
-    f"Encoder: {RESOLUTION:.3g} rad per count at the joint, 20 bits a turn, ideal.",
+
+def _assumptions(controller: str, speeds: str) -> tuple[str, ...]:
+    """What the bench assumes with this controller and these plateaus, a sentence each."""
+    return (
+        "SIMULATED: a motor and LuGre friction with the parameters of Table 1; no measurement of the robot is in these data.",
+        f"Motor, every joint: torque constant {TORQUE_CONSTANT} N*m/A at the joint, resistance {RESISTANCE} ohm, no inductance; "
+        "the paper gives none of them.",
+        "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions (the paper gives none).",
+        f"Encoder: {RESOLUTION:.3g} rad per count at the joint, 20 bits a turn, ideal.",
+        controller,
+        f"Sampling: control at {1 / CLOCK.period:g} Hz; position and the mean voltage since, logged at {1 / (CLOCK.period * CLOCK.decimation):g} Hz.",
+        f"Noise: white on the logged voltage, such that a 4 s plateau's mean torque has a standard error of {100 * NOISE:g} % of the larger alpha_0; "
+        f"white torque noise on the plant, {100 * DISTURBANCE:g} % of it per control period.",
+        speeds,
+        f"Presliding: voltage along slow open-loop ramps to {PEAK:g} of the true alpha_0 + alpha_1 of each direction and back, twice, no torque "
+        "noise: LuGre creeps under vibration, and the ramps' noise would halve the sigma_0 that is found.",
+        "Moving runs: six sines of the angle of our choice, from a slow wide one to a few bristle deflections at 13 Hz, no torque noise; control and "
+        "logging at 500 Hz, each voltage the mean of the two control periods about its sample, with half the ramps' noise.",
+        "Gravity, cables, temperature and position-dependent friction are absent.",
+    )
+
+
+ASSUMPTIONS: tuple[str, ...] = _assumptions(
     f"Ramp controller: the bench's own PID at {BANDWIDTH:g} rad/s with velocity feed-forward; "
     "with the paper's, slow plateaus stick and slip.",
-    f"Sampling: control at {1 / CLOCK.period:g} Hz; position and the mean voltage since, logged at {1 / (CLOCK.period * CLOCK.decimation):g} Hz.",
-    f"Noise: white on the logged voltage, such that a 4 s plateau's mean torque has a standard error of {100 * NOISE:g} % of the larger alpha_0; "
-    f"white torque noise on the plant, {100 * DISTURBANCE:g} % of it per control period.",
     "Speeds: 22 of our choice, the same back and forth, from a quarter of the smaller v_s to 1.0 rad/s (pitch) or 1.2 rad/s (rotation).",
-    f"Presliding: voltage along slow open-loop ramps to {PEAK:g} of the true alpha_0 + alpha_1 of each direction and back, twice, no torque noise: "
-    "LuGre creeps under vibration, and the ramps' noise would halve the sigma_0 that is found.",
-    "Moving runs: six sines of the angle of our choice, from a slow wide one to a few bristle deflections at 13 Hz, no torque noise; control and "
-    "logging at 500 Hz, each voltage the mean of the two control periods about its sample, with half the ramps' noise.",
-    "Gravity, cables, temperature and position-dependent friction are absent.",
 )
 """What the embedded default assumes, a sentence each."""
 
 PAPER_PID_SPEEDS: tuple[float, ...] = (0.4, 0.7, 1.0, 1.5, 3.0, 6.0, 10.0, 16.0)
 """Plateaus of the example under the paper's PID, in multiples of base rotation's v_s for negative velocity."""
 
-PAPER_PID_ASSUMPTIONS: tuple[str, ...] = tuple(
-    f"Controller: the paper's PID (21) with gains {PID_GAINS.K_p:g}, {PID_GAINS.K_i:g}, {PID_GAINS.K_d:g}, as if for radians and N*m."
-    if sentence.startswith("Ramp controller")
-    else "Speeds: "
-    + ", ".join(f"{k:g}" for k in PAPER_PID_SPEEDS)
-    + " times 0.062 rad/s, back and forth, eight seconds each."
-    if sentence.startswith("Speeds")
-    else sentence
-    for sentence in ASSUMPTIONS
+PAPER_PID_ASSUMPTIONS: tuple[str, ...] = _assumptions(
+    f"Controller: the paper's PID (21) with gains {PID_GAINS.K_p:g}, {PID_GAINS.K_i:g}, {PID_GAINS.K_d:g}, as if for radians and N*m.",
+    f"Speeds: {', '.join(f'{k:g}' for k in PAPER_PID_SPEEDS)} times 0.062 rad/s, back and forth, eight seconds each.",
 )
 """What that example assumes."""
 
@@ -172,7 +169,7 @@ def rig(stem: str, gains: Gains[float] | None = None) -> Rig:
     level = max(p.alpha_0 for p in pair)
     per_sample = NOISE * level * sqrt(plan.plateau / (CLOCK.period * CLOCK.decimation))
     sensors = Sensors(RESOLUTION, per_sample * m.R / m.k_t, DISTURBANCE * level)
-    return on_bench(pair, m, sensors, gains or ramp_gains(m.J, BANDWIDTH), CLOCK, DRIVE)
+    return Rig(pair, m, gains or ramp_gains(m.J, BANDWIDTH), DRIVE * m.k_t / m.R, sensors, CLOCK)
 
 
 def logs(stem: str, seeds: Sequence[int]) -> Logs:
@@ -185,7 +182,9 @@ def load_logs(stem: str, seeds: Sequence[int]) -> Logs:
     """What the bench logs of a joint in presliding, once for each seed."""
     positive, negative = (PEAK * (p.alpha_0 + p.alpha_1) for p in TABLE_1[SETTINGS[stem].name])
     loads = SlowLoads((positive, -negative) * 2, rise=16.0, fall=3.0)
-    return bench.record_loads(_quiet(stem, CLOCK), loads, _stream(seeds, stem, 1))
+    joint = _quiet(stem)._replace(gains=Gains(0.0, 0.0, 0.0, 0.0))  # open loop
+    time = joint.clock.instants(loads.duration)
+    return bench.logged(joint, time, loads.at(time), _stream(seeds, stem, 1), anywhere=True)
 
 
 def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False, resolution: float = RESOLUTION) -> Logs:
@@ -193,17 +192,21 @@ def tracking_logs(stem: str, seeds: Sequence[int], *, held_out: bool = False, re
     pair = TABLE_1[SETTINGS[stem].name]
     deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in pair)
     lines = [(a * deflection or WIDE, f, phase) for a, f, phase in (HELD_OUT_LINES if held_out else LINES)]
-    joint = _quiet(stem, FAST_CLOCK)
-    joint = joint._replace(sensors=joint.sensors._replace(resolution=resolution))
-    sines, duration = Multisine(*np.array(lines).T), 6.0 if held_out else 14.0
-    return bench.record_tracking(joint, sines, duration, _stream(seeds, stem, 2 + held_out))
+    joint = _quiet(stem)  # control and logging at 500 Hz, with half the ramps' noise of a sample
+    sensors = joint.sensors._replace(resolution=resolution, voltage_noise=0.5 * joint.sensors.voltage_noise)
+    joint = joint._replace(clock=CLOCK._replace(decimation=1), sensors=sensors)
+    duration = 6.0 if held_out else 14.0
+    time = joint.clock.instants(duration)
+    motion = Multisine(*np.array(lines).T).at(time, duration)
+    # The controller knows positions alone: the velocity that it feeds forward is their central difference.
+    motion = motion._replace(velocity=np.gradient(motion.position, joint.clock.period))
+    return bench.logged(joint, time, motion, _stream(seeds, stem, 2 + held_out), centred=True)
 
 
-def _quiet(stem: str, clock: Clock) -> Rig:
-    """A joint on the bench without torque noise, under another clock."""
+def _quiet(stem: str) -> Rig:
+    """A joint on the bench without torque noise."""
     joint = rig(stem)
-    noise = joint.sensors.voltage_noise * (1.0 if clock == CLOCK else MOVING_NOISE)
-    return joint._replace(clock=clock, sensors=joint.sensors._replace(torque_noise=0.0, voltage_noise=noise))
+    return joint._replace(sensors=joint.sensors._replace(torque_noise=0.0))
 
 
 def _stream(seeds: Sequence[int], stem: str, experiment: int) -> list[tuple[int, ...]]:
@@ -222,10 +225,7 @@ def paper_pid_logs(stem: str, multiples: Sequence[float], seed: int = 0) -> Logs
 
 
 def datasets_folder() -> Path:
-    """Where the embedded data set is: inside the installed package, or beside `src` in a checkout.
-
-    Raises FileNotFoundError where neither exists.
-    """
+    """Where the embedded data set is: inside the installed package, or beside `src` in a checkout. Raises FileNotFoundError where neither is."""
     here = Path(__file__).resolve()
     for folder in (here.parents[1] / "datasets" / "edro", here.parents[3] / "datasets" / "edro"):
         if folder.is_dir():

@@ -19,12 +19,6 @@ from bristle.simulation.edro import TABLE_1
 
 BEGIN = np.datetime64("2026-01-12T08:00:00", "us")
 """The first session of every robot."""
-YEAR = 365.0
-"""Days."""
-WARM = ("alpha_0", "alpha_1", "alpha_2")
-"""What follows temperature."""
-WEARS = "alpha_0"
-"""What wear raises, in both directions."""
 NAMES = Stribeck._fields
 TYPES: dict[str, Pair[float]] = {f"J{k + 1}": TABLE_1[name] for k, name in enumerate((*TABLE_1, *list(TABLE_1)[:2]))}
 """Joint types, each with the friction of a joint of Table 1."""
@@ -51,11 +45,9 @@ class FleetDesign(NamedTuple):
     unchanged: int = 3
     """Sessions before the first that may be worn."""
     swing: float = 0.0
-    """Of temperature over the year, from its lowest to its highest, K."""
+    """Of temperature over the year, from its lowest to its highest, K; where there is any, it scatters by 1 K between sessions as well."""
     sensitivity: float = 0.01
     """Friction per K."""
-    restless: float = 1.0
-    """Scatter of temperature between the sessions of a robot, K, where it swings at all."""
 
 
 class FleetTruth(NamedTuple):
@@ -76,18 +68,20 @@ class FleetTruth(NamedTuple):
 def fleet_truth(design: FleetDesign, rng: np.random.Generator) -> FleetTruth:
     """A fleet drawn at random."""
     shape = (design.robots, design.joints)
-    day = np.linspace(0.0, YEAR, design.sessions) + rng.uniform(-3, 3, (design.robots, design.sessions))
-    season = design.swing / 2 * np.sin(2 * np.pi * day / YEAR)
-    warmth = season + (design.restless if design.swing else 0.0) * rng.standard_normal(day.shape)
+    day = np.linspace(0.0, 365.0, design.sessions) + rng.uniform(-3, 3, (design.robots, design.sessions))
+    season = design.swing / 2 * np.sin(2 * np.pi * day / 365.0)
+    warmth = season + float(design.swing != 0) * rng.standard_normal(day.shape)
     worn = rng.random(shape) < design.worn
     since = rng.integers(min(design.unchanged, design.sessions - 1), design.sessions, shape)
     typical = np.array([[p.stribeck for p in pair] for pair in list(TYPES.values())[: design.joints]])
     size = (*shape, design.sessions, 2, len(NAMES))
     level = design.between * rng.standard_normal((*shape, 1, 2, len(NAMES)))
     level = level + design.scatter * rng.standard_normal(size)
-    level += design.sensitivity * warmth[:, None, :, None, None] * np.isin(NAMES, WARM)
+
+    # All but v_s follows temperature; wear raises alpha_0, in both directions.
+    level += design.sensitivity * warmth[:, None, :, None, None] * np.isin(NAMES, ("alpha_0", "alpha_1", "alpha_2"))
     after = worn[..., None] & (np.arange(design.sessions) >= since[..., None])
-    level += np.log1p(design.change) * after[..., None, None] * np.isin(NAMES, WEARS)
+    level += np.log1p(design.change) * after[..., None, None] * np.isin(NAMES, "alpha_0")
     value = typical[None, :, None] * np.exp(level)
     times = BEGIN + np.round((day - day.min()) * 86400).astype("timedelta64[s]")
     return FleetTruth(times, 20.0 + warmth, value, worn, since)
@@ -104,23 +98,14 @@ def fleet_estimates(design: FleetDesign, truth: FleetTruth, rng: np.random.Gener
     told = error * np.sqrt(rng.chisquare(design.freedom, error.shape) / design.freedom) if few else error
     se = (told * value).ravel()
     half = float(stdtrit(design.freedom, 0.975)) * se
-    frame = pd.DataFrame(
-        {
-            "unit": pd.Categorical(robots[robot]),
-            "joint": pd.Categorical(types[joint]),
-            "type": pd.Categorical(types[joint]),
-            "session": truth.session[robot, session],
-            "direction": pd.Categorical(signs[d]),
-            "parameter": pd.Categorical(np.array(NAMES)[name]),
-            "value": value.ravel(),
-            "value_unit": pd.Categorical(np.array([unit(x) for x in NAMES])[name]),
-            "standard_error": se,
-            "lower": value.ravel() - half,
-            "upper": value.ravel() + half,
-            "temperature": truth.temperature[robot, session] if design.swing else np.nan,
-            "load": np.nan,
-        }
-    )
+    frame = pd.DataFrame({
+        "unit": pd.Categorical(robots[robot]), "joint": pd.Categorical(types[joint]), "type": pd.Categorical(types[joint]),
+        "session": truth.session[robot, session], "direction": pd.Categorical(signs[d]),
+        "parameter": pd.Categorical(np.array(NAMES)[name]), "value": value.ravel(),
+        "value_unit": pd.Categorical(np.array([unit(x) for x in NAMES])[name]), "standard_error": se,
+        "lower": value.ravel() - half, "upper": value.ravel() + half,
+        "temperature": truth.temperature[robot, session] if design.swing else np.nan, "load": np.nan,
+    })  # fmt: skip  # a table
     constant = {
         "source": "static", "severity": "none", "warnings": "", "use": "use", "kind": "revolute", "tags": "",
         "file": "", "key": "", "failure": None, "left_out": None,
@@ -137,20 +122,12 @@ NOISE = 0.08
 
 
 def ramp_log(value: Array, rng: np.random.Generator) -> pd.DataFrame:
-    """A short log of constant velocities: time (s), position (rad), torque (N*m), the motion imposed.
-
-    `value`: parameters by direction (+, -) and name, (2, 4), SI.
-    """
+    """A short log of imposed constant velocities: time (s), position (rad), torque (N*m); `value`: SI by direction (+, -) and name, (2, 4)."""
     ways = [Stribeck(*row) for row in value.tolist()]
     speeds = np.geomspace(min(p.v_s for p in ways) / 4, 1.0, SPEEDS)
     velocity = np.repeat(np.stack([speeds, -speeds], axis=1).ravel(), round(HOLD * RATE))
     forth, back = (evaluate(functions.steady_torque_function(p.law), velocity, *p)[0] for p in ways)
     torque, noise = (np.where(velocity > 0, *x) for x in ((forth, back), [NOISE * p.alpha_0 for p in ways]))
-    position = np.cumsum(velocity) / RATE
-    return pd.DataFrame(
-        {
-            "time": np.arange(velocity.size) / RATE,
-            "position": np.round(position / COUNT) * COUNT,
-            "torque": torque + noise * rng.standard_normal(velocity.size),
-        }
-    )
+    time, counts = np.arange(velocity.size) / RATE, np.round(np.cumsum(velocity) / RATE / COUNT)
+    logged = torque + noise * rng.standard_normal(velocity.size)
+    return pd.DataFrame({"time": time, "position": counts * COUNT, "torque": logged})

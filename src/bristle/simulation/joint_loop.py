@@ -36,27 +36,12 @@ from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
 from bristle.simulation.references import Sine
 
-_BANDWIDTH = 30.0
-"""Bandwidth of the default controller, rad/s: K_p = J w**2, K_d = 2 J w, K_i = 0.2 J w**3 ..."""
-_SLOWEST = 0.02
-"""... but w no more than this over the control period."""
 _BEYOND = 30.0
 """A reference may be so many times as fast as what was measured."""
-_COARSE = 0.02
-"""The control period is at most this share of the reference's."""
 _FREQUENCY = 0.5
 """Of the default reference, Hz."""
-_PHASES = 64
-"""Of a quarter of a sine, over which rates are found."""
-_NOTHING = 1e-3
-"""Of the torque: a parameter that makes no more of it in steady sliding, where its law has a gradient, is not seen there."""
-_HALF = 0.5
-"""Share of a parameter's error that is corrected in a second, where no rates are given."""
-
 _BESIDE = ("offset", "gravity", "quadratic")
 """What takes torque along a motion beside friction, inertia and the links of a robot."""
-_SETTLED, _MOST = 1e-9, 200
-"""Share of the level that a step changes it by once it has settled, where friction is part of its own load; and steps."""
 
 
 class Carried(NamedTuple):
@@ -109,16 +94,13 @@ class JointLoop:
 
     def case(self, plant: Pair[float] | None = None, model: Pair[float] | None = None, J: float | None = None) -> Case:
         """Numbers of a run; what is not given is the joint's own."""
-        inertia = self.J if J is None else J
-        return Case(
-            plant=plant or self.plant, motor=Motor(1.0, 1.0, 0.0, inertia), model=model or self.model, gains=self.gains
-        )
+        motor = Motor(1.0, 1.0, 0.0, self.J if J is None else J)
+        return Case(plant=plant or self.plant, motor=motor, model=model or self.model, gains=self.gains)
 
     def wrong_start(self, model: Pair[float]) -> Pair[float]:
         """A model with the wrong parameters with which the adaptation begins."""
-        return Pair(
-            *(p._replace(**{name: share * getattr(p, name) for name, share in self.start.items()}) for p in model)
-        )
+        wrong = ({name: share * getattr(p, name) for name, share in self.start.items()} for p in model)
+        return Pair(*(p._replace(**own) for p, own in zip(model, wrong, strict=True)))
 
     def comparable_rates(self, law: Law) -> tuple[float, ...]:
         """Rates of a law: the adaptation's, but times or over the parameter where only one of both laws has it once more in its gradient.
@@ -151,18 +133,17 @@ class JointLoop:
         there = motion._replace(position=motion.position + self.centre)
         columns = load_columns(_BESIDE, lambda name: getattr(there, name), motion.position.size)
         torques = {name: value * columns[name] for name, value in self.carried.others.items()}
-        gravity = np.asarray(
-            sum(torques.get(name, np.zeros(motion.position.size)) for name in terms_of("gravity").names)
-        )
+        still = np.zeros(motion.position.size)
+        gravity = np.asarray(sum(torques.get(name, still) for name in terms_of("gravity").names))
         own = self.J * motion.acceleration + sum(torques.values())
         v, level = motion.velocity, np.zeros_like(motion.position)
         curve = functions.steady_torque_function(self.model.law)
         own += np.where(v < 0, *(evaluate(curve, v, *p.stribeck)[0] for p in reversed(self.model)))
-        for _ in range(_MOST):
+        for _ in range(200):  # friction is part of its own load, and settles
             before, level = level, load_level(self.carried.rises, own + level * np.sign(v), -gravity)
             if not np.isfinite(level).all():
                 break
-            if np.abs(level - before).max() <= _SETTLED * level.max():
+            if np.abs(level - before).max() <= 1e-9 * level.max():
                 return motion._replace(level=level)
         raise InputError(
             f"{self.name}: friction rises by more than the load does ({', '.join(self.carried.rises)}), so no torque moves the joint; "
@@ -188,43 +169,20 @@ def of_paper(joints: Sequence[Joint]) -> tuple[JointLoop, ...]:
 
 
 PAPER_ASSUMPTIONS: tuple[Finding, ...] = (
-    Finding(
-        "paper-reference",
-        CAUTION,
-        "Reference: 1 rad sin(2 pi f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the adaptation; "
-        "the paper gives neither amplitude nor frequency.",
-    ),
-    Finding(
-        "paper-control",
-        CAUTION,
-        "Control in torque: the PID's output is taken in N*m and its error in rad; "
-        "the paper gives no unit of its control signal and no motor.",
-    ),
-    Finding(
-        "paper-inertia",
-        CAUTION,
-        "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions; the paper gives none.",
-    ),
-    Finding(
-        "paper-rates",
-        CAUTION,
-        "Learning rates: 20 for both gains, with e in rad; "
-        "the paper's [0, 1] fits an error in degrees (20 per rad is 0.35 per degree).",
-    ),
-    Finding(
-        "paper-sampling",
-        CAUTION,
-        "Sampling: controller, compensator and adaptation at 1 kHz; the paper ran continuous blocks. "
-        "The position is measured as it is, unless an encoder is named.",
-    ),
-    Finding(
-        "paper-table-2",
-        CAUTION,
-        "Table 2: the paper says wrist, its numbers are the gripper's; "
-        "plant and model have its (+) parameters in both directions.",
-    ),
+    Finding("paper-reference", CAUTION, "Reference: 1 rad sin(2 pi f t), 0.2 Hz for Figs 5 to 8 and 0.5 Hz for the "
+        "adaptation; the paper gives neither amplitude nor frequency."),
+    Finding("paper-control", CAUTION, "Control in torque: the PID's output is taken in N*m and its error in rad; the paper "
+        "gives no unit of its control signal and no motor."),
+    Finding("paper-inertia", CAUTION, "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two "
+        "directions; the paper gives none."),
+    Finding("paper-rates", CAUTION, "Learning rates: 20 for both gains, with e in rad; the paper's [0, 1] fits an error in "
+        "degrees (20 per rad is 0.35 per degree)."),
+    Finding("paper-sampling", CAUTION, "Sampling: controller, compensator and adaptation at 1 kHz; the paper ran continuous "
+        "blocks. The position is measured as it is, unless an encoder is named."),
+    Finding("paper-table-2", CAUTION, "Table 2: the paper says wrist, its numbers are the gripper's; plant and model have "
+        "its (+) parameters in both directions."),
     Finding("paper-feed-forward", NOTE, "No inertia feed-forward, unless it is named."),
-)
+)  # fmt: skip  # a table
 """Every constant of the closed loop that the paper does not give."""
 
 
@@ -266,12 +224,15 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     travel = joint.travel or amplitude
     model = known.pair(travel, J)
     by_deflection = f"from a deflection of {DEFLECTION:g} of the {'travel' if joint.travel else 'amplitude'}"
-    for d, p in zip(SIGNED, model, strict=True):
-        assumed += [
-            _filled(p, name, d, joint.kind, by_deflection)
-            for name in ("sigma_0", "sigma_1")
-            if name in known.missing(d)
-        ]
+    ways = {"sigma_0": by_deflection, "sigma_1": f"from (15) with a damping ratio of {DAMPING_RATIO:g}"}
+    assumed += [
+        Finding(
+            "bristle-filled", CAUTION,
+            f"{name} ({d}): not identifiable from these data; assumed {getattr(p, name):.3g} {unit(name, joint.kind)}, {how}.",
+            {"name": name, "direction": d, "value": getattr(p, name)},
+        )
+        for d, p in zip(SIGNED, model, strict=True) for name, how in ways.items() if name in known.missing(d)
+    ]  # fmt: skip  # a list of values
     compensator, adaptation = asked_parts(experiment)
     if asked.gamma is None:
         adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
@@ -321,14 +282,6 @@ def _carried(joint: Joint) -> Carried | None:
     return Carried(rises, others) if rises and told and joint.link_inertia is None else None
 
 
-def _filled(p: Lugre[float], name: str, direction: str, kind: JointKind, by_deflection: str) -> Finding:
-    """What is said of a parameter that was filled in."""
-    value = getattr(p, name)
-    how = by_deflection if name == "sigma_0" else f"from (15) with a damping ratio of {DAMPING_RATIO:g}"
-    message = f"{name} ({direction}): not identifiable from these data; assumed {value:.3g} {unit(name, kind)}, {how}."
-    return Finding("bristle-filled", CAUTION, message, {"name": name, "direction": direction, "value": value})
-
-
 def _start(asked: AdaptOptions, parameters: Sequence[str]) -> dict[str, float]:
     """Where the wrong model begins: as given, or the paper's shares of what is adapted, half of what the paper does not adapt."""
     if "start" in asked.model_fields_set:
@@ -342,7 +295,7 @@ def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:
     Raises InputError, with the file's name, where they cannot be so.
     """
     asked = experiment.adapt
-    longest = _COARSE / (asked.frequency or _FREQUENCY)
+    longest = 0.02 / (asked.frequency or _FREQUENCY)
     if asked.period > longest:
         raise InputError(
             f"{experiment.path}: adapt.period: got {asked.period:g} s; expected at most {longest:g} s, a fiftieth of the reference's period"
@@ -366,7 +319,7 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
     gain moves by gamma G s p D / K_p a second. Both are taken in steady sliding; a parameter that makes no torque there gets the rate zero.
     """
     names = plain.parameters
-    v = fastest * np.sin(np.pi * (np.arange(_PHASES) + 0.5) / (2 * _PHASES))
+    v = fastest * np.sin(np.pi * (np.arange(64) + 0.5) / 128)  # a quarter of the sine
     z, *by = evaluate(functions.steady_deflection_function(p.law), v, *p)
     T, T_z, *by_p = evaluate(functions.torque_sensitivity_function(p.law), z, v, *p)
     places = [p._fields.index(name) for name in names]
@@ -375,8 +328,8 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
     for k, (at, name) in enumerate(zip(places, names, strict=True)):
         whole = getattr(p, name) * np.abs(by_p[at] + T_z * by[at])
         worth = float(np.mean(G[k] * whole))
-        seen = worth > _NOTHING * float(np.mean(G[k]) * np.mean(np.abs(T)))
-        rates.append(_HALF * K_p / worth if seen else 0.0)
+        seen = worth > 1e-3 * float(np.mean(G[k]) * np.mean(np.abs(T)))
+        rates.append(0.5 * K_p / worth if seen else 0.0)
     told = ", ".join(f"{rate:.3g}" for rate in rates)
     still = "" if all(rates) else "; zero where a parameter has no effect in steady sliding"
     message = (
@@ -390,7 +343,7 @@ def _paced(plain: Adaptation, p: Lugre[float], K_p: float, fastest: float, assum
 def _gains(asked: AdaptOptions, J: float, kind: JointKind, assumed: list[Finding]) -> Gains[float]:
     if asked.gains is not None:
         return Gains(asked.gains.K_p, asked.gains.K_i, asked.gains.K_d, asked.gains.filter_time)
-    w = min(_BANDWIDTH, _SLOWEST / asked.period)
+    w = min(30.0, 0.02 / asked.period)  # rad/s
     gains = Gains(J * w**2, 0.2 * J * w**3, 2 * J * w, 0.0)
     message = (
         f"PID: default, K_p {gains.K_p:.3g} {unit('sigma_0', kind)}, K_i and K_d to match, for {w:g} rad/s at this inertia "
