@@ -95,12 +95,6 @@ def texts(node: ast.expr) -> Iterator[str]:
         yield node.value
 
 
-ALLOWED = {
-    ("simulation/edro.py", "Ramp controller"): "an assumption of the data that ship with it, replaced by its own words",
-}
-"""Where a text of several words is asked for, and why that is no decision by what a diagnostic says; no reader of data is among them."""
-
-
 @cache
 def constants() -> dict[str, str]:
     """Texts that modules name: a decision by a name is one by what it stands for."""
@@ -147,9 +141,9 @@ def decisions(tree: ast.AST) -> Iterator[str]:
 
 
 def test_nothing_is_decided_by_a_sentence() -> None:
-    """No file asks whether a text begins with, ends with or holds several words, but for the places allowed, each of which is there."""
+    """No file asks whether a text begins with, ends with or holds several words."""
     found = {(path.relative_to(SOURCE).as_posix(), text) for path, tree in trees().items() for text in decisions(tree)}
-    assert found == set(ALLOWED)
+    assert found == set()
 
 
 @pytest.mark.parametrize(

@@ -99,35 +99,42 @@ SETTINGS: dict[str, Setting] = {
 }
 """File stem -> joint, in the order of Table 1."""
 
-ASSUMPTIONS: tuple[str, ...] = (
-    "SIMULATED: a motor and LuGre friction with the parameters of Table 1; no measurement of the robot is in these data.",
-    f"Motor, every joint: torque constant {TORQUE_CONSTANT} N*m/A at the joint, resistance {RESISTANCE} ohm, no inductance; "
-    "the paper gives none of them.",
-    "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions (the paper gives none).",
-    f"Encoder: {RESOLUTION:.3g} rad per count at the joint, 20 bits a turn, ideal.",
+
+def _assumptions(controller: str, speeds: str) -> tuple[str, ...]:
+    """What the bench assumes with this controller and these plateaus, a sentence each."""
+    return (
+        "SIMULATED: a motor and LuGre friction with the parameters of Table 1; no measurement of the robot is in these data.",
+        f"Motor, every joint: torque constant {TORQUE_CONSTANT} N*m/A at the joint, resistance {RESISTANCE} ohm, no inductance; "
+        "the paper gives none of them.",
+        "Inertia: (15) inverted, J = (sigma_1 / 0.2)**2 / sigma_0, the mean of the two directions (the paper gives none).",
+        f"Encoder: {RESOLUTION:.3g} rad per count at the joint, 20 bits a turn, ideal.",
+        controller,
+        f"Sampling: control at {1 / CLOCK.period:g} Hz; position and the mean voltage since, logged at {1 / (CLOCK.period * CLOCK.decimation):g} Hz.",
+        f"Noise: white on the logged voltage, such that a 4 s plateau's mean torque has a standard error of {100 * NOISE:g} % of the larger alpha_0; "
+        f"white torque noise on the plant, {100 * DISTURBANCE:g} % of it per control period.",
+        speeds,
+        f"Presliding: voltage along slow open-loop ramps to {PEAK:g} of the true alpha_0 + alpha_1 of each direction and back, twice, no torque "
+        "noise: LuGre creeps under vibration, and the ramps' noise would halve the sigma_0 that is found.",
+        "Moving runs: six sines of the angle of our choice, from a slow wide one to a few bristle deflections at 13 Hz, no torque noise; control and "
+        "logging at 500 Hz, each voltage the mean of the two control periods about its sample, with half the ramps' noise.",
+        "Gravity, cables, temperature and position-dependent friction are absent.",
+    )
+
+
+ASSUMPTIONS: tuple[str, ...] = _assumptions(
     f"Ramp controller: the bench's own PID at {BANDWIDTH:g} rad/s with velocity feed-forward; "
     "with the paper's, slow plateaus stick and slip.",
-    f"Sampling: control at {1 / CLOCK.period:g} Hz; position and the mean voltage since, logged at {1 / (CLOCK.period * CLOCK.decimation):g} Hz.",
-    f"Noise: white on the logged voltage, such that a 4 s plateau's mean torque has a standard error of {100 * NOISE:g} % of the larger alpha_0; "
-    f"white torque noise on the plant, {100 * DISTURBANCE:g} % of it per control period.",
     "Speeds: 22 of our choice, the same back and forth, from a quarter of the smaller v_s to 1.0 rad/s (pitch) or 1.2 rad/s (rotation).",
-    f"Presliding: voltage along slow open-loop ramps to {PEAK:g} of the true alpha_0 + alpha_1 of each direction and back, twice, no torque noise: "
-    "LuGre creeps under vibration, and the ramps' noise would halve the sigma_0 that is found.",
-    "Moving runs: six sines of the angle of our choice, from a slow wide one to a few bristle deflections at 13 Hz, no torque noise; control and "
-    "logging at 500 Hz, each voltage the mean of the two control periods about its sample, with half the ramps' noise.",
-    "Gravity, cables, temperature and position-dependent friction are absent.",
 )
 """What the embedded default assumes, a sentence each."""
 
 PAPER_PID_SPEEDS: tuple[float, ...] = (0.4, 0.7, 1.0, 1.5, 3.0, 6.0, 10.0, 16.0)
 """Plateaus of the example under the paper's PID, in multiples of base rotation's v_s for negative velocity."""
 
-_OTHERWISE = {
-    "Ramp controller": f"Controller: the paper's PID (21) with gains {PID_GAINS.K_p:g}, {PID_GAINS.K_i:g}, {PID_GAINS.K_d:g}, "
-    "as if for radians and N*m.",
-    "Speeds": f"Speeds: {', '.join(f'{k:g}' for k in PAPER_PID_SPEEDS)} times 0.062 rad/s, back and forth, eight seconds each.",
-}
-PAPER_PID_ASSUMPTIONS: tuple[str, ...] = tuple(_OTHERWISE.get(x.partition(":")[0], x) for x in ASSUMPTIONS)
+PAPER_PID_ASSUMPTIONS: tuple[str, ...] = _assumptions(
+    f"Controller: the paper's PID (21) with gains {PID_GAINS.K_p:g}, {PID_GAINS.K_i:g}, {PID_GAINS.K_d:g}, as if for radians and N*m.",
+    f"Speeds: {', '.join(f'{k:g}' for k in PAPER_PID_SPEEDS)} times 0.062 rad/s, back and forth, eight seconds each.",
+)
 """What that example assumes."""
 
 
