@@ -28,8 +28,6 @@ _LADDER = 2**0.5
 """A cut-off over the next one that is tried."""
 _STANDS = 0.003, 0.25
 """The inertia stands still where the next cut-off raises it by no more than this share of itself, or of its standard error."""
-_PER_OCTAVE, _LEAST = 12, 3
-"""Bins of a spectrum per octave, and lines in each at the least."""
 
 
 def of_motion(record: Record) -> tuple[float, Finding]:
@@ -145,7 +143,9 @@ def _shown(x: Array, step: float) -> _Shown:
     noise = max(highest, counts)
     edges = [0]
     while edges[-1] < f.size:
-        edges.append(max(edges[-1] + _LEAST, round(edges[-1] * 2 ** (1 / _PER_OCTAVE))))
+        edges.append(
+            max(edges[-1] + 3, round(edges[-1] * 2 ** (1 / 12)))
+        )  # twelve bins an octave, of three lines or more
     size = np.diff([*edges[:-1], f.size])
     middle, mean = (np.add.reduceat(values, edges[:-1]) / size for values in (f, power))
     seen = mean > 4.0 * noise  # four times the noise, below which a spectrum shows nothing

@@ -172,11 +172,9 @@ def without_rests(record: Record) -> Record:
     long = [slice(a, b) for a, b in pairwise(cuts) if b - a >= shortest and moves[a]]
     if not rests or 2 * sum(s.stop - s.start for s in long) < np.count_nonzero(moves):
         return record
-    return _kept(
-        record,
-        long,
-        lambda n: Finding("rests-left-out", NOTE, f"{n} rows in which the joint rests are left out.", {"rows": n}),
-    )
+    lost = _outside(record, long)
+    message = f"{lost} rows in which the joint rests are left out."
+    return _kept(record, long, Finding("rests-left-out", NOTE, message, {"rows": lost}))
 
 
 def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: str = "differentiated") -> Record:
@@ -190,18 +188,19 @@ def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: s
     if len(long) == len(segments):
         return record
 
-    def said(lost: int) -> Finding:
-        """That rows are lost."""
-        message = (
-            f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {shortest} samples, "
-            f"which cannot be {for_what}."
-        )
-        return Finding("rows-of-short-segments", CAUTION, message, {"rows": lost})
-
-    return _kept(record, long, said)
+    lost = _outside(record, long)
+    message = (
+        f"{lost} row{'' if lost == 1 else 's'} dropped: segments between gaps shorter than {shortest} samples, "
+        f"which cannot be {for_what}."
+    )
+    return _kept(record, long, Finding("rows-of-short-segments", CAUTION, message, {"rows": lost}))
 
 
-def _kept(record: Record, long: list[slice], said: Callable[[int], Finding]) -> Record:
+def _outside(record: Record, kept: list[slice]) -> int:
+    return int(record.time.size - sum(s.stop - s.start for s in kept))
+
+
+def _kept(record: Record, long: list[slice], note: Finding) -> Record:
     """Some segments of a record, and a note on the rows that are not in them."""
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     signals = {
@@ -210,7 +209,6 @@ def _kept(record: Record, long: list[slice], said: Callable[[int], Finding]) -> 
         if (values := getattr(record, name)) is not None
     }
     signals["torque_shifts"] = {name: shift[kept] for name, shift in record.torque_shifts.items()}
-    lost = record.time.size - kept.size
-    lengths = [s.stop - s.start for s in long]
-    starts = (0, *(int(k) for k in np.cumsum(lengths)[:-1]))
-    return replace(record, **signals, starts=starts, dropped=record.dropped + lost, notes=(*record.notes, said(lost)))
+    starts = (0, *(int(k) for k in np.cumsum([s.stop - s.start for s in long])[:-1]))
+    dropped = record.dropped + _outside(record, long)
+    return replace(record, **signals, starts=starts, dropped=dropped, notes=(*record.notes, note))

@@ -3,7 +3,8 @@
 Each check is a function of a record that gives a diagnostic, or None. None of them knows a friction law.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from itertools import groupby
 from typing import NamedTuple
@@ -19,7 +20,8 @@ from bristle.data.motion_checks import held_position, irregular_sampling, positi
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.timestamps import ISO
 from bristle.data.torque_checks import check_torque
-from bristle.findings import CRITICAL, Finding
+from bristle.errors import InputError
+from bristle.findings import CAUTION, CRITICAL, Finding
 
 _SPANS = (1, 4, 16, 64, 256)
 """Samples over which travel is compared: noise hides a short one, a reversal a long one."""
@@ -61,6 +63,35 @@ def check_signals(record: Record, kind: RunKind, signals: Signals, context: Cont
             None if factor else velocity_lag(record),
         ]
     return tuple(d for d in found if d is not None)
+
+
+def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple[Finding, ...]:
+    """Signals whose unit is another than the one that the file states of their column, `stated` by signal.
+
+    A signal with a scale other than 1 or -1 was thought about, and nothing is said of it.
+    """
+    found = []
+    for name, unit in stated.items():
+        signal = getattr(signals, name)
+        plain = not isinstance(signal, Signal) or abs(units.scale_parts(signal.scale)[0]) == 1
+        declared = signal.unit
+        if unit and declared and plain and declared != ISO and not _alike(unit, declared):
+            remedy = f"`unit: {unit}` under signals.{name}"
+            message = (
+                f"Unit of {name}: the header of {file}{OTHER_FILES} states {unit}, and {declared} is declared. Write {remedy}; where the header "
+                "is wrong, correct it, or leave the unit out of it."
+            )
+            numbers = {"files": (file,), "signal": name, "stated": unit, "declared": declared, "remedy": remedy}
+            found.append(Finding("unit-differs", CAUTION, message, numbers))
+    return tuple(found)
+
+
+def _alike(unit: str, other: str) -> bool:
+    if other.strip().startswith("count"):
+        return True
+    with suppress(InputError):
+        return abs(units.factor(unit, other) - 1) < 1e-6
+    return False
 
 
 def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -112,6 +112,8 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     names = () if named is None else tuple(above[named])
     below = [_stated(cell) if cell else "" for cell in (() if stated is None else above[stated])]
     below += [""] * (len(names) - len(below))
+    beside = [_BRACKETS.fullmatch(name) if len(name) <= LONGEST else None for name in names]  # `Torque [Nm]`
+    within = [found[2].strip() if found and found[1].strip() else "" for found in beside]
 
     # a comma in numbers is their decimal sign, but between commas only in quotes, where a thousand may be meant by it
     commas = [cell for row in table for cell in row if "," in cell and not _STAMP.fullmatch(cell)]
@@ -127,7 +129,7 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
         comment if comment != "//" else None,
         encoding,
         first,
-        tuple(unit or signal_unit(bracketed(name)[1]) for unit, name in zip(below, names, strict=False)),
+        tuple(unit or signal_unit(text) for unit, text in zip(below, within, strict=False)),
         tuple(tuple(row) for row in above[-_LOOKED_AT:] if len(row) <= width + 1 and tuple(row) != names),
         note,
         named is not None and _keyed(names).startswith("name"),
@@ -199,12 +201,6 @@ def _stated(cell: str) -> str:
     """The unit of a signal that a cell is, in brackets or not, as pint has it; empty where it is none."""
     inside = _inside(cell)
     return signal_unit(cell if inside is None else inside)
-
-
-def bracketed(name: str) -> tuple[str, str]:
-    """`Torque [Nm]` as (Torque, Nm): a name and the unit in brackets behind it; the name as it is where there are none."""
-    match = _BRACKETS.fullmatch(name) if len(name) <= LONGEST else None
-    return (match[1].strip(), match[2].strip()) if match and match[1].strip() else (name, "")
 
 
 def _header_note(cells: Sequence[tuple[int, Sequence[str]]], named: int | None, width: int) -> Finding | None:

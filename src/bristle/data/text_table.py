@@ -175,12 +175,21 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
     stamps = {key: seconds_of_stamps(frame[place], str(key)) for key, place in places.items() if key.stamps}
     numbers = {key: _numbers(frame[place], key) for key, place in places.items() if not key.stamps}
     stated = {key: layout.units[place] for key, place in places.items() if place < len(layout.units)}
+
+    # lines and rows go together where each line after the header is one row, in a file that is short enough to look
+    header = None
+    if path.stat().st_size <= 2**26:
+        with path.open(encoding=layout.encoding, errors="replace") as file:
+            lines = [line.strip() for line in file]
+        while lines and not lines[-1]:
+            lines.pop()
+        header = layout.skip if len(lines) - layout.skip == len(frame) and all(lines[layout.skip :]) else None
     return RawTable(
         columns={**numbers, **{key: seconds for key, (seconds, _) in stamps.items()}},
         rows=len(frame),
         sha256="",
         notes=notes,
-        header=layout.skip if _line_by_line(path, layout, len(frame)) else None,
+        header=header,
         units={key: unit for key, unit in stated.items() if unit},
         origins={key: origin for key, (_, origin) in stamps.items()},
     )
@@ -211,17 +220,6 @@ def _frame(path: Path, layout: Layout, stamps: Sequence[int]) -> "pd.DataFrame":
                 raise InputError(
                     f"its rows differ in width: {error}; expected {layout.width} columns in every row"
                 ) from error
-
-
-def _line_by_line(path: Path, layout: Layout, rows: int) -> bool:
-    """Whether each line after the header is one row of numbers, in a file that is short enough to look."""
-    if path.stat().st_size > 2**26:  # 2**26 bytes of a file whose lines are counted
-        return False
-    with path.open(encoding=layout.encoding, errors="replace") as file:
-        lines = [line.strip() for line in file]
-    while lines and not lines[-1]:
-        lines.pop()
-    return len(lines) - layout.skip == rows and all(lines[layout.skip :])
 
 
 def _place(key: Key, layout: Layout) -> int:

@@ -27,11 +27,25 @@ def seconds_of_stamps(column: "pd.Series[str]", name: str) -> tuple[Array, int]:
     which go on after midnight. One without a zone is taken as it is. Raises InputError, which names the row and calls the column `name`, where a
     cell is none.
     """
+    import pandas as pd
+
     text = column.str.strip().str.replace(",", ".", regex=False)
     filled = text.notna().to_numpy()
     first = str(text[filled].iloc[0]) if filled.any() else ""
-    # 60 characters of a date with its time and its zone
-    counted = _nanoseconds(text.where(text.str.len() <= 60), first)
+    text = text.where(text.str.len() <= 60)  # characters of a date with its time and its zone
+    points = "%d.%m.%Y %H:%M:%S"
+    if _CLOCK.fullmatch(first):
+        clock = text.where(text.str.fullmatch(_CLOCK.pattern).fillna(False).astype(bool))
+        counted = pd.to_timedelta(clock, errors="coerce").to_numpy("timedelta64[ns]").astype(np.int64)
+    else:  # as pandas reads them in the format of the first one
+        if _POINTS.fullmatch(first):
+            whole = pd.to_datetime(text, format=points, errors="coerce", utc=True)
+            parts = pd.to_datetime(text, format=f"{points}.%f", errors="coerce", utc=True)
+            dates = parts.fillna(whole) if parts.notna().any() else whole
+        else:
+            dates = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=True)
+        dates = dates.where((dates.dt.year > 1677) & (dates.dt.year < 2262))
+        counted = dates.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)
     bad = np.flatnonzero(filled & (counted == _MISSING))
     if bad.size:
         raise InputError(
@@ -46,21 +60,3 @@ def seconds_of_stamps(column: "pd.Series[str]", name: str) -> tuple[Array, int]:
     seconds = np.full(text.size, np.nan)
     seconds[filled] = (counted[filled] - origin) / 1e9
     return seconds, origin
-
-
-def _nanoseconds(text: "pd.Series[str]", first: str) -> "np.ndarray[tuple[int], np.dtype[np.int64]]":
-    """Each stamp as pandas reads it, ns, in the format of the first one; `_MISSING` where it is none."""
-    import pandas as pd
-
-    if _CLOCK.fullmatch(first):
-        clock = text.where(text.str.fullmatch(_CLOCK.pattern).fillna(False).astype(bool))
-        return pd.to_timedelta(clock, errors="coerce").to_numpy("timedelta64[ns]").astype(np.int64)
-    points = "%d.%m.%Y %H:%M:%S"
-    if _POINTS.fullmatch(first):
-        whole = pd.to_datetime(text, format=points, errors="coerce", utc=True)
-        parts = pd.to_datetime(text, format=f"{points}.%f", errors="coerce", utc=True)
-        dates = parts.fillna(whole) if parts.notna().any() else whole
-    else:
-        dates = pd.to_datetime(text, format="ISO8601", errors="coerce", utc=True)
-    dates = dates.where((dates.dt.year > 1677) & (dates.dt.year < 2262))
-    return dates.dt.tz_localize(None).to_numpy("datetime64[ns]").astype(np.int64)

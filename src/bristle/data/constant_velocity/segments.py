@@ -10,7 +10,7 @@ import numpy as np
 from bristle.arrays import UNWRITTEN, Array, Number
 from bristle.data.constant_velocity.acceptance import Thresholds, reasons, sticks, warnings
 from bristle.data.constant_velocity.changepoints import CandidateSpan, candidates
-from bristle.data.constant_velocity.statistics import Scale, evidence, usual_scale
+from bristle.data.constant_velocity.statistics import evidence, usual_scale
 from bristle.data.record import Record
 from bristle.data.signal_checks import travel_ratio
 from bristle.errors import InputError
@@ -118,7 +118,40 @@ def find_segments(
     cut = [s for start, stop in pairwise(edges) for s in candidates(record.velocity, record.torque, start, stop)]
     usual = usual_scale(record, cut, encoder_resolution)
     settling = _settling(record.velocity, cut)
-    return tuple(_segment(record, s, usual, thresholds, longer) for s, longer in zip(cut, settling, strict=True))
+    found = []
+    for candidate, longer in zip(cut, settling, strict=True):
+        e = evidence(record, candidate, usual, thresholds.torque_limit)
+        against = reasons(e, usual, thresholds)
+        if longer is not None:
+            message = (
+                f"Settling: it is the beginning or end of the plateau in {record.where(longer.start, longer.stop)}, which is judged separately; "
+                "a hold of its own would make it pass."
+            )
+            against = (Finding("settling", NOTE, message), *against)
+        part = slice(candidate.start, candidate.stop)
+        middle = (record.time[candidate.start] + record.time[candidate.stop - 1]) / 2 - record.time[0]
+        found.append(
+            Segment(
+                file=record.file,
+                start=candidate.start,
+                stop=candidate.stop,
+                line=None if record.lines is None else int(record.lines[candidate.start]),
+                last_line=None if record.lines is None else int(record.lines[candidate.stop - 1]),
+                velocity=e.velocity,
+                torque=e.torque,
+                standard_error=e.torque_error,
+                accepted=not against,
+                reasons=against,
+                warnings=() if against else warnings(e),
+                stick_slip=not against and sticks(e),
+                time=float(middle),
+                position=None if record.position is None else float(record.position[part].mean()),
+                torque_shifts={name: float(shift[part].mean()) for name, shift in record.torque_shifts.items()},
+                swing=e.swing,
+                labels=record.labels,
+            )
+        )
+    return tuple(found)
 
 
 def nothing_left(segments: Sequence[Segment], records: Sequence[Record], thresholds: Thresholds) -> str:
@@ -158,40 +191,6 @@ def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSp
                     break
                 owner[k], k = plateau, k + way
     return owner
-
-
-def _segment(
-    record: Record, candidate: CandidateSpan, usual: Scale, thresholds: Thresholds, longer: CandidateSpan | None
-) -> Segment:
-    e = evidence(record, candidate, usual, thresholds.torque_limit)
-    against = reasons(e, usual, thresholds)
-    if longer is not None:
-        message = (
-            f"Settling: it is the beginning or end of the plateau in {record.where(longer.start, longer.stop)}, which is judged separately; "
-            "a hold of its own would make it pass."
-        )
-        against = (Finding("settling", NOTE, message), *against)
-    part = slice(candidate.start, candidate.stop)
-    middle = (record.time[candidate.start] + record.time[candidate.stop - 1]) / 2 - record.time[0]
-    return Segment(
-        file=record.file,
-        start=candidate.start,
-        stop=candidate.stop,
-        line=None if record.lines is None else int(record.lines[candidate.start]),
-        last_line=None if record.lines is None else int(record.lines[candidate.stop - 1]),
-        velocity=e.velocity,
-        torque=e.torque,
-        standard_error=e.torque_error,
-        accepted=not against,
-        reasons=against,
-        warnings=() if against else warnings(e),
-        stick_slip=not against and sticks(e),
-        time=float(middle),
-        position=None if record.position is None else float(record.position[part].mean()),
-        torque_shifts={name: float(shift[part].mean()) for name, shift in record.torque_shifts.items()},
-        swing=e.swing,
-        labels=record.labels,
-    )
 
 
 def unit_mistake(record: Record) -> str | None:

@@ -15,12 +15,12 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
-from bristle.data.experiment.bag_draft import bag_guesses
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import DRIVE
-from bristle.data.ros.files import is_bag
-from bristle.data.ros.read import bag_columns
+from bristle.data.ros.files import is_bag, open_bag
+from bristle.data.ros.read import bag_columns, bag_joints, read_bag, state_topic
+from bristle.data.ros.topics import RECEIVED, Topic, target_of, topics_of
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
 from bristle.data.timestamps import ISO
@@ -33,6 +33,8 @@ SIGNALS = ("time", "position", "velocity", "torque", "current", "voltage")
 """What a column can be told to be."""
 _DRIVES = ("torque", "current", "voltage")
 """In the order in which they are taken: each needs one constant more than the one before."""
+STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}
+"""Of joint states, by signal."""
 _SHOWN = 200
 """Columns that the draft lists."""
 _LINEAR = {"position": "m", "velocity": "m/s", "torque": "N"}
@@ -205,7 +207,7 @@ def _guesses(log: _Log, told: Told) -> tuple[dict[str, ColumnGuess], str | None]
     """Columns by their names, of a bag those of its only joint, and as told; and the unit of time where its steps tell it."""
     if is_bag(log.path):
         with naming(str(log.path)):
-            guesses = bag_guesses(log.path, told.columns)
+            guesses = _bag_guesses(log.path, told.columns)
     else:
         guesses = guess_columns(log.names, log.stated)
     for signal, column in told.columns.items():  # with the unit that its name has, or the file states
@@ -229,6 +231,40 @@ def _guesses(log: _Log, told: Told) -> tuple[dict[str, ColumnGuess], str | None]
     by_step = next((unit for unit, least in reversed(_STEPS.items()) if step >= least), None)
     guesses["time"] = guesses["time"]._replace(unit=by_step)
     return guesses, by_step
+
+
+def _bag_guesses(path: Path, told: Mapping[str, str]) -> dict[str, ColumnGuess]:
+    """The columns of a bag by signal: the stamps of the topic that was told or, where too little was, the only joint's states."""
+    topics = topics_of(open_bag(path))
+    enough = any(name in told for name in _DRIVES) and ("position" in told or "velocity" in told)
+    if enough:
+        first = next(told[name] for name in ("position", "velocity") if name in told)
+        return _bag_time(path, topics[target_of(Key(first), topics).topic])
+    topic = topics[state_topic(topics)]
+    joints = bag_joints(path, topic.name)
+    if len(joints) != 1:
+        raise InputError(
+            f"has joint states of {len(joints)} joints: {short_list(joints)}; name the columns of one, as in "
+            f"--column position={topic.name}.position[{next(iter(joints), 'JOINT')}] --column torque={topic.name}.effort[...]"
+        )
+    fields = {signal: f"{topic.name}.{field}[{joints[0]}]" for signal, field in STATE_FIELDS.items()}
+    there = {signal: ColumnGuess(name, None) for signal, name in fields.items() if _is_there(path, name)}
+    return _bag_time(path, topic) | there
+
+
+def _bag_time(path: Path, topic: Topic) -> dict[str, ColumnGuess]:
+    """The stamps of a topic, or when its messages were received, where they have none."""
+    names = (f"{topic.name}.header.stamp", f"{topic.name}.{RECEIVED}")
+    return {"time": ColumnGuess(next((name for name in names if _is_there(path, name)), names[1]), "s")}
+
+
+def _is_there(path: Path, name: str) -> bool:
+    """Whether a column of a bag, which was read before, holds anything."""
+    try:
+        read_bag(path, [Key(name)])
+    except InputError:
+        return False
+    return True
 
 
 def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:

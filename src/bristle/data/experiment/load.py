@@ -16,7 +16,7 @@ from bristle.data import cleaning as clean
 from bristle.data.constant_velocity.acceptance import Thresholds
 from bristle.data.experiment.constants import Constant, torque_constants, torque_shifts
 from bristle.data.experiment.gear import SIDED, Gear
-from bristle.data.experiment.run_files import RunFiles
+from bristle.data.experiment.run_files import RunFiles, matches, sources_of
 from bristle.data.experiment.schema import (
     PERIODIC,
     AdaptOptions,
@@ -30,13 +30,11 @@ from bristle.data.experiment.schema import (
     TrueSet,
     read_inertia,
 )
-from bristle.data.experiment.signals import Cleaning, Context, Signal, Signals, quantity, si
-from bristle.data.experiment.sources import matches, sources_of
+from bristle.data.experiment.signals import DRIVE, Cleaning, Context, Signal, Signals, quantity, si
 from bristle.data.experiment.tables import Source, keys_of
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
-from bristle.data.signal_checks import check_signals
-from bristle.data.stated_units import check_units, gear_note
+from bristle.data.signal_checks import check_signals, check_units
 from bristle.errors import InputError, short
 from bristle.findings import NOTE, Finding
 from bristle.model.parameters import Kind as JointKind
@@ -324,6 +322,18 @@ def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str
             return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
         except InputError as error:
             raise InputError(f"{shown}: {str(error).removeprefix(f'{shown}: ')}") from error
+
+
+def gear_note(signals: Signals, context: Context) -> tuple[Finding, ...]:
+    """What a gear did to which signals of a run; nothing without one."""
+    if context.gear is None:
+        return ()
+    logged = [name for name in (*SIDED, *DRIVE) if getattr(signals, name) is not None]
+    moved = dict.fromkeys(name for name in logged if context.gear.at_motor(name))
+    ratio, unit = context.gear.ratio, "" if context.kind == "revolute" else " rad/m"
+    signals_moved = ", ".join(moved) or "no signal"
+    message = f"Gear of ratio {ratio:g}{unit}: logged at the motor, and brought to the joint: {signals_moved}."
+    return (Finding("gear-taken", NOTE, message, {"ratio": ratio}),)
 
 
 def from_current(k_t: float, unit: str) -> Finding:

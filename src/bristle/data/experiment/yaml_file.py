@@ -41,23 +41,17 @@ class _Loader(yaml.SafeLoader):
 
         Raises yaml.MarkedYAMLError at an anchor, an alias, too deep a nesting, or too many of them.
         """
-        event = self.peek_event()  # type: ignore[no-untyped-call]  # types-PyYAML leaves the parser untyped
-        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
-            raise yaml.MarkedYAMLError(
-                problem="anchors (&) and aliases (*) are not allowed; write the value out",
-                problem_mark=event.start_mark,
-            )
+        event, problem = self.peek_event(), ""  # type: ignore[no-untyped-call]  # types-PyYAML leaves the parser untyped
         self.depth += 1
         self.nodes += 1
-        if self.depth > MAX_DEPTH:
-            raise yaml.MarkedYAMLError(
-                problem="nested too deeply; expected a few levels", problem_mark=event.start_mark
-            )
-        if self.nodes > MAX_NODES:
-            raise yaml.MarkedYAMLError(
-                problem=f"more than {MAX_NODES} keys and values; expected an experiment file, which is a page of YAML (runs may be a glob)",
-                problem_mark=event.start_mark,
-            )
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+            problem = "anchors (&) and aliases (*) are not allowed; write the value out"
+        elif self.depth > MAX_DEPTH:
+            problem = "nested too deeply; expected a few levels"
+        elif self.nodes > MAX_NODES:
+            problem = f"more than {MAX_NODES} keys and values; expected an experiment file, which is a page of YAML (runs may be a glob)"
+        if problem:
+            raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
         node = super().compose_node(parent, index)
         self.depth -= 1
         return node

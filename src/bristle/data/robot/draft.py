@@ -8,15 +8,13 @@ from pathlib import Path
 
 from bristle.data.columns import Key
 from bristle.data.experiment.column_names import guess_columns
-from bristle.data.experiment.draft import SIGNALS, Told, quoted
+from bristle.data.experiment.draft import SIGNALS, STATE_FIELDS, Told, quoted
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
 from bristle.data.text_layout import text_layout
 from bristle.data.text_table import is_text, naming
 from bristle.errors import InputError, short_list
 
-_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}
-"""Of joint states, by signal."""
 _DRIVES = ("torque", "current", "voltage")
 _UNITS = {"time": "s", "position": "rad", "velocity": "rad/s", "torque": "N*m", "current": "A", "voltage": "V"}
 _SLIDING = {"rad": "m", "rad/s": "m/s", "N*m": "N"}
@@ -109,7 +107,7 @@ def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
     with naming(str(log)):
         topic = state_topic(topics_of(open_bag(log)))
         joints = bag_joints(log, topic)
-        templates = {signal: f"{topic}.{field}[{{joint}}]" for signal, field in _FIELDS.items()}
+        templates = {signal: f"{topic}.{field}[{{joint}}]" for signal, field in STATE_FIELDS.items()}
         velocity = Key(templates["velocity"].format(joint=joints[0])) if joints else None
         if velocity is not None:  # many drivers leave it empty; the position's derivative takes its place
             with suppress(InputError):
