@@ -4,7 +4,7 @@ Each fault of `faulty_logs.py` is put into SIMULATED logs, at two strengths and 
 where it says `use` and its curve is more than 10 % off the true one (RMS over the speeds, as in `calibration.py`). Where
 it does not say `use`, its first reason is right if its code names the fault, and honest if it says that a pattern of
 unknown cause is left; each fault lists its codes. A refusal is a sentence of bristle's own, and right where it has words
-that the fault lists. Beside them stand clean controls: how many have no finding above a note.
+that the fault lists. Beside them stand clean controls: of how many nothing above a note is said about the values.
 
     python benchmarks/faults.py [--seeds 5] [--controls 200] [--only NAME] [--jobs 2] [--csv FILE]
 
@@ -24,9 +24,8 @@ import pandas as pd
 
 import bristle
 from bristle.errors import InputError
-from bristle.findings import Severity
 from bristle.identification.curve import known_curve
-from bristle.identification.verdict import verdict
+from bristle.identification.verdict import value_warnings, verdict
 from faulty_logs import CLEAN, FAULTS, UNSEEN, Log, curve, speeds
 
 OFF = 10.0
@@ -81,7 +80,7 @@ def tried(case: Case) -> dict[str, Any]:
     true = curve(log, v)
     with suppress(InputError):  # no curve
         row["error"] = 100 * float(np.sqrt(np.mean((known_curve(joint, v)[0] - true) ** 2) / np.mean(true**2)))
-    serious = dict.fromkeys(w.code for w in joint.all_warnings() if w.severity is not Severity.NOTE)
+    serious = dict.fromkeys(w.code for w in value_warnings(joint))
     row |= {"band": np.nan if joint.accuracy is None else joint.accuracy.band, "serious": " ".join(serious)}
     return row | {"trust": str(found.trust), "code": code, "named": code in named_by}
 

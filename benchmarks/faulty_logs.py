@@ -366,7 +366,7 @@ FAULTS: dict[str, Fault] = {
     "slow loading: torque late": Fault(slow, torque(lambda x, s: np.interp(x.t - s, x.t, x.torque)), (0.1, 0.5), ("turns-late", "open-cycles")),
     "slow loading: position of 12, 14 bits": Fault(slow, position(lambda x, s: counted(x.q, s)), (14, 12), ("few-counts", "within-noise")),
     "slow loading: backlash": Fault(slow, position(lambda x, s: x.q + s / 2 * np.tanh(x.torque / 0.02)), (0.0003, 0.002), ("open-cycles",)),
-    "slow loading: wrong sign": Fault(slow, torque(lambda x, s: -s * x.torque), (1.0, 2.0), ("against its torque",)),
+    "slow loading: wrong sign": Fault(slow, torque(lambda x, s: -s * x.torque), (1.0, 2.0), OPPOSES),
 }  # fmt: skip  # a table
 UNSEEN: dict[str, Fault] = {
     "torque constant": Fault(motion, torque(lambda x, s: s * x.torque), (0.9, 1.1)),
