@@ -6,6 +6,7 @@ from math import inf, isfinite
 
 import numpy as np
 
+from bristle.errors import InputError
 from bristle.findings import Finding, Severity
 from bristle.identification.curve import known_curve
 from bristle.identification.fits import Estimate, TrackingFit
@@ -64,8 +65,14 @@ def law_in_force(joint: Joint) -> Iterator[str]:
 def _curve(joint: Joint) -> Iterator[str]:
     """What the values give together at the slowest and the fastest speed, in each direction: parameters are known less well one by one."""
     known, speed = joint.accuracy, unit("v_s", joint.kind)
-    if known is None or joint.law_name != GAUSSIAN.name:
+    if known is None:
         return
+    v = np.unique([known.slowest, known.fastest])
+    try:
+        plus, minus = np.abs(known_curve(joint, np.concatenate([v, -v]))[0]).reshape(2, -1)
+    except InputError:  # a number that no joint has
+        return
+    ways = {"": plus} if np.allclose(plus, minus, rtol=1e-9) else {"+": plus, "-": minus}
     model = as_identified(joint)
     given = {name for d in SIGNED for name, value in model.values(d).items() if value}
     given |= {row.parameter.name for row in chosen(joint) if row.estimate.value}
@@ -75,18 +82,14 @@ def _curve(joint: Joint) -> Iterator[str]:
         "alpha_2": "alpha_2 v",
         "quadratic": "quadratic v**2",
     }
-    v = np.unique([known.slowest, known.fastest])
-    both = np.concatenate([v, -v])
-    ways = dict(zip(("+", "-"), np.abs(known_curve(joint, both)[0]).reshape(2, -1), strict=True))
-    if np.allclose(ways["+"], ways["-"], rtol=1e-9):
-        ways = {"": ways["+"]}
     torque = unit("alpha_0", joint.kind)
     told = [
         f"{' and '.join(f'{number(x, 3)} {torque} at {number(at, 2)} {speed}' for x, at in zip(T, v, strict=True))}{f' ({d})' * bool(d)}"
         for d, T in ways.items()
         if np.isfinite(T).all()
     ]
-    yield f"  friction: {' + '.join(text for name, text in terms.items() if name in given)} = {'; '.join(told)}"
+    law = f"{' + '.join(text for name, text in terms.items() if name in given)} = " * (joint.law_name == GAUSSIAN.name)
+    yield f"  friction: {law}{'; '.join(told)}"
 
 
 def _chosen(joint: Joint) -> Iterator[str]:
