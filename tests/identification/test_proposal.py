@@ -56,7 +56,7 @@ def test_a_draft_has_the_set_up_that_pays(tmp_path: Path, gravity: float, apart:
 
 @pytest.mark.parametrize(
     ("apart", "which"),
-    [pytest.param(1.0, "one friction for both", marks=pytest.mark.slow), (1.2, "each its own friction")],
+    [pytest.param(1.0, "the same friction both ways", marks=pytest.mark.slow), (1.2, "each its own friction")],
 )
 def test_directions_are_chosen_by_the_fit(tmp_path: Path, apart: float, which: str) -> None:
     """One friction for both where they are alike, one for each where they differ by a fifth, which is said; a line overrules it."""
