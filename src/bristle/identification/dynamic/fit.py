@@ -388,9 +388,6 @@ def _of_fit(
                 "shows it; add points at constant velocity, or give it under fit.fixed."
             )
             yield Finding("shape-held", CAUTION, message, {"names": names, "value": own.middle})
-    if solution.minimum.steps == 0:
-        message = "The fit did not move from its initial values: it may be at a bound, or where the cost is flat."
-        yield Finding("did-not-move", CAUTION, message)
     if not solution.minimum.converged:
         message = "The fit reached its limit of iterations before it converged."
         yield Finding("out-of-steps", CRITICAL, message)
