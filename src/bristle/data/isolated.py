@@ -78,9 +78,9 @@ def answer(asked: dict[str, Any]) -> None:
 
         resource.setrlimit(resource.RLIMIT_AS, (_MEMORY, _MEMORY))
     said, columns = dict[str, Any](), list[Array]()
-    module, name = asked["read"]
+    (module, name), file = asked["read"], Path(asked["file"])
     try:
-        read, file = getattr(import_module(module), name), Path(asked["file"])
+        read = getattr(import_module(module), name)
         if asked["keys"] is None:
             said["names"] = list(islice(read(file, None), _MOST_NAMES))
         else:
@@ -91,7 +91,10 @@ def answer(asked: dict[str, Any]) -> None:
     except InputError as error:
         said["error"] = str(error)
     except MemoryError:
-        said["error"] = "does not fit into memory; cut it into several runs"
+        if file.stat().st_size < _MEMORY / 1032:  # zlib packs no tighter
+            said["damaged"] = "claims more than it can hold"
+        else:
+            said["error"] = "does not fit into memory; cut it into several runs"
     except Exception as error:  # noqa: BLE001  # a library raises nearly anything at a damaged file
         said["damaged"] = str(error)
     sys.stdout.buffer.write(json.dumps(said).encode() + b"\n")
