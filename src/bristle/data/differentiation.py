@@ -5,7 +5,7 @@ A zero-phase low pass, then the derivatives of a spline through it.
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -78,7 +78,7 @@ def usable(record: Record, cutoff: float) -> float:
     return cutoff if cutoff < nyquist else 0.8 * nyquist
 
 
-@cache
+@lru_cache(maxsize=256)
 def _sections(cutoff: float, rate: float) -> Array:
     """The low pass of a cut-off at a sampling rate, both Hz, by sections: the same one filters many signals."""
     from scipy.signal import butter

@@ -202,6 +202,8 @@ def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, i
     told = replace(finding, effect={"torque": torque, "errors": errors, **finding.effect})
     if little:
         return replace(told, severity=NOTE)
-    curve = f"{100 * torque / fit.friction:.2g} %" if fit.friction else "all"
-    message = f"{finding.message} It bends friction by {curve}, and a parameter by {errors:.2g} standard errors, which contain that."
-    return replace(told, message=message)
+    bends = f"friction by {100 * torque / fit.friction:.2g} %, and " if fit.friction else ""
+    said = (
+        f"With that in the fit, it would change {bends}a parameter by {errors:.2g} standard errors, which contain that."
+    )
+    return replace(told, message=f"{finding.message} {said}")

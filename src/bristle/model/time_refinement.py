@@ -60,13 +60,12 @@ def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nod
     The latter stand `coarsening` times farther apart.
     """
     v0, v1, _ = samples.steps
-    within = np.ones(v0.size, dtype=bool)
-    within[samples.begins - 1] = False
-    crossing = np.flatnonzero((v0 * v1 < 0) & within)
-    change = np.abs(v1 - v0) * within
+    product, change = v0 * v1, np.abs(v1 - v0)
+    product[samples.begins - 1] = change[samples.begins - 1] = 0.0
+    crossing = np.flatnonzero(product < 0)
     fine = _FINE * coarsening * v_s
     wide = np.flatnonzero(change > fine)
-    slowest = np.where(v0[wide] * v1[wide] < 0, 0.0, np.minimum(np.abs(v0[wide]), np.abs(v1[wide])))
+    slowest = np.where(product[wide] < 0, 0.0, np.minimum(np.abs(v0[wide]), np.abs(v1[wide])))
     wide = wide[slowest < _NEAR * v_s]
     if crossing.size + wide.size == 0:
         return samples

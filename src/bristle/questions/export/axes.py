@@ -3,7 +3,7 @@
 It holds Coulomb friction and damping of the joint, N*m and N*m*s/rad (N and N*s/m where it slides), and no rotor inertia.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from bristle.errors import InputError, one_line, short
 from bristle.model.parameters import slides
@@ -19,6 +19,10 @@ _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 _PLACEHOLDERS = "{} are placeholders, so that this file loads; copy <dynamics> into your own {}, or export into that."
 _FAR = "1000"
 """A limit that is none."""
+_Merged = Callable[[bytes, str, Sequence[CoulombViscous]], bytes]
+"""A file and its name -> that file with the values of some joints."""
+_Element = Callable[[int, CoulombViscous], str]
+"""The number of a joint, and its values -> its element."""
 _TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
 """Of a joint in a URDF or an SDF, by whether the exported one slides."""
 
@@ -28,15 +32,28 @@ def write_urdf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
 
     Raises InputError where a joint's torque is a current, or the file that is merged into is no URDF or lacks the joint.
     """
-    found = best_values(joints, request, "urdf")
+    # a robot of these joints, each with a link of its own on one base
+    head = f'<robot name={attribute(slug(joints))}>\n  <link name="base"/>'
+    around = comment(_PLACEHOLDERS.format("Links, axes and limits", "URDF")), head, "</robot>"
+    return _written("urdf", joints, request, _into_urdf, around, _urdf_joint)
+
+
+def _written(
+    kind: str,
+    joints: Sequence[ExportedJoint],
+    request: Request,
+    merged: _Merged,
+    around: Sequence[str],
+    element: _Element,
+) -> Artefact:
+    """What holds the best values: the file that is merged into, or one with a comment, then the elements between a head and an end."""
+    found = best_values(joints, request, kind)
     if request.into is not None:
-        content = _into_urdf(request.into, request.into_name, found)
-    else:  # a robot of these joints, each with a link of its own on one base
-        body = "\n".join(_urdf_joint(k, one) for k, one in enumerate(found))
-        note = comment(_PLACEHOLDERS.format("Links, axes and limits", "URDF"))
-        head = f"{_HEAD}{note}\n<robot name={attribute(slug(joints))}>"
-        content = f'{head}\n  <link name="base"/>\n{body}\n</robot>\n'.encode()
-    return artefact_of(found, "urdf", ".urdf", content, _HOLDS)
+        content = merged(request.into, request.into_name, found)
+    else:
+        note, head, end = around
+        content = "\n".join([_HEAD + note, head, *map(element, range(len(found)), found), end, ""]).encode()
+    return artefact_of(found, kind, f".{kind}", content, _HOLDS)
 
 
 def _urdf_dynamics(one: CoulombViscous) -> str:
@@ -93,14 +110,10 @@ def write_sdf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
 
     Raises InputError where a joint's torque is a current, or the file that is merged into is no SDF or lacks the joint.
     """
-    found = best_values(joints, request, "sdf")
-    if request.into is not None:
-        content = _into_sdf(request.into, request.into_name, found)
-    else:  # a model of these joints, each between the world and a link of its own
-        body = "\n".join(_sdf_joint(k, one) for k, one in enumerate(found))
-        head = f'{_HEAD}{comment(_PLACEHOLDERS.format("Links and axes", "SDF"))}\n<sdf version="1.6">'
-        content = f"{head}\n  <model name={attribute(slug(joints))}>\n{body}\n  </model>\n</sdf>\n".encode()
-    return artefact_of(found, "sdf", ".sdf", content, _HOLDS)
+    # a model of these joints, each between the world and a link of its own
+    head = f'<sdf version="1.6">\n  <model name={attribute(slug(joints))}>'
+    around = comment(_PLACEHOLDERS.format("Links and axes", "SDF")), head, "  </model>\n</sdf>"
+    return _written("sdf", joints, request, _into_sdf, around, _sdf_joint)
 
 
 def _sdf_dynamics(one: CoulombViscous, indent: str = "") -> str:
