@@ -74,7 +74,8 @@ def score(known: Array, rest: Array, columns: Array, inflated: float = 1.0) -> S
     """The test of columns, (n, k), beside known ones, (n, p), on residuals, (n,), in an order in which they may be correlated.
 
     In directions at right angles b = D'r, whose variances are those of what is left, times what its autocorrelation makes of them
-    along each, `inflated` at least; or, of many, those of the products D r, as there were nothing to explain, where these are larger.
+    along each, `inflated` at least; or, of many, those of the products D r about their means, as there were nothing to explain, where these are
+    larger.
     mean(b**2 / variance) is F. What is made of others is left out.
     """
     return scores(known, rest, [columns], inflated)[0]
@@ -127,9 +128,7 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
         return Score(sizes, errors, 1.0, share, share * total)
     variance = one / (n - p - k) * correlated
     if n >= _MANY:
-        powers = np.sum(
-            (directions * left[:, None]) ** 2, axis=0
-        )  # as if there were nothing: few equations alone prove nothing
+        powers = n * np.var(directions * left[:, None], axis=0)  # as if there were nothing: few alone prove nothing
         uneven = powers * [max(inflation(x), inflated) for x in (directions * rest[:, None]).T]
         variance = np.maximum(variance, uneven * n / (n - p - k))
     errors[own] = np.sqrt(inverse**2 @ variance) / lengths[own]
