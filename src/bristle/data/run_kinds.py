@@ -23,8 +23,11 @@ _SMOOTH = 10.0
 """Hz: the low pass of the speed by which rest is told from motion."""
 _BEND = {"revolute": 0.1, "prismatic": 0.005}
 """rad or m: no bristle bends further, so a longer displacement is a motion."""
-_SURELY = 0.9
-"""Of its motion and loading: what is loaded for so long needs no other runs to tell."""
+_HELD, _LOADED, _SURELY = 0.79, 0.7, 0.9
+"""Of its motion and loading: what holds velocities, or is loaded, for less tells more as a tracking run; what is loaded for so long needs no
+other runs to tell."""
+FEWEST = 4
+"""Velocities held in all: of fewer, points alone tell hardly more than a level."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,36 +47,39 @@ class Stretches:
     """Velocities held, rad/s."""
 
     def __str__(self) -> str:
-        whole = max(self.held + self.loaded + self.broken + self.moving, 1e-300)
+        whole = max(self._busy, 1e-300)
         parts = {"constant velocity": self.held, "slow loading": self.loaded, "sliding after it": self.broken}
         shares = {name: x / whole for name, x in (parts | {"other motion": self.moving}).items()}
         return ", ".join(f"{name} {share:.0%}" for name, share in shares.items() if share >= 0.005) or "no motion"
 
     @property
     def kind(self) -> MovingKind:
-        """What it does most."""
-        # 0.2 of a run: a presliding one loads for so long
-        if self.loaded + self.broken > max(self.held, self.moving) and self.loaded >= 0.2 * self.total:
+        """What it does most, or mostly."""
+        # 0.2 of a run: a presliding one loads for so long, and does hardly anything but load and slide, which a tracking run uses too
+        slides = self.loaded + self.broken + (self.held if len(self.speeds) < FEWEST else 0.0)
+        if slides >= _LOADED * self._busy > 0 and self.loaded >= max(0.2 * self.total, self.held):
             return "presliding"
         return "ramp" if self.held > self.moving + self.loaded + self.broken else "tracking"
 
     @property
+    def _busy(self) -> float:
+        """How long it moves or is loaded, s."""
+        return self.held + self.loaded + self.broken + self.moving
+
+    @property
     def is_loaded(self) -> bool:
         """Whether it is loaded slowly nearly all the time that it moves or is loaded."""
-        loaded = self.loaded + self.broken
-        return self.kind == "presliding" and loaded >= _SURELY * (self.held + loaded + self.moving)
+        return self.kind == "presliding" and self.loaded + self.broken >= _SURELY * self._busy
 
     @property
     def steadily(self) -> bool:
         """Whether it does hardly anything but hold velocities, or holds a single one, as one log of a series does."""
-        # 0.79 of its motion: a run that holds velocities for less tells more as a tracking run
-        return len(self.speeds) == 1 or self.held >= 0.79 * (self.held + self.moving + self.broken)
+        return len(self.speeds) == 1 or self.held >= _HELD * (self.held + self.moving + self.broken)
 
     def unused(self, kind: str) -> float:
         """Share of the motion that a fit of this kind leaves out; a tracking run is used whole."""
         of_kind = {"ramp": self.held, "presliding": self.loaded + self.broken}
-        whole = self.held + self.loaded + self.broken + self.moving
-        return 1 - of_kind[kind] / whole if kind in of_kind and whole else 0.0
+        return 1 - of_kind[kind] / self._busy if kind in of_kind and self._busy else 0.0
 
 
 def stretches(record: Record, joint: JointKind) -> Stretches:

@@ -13,6 +13,7 @@ from bristle.data.constant_velocity.segments import Segment, find_segments, noth
 from bristle.data.differentiation import estimate_motion, usable, without_short_segments
 from bristle.data.experiment.load import Experiment, Run, in_amperes, load_experiment, read_runs
 from bristle.data.record import Record
+from bristle.data.run_kinds import FEWEST
 from bristle.data.signal_checks import merged
 from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError, short, short_list
@@ -106,7 +107,20 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     runs = read_runs(experiment)
     refuse_repeated(experiment, runs)
     of_current = experiment.motor_constants is None and experiment.signals_of(experiment.runs[0]).drive() == "current"
-    return measured_of(in_amperes(experiment, experiment.fit.regressors) if of_current else experiment, runs)
+    experiment = in_amperes(experiment, experiment.fit.regressors) if of_current else experiment
+    measured = measured_of(experiment, runs)
+    held, logged = len(measured.points(hold_out=False)), all(run.record.position is not None for run in runs)
+    if held >= FEWEST or not logged or {run.kind for run in runs if not run.hold_out} != {"ramp"}:
+        return measured
+
+    # Constant velocities that are too few for points are a motion.
+    moving = [x.model_copy(update={"experiment": "tracking"}) if x.experiment == "ramp" else x for x in experiment.runs]
+    experiment = experiment.model_copy(update={"runs": tuple(moving)})
+    message = f"It holds {held or 'no'} constant velocities, too few for points: taken as a motion, of which all samples are used."
+    note = Finding("few-held", NOTE, message, {"held": held})
+    return measured_of(
+        experiment, _changed(read_runs(experiment), lambda record: replace(record, notes=(*record.notes, note)))
+    )
 
 
 def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
