@@ -36,7 +36,7 @@ def of_motion(record: Record) -> tuple[float, Finding]:
     From the longest piece between gaps, its position or its velocity, and its effort as far as it is known.
     """
     part, motion, effort = _longest(record), _known(record, "velocity", "position"), _known(record, "torque", "voltage")
-    moves = _shown(np.asarray(motion)[part], record.step)
+    moves = _shown(np.asarray(motion)[part], record.step, int(motion is record.position))
     own = moves.own if motion is record.position else _own(record)
     least = usable(record, _WIDER * own)
     if effort is None:
@@ -127,13 +127,15 @@ class _Shown(NamedTuple):
     """Whether it stands out of its noise there."""
     own: float
     """Below which 99.9 % of its power lies, noise apart, Hz."""
+    beyond: Array
+    """Share of the power of its derivative, of that order, that is seen from there on."""
     noise: float
     """Its density, per Hz."""
     counted: bool
     """Whether it is mostly of counts."""
 
 
-def _shown(x: Array, step: float) -> _Shown:
+def _shown(x: Array, step: float, order: int = 0) -> _Shown:
     f, power = _spectrum(x, step)
     count, moved = smallest_step(x), np.abs(np.diff(x))
     # steps that are all alike are those of an even motion, not of counts
@@ -152,15 +154,19 @@ def _shown(x: Array, step: float) -> _Shown:
     below = np.cumsum((power - noise) * np.repeat(seen, size))  # what noise adds up to beyond is no motion
     # 0.999 of the position's power, which lies below the motion's bandwidth
     own = float(f[np.argmax(below >= 0.999 * below[-1])])
-    return _Shown(middle, seen, own, noise, counts > highest / 2)
+    moved = np.cumsum((size * seen * (mean - noise) * middle ** (2 * order))[::-1])[::-1]
+    return _Shown(middle, seen, own, moved / max(moved[0], 1e-300), noise, counts > highest / 2)
 
 
 def _first(shown: _Shown, above: float) -> float:
-    """The first frequency above one beyond which nothing is seen for a while, for a square has gaps between its lines; else the last one."""
+    """The first frequency above one beyond which nothing is seen for a while, for a square has gaps between its lines; else the last one.
+
+    What moves the joint further up, as vibration does, is part of its motion.
+    """
     f, sure = shown.f, np.append(0, np.cumsum(shown.seen))
-    # four times a frequency, up to where nothing is seen beyond the end of a signal
+    # four times a frequency, up to where nothing is seen beyond the end of a signal; and 0.01 of the power, that bends no friction
     empty = sure[np.searchsorted(f, 4.0 * f, "right")] == sure[:-1]
-    lost = np.flatnonzero(empty & (f > above))
+    lost = np.flatnonzero(empty & (f > above) & (shown.beyond <= 0.01))
     return float(f[lost[0]]) if lost.size else float(f[-1])
 
 
