@@ -82,11 +82,15 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
 
 
 def _withheld(fit: TrackingFit, v: Array) -> float:
-    """A peak that is not claimed, and was in the fit, at some velocities, (n,): what the curve lacks of the one that was fitted, N*m, rms."""
+    """A peak that is not claimed, and was in the fit, at some velocities, (n,): what the curve lacks of the one that was fitted, N*m, rms.
+
+    One that bends the whole curve is part of it.
+    """
     lacks = np.zeros(v.size)
     for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
         own, claimed = fit.values(d), in_direction(fit.parameters, "alpha_1", d)
-        if own is not None and claimed is not None and claimed.value is None:
+        bends = claimed is not None and any(why.code == "unseen-shape" for why in claimed.warnings)
+        if own is not None and claimed is not None and claimed.value is None and not bends:
             peak = own.stribeck
             lacks[side] = curve(v[side], peak) - curve(v[side], peak._replace(alpha_1=0.0))
     return _rms(lacks)

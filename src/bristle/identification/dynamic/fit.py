@@ -171,10 +171,10 @@ def _settled(
     seed: int,
     others: Sequence[Values],
     progress: Progress | None,
-) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], set[ParameterName]]:
+) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
     """The problem as it is solved in the end, its solution, why Stribeck terms that are none are not in it, and which are shown to be there.
 
-    It has the weights that its runs ask for, and not those terms.
+    It has the weights that its runs ask for, and not those terms. Of what is shown the code of what spoke against it.
     """
     if sum(m.size for m in problem.motions) < FEWEST * len(problem.names):  # of which nothing is estimated
         starts, others = 1, ()
@@ -182,7 +182,7 @@ def _settled(
     problem, changed = _weighted(problem, solution)
     if changed:
         solution = solve_dynamic(problem, without_deflections(solution.values), starts, seed, progress=progress)
-    dropped, shown = dict[ParameterName, Finding](), set[ParameterName]()
+    dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
     while more := _not_shown(problem, solution, shown):
         held = {name: value for name, (value, _) in more.items()}
         without = replace(problem, fixed={**problem.fixed, **held})
@@ -201,8 +201,8 @@ def _settled(
             break
         # the covariance tells less than the costs, where the law bends within the errors
         F = solution.freedom / len(more) * max(found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1, 0.0)
-        if not again and "unseen-wide" not in kinds and fdtrc(len(more), solution.freedom, F) < SIGNIFICANCE:
-            shown |= more.keys()
+        if "unseen-wide" not in kinds and fdtrc(len(more), solution.freedom, F) < SIGNIFICANCE:
+            shown |= {name: why.code for name, (_, why) in more.items()}
             continue
         rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
         problem, solution = without, rest
@@ -215,7 +215,7 @@ def _all_estimates(
     solution: MultistartSolution[Unknown],
     kind: Kind,
     dropped: Mapping[ParameterName, Finding],
-    shown: set[ParameterName],
+    shown: Mapping[ParameterName, str],
     errors: Array,
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value.
@@ -242,12 +242,19 @@ def _all_estimates(
     doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
     estimates = warned(estimates, doubts)
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
+    message = (
+        "Not identifiable from this motion: v_s lies near the fastest speed, so that the Stribeck term bends the whole curve, which is known at "
+        "these speeds alone."
+    )
+    kept = {name: Finding("unseen-shape", NOTE, message) for name, code in shown.items() if code == "unseen-bend"}
+    estimates = warned(estimates, kept)
+    beside = {n._replace(name=name) for n in kept for name in ("alpha_0", "alpha_2")} & estimates.keys()
     bent = [name for name, why in dropped.items() if why.code == "unseen-bend"]
     only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
     for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
         if name in estimates:
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, only_sum))
-    estimates = warned(estimates, dict.fromkeys(beside_a_peak(problem, solution), takes_up_peak()))
+    estimates = warned(estimates, dict.fromkeys((*beside, *beside_a_peak(problem, solution)), takes_up_peak()))
     return without_weak(problem, estimates)
 
 
@@ -265,7 +272,7 @@ def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) ->
 
 
 def _not_shown(
-    problem: DynamicProblem, solution: MultistartSolution[Unknown], shown: set[ParameterName]
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], shown: Mapping[ParameterName, str]
 ) -> dict[ParameterName, tuple[float, Finding]]:
     """What the motion does not show of Stribeck terms but those `shown`, alpha_1 and v_s: what it is held at, and why.
 
@@ -287,11 +294,11 @@ def _not_shown(
     for direction in problem.directions:
         alpha_0, alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_0", "alpha_1", "v_s"))
         values = solution.values
-        if not {alpha_1, v_s} <= values.keys() or problem.with_prior & {v_s, alpha_1}:
+        if not {alpha_1, v_s} <= values.keys() or problem.with_prior & {v_s, alpha_1} or alpha_1 in shown:
             continue
         if errors.get(alpha_0, 0.0) > WIDE or np.log(values[v_s]) > upper[v_s] - _EDGE:
             bends |= {alpha_1: (0.0, bend), v_s: (values[v_s], bend)}
-        elif alpha_1 in doubts.keys() - shown and doubts[alpha_1].code == "unseen-no-peak":
+        elif alpha_1 in doubts and doubts[alpha_1].code == "unseen-no-peak":
             none |= {alpha_1: (0.0, doubts[alpha_1]), v_s: (values[v_s], doubts[alpha_1])}
         elif values[alpha_1] > values.get(alpha_0, np.inf) and errors[alpha_1] > WIDE * values[alpha_1]:
             wide[alpha_1] = values[alpha_0], _wide(errors[alpha_1] / values[alpha_1])
