@@ -128,14 +128,14 @@ class _Shown(NamedTuple):
     own: float
     """Below which 99.9 % of its power lies, noise apart, Hz."""
     beyond: Array
-    """Share of the power of its derivative, of that order, that is seen from there on."""
+    """Share of the power of its derivative, of that order, that is seen from there on; 0 where none is asked for."""
     noise: float
     """Its density, per Hz."""
     counted: bool
     """Whether it is mostly of counts."""
 
 
-def _shown(x: Array, step: float, order: int = 0) -> _Shown:
+def _shown(x: Array, step: float, order: int | None = None) -> _Shown:
     f, power = _spectrum(x, step)
     count, moved = smallest_step(x), np.abs(np.diff(x))
     # steps that are all alike are those of an even motion, not of counts
@@ -154,8 +154,9 @@ def _shown(x: Array, step: float, order: int = 0) -> _Shown:
     below = np.cumsum((power - noise) * np.repeat(seen, size))  # what noise adds up to beyond is no motion
     # 0.999 of the position's power, which lies below the motion's bandwidth
     own = float(f[np.argmax(below >= 0.999 * below[-1])])
-    moved = np.cumsum((size * seen * (mean - noise) * middle ** (2 * order))[::-1])[::-1]
-    return _Shown(middle, seen, own, moved / max(moved[0], 1e-300), noise, counts > highest / 2)
+    moved = np.zeros(size.size) if order is None else size * seen * (mean - noise) * middle ** (2 * order)
+    beyond = np.cumsum(moved[::-1])[::-1] / max(moved.sum(), 1e-300)
+    return _Shown(middle, seen, own, beyond, noise, counts > highest / 2)
 
 
 def _first(shown: _Shown, above: float) -> float:

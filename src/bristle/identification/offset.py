@@ -36,7 +36,9 @@ def offset_or_friction(
     """
     order = {name: k for k, name in enumerate(names)}
     pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
-    free = [pair for pair in pairs if all(name in order for name in pair)]
+    free = [
+        pair for pair in pairs if all(name in order and np.isfinite(covariance[order[name]]).all() for name in pair)
+    ]
     if pairs[0] not in free:
         return []
     plus, minus = (np.array([order[pair[k]] for pair in free]) for k in (0, 1))

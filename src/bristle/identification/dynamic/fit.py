@@ -60,6 +60,8 @@ _EDGE = 0.01
 """In log(v_s): this near to the end of its range is at it."""
 _TRIES = 30
 """Steps that the start of a held-out window is given."""
+_BENT = 4.0
+"""Times as large, beyond which the squares that are left without a term show one that bends the whole curve."""
 _UNEVEN = 1.5
 """Runs whose residuals differ by less than this factor count alike."""
 _NOTHING = 100.0
@@ -199,9 +201,10 @@ def _settled(
             break
         if not found.minimum.converged:
             break
-        # the covariance tells less than the costs, where the law bends within the errors
-        F = solution.freedom / len(more) * max(found.minimum.cost / max(solution.minimum.cost, 1e-300) - 1, 0.0)
-        if "unseen-wide" not in kinds and fdtrc(len(more), solution.freedom, F) < SIGNIFICANCE:
+        # the covariance tells less than the costs, where the law bends within the errors; a bend must explain most of what is left
+        ratio = found.minimum.cost / max(solution.minimum.cost, 1e-300)
+        p = fdtrc(len(more), solution.freedom, solution.freedom / len(more) * max(ratio - 1, 0.0))
+        if "unseen-wide" not in kinds and p < SIGNIFICANCE and (not again or ratio > _BENT):
             shown |= {name: why.code for name, (_, why) in more.items()}
             continue
         rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
