@@ -102,7 +102,7 @@ def moving_estimates(joint: Joint, source: Source) -> Iterator[Known]:
 
 
 def chosen(joint: Joint) -> tuple[Known, ...]:
-    """The estimate to use of each parameter, of which those of one friction curve come from one fit.
+    """The estimate to use of each parameter, of which those of one friction curve, and what was fitted with it, come from one fit.
 
     From the joint fit where that knows it, else the moving runs alone, else its own stage. Direction by direction, in
     the order of `Lugre`; what is shared comes last. One that has no value stands for itself only where no stage has
@@ -122,7 +122,8 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
             rows.append(row)
     for row in staged:
         name, d = row.parameter
-        if not _within(d, curves if name in fitted and of_curve(name) else {own for n, own in shown if n == name}):
+        of_one = name in fitted and row.source is Source.STATIC
+        if not _within(d, curves if of_one else {own for n, own in shown if n == name}):
             rows.append(row)
     best: dict[ParameterName, Known] = {}
     for row in rows:
@@ -298,7 +299,7 @@ def as_identified(joint: Joint) -> KnownJoint:
         law=joint.law,
         estimates={row.parameter: row.estimate for row in rows},
         given={name: x for name, x in fixed.items() if name not in shown},
-        held={name: x for name, x in fixed.items() if name in shown and name not in static},
+        held={n: x for n, x in fixed.items() if n in shown and n not in static and (n != INERTIA or x > 0)},
     )
 
 

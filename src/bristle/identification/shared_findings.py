@@ -6,7 +6,7 @@ from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 UNRESOLVED = frozenset({
     "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
-    "unseen-companion", "unseen-in-counts", "unseen-biased", "unseen-too-few", "unseen-shape",
+    "unseen-companion", "unseen-in-counts", "unseen-biased", "unseen-too-few", "unseen-shape", "unseen-inertia",
 })  # fmt: skip  # a list of values
 """Kinds that leave no interval either: what was fitted is not what the parameter means."""
 NOT_IDENTIFIABLE = UNRESOLVED | {

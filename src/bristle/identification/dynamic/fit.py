@@ -17,6 +17,7 @@ from bristle.estimation.autocorrelation import correlated, unexplained
 from bristle.estimation.covariance import condition, student
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.multistart import MultistartSolution
+from bristle.estimation.score_test import MATTERS, moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.dynamic.claims import (
     WIDE,
@@ -44,7 +45,7 @@ from bristle.identification.dynamic.unknowns import (
     with_deflections,
     without_deflections,
 )
-from bristle.identification.dynamic.what_is_left import what_is_left
+from bristle.identification.dynamic.what_is_left import Left, known_and_left, what_is_left
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.identification.offset import offset_or_friction
 from bristle.identification.shared_findings import at_bound, curve_held, not_shown, takes_up_peak
@@ -109,7 +110,7 @@ def fit_tracking(
     problem, solution, dropped, shown = _settled(problem, start, starts, seed, others, progress)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
     left = what_is_left(problem, solution, kind)
-    estimates = _all_estimates(problem, solution, kind, dropped, shown, left.errors)
+    estimates = _all_estimates(problem, solution, kind, dropped, shown, left)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
     order = (*problem.friction_names, *problem.extra_names)
     free = tuple(n for n in solution.names if n in estimates)
@@ -219,13 +220,13 @@ def _all_estimates(
     kind: Kind,
     dropped: Mapping[ParameterName, Finding],
     shown: Mapping[ParameterName, str],
-    errors: Array,
+    left: Left,
 ) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start; what the motion does not show has no value.
 
     None has where the fit did not converge, or leaves more than there was.
     """
-    estimates = _estimates(solution._replace(scaled_errors=errors), kind)
+    estimates = _estimates(solution._replace(scaled_errors=left.errors), kind)
     anything = (0.0, float("inf"))
     estimates |= {
         name: Estimate(value=None, unit=unit(name.name, kind), interval=anything, warnings=(why,))
@@ -258,7 +259,31 @@ def _all_estimates(
         if name in estimates:
             estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, only_sum))
     estimates = warned(estimates, dict.fromkeys((*beside, *beside_a_peak(problem, solution)), takes_up_peak()))
+    J = estimates.get(INERTIA)
+    if (
+        J is not None
+        and J.interval is not None
+        and J.interval[1] < 0
+        and (share := _of_inertia(problem, solution) / left.friction) < MATTERS
+    ):
+        message = (
+            f"Not identifiable from this motion: it comes out at {J.value:.2g} {J.unit}, and none is below zero; without it friction would change "
+            f"by {100 * share:.1g} %."
+        )
+        estimates = warned(estimates, {INERTIA: Finding("unseen-inertia", NOTE, message, {"share": share})})
     return without_weak(problem, estimates)
+
+
+def _of_inertia(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> float:
+    """By how much the friction of a solution would change without its inertia, rms, N*m, to first order."""
+    known, _ = known_and_left(problem, solution)
+    seen = solution.scaled_errors < np.inf
+    names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
+    at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
+    made = known[:, at] * solution.minimum.x[seen][at]
+    known[:, at] = 0.0
+    changed = known[:, of] @ moved_by(known, made)[of]
+    return float(np.sqrt(np.mean((changed / problem.weight) ** 2)))
 
 
 def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[DynamicProblem, bool]:

@@ -64,6 +64,8 @@ class Left(NamedTuple):
     errors: Array
     """Scaled standard errors of its unknowns, (p,), with how far what was found moves each, and as much larger of the bristle as
     more is left about reversals."""
+    friction: float = np.nan
+    """Of the model, rms, N*m."""
 
 
 def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> Left:
@@ -106,7 +108,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     errors[seen] = lacks.errors
     worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
     errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
-    return Left([*lacks.findings, *patterns], errors)
+    return Left([*lacks.findings, *patterns], errors, size)
 
 
 def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
