@@ -312,10 +312,13 @@ def validate(
             results.whole_joint()
         _tell([*results.checks(), *law_lines(results.joints)])
     with shown() as progress:
+        from bristle import report_of
+
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
-    _tell([validated.text()])
+        checked = report_of(validated)
+    _tell([checked.text()])
     if validated.cases:
-        print_lines([f"Page: {validated.write(folder)}"], done=True)
+        print_lines([f"Page: {checked.write(folder)}"], done=True)
     if results:
         _finish(results, strict)
 

@@ -8,9 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bristle.model.parameters import Kind
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation.cases import CaseSet, sweep
-from bristle.questions.method_validation.page import captions, resolution_caption
+from bristle.questions.method_validation.report import drawings, report, resolution_caption
 from bristle.questions.method_validation.results import CaseResult, Validation
 from bristle.questions.method_validation.run import REFINED, validate
 
@@ -28,6 +29,13 @@ def validation() -> Validation:
         return validate(chosen, repetitions=40, starts=4)
 
 
+def captions(result: CaseResult, kind: Kind) -> dict[str, str]:
+    """What each figure of a case shows, which its caption begins with: all before it says what is drawn."""
+    drawn = {"cost": " Cost of the first data set", "starts": " Final vₛ vs", "methods": " Median error of vₛ with"}
+    texts = [x.caption for x in drawings(result, kind, "case")]
+    return {name: text.partition(how)[0] for (name, how), text in zip(drawn.items(), texts, strict=True)}
+
+
 def with_costs(result: CaseResult, costs: Mapping[str, list[float]]) -> CaseResult:
     """The same, with a refined grid at a cost of 1 and v_s of 0.5, and solvers that end at these costs, with v_s of 0.25."""
     ends = np.full((4, len(next(iter(costs.values())))), 0.25)
@@ -40,7 +48,7 @@ def with_costs(result: CaseResult, costs: Mapping[str, list[float]]) -> CaseResu
 
 def test_every_caption_begins_with_a_number(validation: Validation, tmp_path: Path) -> None:
     """Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there."""
-    index = validation.write(tmp_path / "out")
+    index = report(validation).write(tmp_path / "out")
     found = findings(page_text(index))
     said = [text for case in validation.cases for text in captions(case, "prismatic").values()]
     assert [

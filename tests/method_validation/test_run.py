@@ -278,13 +278,13 @@ def test_the_verdict_holds_the_numbers(validation: Validation) -> None:
     numbers = {diagnostic.code: diagnostic.numbers for diagnostic in verdict(result)}
     share = 100 * result.resolution.share(500)
     assert numbers["plain-grid-error"]["share"] == share
-    assert f"{share:.3g} % of its standard error" in validation.text()
+    assert f"{share:.3g} % of its standard error" in bristle.report_of(validation).text()
     other = [(name, 100 * result.starts.in_other_minimum(name).mean()) for name in result.starts.solvers]
     assert ("starts-part" in numbers) == any(share for _, share in other)
     assert list(numbers.get("starts-part", {"other": other})["other"]) == other
     ratio = result.methods[POLISHED].seconds / result.methods[REFINED].seconds
     assert dict(numbers["fit-times"]["times"])[POLISHED] == ratio
-    assert f"{POLISHED} {ratio:.2g}" in validation.text()
+    assert f"{POLISHED} {ratio:.2g}" in bristle.report_of(validation).text()
     assert [diagnostic.code for diagnostic in overall(validation)] == [
         "never-undercut",
         "design-validated",
@@ -483,13 +483,15 @@ def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validatio
     """Without a case in which v_s can be known there is no such figure, and the page says so instead."""
     unknowable = replace(validation, cases=validation.cases[2:])
     assert figures.resolution_figure(unknowable) is None
-    assert "not identifiable in any case" in unknowable.write(tmp_path / "out").read_text(encoding="utf-8")
+    assert "not identifiable in any case" in bristle.report_of(unknowable).write(tmp_path / "out").read_text(
+        encoding="utf-8"
+    )
 
 
 @pytest.mark.usefixtures("raster")
 def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_path: Path) -> None:
     """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method."""
-    page = page_text(validation.write(tmp_path / "out"))
+    page = page_text(bristle.report_of(validation).write(tmp_path / "out"))
     assert "&lt;b&gt;three" in page
     assert "<b>three" not in page
     assert "SIMULATED data." in page

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -159,7 +158,7 @@ class CaseResult:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Validation:
-    """What every case shows."""
+    """What every case shows. `bristle.report_of` gives its text, page and tables."""
 
     case_set: CaseSet
     cases: tuple[CaseResult, ...]
@@ -172,12 +171,6 @@ class Validation:
     def resolvable(self) -> tuple[CaseResult, ...]:
         """The cases in which a plain grid's error of v_s has a measure: v_s is identifiable, and noise scatters it."""
         return tuple(x for x in self.cases if not x.not_identifiable and x.resolution.floor > 0)
-
-    def text(self) -> str:
-        """The verdict over all cases, and on each where these are few, as plain text."""
-        from bristle.questions.method_validation.page import text
-
-        return text(self)
 
     def to_frame(self) -> "pd.DataFrame":
         """One row per case: what was simulated, and how local solvers and the plain grid did."""
@@ -195,12 +188,3 @@ class Validation:
                 "values_needed": str(grid.enough) if knowable and grid.enough is not None else None,
             })  # fmt: skip  # a table
         return pd.DataFrame(rows)
-
-    def write(self, folder: Path | str) -> Path:
-        """Write a page with figures and tables into a folder; returns the path of index.html.
-
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
-        """
-        from bristle.questions.method_validation.page import write_validation
-
-        return write_validation(self, Path(folder))

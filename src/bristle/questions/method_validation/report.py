@@ -1,0 +1,272 @@
+"""The report of a validation: the claim, each case, the resolution that a plain grid needs, and coverage."""
+
+from functools import partial
+
+import pandas as pd
+
+from bristle.identification.static.grid import PLAIN_GRID
+from bristle.model.parameters import Kind, unit
+from bristle.page.page import Drawing
+from bristle.page.report import Report, Section, Table
+from bristle.page.wording import counted, in_percent, number, pretty, slugs
+from bristle.questions.method_validation import figures
+from bristle.questions.method_validation.results import SAME_COST, CaseResult, Validation
+from bristle.questions.method_validation.run import BOOTSTRAP_SETS, INTERVAL_SETS, LOCAL_SETS, REFINED
+from bristle.questions.method_validation.solvers import LMFIT
+from bristle.questions.method_validation.verdict import overall, verdict
+
+FEW = 6
+"""Cases at most of which each has its own verdict in the text, and its own section on the page."""
+_WORDS = {
+    " elsewhere": ", other minimum", "declined": "no estimate returned", "lower_beyond": "lower outside the range",
+    "ipopt_lead": "IPOPT below the grid (relative)", f"plain_{PLAIN_GRID}_error": f"error of the plain grid of {PLAIN_GRID}",
+}  # fmt: skip  # a table
+"""What the page calls parts of the columns of tables."""
+
+
+def report(validation: Validation) -> Report:
+    """The claim, each case where these are few, resolution and coverage; the terminal ends with the claim."""
+    case_set, claims, drawn = validation.case_set, overall(validation), validation.cases
+    few = len(drawn) <= FEW
+    if not few:  # those of the first set at its highest noise
+        first = [x for x in drawn if x.case.label == drawn[0].case.label]
+        drawn = tuple(x for x in first if x.case.noise == max(y.case.noise for y in first))
+    local = min(LOCAL_SETS, validation.repetitions)
+    how = (
+        f"{validation.repetitions} repetitions; local solvers fit the first {local} of them, each from one random start, and the "
+        f"first data set also from {validation.starts} random starts; starts are drawn within the grid's bounds. Seed "
+        f"{validation.seed}.{'' if LMFIT else ' lmfit is not installed and was not compared.'}"
+    )
+    sections = [
+        Section("", findings=claims[:1], turn=1),
+        Section("Verdict", text=how, findings=claims[1:], turn=1, id="verdict"),
+    ]
+    if case_set.skipped:
+        lines = tuple(f"{case_set.title} {direction}: {why.coded}" for direction, why in case_set.skipped.items())
+        skipped = tuple(case_set.skipped.items())
+        sections.append(Section("Not validated", facts=skipped, lines=lines, turn=-1, form="part"))
+    sections.append(Section("Assumed", findings=case_set.assumptions, lines=(), form="part"))
+    names = slugs([f"{x.case.label} {x.case.design}".replace("(+)", "plus").replace("(-)", "minus") for x in drawn])
+    for name, result in zip(names, drawn, strict=True):
+        sections += _of_case(result, case_set.kind, name, told=few)
+    if drawn:
+        sections += _of_all(validation)
+    return Report(
+        f"Validation of the grid search: {case_set.title}",
+        tuple(sections),
+        about="Grids against full nonlinear fits.",
+        simulated="Validation needs true values: all torques here are simulated from the models named below.",
+        seed=validation.seed,
+        tables={"cases": validation.to_frame(), **{f.__name__: f(validation) for f in (methods, coverage, resolution)}},
+    )
+
+
+def _of_case(result: CaseResult, kind: Kind, name: str, *, told: bool) -> list[Section]:
+    """The verdict on a case with its figures, and its methods as a table; the terminal has the verdict where it is `told`."""
+    case, said = result.case, verdict(result)
+    lines = (
+        f"{case.label}, SIMULATED, {case.design}, noise {case.noise:.2g} {unit('torque', kind)}:",
+        *(f"  {x.flagged}" for x in said),
+    )
+    table = Table(
+        "methods",
+        f"Methods of {case.label}",
+        part=_rounded(v_s_by_method(result)),
+        note=f"Coverage of the intervals by each method's own covariance. Other minimum: more than {SAME_COST:g} (relative) above the "
+        "lowest cost of any method; not counted for plain grids, which always are.",
+    )
+    return [
+        Section(
+            case.label,
+            about=f"{case.design}; noise {case.noise:.2g} {pretty(unit('torque', kind))}",
+            findings=said,
+            figures=drawings(result, kind, name),
+            lines=lines if told else (),
+            id=f"{name}--case",
+        ),
+        Section("All methods as a table", table=table, form="folded"),
+    ]
+
+
+def _of_all(validation: Validation) -> list[Section]:
+    """The resolution that a plain grid needs, and every case as a table."""
+    covered, bootstrapped = (min(sets, validation.repetitions) for sets in (INTERVAL_SETS, BOOTSTRAP_SETS))
+    shown = "91 to 98 %" if covered >= 200 else "a less precise figure"
+    fine = Drawing(
+        partial(figures.resolution_figure, validation),
+        "resolution",
+        "error of the plain grid vs its resolution",
+        f"{resolution_caption(validation)} RMS distance of a plain grid's vₛ from the continuous minimum, relative to the standard "
+        "error of vₛ. Below a tenth it is negligible: the total error is then half a percent larger. Cases in which vₛ is not "
+        "identifiable are left out.",
+        simulated=True,
+    )
+    nothing = "vₛ is not identifiable in any case, so the resolution does not matter."
+    cases = Table(
+        "cases",
+        "Solvers and plain grids by case",
+        part=_rounded(validation.to_frame().rename(columns=_heading)),
+        note="Noise in percent of α₀. No estimate returned: bristle reports vₛ as not identifiable, or gives it no finite interval. "
+        f"Other minimum: of {validation.starts} random starts. Lower outside the range: with vₛ free, they find a lower cost outside "
+        "the grid's range. IPOPT below the grid: by how much its cost is below the refined grid's within the range. Error of the "
+        f"plain grid of {PLAIN_GRID}: of vₛ, relative to its standard error; values needed: for an error of a tenth, of the grids tried.",
+    )
+    covers = Table(
+        "coverage",
+        "Coverage of the 95 % intervals",
+        part=_rounded(coverage(validation).rename(columns=_heading)),
+        note=f"Covariance and profile over {covered} data sets, bootstrap-t over {bootstrapped}, where vₛ is identifiable. With so many "
+        f"data sets, a true coverage of 95 % shows as {shown} in nineteen tables of twenty.",
+    )
+    known = bool(validation.resolvable)
+    return [
+        Section(
+            "How fine must a plain grid be?", text="" if known else nothing, figure=fine if known else None, id="all"
+        ),
+        Section("All cases", table=cases),
+        Section("Do the 95 % intervals cover the truth?", table=covers),
+    ]
+
+
+def drawings(result: CaseResult, kind: Kind, file: str) -> tuple[Drawing, ...]:
+    """The figures of a case, their files called `file` and what they show: cost, starts and methods."""
+    lost = f"vₛ is not identifiable in {in_percent(result.declined)} of the data sets. " * result.not_identifiable
+    starts, truth, v = result.starts, result.case.truth.v_s, pretty(unit("v_s", kind))
+    many = counted(starts.initial_v_s.size, "random start")
+
+    # From how many starts solvers reach the best minimum, and which of them do, the fewest first.
+    by_count: dict[int, list[str]] = {}
+    for name in starts.solvers:
+        by_count.setdefault(int((~starts.in_other_minimum(name)).sum()), []).append(name)
+    (fewest, worst), *others = [(count, " and ".join(names)) for count, names in sorted(by_count.items())]
+
+    # Where the refined grid ends, and from how many starts the worst solver misses it, or which solver ends below it.
+    lowest = min(starts.solvers, key=lambda name: float(starts.cost[name].min()))
+    cost, at = starts.cost[lowest], f"at vₛ = {number(starts.best[-1], 3)} {v}"
+    if starts.best_cost > cost.min() * (1 + SAME_COST):
+        excess = in_percent(starts.best_cost / float(cost.min()) - 1)
+        below = number(starts.final[lowest][-1][cost.argmin()], 3)
+        of_cost = (
+            f"The refined grid ends {at}, at a cost {excess} above the lowest, which {lowest} finds at vₛ = {below} {v}"
+        )
+    else:
+        missed = starts.initial_v_s.size - fewest
+        miss = f"the worst solver ({worst}) misses it from {missed}" if missed else "no solver misses it from any"
+        of_cost = f"The refined grid finds the minimum {at}; {miss} of {many}"
+
+    by = f"{worst} (worst)" if others else f"{'every' if fewest else 'any'} solver"
+    reached = (f"{fewest or 'none'} of {many} by {by}", *(f"{n} by {names}" for n, names in others))
+
+    # Median error of v_s and failures, of the refined grid and of the solvers at their worst.
+    local, grid = [(name, result.methods[f"{name}, random start"]) for name in starts.solvers], result.methods[REFINED]
+    error, solver = max((abs(float(m.bias[-1])) / truth, name) for name, m in local)
+    label = result.case.label
+    of_methods = (
+        f"{lost}The median error of vₛ is {in_percent(abs(float(grid.bias[-1])) / truth)} by the refined grid and up to "
+        f"{in_percent(error)} by a solver ({solver}); the grid fails in {in_percent(grid.failed)} of the data sets, "
+        f"a solver in up to {in_percent(max(m.failed for _, m in local))}."
+    )
+    found = (
+        (
+            "cost", partial(figures.cost_figure, result, kind), f"cost vs v_s of {label}",
+            f"{lost}{of_cost}. Cost of the first data set vs vₛ, all other parameters re-optimised, relative to the refined grid. "
+            "Dashed: the 95 % threshold; the data allow any vₛ below it. Markers: three plain grids, the refined grid, and the "
+            f"final values of {starts.initial_v_s.size} random starts of each solver.",
+        ),
+        (
+            "starts", partial(figures.starts_figure, result, kind), f"success vs start of {label}",
+            f"The best minimum is reached from {', '.join(reached)}. Final vₛ vs initial vₛ, the same data set; hollow: more than "
+            f"{SAME_COST:g} (relative) above the lowest cost. Below: percentage of the starts that reach the best minimum, by their "
+            "initial vₛ.",
+        ),
+        (
+            "methods", partial(figures.methods_figure, result), f"v_s by each method of {label}",
+            f"{of_methods} Median error of vₛ with the width of the middle 68 % over the repetitions; right: how often each fails, "
+            "that is, ends at a cost at which even the true model would be rejected.",
+        ),
+    )  # fmt: skip  # a table
+    return tuple(Drawing(draw, f"{file}-{what}", said, text, simulated=True) for what, draw, said, text in found)
+
+
+def resolution_caption(validation: Validation) -> str:
+    """How many values a plain grid needs, or that those tried are too few; empty where v_s can be known nowhere."""
+    needed = [x.resolution.enough for x in validation.resolvable]
+    if not needed:
+        return ""
+    most, found = validation.resolvable[0].resolution.counts[-1], sorted({n for n in needed if n is not None})
+    coarse = f"{needed.count(None)} of {counted(len(needed), 'case')}"
+    if not found:
+        return f"Even {most} values leave a plain grid's error of vₛ above a tenth of its standard error in {coarse}."
+    values = f"{found[0]} to {found[-1]}" if len(found) > 1 else f"{found[0]}"
+    more = f", and more than {most} in {coarse}" if None in needed else ""
+    return f"A plain grid needs {values} values for an error of vₛ below a tenth of its standard error{more}."
+
+
+def _heading(column: str) -> str:
+    """A column's name as the page has it."""
+    for name, words in _WORDS.items():
+        column = column.replace(name, words)
+    return column.replace("_percent", " (%)").replace("_", " ")
+
+
+def _rounded(frame: pd.DataFrame) -> pd.DataFrame:
+    """Numbers to three digits, as text that stays a number."""
+    columns = frame.select_dtypes("float").columns
+    frame[columns] = frame[columns].map(lambda x: float(f"{x:.3g}"))
+    return frame.astype(object).where(frame.notna(), None)
+
+
+def methods(validation: Validation) -> pd.DataFrame:
+    """One row per case, method and parameter."""
+    rows = [
+        {
+            **result.which,
+            "method": method.name, "repetitions": method.repetitions, "parameter": name,
+            "truth": float(result.case.theta[k]), "bias": float(method.bias[k]), "spread": float(method.spread[k]),
+            "coverage_percent": 100 * float(method.coverage[k]), "failed_percent": 100 * method.failed,
+            "elsewhere_percent": None if method.other_minimum is None else 100 * method.other_minimum,
+            "seconds": method.seconds,
+        }
+        for result in validation.cases
+        for method in result.methods.values()
+        for k, name in enumerate(result.case.names)
+    ]  # fmt: skip  # a table
+    return pd.DataFrame(rows)
+
+
+def coverage(validation: Validation) -> pd.DataFrame:
+    """One row per case and kind of interval: how often it covers, percent, by parameter."""
+    rows = [
+        {**result.which, "interval": coverage.kind, "repetitions": coverage.repetitions}
+        | {f"{name}_percent": 100 * float(x) for name, x in zip(result.case.names, coverage.share, strict=True)}
+        for result in validation.cases
+        for coverage in result.coverage
+    ]
+    return pd.DataFrame(rows)
+
+
+def resolution(validation: Validation) -> pd.DataFrame:
+    """One row per case and plain grid: its error of v_s, and the statistical one."""
+    rows = [
+        {**result.which, "values": values, "error": float(error), "floor": result.resolution.floor}
+        for result in validation.cases
+        for values, error in zip(result.resolution.counts, result.resolution.error, strict=True)
+    ]
+    return pd.DataFrame(rows)
+
+
+def v_s_by_method(result: CaseResult) -> pd.DataFrame:
+    """The methods of one case: v_s relative to the truth, and times relative to the refined grid's."""
+    v_s, base = result.case.truth.v_s, result.methods[REFINED].seconds
+    rows = [
+        {
+            "method": method.name, "sets": method.repetitions, "bias of v_s (%)": 100 * float(method.bias[-1]) / v_s,
+            "spread of v_s (%)": 100 * float(method.spread[-1]) / v_s,
+            **{f"covers {name} (%)": 100 * float(x) for name, x in zip(result.case.names, method.coverage, strict=True)},
+            "fails (%)": 100 * method.failed,
+            "other minimum (%)": None if method.other_minimum is None else 100 * method.other_minimum,
+            "ms": 1e3 * method.seconds, "time ratio to refined grid": method.seconds / base,
+        }
+        for method in result.methods.values()
+    ]  # fmt: skip  # a table
+    return pd.DataFrame(rows)
