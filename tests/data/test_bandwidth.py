@@ -113,3 +113,15 @@ def array(x: Array | None) -> Array:
     """The signal."""
     assert x is not None
     return x
+
+
+@pytest.mark.parametrize(("size", "passes"), [(0.0015, True), (0.0001, False)])
+def test_vibration_is_part_of_the_motion(size: float, passes: bool) -> None:
+    """One of 31 Hz that makes a twentieth of the speed's power, and a millionth of the position's, passes; a ten-thousandth does not."""
+    rng, t = np.random.default_rng(1), np.arange(6000) / 500
+    w, sizes = 2 * np.pi * np.array([0.17, 0.41, 1.1, 31.0]), np.array([0.75, 0.2, 0.045, size])
+    angle = t[:, None] * w
+    q, v, a = np.sin(angle) @ sizes, np.cos(angle) @ (sizes * w), -np.sin(angle) @ (sizes * w**2)
+    torque = J * a + 0.7 * np.tanh(v / 0.01) + 0.4 * v + 0.003 * rng.standard_normal(t.size)
+    run = Record(file="run.csv", time=t, position=q + 1e-6 * rng.standard_normal(t.size), torque=torque)
+    assert (of_motion(run)[0] > 31) == passes

@@ -199,3 +199,46 @@ def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
     found, _ = known_curve(joint, speeds)
     off = 100 * np.sqrt(np.mean((found - friction(speeds)) ** 2) / np.mean(friction(speeds) ** 2))
     assert off < known.band < 10
+
+
+def drafted(folder: Path, t: Array, q: Array, torque: Array) -> Joint:
+    """What is identified of a log as it is drafted, with no more than its columns told."""
+    np.savetxt(folder / "log.csv", np.stack([t, q, torque], axis=1), "%.9g", ",", header="t,q,tau", comments="")
+    text, _ = bristle.draft(folder / "log.csv")
+    (folder / "log.yaml").write_text(text, encoding="utf-8")
+    (joint,) = bristle.identify(folder / "log.yaml").joints
+    return joint
+
+
+def test_a_stroke_too_slow_for_v_s_gives_its_curve_and_no_peak(tmp_path: Path) -> None:
+    """A sine of 20 mrad that goes half as fast as v_s: the curve is right to 5 %; alpha_1 and v_s are not claimed, nor an inertia below zero."""
+    t, size, w = np.arange(0, 20, 1 / 2000), 0.01, 2 * np.pi * 0.5
+    v = size * w * np.cos(w * t)
+    torque = bristle.simulate(v, 1 / 2000, TRUTH) - INERTIA * size * w**2 * np.sin(w * t)
+    q = np.floor(size * np.sin(w * t) * 2**18 / (2 * np.pi)) * 2 * np.pi / 2**18
+    noise = 0.005 * np.random.default_rng(0).standard_normal(t.size)
+    joint = drafted(tmp_path, t[::4], q[::4], (torque + noise)[::4])
+    assert verdict(joint).trust is Trust.USE
+    speeds = np.linspace(0.1, 1, 30) * size * w
+    found, _ = known_curve(joint, speeds)
+    true = TRUTH.alpha_0 + TRUTH.alpha_1 * np.exp(-((speeds / TRUTH.v_s) ** 2)) + TRUTH.alpha_2 * speeds
+    assert np.sqrt(np.mean((found - true) ** 2)) < 0.05 * np.sqrt(np.mean(true**2))
+    assert joint.tracking is not None
+    by_name = {name.name: e for name, e in joint.tracking.parameters.items()}
+    for name in ("alpha_1", "v_s"):
+        assert by_name[name].value is None
+        assert [why.code for why in by_name[name].warnings] == ["unseen-shape"]
+    assert by_name["inertia"].value is None or by_name["inertia"].value > 0
+
+
+def test_two_velocities_are_a_motion(tmp_path: Path) -> None:
+    """A triangle at one speed has two constant velocities, of which points tell nothing: as a motion it gives the friction at that speed to 2 %."""
+    t, speed = np.arange(0, 24, 1 / RATE), 0.02
+    v = speed * np.tanh(40 * np.sin(2 * np.pi * t / 12))
+    torque = bristle.simulate(v, 1 / RATE, TRUTH) + INERTIA * np.gradient(v, t)
+    noise = 0.005 * np.random.default_rng(0).standard_normal(t.size)
+    joint = drafted(tmp_path, t, np.cumsum(v) / RATE, torque + noise)
+    found, _ = known_curve(joint, np.array([speed, -speed]))
+    true = TRUTH.alpha_0 + TRUTH.alpha_1 * np.exp(-((speed / TRUTH.v_s) ** 2)) + TRUTH.alpha_2 * speed
+    assert np.abs(found) == pytest.approx([true, true], rel=0.02)
+    assert verdict(joint).trust is Trust.USE

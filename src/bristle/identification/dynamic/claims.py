@@ -187,7 +187,7 @@ def _is_weak(e: Estimate) -> bool:
 def _without(e: Estimate, alone: Finding | None) -> Estimate:
     """What is left of an estimate that the motion does not show: the reason, and its interval where that is not doubted itself."""
     own = e.warnings if _is_weak(e) else ()
-    told = "unseen-bend" in {warning.code for warning in own}
+    told = not {"unseen-bend", "unseen-shape"}.isdisjoint(warning.code for warning in own)
     reasons = own if alone is None or alone in own or told else (*own, alone)
     doubted = not {warning.code for warning in reasons}.isdisjoint(UNRESOLVED)
     return replace(e, value=None, standard_error=None, interval=None if doubted else e.interval, warnings=reasons)
