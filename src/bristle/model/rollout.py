@@ -16,7 +16,7 @@ from bristle.model.parameters import Lugre, Pair, fields_of, lugre_of
 from bristle.model.time_refinement import Index, Nodes, inserted, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan, vectorised
 
-_CHUNK = 15_000
+AT_ONCE = 15_000
 """Samples worked on at a time."""
 _FADED = 1e-150
 """Added to each sensitivity's source, so that what is forgotten decays to it and not to denormal numbers, which are
@@ -283,8 +283,8 @@ def _chunks(
     And which of the motions begin after its first sample.
     """
     v_s = parameters.v_s if isinstance(parameters, Lugre) else min(p.v_s for p in parameters)
-    for start in range(0, velocity.size, _CHUNK):
-        stop = min(start + _CHUNK, velocity.size)
+    for start in range(0, velocity.size, AT_ONCE):
+        stop = min(start + AT_ONCE, velocity.size)
         h = step[start:stop] if step.ndim else float(step)
         own = slice(*np.searchsorted(begins, [start, stop], side="right").tolist())
         yield (

@@ -25,10 +25,7 @@ from bristle.identification.moving_runs import decimator, extra_columns, known_t
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, fields_of, lugre_of
-from bristle.model.rollout import rollout, rollout_into
-
-_AT_ONCE = 15_000
-"""Samples of motions that are rolled out together."""
+from bristle.model.rollout import AT_ONCE, rollout, rollout_into
 
 
 class InitialState(NamedTuple):
@@ -354,7 +351,7 @@ def _together(
     Which of the problem's, each with where its samples stand; by what the derivatives of their level are; and what `rollout` is given.
     """
     sizes = np.array([m.velocity.size for m in problem.motions])
-    group = (np.cumsum(sizes) - sizes) // _AT_ONCE
+    group = (np.cumsum(sizes) - sizes) // AT_ONCE
     for members in np.split(np.arange(sizes.size), np.flatnonzero(np.diff(group)) + 1):
         which, stops = members.tolist(), np.cumsum(sizes[members])
         motions, begins = [problem.motions[k] for k in which], stops - sizes[members]
