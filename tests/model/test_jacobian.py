@@ -110,7 +110,7 @@ def test_chunks_leave_no_seam(pair: Pair[float], monkeypatch: pytest.MonkeyPatch
     """Sensitivities are carried from chunk to chunk."""
     sets: tuple[Lugre[float] | Pair[float], ...] = (pair.positive, pair)
     whole = [rollout_jacobian(motion(), STEP, p) for p in sets]
-    monkeypatch.setattr(module, "_CHUNK", 37)
+    monkeypatch.setattr(module, "AT_ONCE", 37)
     for p, expected in zip(sets, whole, strict=True):
         scale = np.abs(expected.by_parameters).max(axis=0)
         parts = rollout_jacobian(motion(), STEP, p)

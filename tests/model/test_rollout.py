@@ -197,7 +197,7 @@ def test_chunks_leave_no_seam(gripper: Lugre[float], monkeypatch: pytest.MonkeyP
     v = fast(np.arange(800) * 2e-3)
     whole = rollout(v, 2e-3, gripper)
     for chunk in (1, 7, 799, 800):
-        monkeypatch.setattr(module, "_CHUNK", chunk)
+        monkeypatch.setattr(module, "AT_ONCE", chunk)
         np.testing.assert_allclose(rollout(v, 2e-3, gripper).torque, whole.torque, rtol=1e-12, atol=1e-15)
     second = rollout(v[300:], np.full(499, 2e-3), gripper, z0=float(whole.z[300]))
     np.testing.assert_allclose(second.torque, whole.torque[300:], rtol=1e-12, atol=1e-15)
@@ -229,7 +229,7 @@ def test_motions_together_are_each_by_itself(sets: int, motions: list[Array], da
         for v, z, b in zip(motions, z0, begins, strict=True)
     ]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "_CHUNK", data.draw(st.sampled_from([7, 15_000])))
+        patch.setattr(module, "AT_ONCE", data.draw(st.sampled_from([7, 15_000])))
         together = derived(np.concatenate(motions), z0, level, begins)
     for row, expected in zip(together, np.hstack(alone), strict=True):
         np.testing.assert_allclose(row, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max() + 1e-140)
@@ -245,7 +245,7 @@ def test_signs_of_deflection_settle_whatever_the_stiffness(
     pair = pair._replace(**{stiffer: p._replace(sigma_0=times * p.sigma_0)})
     v = slow(np.arange(2500) * 1e-3)
     whole = rollout(v, 1e-3, pair)
-    monkeypatch.setattr(module, "_CHUNK", 25)
+    monkeypatch.setattr(module, "AT_ONCE", 25)
     parts = rollout(v, 1e-3, pair)
     np.testing.assert_allclose(whole.z, parts.z, atol=1e-9 * np.abs(parts.z).max())
     np.testing.assert_allclose(whole.torque, parts.torque, atol=1e-6 * np.abs(parts.torque).max())
