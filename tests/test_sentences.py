@@ -53,12 +53,12 @@ def found(results: Results) -> Iterator[Finding]:
 
 @pytest.mark.slow
 def test_no_sentence_decides_on_the_embedded_joints(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With every template replaced by its kind's name, a joint comes out the same in every number, kind and severity; so does --strict.
+    """With every template replaced by its kind's name, two joints come out the same in every number, kind and severity; so does --strict.
 
     The notes on their files, the advice on models and on what to measure next, the assumptions of their loops, and what is found of sensitivity and
     adaptation are among them.
     """
-    experiments = edro.experiments()[:1]
+    experiments = edro.experiments()[::3]
     gripper = load_experiment(experiments[0])
     first = bristle.identify(*experiments)
     worded = [str(warning) for warning in first.warnings]

@@ -125,10 +125,11 @@ def _answers(paths: Sequence[Path], column: str) -> list[str | None]:
             said.append(None if "lengths" in answer else answer.get("error") or f"is damaged: {answer['damaged']}")
         if len(said) < len(paths):
             assert ran.returncode < 0, ran.stderr
-            said.append(
-                _refusal(paths[len(said)], column)
-            )  # SciPy may have been led beyond its memory: alone, other bytes stand there
-            assert said[-1] is None or "is damaged" in said[-1]
+            # SciPy may have been led beyond its memory: alone, it may be refused in other words
+            refusal = _refusal(paths[len(said)], column)
+            assert refusal is not None
+            assert "is damaged" in refusal
+            said.append(refusal)
         assert len(said) > before
     return said
 

@@ -150,8 +150,7 @@ def test_no_flag_is_raised_within_the_ranges(handed: Handed, built: Build) -> No
     The same of laws with terms, whatever their sign, and of a free exponent; and under loads, of the law with the largest.
     """
     joint, loaded = handed(), under(handed(), RISES[-1])
-    cases = [*((joint, c, False) for c in ALL), *((joint, c, True) for c in SINGLE)]
-    cases += [(joint, c, x) for c, x in zip(OF_ALL, cycle((False, True)), strict=False)]
+    cases = [*((joint, c, False) for c in (*ALL, *OF_ALL)), *((joint, c, True) for c in (*SINGLE, *OF_ALL))]
     cases += [
         (of_law(joint, of), c, x)
         for of in OTHERS[-3:]

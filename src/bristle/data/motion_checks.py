@@ -195,9 +195,8 @@ def _jitter(record: Record, time: Array, least: float = _DEVIATIONS) -> float:
     low, high = np.quantile(x, [0.25, 0.75])
     slow, fast = x <= low, x >= high  # the slow quarter has the noise that does not depend on speed
     count = smallest_step(record.position)
-    floor = max(
-        _variance(r[slow]), count * count
-    )  # half of the most that counts make, where each is half a count off in turn
+    # half of the most that counts make, where each is half a count off in turn
+    floor = max(_variance(r[slow]), count * count)
     of_speed = float(np.median(x[fast] ** 2))
     more = _variance(r[fast]) - floor
     # relative standard error of a variance from the median of sizes, times the root of their number

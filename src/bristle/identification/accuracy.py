@@ -89,8 +89,9 @@ def _withheld(fit: TrackingFit, v: Array) -> float:
     lacks = np.zeros(v.size)
     for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
         own, claimed = fit.values(d), in_direction(fit.parameters, "alpha_1", d)
-        bends = claimed is not None and any(why.code == "unseen-shape" for why in claimed.warnings)
-        if own is not None and claimed is not None and claimed.value is None and not bends:
+        if own is None or claimed is None or claimed.value is not None:
+            continue
+        if all(why.code != "unseen-shape" for why in claimed.warnings):
             peak = own.stribeck
             lacks[side] = curve(v[side], peak) - curve(v[side], peak._replace(alpha_1=0.0))
     return _rms(lacks)

@@ -99,7 +99,7 @@ class Measured:
 
 
 def measure(experiment: Experiment | Path | str) -> Measured:
-    """Read an experiment's runs and cut the constant-velocity ones into segments.
+    """Read an experiment's runs and cut the constant-velocity ones into segments; where these alone are asked for and too few, they are a motion.
 
     Raises InputError where a file cannot be read as declared, in one sentence.
     """
@@ -116,7 +116,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     # Constant velocities that are too few for points are a motion.
     moving = [x.model_copy(update={"experiment": "tracking"}) if x.experiment == "ramp" else x for x in experiment.runs]
     experiment = experiment.model_copy(update={"runs": tuple(moving)})
-    message = f"It holds {held or 'no'} constant velocities, too few for points: taken as a motion, of which all samples are used."
+    message = f"Constant velocities held: {held}, too few for points; taken as a motion, of which all samples are used."
     note = Finding("few-held", NOTE, message, {"held": held})
     return measured_of(
         experiment, _changed(read_runs(experiment), lambda record: replace(record, notes=(*record.notes, note)))
