@@ -161,8 +161,9 @@ def _measured(part: _Part) -> Measured:
     if part.linked and part.joint.free:
         seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
         beside = in_amperes(experiment, tuple(dict.fromkeys((*regressors(experiment), "links"))))
-        # it may be told by more than the links: then it is a regressor, and no constant
-        refined = scale_beside_bristles(beside, _training(runs), seen)
+        # it may be told by more than the links: then it is a regressor, and no constant; where the log is not as declared, nothing is told
+        wrong = any(f.code in {"joint-order", "gravity-direction"} for f in findings)
+        refined = seen if wrong else scale_beside_bristles(beside, _training(runs), seen)
         constant = part.constant or torque_constant(refined if seen.told else seen, experiment.joint.kind)
         experiment, runs = _with_constant(experiment, runs, refined, constant.value, constant.standard_error)
         findings += [] if constant.value else constant.warnings
