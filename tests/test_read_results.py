@@ -127,7 +127,7 @@ def test_what_is_read_is_what_was_written(fresh: Results, read: Results) -> None
 
 
 ASKED: dict[str, Ask] = {
-    "plan": lambda x: bristle.plan(x, velocities=4).text(),
+    "plan": lambda x: bristle.report_of(bristle.plan(x, velocities=4)).text(),
     "validate": lambda x: bristle.validate(x, repetitions=20, starts=1).to_frame().to_csv(),
     "sensitivity": lambda x: bristle.report_of(bristle.sensitivity(x, samples=0)).text(),
     "adapt": lambda x: repr(bristle.adapt(x)),

@@ -566,11 +566,13 @@ def plan(
         check_apart(output, page)
     with shown() as progress:
         from bristle import plan as run
+        from bristle import report_of
 
         planned = run(experiment, joint=joint, velocities=velocities, aim=aim, progress=progress)
-    _tell([planned.text()])
+    made = report_of(planned)
+    _tell([made.text()])
     with nullcontext() if output is None else staged(output, planned.reference_csv().encode()):
-        written = None if page is None else planned.write(page)
+        written = None if page is None else made.write(page)
     if output is not None:
         print_lines([f"References: {output}, {planned.duration:.0f} s"], done=True)
     if written is not None:

@@ -13,8 +13,8 @@ from bristle.arrays import Array
 from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.experiment_design.excitation import MEASURED
 from bristle.questions.experiment_design.loading import design_loading
-from bristle.questions.experiment_design.page import captions
 from bristle.questions.experiment_design.plan import Plan
+from bristle.questions.experiment_design.report import captions
 
 from ..conftest import few_motions_tried, speeds, write
 from ..pages import assert_tables_are_named, findings, page_text
@@ -62,7 +62,7 @@ def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool,
 @pytest.mark.usefixtures("raster")
 def test_the_embedded_page_begins_each_caption_with_a_number(gripper: Plan, tmp_path: Path) -> None:
     """Each of the eight figures says a number with a unit at once; each table has a name and the file it is in."""
-    gripper.write(tmp_path)
+    bristle.report_of(gripper).write(tmp_path)
     found = findings(page_text(tmp_path / "index.html"))
     assert sorted(found) == sorted(captions(gripper).values())
     assert len(found) == 7

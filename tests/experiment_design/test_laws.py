@@ -62,7 +62,7 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
 @pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
 def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
     """Its symbol stands there, also of a law from outside."""
-    assert "β" in page_text(plan.write(tmp_path / "page"))
+    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
 
 
 def test_fits_of_simulated_runs_scatter_as_predicted(plan: Plan) -> None:

@@ -91,7 +91,7 @@ def test_what_it_is_worth_is_said_first(gripper: Plan) -> None:
     assert worth is not None
     assert worth.numbers["before"] == pytest.approx(now[np.isfinite(now) & (now <= 98)].max())
     assert worth.numbers["after"] == pytest.approx(then.max())
-    assert gripper.text().splitlines()[1].startswith("  In ")
+    assert bristle.report_of(gripper).text().splitlines()[1].startswith("  In ")
     wide = np.where(
         np.arange(len(gripper.start.names)) == gripper.free[0], np.inf, gripper.standard_errors["with motion"]
     )
@@ -172,7 +172,7 @@ def test_stated_sines_are_those_written(gripper: Plan) -> None:
     if distinct:
         found = np.linalg.lstsq(columns[kept], position, rcond=None)[0]
         assert found == pytest.approx(wanted, abs=1e-6)
-    said = gripper.text().split("tracking, ")[1].splitlines()[0]
+    said = bristle.report_of(gripper).text().split("tracking, ")[1].splitlines()[0]
     assert all(
         f"{a:.2g} rad at {f:.2g} Hz" in said for a, f in zip(stated["amplitude"], stated["frequency"], strict=True)
     )
@@ -250,7 +250,7 @@ def test_a_given_inertia_is_not_listed(tmp_path: Path) -> None:
     found = bristle.plan(path, velocities=4)
     assert "inertia" not in intervals(found)["parameter"].tolist()
     assert "inertia" not in motions(found).columns
-    assert "\n  inertia" not in found.text()
+    assert "\n  inertia" not in bristle.report_of(found).text()
     assert of_kind(found.assumptions, "inertia-exact")[0].numbers == {"J": 1.3e-3}
     for figure in (intervals_figure(found), motions_figure(found)):
         assert len(figure.axes[0].get_yticks()) == 12
@@ -311,7 +311,7 @@ def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
         by_noise, viscous, whole = row
         sigma_0 = gripper.start.p(own.direction).sigma_0
         assert whole == pytest.approx(np.hypot(by_noise, viscous * sigma_0))
-        assert f"{100 * viscous:.2g} %" in gripper.text()
+        assert f"{100 * viscous:.2g} %" in bristle.report_of(gripper).text()
         k = gripper.start.names.index(ParameterName("sigma_0", own.direction))
         before, after = gripper.standard_errors["with velocities"][k], gripper.standard_errors["with loading"][k]
         assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
@@ -386,7 +386,8 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
 def test_a_plan_carries_itself(gripper: Plan, tmp_path: Path) -> None:
     """Its frame is the table of intervals; written to a path or a text, its page is the same."""
     pd.testing.assert_frame_equal(gripper.to_frame(), intervals(gripper))
-    first, second = gripper.write(str(tmp_path / "one")), gripper.write(tmp_path / "two")
+    report = bristle.report_of(gripper)
+    first, second = report.write(str(tmp_path / "one")), report.write(tmp_path / "two")
     assert first.read_bytes() == second.read_bytes()
 
 
@@ -417,7 +418,7 @@ def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
     assert np.isinf(
         found.standard_errors["now"][[found.start.names.index(ParameterName.parse(n)) for n in guessed]]
     ).all()
-    assert "nan" not in found.text()
+    assert "nan" not in bristle.report_of(found).text()
     assert all(np.isfinite(errors).all() for errors in (found.standard_errors["with motion"], found.start.estimate))
 
 

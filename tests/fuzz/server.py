@@ -91,7 +91,7 @@ def _waited(child: int) -> tuple[int, float, float]:
 
 def serve() -> None:
     """Answer until the input ends."""
-    import bristle.questions.experiment_design.page
+    import bristle.questions.experiment_design.report
     import bristle.questions.method_validation.report
     import bristle.questions.sensitivity.report
     import bristle.questions.session_comparison.report  # noqa: F401  # imported for those that are forked

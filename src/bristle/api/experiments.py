@@ -39,7 +39,12 @@ if TYPE_CHECKING:
     from bristle.page.report import Report
 
 
-_ROOMS = {Comparison: "session_comparison", SensitivityStudy: "sensitivity", Validation: "method_validation"}
+_ROOMS = {
+    Comparison: "session_comparison",
+    Plan: "experiment_design",
+    SensitivityStudy: "sensitivity",
+    Validation: "method_validation",
+}
 """The question whose `report.py` makes sections of each kind of result; it is imported only then, for it draws."""
 
 
@@ -326,7 +331,7 @@ def complete(experiment: Path | str) -> tuple[str, str]:
     return completed(Path(experiment))
 
 
-def report_of(result: Comparison | SensitivityStudy | Validation) -> "Report":
+def report_of(result: Comparison | Plan | SensitivityStudy | Validation) -> "Report":
     """What was found, as sections: `text()` is what the command prints, `write(folder)` the page with its figures and tables.
 
     >>> import bristle
@@ -336,12 +341,12 @@ def report_of(result: Comparison | SensitivityStudy | Validation) -> "Report":
     ('index.html', ['changes', 'sets'])
 
     Args:
-        result: what `compare`, `sensitivity` or `validate` gave.
+        result: what `compare`, `plan`, `sensitivity` or `validate` gave.
 
     Raises InputError where it is anything else.
     """
     room = _ROOMS.get(type(result))
     if room is None:
-        raise InputError(f"got a {type(result).__name__}; expected what compare, sensitivity or validate gave")
+        raise InputError(f"got a {type(result).__name__}; expected what compare, plan, sensitivity or validate gave")
     made: Report = import_module(f"bristle.questions.{room}.report").report(result)
     return made

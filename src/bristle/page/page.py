@@ -102,30 +102,6 @@ class Drawing(NamedTuple):
     """Gives it rendered, where others have begun to; see `begun`."""
 
 
-def write_part(
-    folder: Path,
-    package: str,
-    template: str,
-    context: Mapping[str, Any],
-    figures: Mapping[str, tuple[Callable[[], Figure | None], str]],
-    frames: Mapping[str, pd.DataFrame],
-) -> Path:
-    """Write a page of its own: index.html from a template, figures/ and tables/; returns the path of index.html. Raises as `write_page` does.
-
-    Args:
-        folder: made where it does not exist.
-        package: whose folder `templates` holds the template.
-        template: one that extends base.html; beside `context` it gets `figures`, an element of the page by name, without those that are None.
-        context: what else it names, `seed` among it, the seed of the random numbers or None.
-        figures: by the name of its file, what draws each, and how it is called for a reader who does not see it.
-        frames: each table by the name of its file.
-    """
-    files = tables_of(frames)
-    drawings = {name: Drawing(draw, name, label) for name, (draw, label) in figures.items()}
-    named = {**versions(context["seed"]), **context, "figures": drawn(drawings, files)}
-    return write_page(folder, package, template, named, files)
-
-
 def write_page(
     folder: Path, package: str, template: str, context: Mapping[str, Any], files: Mapping[str, bytes]
 ) -> Path:

@@ -1,7 +1,6 @@
 """What to measure next, all of it: constant velocities, slow loading and a tracking motion within limits, and the intervals to expect."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -143,12 +142,6 @@ class Plan:
                 warnings.append(Finding("few-velocities", CAUTION, message, {"direction": plan.direction}))
         return tuple(warnings)
 
-    def text(self) -> str:
-        """The plan as plain text."""
-        from bristle.questions.experiment_design.page import text
-
-        return text(self)
-
     def to_frame(self) -> "pd.DataFrame":
         """One row per parameter: half of its 95 % interval now, and as expected after each part of the plan."""
         from bristle.questions.experiment_design.tables import intervals
@@ -161,16 +154,6 @@ class Plan:
         from bristle.questions.experiment_design.tables import references
 
         return to_csv(references(self), "%.10g")
-
-    def write(self, folder: Path | str) -> Path:
-        """Write a page with figures and tables into a folder; returns the path of index.html.
-
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
-        half-written.
-        """
-        from bristle.questions.experiment_design.page import write_plan
-
-        return write_plan(self, Path(folder))
 
 
 def plan(

@@ -1,0 +1,326 @@
+"""The report of a plan: what it is worth, its limits, and each part of it."""
+
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bristle.arrays import Array
+from bristle.model.parameters import Direction, effort, static_estimated_of, unit
+from bristle.page.page import Drawing
+from bristle.page.plain import columns, pair
+from bristle.page.report import Report, Section, Table
+from bristle.page.wording import counted, direction, number, pretty, symbol, two_digits
+from bristle.questions.experiment_design import figures, tables
+from bristle.questions.experiment_design.excitation import MotionDesign
+from bristle.questions.experiment_design.figures import CEILING, percentage
+from bristle.questions.experiment_design.plan import NORMAL, Plan
+from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
+from bristle.questions.experiment_design.velocities import errors_by_v_s
+
+_HEADINGS = {
+    "in percent": "with motion (%)", "share_of_breakaway": "ratio to breakaway", "rise": "rise (s)", "viscous_share": "viscous share",
+    "frequency": "frequency (Hz)", "phase": "phase (rad)",
+}  # fmt: skip  # a table
+_UNITS = {
+    "velocity": ("velocity", "velocity"), "velocities": ("velocities", "velocity"), "peak": ("peak", "torque"),
+    "by_noise": ("error by noise", "sigma_0"), "standard_error": ("with the viscous share", "sigma_0"),
+    "amplitude": ("amplitude", "position"),
+}  # fmt: skip  # a table
+"""The page's heading of each column of a table that has another one there: by itself, or with the unit of a quantity."""
+
+
+def report(plan: Plan) -> Report:
+    """What the plan is worth, its limits, and each part of it; the terminal has the parts first, then the errors to expect."""
+    name, kind, aim = plan.joint.name, plan.joint.kind, plan.aim
+    every = (tables.velocities, tables.designs, tables.intervals, tables.loading, tables.lines, tables.motions)
+    frames = {table.__name__: table(plan) for table in every}
+    headings = _HEADINGS | {own: f"{symbol(own)} (%)" for own in static_estimated_of(plan.joint.law)}
+    headings |= {column: f"{words} ({pretty(unit(quantity, kind))})" for column, (words, quantity) in _UNITS.items()}
+    motions = frames["motions"].set_index("motion").drop(columns="rms").T.reset_index(names="parameter")
+
+    def table(file: str, title: str, part: pd.DataFrame, note: str = "") -> Table:
+        """One of the frames, of which the page shows a part under its own headings."""
+        return Table(file, title, frames[file], part.rename(columns=headings), note)
+
+    simulated = " (identified from SIMULATED data)" if plan.joint.simulated else ""
+    head = f"{name}: what to measure next, for {'all parameters' if aim == 'all' else aim}{simulated}"
+    worth = () if plan.worth is None else (plan.worth,)
+    sections = [Section("", findings=worth, lines=(head, *(f"  {x}" for x in worth)))]
+    if plan.warnings:
+        lines = tuple(f"  {x.coded}" for x in plan.warnings)
+        sections.append(Section("What it would not show", findings=plan.warnings, lines=lines, turn=2, coded=True))
+    drawn = _drawings(plan)
+    runs, assumed = max(r.run for r in plan.references), tuple(f"  assumed: {x.flagged}" for x in plan.assumptions)
+    sections += [
+        Section(
+            "What it is worth",
+            text=f"{runs} runs in {number(plan.duration, 3)} s: constant velocities, slow loading, one tracking motion. The table shows half of "
+            "each 95 % interval in the parameter's unit: now, and as expected after each part of the plan.",
+            figure=drawn["intervals"],
+            table=table(
+                "intervals",
+                "Half of each 95 % interval",
+                _rounded(frames["intervals"]),
+                "Parameters given as exact are not listed. Now: as fitted. After: predicted, not measured, and lower bounds: 1.96 times the "
+                "standard errors by the Cramér-Rao bound at the estimates. Statistical errors only: those of constants, as of the torque's "
+                "scale, come on top, and no run lowers them. A dash: not identifiable. A guess is assumed, because no run identifies the "
+                "parameter.",
+            ),
+            lines=_expected(plan),
+            turn=1,
+            id="expected",
+        ),
+        Section("Limits", facts=_limits(plan), lines=()),
+        Section("Assumed", findings=plan.assumptions, lines=assumed, turn=3, form="part"),
+        _of_velocities(plan, drawn, table("velocities", "Constant velocities to run", frames["velocities"])),
+        Section(
+            "Comparison with other designs",
+            text="Expected relative standard errors, including the information of the runs so far.",
+            table=table("designs", "Designs compared", _rounded(frames["designs"])),
+            lines=(),
+            form="part",
+        ),
+        Section("Robustness to vₛ", figure=drawn["robustness"], lines=(), form="part"),
+        _of_loading(plan, drawn, table("loading", "Slow loading", _rounded(frames["loading"]))),
+        *_of_motion(
+            plan,
+            drawn,
+            table(
+                "lines",
+                "Sines of the tracking motion",
+                frames["lines"],
+                "As played, scaled to the limits: amplitude · sin(2π frequency · time + phase), with time from the start of the motion, about "
+                "the middle of the position range.",
+            ),
+            table("motions", "Relative standard errors after each motion, percent", _rounded(motions)),
+        ),
+        Section("The whole plan, as played", figure=drawn["whole"], lines=(), id="references"),
+    ]
+    return Report(
+        f"{name}: what to measure next",
+        tuple(sections),
+        about=f"Planned for {'all parameters' if aim == 'all' else symbol(aim)}, from the runs so far.",
+        simulated="The joint was not measured but simulated." if plan.joint.simulated else "",
+        seed=0,
+    )
+
+
+def _limits(plan: Plan) -> tuple[tuple[str, str], ...]:
+    """Within which the plan stays, as the page has them."""
+    kind, x = plan.joint.kind, plan.limits
+    q, v, a, T = (pretty(unit(quantity, kind)) for quantity in ("position", "velocity", "acceleration", "torque"))
+    return (
+        ("position", f"{x.position[0]:.4g} to {x.position[1]:.4g} {q}"),
+        ("constant velocities", f"{x.slowest:.3g} to {x.velocity:.3g} {v}"),
+        ("acceleration", f"{x.acceleration:.3g} {a}"),
+        (effort(kind), f"{x.torque:.3g} {T}" if np.isfinite(x.torque) else "not limited"),
+        ("time", "not limited" if x.time is None else f"{x.time:g} s"),
+    )
+
+
+def _expected(plan: Plan) -> tuple[str, ...]:
+    """The errors to expect, line by line, as the terminal has them."""
+    errors = plan.standard_errors
+    rows = [("", "estimate", *(stage.removeprefix("with ") for stage in errors))]
+    for k in plan.free:
+        name, value = plan.start.names[k], float(plan.start.estimate[k])
+        relative = [error[k] / abs(value) for error in errors.values()]
+        estimate = (
+            f"{pair(value, float(errors['now'][k]) if relative[0] < 1 else None)} {unit(name.name, plan.joint.kind)}"
+        )
+        half = (f"{two_digits(100 * NORMAL * error)} %" if error < 1 else "open" for error in relative)
+        rows.append((str(name), f"{estimate}{' (a guess)' * (name in plan.start.guessed)}", *half))
+    return (
+        "  half of each 95 % interval, in percent of the value: now as fitted; then predicted with each part of the plan added, "
+        "at the least (Cramer-Rao bound); open: not identifiable.",
+        "  Statistical errors only: those of constants, as of the torque's scale, come on top, and no run lowers them.",
+        *columns(rows, indent=2),
+    )
+
+
+def _of_velocities(plan: Plan, drawn: Mapping[str, Drawing], table: Table) -> Section:
+    """The runs at constant velocity."""
+    static, hold = plan.velocities[0], number(plan.limits.hold, 3)
+    count = {4: "four"}.get(len(static.problem.names), len(static.problem.names))
+    what = "c-optimal runs for one parameter alone"
+    if static.chosen.aim == "all":
+        what = f"D-optimal runs: smallest volume of the joint confidence region of all {count} parameters"
+    lines = []
+    for x in plan.velocities:
+        where = "each direction" if x.direction is Direction.BOTH else f"direction {x.direction}"
+        speeds = f"{tables.listed(x.chosen, '{:.4g}')} {unit('velocity', plan.joint.kind)}"
+        lines.append(f"  constant velocities, {where}: {speeds}; each averaged over {plan.limits.hold:.3g} s")
+    text = (
+        f"The {what}, in addition to the runs so far, found by exchange on a fine grid of speeds; near ones become one. Each is averaged over "
+        f"{hold} s after a run-in of {SETTLE} s or {DEFLECTIONS:.0f} bristle deflections, whichever is longer."
+    )
+    title, figure = "Constant velocities", drawn["velocities"]
+    return Section(title, text=text, figure=figure, table=table, lines=tuple(lines), id="velocities")
+
+
+def _of_loading(plan: Plan, drawn: Mapping[str, Drawing], table: Table) -> Section:
+    """Slow loading below breakaway."""
+    torque, stiffness = (unit(x, plan.joint.kind) for x in ("torque", "sigma_0"))
+    lines = []
+    for load in plan.loadings:
+        seen = (
+            f"predicted to +/- {load.error:.2g} {stiffness} at the least (by noise {load.noise_error:.2g} {stiffness}; the estimate "
+            f"neglects a viscous torque of {100 * load.viscous_share:.2g} %)"
+            if np.isfinite(load.error)
+            else "not identifiable: too few encoder counts"
+        )
+        lines.append(
+            f"  slow loading, direction {load.direction}: to {load.peak:.3g} {torque} ({load.share:.2g} of breakaway) in {load.rise:.3g} s, twice; "
+            f"sigma_0 {seen}"
+        )
+    text = (
+        "Torque rises to the peak and falls, two times, open loop, the joint at rest. Higher peaks cross more counts, but near breakaway the "
+        "displacement depends on the breakaway torque, which has an error of its own. Slower loading averages more noise. Viscous share: torque "
+        "of σ₁ and α₂ at the peak, which the estimate of σ₀ neglects. It counts as an error beside the noise (root of the sum of squares), in the "
+        "choice of the rise and in the expected error."
+    )
+    title, figure = "Slow loading below breakaway", drawn["loading"]
+    return Section(title, text=text, figure=figure, table=table, lines=tuple(lines), id="loading")
+
+
+def _of_motion(plan: Plan, drawn: Mapping[str, Drawing], sines: Table, compared: Table) -> list[Section]:
+    """The tracking motion, and what others of its duration would tell."""
+    left = ", ".join(f"{motion} {number(rms, 3)}" for motion, rms in tables.motions(plan)[["motion", "rms"]].to_numpy())
+    position, played = unit("position", plan.joint.kind), tables.lines(plan).itertuples(index=False)
+    said = ", ".join(f"{x.amplitude:.2g} {position} at {x.frequency:.2g} Hz" for x in played)
+    text = (
+        "A sum of sines within the limits, faded in and out, that minimises the relative standard errors. Their root mean square, percent: "
+        f"{left}."
+    )
+    lines = (f"  tracking, {plan.motions[0].duration:.3g} s: {said}",)
+    return [
+        Section("The tracking motion", text=text, figure=drawn["motion"], table=sines, lines=lines, id="motion"),
+        Section("Comparison with other motions", figure=drawn["motions"], table=compared, lines=(), form="part"),
+    ]
+
+
+def _drawings(plan: Plan) -> dict[str, Drawing]:
+    """Its figures, by what they show."""
+    name, found = plan.joint.name, captions(plan)
+    every: dict[str, tuple[Callable[[Plan], Figure], str, str]] = {
+        "velocities": (
+            figures.velocities_figure, f"velocities to run on {name}",
+            "Friction curve at the estimate with the speeds to run and, above, how often; grey: the plausible values of vₛ, over which the design "
+            "is averaged; crosses: measured so far.",
+        ),
+        "robustness": (
+            figures.robustness_figure, f"error of the Stribeck velocity of {name}",
+            "Expected error of vₛ vs the true vₛ, including the information of the runs so far; vertical line: the estimate; grey: plausible values.",
+        ),
+        "intervals": (
+            figures.intervals_figure, f"errors of {name} before and after",
+            "Relative standard error of each parameter: now (squares), and as expected after velocities, loading and motion (circles).",
+        ),
+        "loading": (
+            figures.loading_figure, f"error of the stiffness of {name} vs the peak torque",
+            "Expected relative error of σ₀, including the viscous share, vs peak torque, for several rise times. σ₁ is not identifiable here ((15) "
+            "is only a prior); the tracking motion identifies it.",
+        ),
+        "motion": (
+            figures.motion_figure, f"tracking motion of {name}",
+            "Position and velocity of the motion; dashed: the velocity limit.",
+        ),
+        "motions": (
+            figures.motions_figure, f"errors of {name} after three motions",
+            "Expected relative standard error after the planned motion, after a plain multisine (equal velocity amplitudes, logarithmically spaced "
+            "frequencies), and after the motion measured so far. All have the same duration and follow the rest of the plan.",
+        ),
+        "whole": (
+            figures.whole_figure, f"all references of {name}",
+            f"References at {number(plan.limits.rate)} Hz: runs at constant velocity with the moves between them, slow loading by torque, and the "
+            "tracking motion; dashed: position limits.",
+        ),
+    }  # fmt: skip  # a table of words
+    return {
+        what: Drawing(partial(figure, plan), f"plan-{what}", label, found[f"plan-{what}"], how)
+        for what, (figure, label, how) in every.items()
+    }
+
+
+def _rounded(frame: pd.DataFrame) -> pd.DataFrame:
+    """A table with numbers to four digits, and None, not nan, where there is none."""
+    rounded = frame.astype(object).map(lambda x: float(f"{x:.4g}") if isinstance(x, float) else x)
+    return rounded.where(frame.notna(), None)
+
+
+def captions(plan: Plan) -> dict[str, str]:
+    """What each figure shows, in a sentence with a number: the beginning of its caption, by figure."""
+    kind, limits, played = plan.joint.kind, plan.limits, plan.references[-1]
+    q, v, T = (pretty(unit(name, kind)) for name in ("position", "velocity", "torque"))
+
+    # The parameter that stays widest, or those that the plan is for; which of them stay open where any does.
+    now, then = (_relative(plan, plan.standard_errors[stage]) for stage in ("now", "with motion"))
+    largest, unseen = plan.aim == "all", [k for k in plan.aimed if not then[k] < CEILING]
+    widest = [max(plan.aimed, key=then.__getitem__)] if largest else plan.aimed
+    errors = (f"{percentage(then[k])} % of {_names(plan, [k])}, from {percentage(now[k])} % now" for k in widest)
+    intervals = f"{'Largest standard' if largest else 'Standard'} error expected after the plan: {'; '.join(errors)}"
+    if unseen:
+        intervals = f"Standard error over {CEILING:g} %, not identifiable, even after the plan: {_names(plan, unseen)}"
+
+    velocities, robustness, loading = [], [], []
+    for x in plan.velocities:
+        speeds = [speed for speed, _ in x.chosen.runs]
+        ends = dict.fromkeys(number(speed, 3) for speed in (speeds[0], speeds[-1]))
+        runs, at = counted(len(x.velocities), "run"), counted(len(speeds), "speed")
+        velocities.append(f"{direction(x.direction)}: {runs} at {at}, {' to '.join(ends)} {v}")
+        low, high = x.problem.nodes.min(), x.problem.nodes.max()
+        of_v_s = errors_by_v_s(x.problem, x.chosen.speeds, np.geomspace(low, high, 60))
+        between = dict.fromkeys(number(float(end), 3) for end in (low, high))
+        ends = dict.fromkeys(percentage(end) for end in (float(of_v_s.min()), float(of_v_s.max())))
+        robustness.append(
+            f"{direction(x.direction)}: {' to '.join(ends)} % for a true vₛ of {' to '.join(between)} {v}"
+        )
+    for load in plan.loadings:
+        peak = f"{number(load.peak, 3)} {T}"
+        percent = percentage(100 * load.error / plan.start.p(load.direction).sigma_0)
+        seen = f"{percent} % with rises of {number(load.rise, 3)} s to {peak}"
+        if not np.isfinite(load.error):
+            seen = f"not identifiable, as the joint moves only {number(load.counts, 2)} encoder counts at {peak}"
+        loading.append(f"{direction(load.direction)}: {seen}")
+
+    ends_of = (np.abs(played.velocity).max(), played.position.min(), played.position.max())
+    fastest, least, most = (number(float(end), 3) for end in ends_of)
+    planned, *others = plan.motions
+    kinds = Counter(kind for kind, _ in dict.fromkeys((r.kind, r.run) for r in plan.references))
+    found = {
+        "intervals": intervals,
+        "velocities": f"Constant velocities, {'; '.join(velocities)}",
+        "robustness": f"Expected error of vₛ, {'; '.join(robustness)}",
+        "loading": f"Expected error of σ₀, {'; '.join(loading)}",
+        "motion": f"Peak velocity {fastest} {v}, {number(limits.velocity, 3)} {v} allowed; positions {least} to {most} {q}, "
+        f"{' to '.join(number(x, 3) for x in limits.position)} {q} allowed",
+        "motions": f"Standard errors, planned motion {'; '.join(_beside(plan, planned, x) for x in others)}",
+        "whole": f"The plan takes {number(plan.duration, 3)} s: {kinds['ramp']} runs at constant velocity, {kinds['presliding']} of slow loading, "
+        f"{counted(kinds['tracking'], 'tracking motion')}",
+    }
+    return {f"plan-{name}": f"{text}." for name, text in found.items()}
+
+
+def _beside(plan: Plan, planned: MotionDesign, other: MotionDesign) -> str:
+    """From the largest gain to the worst loss in what the plan is for; what of it one of the two motions alone shows."""
+    mine, theirs = (_relative(plan, x.errors) for x in (planned, other))
+    ratio = {k: mine[k] / theirs[k] for k in plan.aimed if mine[k] < CEILING and theirs[k] < CEILING}
+    by = [f"{two_digits(ratio[k])} times for {_names(plan, [k])}" for k in sorted(ratio, key=ratio.__getitem__)]
+    ends = " to ".join(dict.fromkeys((by[0], by[-1]))) if by else f"none below {CEILING:g} % after both"
+    gained = _names(plan, [k for k in plan.aimed if mine[k] < CEILING and k not in ratio])
+    lost = _names(plan, [k for k in plan.aimed if theirs[k] < CEILING and k not in ratio])
+    alone = f", only the planned one shows {gained}" * bool(gained) + f", only the other one shows {lost}" * bool(lost)
+    return f"vs {other.name}: {ends}{alone}"
+
+
+def _relative(plan: Plan, errors: Array) -> list[float]:
+    """Of each parameter, percent."""
+    return list(map(float, 100 * errors / np.abs(plan.start.estimate)))
+
+
+def _names(plan: Plan, at: Sequence[int]) -> str:
+    return ", ".join(symbol(plan.start.names[k]) for k in at)
