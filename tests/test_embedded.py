@@ -90,7 +90,6 @@ def warned(value: Any) -> Iterator[str]:
             yield from (kind for x in value for kind in warned(x))
 
 
-@pytest.mark.slow
 def test_every_warning_has_a_cause_that_is_listed(results: Results) -> None:
     """What is critical or a caution in the results has the codes that docs/warnings.md lists with a cause, and each of these is there."""
     page = (Path(__file__).parents[1] / "docs" / "warnings.md").read_text(encoding="utf-8")
