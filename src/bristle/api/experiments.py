@@ -264,7 +264,7 @@ def plan(
     >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
     >>> fit = bristle.fit(v, T, directions="symmetric")
     >>> plan = bristle.plan(fit, velocities=4)
-    >>> print(plan.text()[:47])
+    >>> print(bristle.report_of(plan).text()[:47])
     joint: what to measure next, for all parameters
 
     Args:
