@@ -31,7 +31,6 @@ from bristle.page import page, style
 from bristle.questions.compensation import ablation, parameter_studies
 from bristle.questions.experiment_design import excitation
 from bristle.simulation.bench import steady_points
-from bristle.workers import cores
 
 signal.signal(
     signal.SIGINT, signal.default_int_handler
@@ -64,11 +63,6 @@ def pytest_configure(config: pytest.Config) -> None:
         cases = ElementTree.parse(before).iter("testcase")  # noqa: S314  # ours
         left = [(case.get("classname", ""), case.get("name", "")) for case in cases if case.find("skipped") is not None]
         config.stash[SKIPPED] = {(of, name) if of else (name, "") for of, name in left}
-
-
-def pytest_xdist_auto_num_workers() -> int:
-    """One more than cores: many tests wait, for a browser or a process, and each worker imports everything."""
-    return cores() + 1
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
