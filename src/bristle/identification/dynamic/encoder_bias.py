@@ -23,7 +23,8 @@ from bristle.data.differentiation import LOWEST, derivative, estimate_motion, sm
 from bristle.data.record import Record
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
-from bristle.identification.dynamic.fit import OF_PHYSICS, DynamicSolution, physics
+from bristle.identification.dynamic.estimates import OF_PHYSICS, physics
+from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import TrackingFit

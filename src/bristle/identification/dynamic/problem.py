@@ -191,6 +191,11 @@ class DynamicProblem:
             np.linalg.norm(np.concatenate(rows if self.quantity == "torque" else [r - r.mean() for r in rows]))
         )
 
+    def percent(self, rows: Array) -> float:
+        """100 * norm(rows) / extent, percent; nan where its squares are too small to be numbers."""
+        extent = self.extent
+        return float(100 * np.linalg.norm(rows) / extent) if extent > 0 else float("nan")
+
     @property
     def velocity(self) -> Array:
         """The velocity as the equations see it, rad/s, (n,)."""

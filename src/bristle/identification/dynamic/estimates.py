@@ -1,0 +1,267 @@
+"""What a fit of moving data says of each parameter, and of itself: estimates with intervals, what the motion does not see, physics."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from math import sqrt
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.estimation.autocorrelation import correlated
+from bristle.estimation.covariance import student
+from bristle.estimation.multistart import MultistartSolution
+from bristle.estimation.score_test import MATTERS, moved_by
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
+from bristle.identification.dynamic.claims import WIDE, bristle_doubts, peak_doubts, warned, without_weak
+from bristle.identification.dynamic.left_out_peak import beside_a_peak
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters
+from bristle.identification.dynamic.unknowns import FEWEST, LOGARITHMIC, equations_left
+from bristle.identification.dynamic.what_is_left import Left, known_and_left
+from bristle.identification.fits import Estimate
+from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
+from bristle.model.law import is_passive
+from bristle.model.laws.parts import FASTEST
+from bristle.model.parameters import INERTIA, Kind, Lugre, ParameterName, bends_down, least_of, of_friction, unit
+
+_NOTHING = 100.0
+"""Percent: what no model at all would leave."""
+_UNSEEN = 1e-2
+"""A direction whose singular value is this share of the largest is not seen."""
+
+
+def estimates_of(
+    problem: DynamicProblem,
+    solution: MultistartSolution[Unknown],
+    kind: Kind,
+    dropped: Mapping[ParameterName, Finding],
+    shown: Mapping[ParameterName, str],
+    left: Left,
+) -> dict[ParameterName, Estimate]:
+    """Each parameter but the deflections at the start; what the motion does not show has no value.
+
+    None has where the fit did not converge, or leaves more than there was.
+    """
+    estimates = _estimates(solution._replace(scaled_errors=left.errors), kind)
+    anything = (0.0, float("inf"))
+    estimates |= {
+        name: Estimate(value=None, unit=unit(name.name, kind), interval=anything, warnings=(why,))
+        for name, why in dropped.items()
+    }
+    if not solution.minimum.converged or problem.percent(equations_left(problem, solution)) > _NOTHING:
+        message = "Not estimated: the fit did not converge, or leaves more than was measured."
+        estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", NOTE, message)))
+    equations, unknowns = solution.minimum.residuals.size, len(solution.names)
+    if equations < (least := FEWEST * unknowns):
+        message = (
+            f"Not estimated: the motion leaves {equations} equations for {unknowns} unknowns, and at least {least} are "
+            "needed; log longer or faster."
+        )
+        few = Finding("unseen-too-few", NOTE, message, {"equations": equations, "unknowns": unknowns, "least": least})
+        estimates = warned(estimates, dict.fromkeys(estimates, few))
+    doubts = {name: why for name, why in peak_doubts(problem, solution).items() if name not in shown}
+    estimates = warned(estimates, doubts)
+    estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
+    message = (
+        "Not identifiable from this motion: v_s lies near the fastest speed, so that the Stribeck term bends the whole curve, which is known at "
+        "these speeds alone."
+    )
+    kept = {name: Finding("unseen-shape", NOTE, message) for name, code in shown.items() if code == "unseen-bend"}
+    estimates = warned(estimates, kept)
+    beside = {n._replace(name=name) for n in kept for name in ("alpha_0", "alpha_2")} & estimates.keys()
+    bent = [name for name, why in dropped.items() if why.code == "unseen-bend"]
+    only_sum = Finding("only-sum-seen", NOTE, "Were v_s above these speeds, this would contain alpha_1.")
+    for name in (n._replace(name="alpha_0") for n in bent if n.name == "alpha_1"):
+        if name in estimates:
+            estimates[name] = replace(estimates[name], warnings=(*estimates[name].warnings, only_sum))
+    estimates = warned(estimates, dict.fromkeys((*beside, *beside_a_peak(problem, solution)), takes_up_peak()))
+    J = estimates.get(INERTIA)
+    if (
+        J is not None
+        and J.interval is not None
+        and J.interval[1] < 0
+        and (share := _of_inertia(problem, solution) / left.friction) < MATTERS
+    ):
+        message = (
+            f"Not identifiable from this motion: it comes out at {J.value:.2g} {J.unit}, and none is below zero; without it friction would change "
+            f"by {100 * share:.1g} %."
+        )
+        estimates = warned(estimates, {INERTIA: Finding("unseen-inertia", NOTE, message, {"share": share})})
+    return without_weak(problem, estimates)
+
+
+def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[ParameterName, Estimate]:
+    """Each parameter but the deflections at the start, in SI units."""
+    scale = solution.posed.unknowns.scale
+    out = {}
+    reaches = [student(x) for x in solution.freedoms.tolist()]
+    for name, x, error, size, reach in zip(
+        solution.names, solution.minimum.x, solution.scaled_errors.tolist(), scale.tolist(), reaches, strict=True
+    ):
+        if not isinstance(name, ParameterName):
+            continue
+        bare, value = name.name, solution.values[name]
+        warnings: list[Finding] = []
+        if bare in LOGARITHMIC:
+            with np.errstate(over="ignore"):
+                low, high = (float(np.exp(x + s * reach * error)) for s in (-1, 1))
+            se = value * error
+            relative = error
+        else:
+            se = size * error
+            low, high = value - reach * se, value + reach * se
+            relative = se / abs(value) if value else np.inf
+            least = least_of(bare)
+            if value >= least:
+                low = max(low, least)
+            if value == least and of_friction(bare):
+                warnings.append(at_bound())
+        if relative > WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
+            message = "Not identifiable from this motion: its standard error is more than ten times its value."
+            warnings.append(wide(relative) if relative < 10 else Finding("unseen-far", NOTE, message))
+        out[name] = Estimate(
+            value=value,
+            unit=unit(bare, kind),
+            standard_error=se if np.isfinite(se) else None,
+            interval=(low, high),
+            warnings=tuple(warnings),
+        )
+    return out
+
+
+def _of_inertia(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> float:
+    """By how much the friction of a solution would change without its inertia, rms, N*m, to first order."""
+    known, _ = known_and_left(problem, solution)
+    seen = solution.scaled_errors < np.inf
+    names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
+    at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
+    made = known[:, at] * solution.minimum.x[seen][at]
+    known[:, at] = 0.0
+    changed = known[:, of] @ moved_by(known, made)[of]
+    return float(np.sqrt(np.mean((changed / problem.weight) ** 2)))
+
+
+def wide(share: float) -> Finding:
+    """That a standard error is this share of its value."""
+    message = f"Not identifiable from this motion: its standard error is {100 * share:.0f} % of its value."
+    return Finding("unseen-wide", NOTE, message, {"share": share})
+
+
+def search_findings(
+    solution: MultistartSolution[Unknown],
+    estimates: Mapping[ParameterName, Estimate],
+    problem: DynamicProblem,
+    rows: Array,
+) -> Iterator[Finding]:
+    """What the search and its estimates say of themselves."""
+    J = estimates.get(INERTIA)
+    if J is not None and J.value is not None and J.interval is not None and J.interval[1] < 0:
+        message = (
+            f"The inertia comes out at {J.value:.3g} +/- {J.standard_error:.2g} {J.unit}, and none is below zero: the torque is "
+            "filtered or late, or another signal is not what it is taken for. Do not use the numbers of this fit."
+        )
+        numbers = {"value": J.value, "error": J.standard_error, "unit": J.unit}
+        yield Finding("inertia-below-zero", CRITICAL, message, numbers)
+    for own in problem.law.peak.own:  # beside v_s
+        held = [ParameterName(own.name, d) for d in problem.directions]
+        names = tuple(dict.fromkeys(str(n) for n in held if problem.fixed.get(n) == own.middle))
+        if names:
+            message = (
+                f"{', '.join(names)}: {own.middle:.3g} is assumed, the middle of what is searched, since motion hardly "
+                "shows it; add points at constant velocity, or give it under fit.fixed."
+            )
+            yield Finding("shape-held", CAUTION, message, {"names": names, "value": own.middle})
+    if not solution.minimum.converged:
+        message = "The fit reached its limit of iterations before it converged."
+        yield Finding("out-of-steps", CRITICAL, message)
+    if solution.widening > sqrt(2):
+        yield correlated(rows, solution.widening)
+        if solution.reached < solution.starts / 2:  # where noise alone is left no other minimum is lower
+            reached, starts = solution.reached, solution.starts
+            message = f"Only {reached} of {starts} starts reached the lowest cost; the others ended in a worse fit."
+            yield Finding("few-starts", CAUTION, message, {"reached": reached, "starts": starts})
+
+
+def seen_parameters(solution: MultistartSolution[Unknown]) -> list[int]:
+    """Columns of the parameters, starts of the motions apart, of which anything is seen."""
+    return [
+        k for k, n in enumerate(solution.names) if isinstance(n, ParameterName) and solution.scaled_errors[k] < np.inf
+    ]
+
+
+def hardly_seen_findings(
+    solution: MultistartSolution[Unknown], unseen: Mapping[ParameterName, Estimate]
+) -> list[Finding]:
+    """The directions in parameter space that the data hardly see."""
+    keep = seen_parameters(solution)
+    jacobian = solution.minimum.jacobian[:, keep]
+    jacobian = jacobian / np.linalg.norm(jacobian, axis=0)
+    _, values, directions = np.linalg.svd(jacobian, full_matrices=False)
+    warnings = []
+    for value, direction in zip(values, directions, strict=True):
+        if value < _UNSEEN * values[0]:
+            members = [
+                (solution.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
+            ]
+            if any(name in unseen or not of_friction(name.name) for name, _ in members):
+                warnings.append(hardly_seen(members))
+    for k, name in enumerate(solution.names):
+        if solution.scaled_errors[k] == np.inf and isinstance(name, ParameterName):
+            message = f"{name} is not identifiable: the torque does not depend on it in this motion."
+            warnings.append(Finding("nothing-seen", NOTE, message, {"name": name}))
+    return warnings
+
+
+def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
+    """What data say of a direction of parameters that they hardly see.
+
+    Its members are names with their shares of it.
+    """
+    if len(members) == 1:
+        name = members[0][0]
+        return Finding("hardly-seen", CAUTION, f"{name} is hardly identifiable from these data.", {"name": name})
+    up = tuple(n for n, w in members if w * members[0][1] > 0)
+    down = tuple(n for n, w in members if w * members[0][1] < 0)
+    every, raised, lowered = (" and ".join(map(str, names)) for names in ((*up, *down), up, down))
+    if not down:
+        message = (
+            f"{every} are identifiable only relative to one another: raising them together hardly changes the torque."
+        )
+        return Finding("only-against", CAUTION, message, {"up": up})
+    message = (
+        f"{every} are identifiable only as a sum: raising {raised} and lowering {lowered} hardly changes the torque."
+    )
+    return Finding("only-as-sum", CAUTION, message, {"all": (*up, *down), "up": up, "down": down})
+
+
+OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})
+"""Verdicts of `physics`."""
+
+
+def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
+    """Verdicts that need no data: passivity, and damping in presliding.
+
+    None that rests on what the motion does not show.
+    """
+    warnings = []
+    p = parameters(problem, values)
+    sets = dict(zip(problem.directions, [p] if isinstance(p, Lugre) else p, strict=True))
+    J = values.get(INERTIA, problem.fixed.get(INERTIA))
+    for d, lugre in sets.items():
+        if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
+            least = lugre.sigma_1 * lugre.alpha_1 / lugre.alpha_0
+            of = unit_of("alpha_2")
+            message = (
+                f"The model can feed energy back{in_direction(d)}: alpha_2 = {lugre.alpha_2:.3g}{of} is below sigma_1 "
+                f"alpha_1 / alpha_0 = {least:.3g}{of}. The fit stands; test a compensator that uses it with care."
+            )
+            numbers = {"direction": d, "alpha_2": lugre.alpha_2, "least": least}
+            warnings.append(Finding("not-passive", CAUTION, message, numbers))
+        if bends_down(lugre):
+            fastest = getattr(lugre, FASTEST)
+            warnings.append(curve_held(fastest))
+        if J and J > 0 and not {ParameterName(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
+            ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
+            if not 0.02 < ratio < 5:
+                message = f"The damping ratio in presliding{in_direction(d)} would be {ratio:.2g}; 0.1 to 1 is usual."
+                warnings.append(Finding("odd-damping", CAUTION, message, {"direction": d, "ratio": ratio}))
+    return warnings
