@@ -19,8 +19,8 @@ import pandas as pd
 
 from bristle.estimation.multiple_tests import false_discovery
 from bristle.questions.fleet.findings import Findings, findings
+from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
 from bristle.workers import pin
-from simulated_fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
 
 SEED = 20
 UNLIKE = ("robot-001", "J1")

@@ -30,8 +30,8 @@ from bristle.questions.fleet.dataset import COLUMNS, OF_TASK, schema_of, task_fi
 from bristle.questions.fleet.files import write_whole
 from bristle.questions.fleet.findings import findings
 from bristle.questions.fleet.page import write_fleet
+from bristle.simulation.fleet import FleetDesign, fleet_estimates, fleet_truth
 from bristle.workers import pin
-from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
 
 T = TypeVar("T")
 MAKE = Path(__file__).parents[1] / "datasets" / "fleet" / "make.py"

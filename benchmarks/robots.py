@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import simulated_arm as arm
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.robot_file import robot_of
 from bristle.identification.fits import Estimate
@@ -26,6 +25,7 @@ from bristle.identification.known_joint import chosen
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.identification.robot.measured import measure_robot
+from bristle.simulation import arm
 
 SLIDING = ("alpha_0", "alpha_2")
 STRIBECK = ("alpha_1", "v_s")

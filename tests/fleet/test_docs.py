@@ -8,7 +8,7 @@ import pytest
 
 from bristle.questions.fleet.dataset import COLUMNS
 from bristle.questions.fleet.findings import findings
-from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
+from bristle.simulation.fleet import FleetDesign, fleet_estimates, fleet_truth
 
 DOC = (Path(__file__).parents[2] / "docs" / "fleet.md").read_text(encoding="utf-8")
 

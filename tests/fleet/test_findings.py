@@ -11,7 +11,7 @@ from bristle.errors import InputError
 from bristle.questions.fleet.dataset import COLUMNS, schema_of
 from bristle.questions.fleet.findings import Findings, findings
 from bristle.questions.fleet.page import fleet_files
-from simulated_fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
+from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
 
 if TYPE_CHECKING:
     import pyarrow as pa

@@ -17,7 +17,7 @@ from bristle.page import output_folder
 from bristle.questions.fleet import figures, tables
 from bristle.questions.fleet.findings import Findings, findings
 from bristle.questions.fleet.page import fleet_files, write_fleet
-from simulated_fleet import FleetDesign, fleet_estimates, fleet_truth
+from bristle.simulation.fleet import FleetDesign, fleet_estimates, fleet_truth
 
 from .plausible import EXOTIC, HOSTILE, empty, plausible, when
 from .reading import Parsed, told, unpacked

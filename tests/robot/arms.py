@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import yaml
 
-import simulated_arm as arm
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.robot_file import Robot, robot_of
-from simulated_arm import ArmLog
+from bristle.simulation import arm
+from bristle.simulation.arm import ArmLog
 
 NO_PINOCCHIO = "needs Pinocchio: pip install 'bristle[robot]'"
 ARM = arm.arm_folder() / "arm.urdf"

@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 
 import bristle
-import simulated_arm as arm
 from bristle.errors import InputError
+from bristle.simulation import arm
 
 from ..bags import START, state, write_bag
 from .arms import NAMES, NO_PINOCCHIO, load_robot

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import bristle
-import simulated_arm as arm
 from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
+from bristle.simulation import arm
 
 from .arms import NAMES, NO_PINOCCHIO
 

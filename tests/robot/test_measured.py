@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-import simulated_arm as arm
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import Measured
 from bristle.identification.robot.measured import measure_robot
-from simulated_arm import ArmLog, simulate_arm
+from bristle.simulation import arm
+from bristle.simulation.arm import ArmLog, simulate_arm
 
 from .arms import NAMES, NO_PINOCCHIO, SIGNALS, document, load_robot, write
 

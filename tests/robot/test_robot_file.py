@@ -10,7 +10,7 @@ import pytest
 from bristle.data.robot.motion import read_motions, reader_of
 from bristle.data.robot.robot_file import pick
 from bristle.errors import InputError
-from simulated_arm import ArmLog
+from bristle.simulation.arm import ArmLog
 
 from .arms import NAMES, SIGNALS, document, load_robot, write
 
