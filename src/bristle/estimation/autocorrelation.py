@@ -11,13 +11,9 @@ from bristle.findings import CRITICAL, NOTE, Finding
 
 _WINDOW = 5.0
 """Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times."""
-_HARMONICS = 64
-"""Most ripples looked for."""
 _FEW = 8
 _POOR = 0.15
 """Of the measured torque: a fit that leaves a larger pattern describes something else."""
-_BESIDE = 1e-6
-"""Of its length: what a column has beside others, below which it is made of them."""
 _CHANCE = 3.3
 """White noise's share that is not in its differences exceeds this over sqrt(n) once in two thousand times."""
 
