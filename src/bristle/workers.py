@@ -15,7 +15,7 @@ at once, whoever waits for them; functions and parts must be picklable."""
 REPORT = (
     "bristle.api.experiments",
     "bristle.questions.joint_report.report",
-    "bristle.questions.compensation.page",
+    "bristle.questions.compensation.report",
     "bristle.questions.explorer.page",
 )
 """Modules that make a report."""

@@ -10,8 +10,8 @@ import pytest
 
 from bristle.errors import InputError
 from bristle.questions.compensation import ablation, parameter_studies
-from bristle.questions.compensation.page import context, draw, outcomes_of
-from bristle.questions.compensation.study import Study, study
+from bristle.questions.compensation.report import sections
+from bristle.questions.compensation.study import Study, outcomes_of, study
 
 from ..simulation.joints import joint_loop
 
@@ -60,10 +60,18 @@ def test_a_stribeck_curve_as_good_as_lugre_is_said(compensated: Study, share: fl
     rows["Stribeck, reference velocity"] = rows["Stribeck, reference velocity"]._replace(rms=share * lugre.rms)
     found = [
         x
-        for x in context(replace(compensated, ablation=tuple(rows.values())))["adverse"]
+        for section in sections(replace(compensated, ablation=tuple(rows.values())))
+        for x in section.findings
         if x.code == "stribeck-as-good"
     ]
     assert [x.numbers["stribeck"] for x in found] == ([pytest.approx(1e3 * share * lugre.rms)] if said else [])
+
+
+def test_every_figure_of_a_simulation_says_so(compensated: Study) -> None:
+    """Each caption begins with SIMULATED, but for the gradients, which are computed; each figure has a name of its own."""
+    drawn = [x for own in sections(compensated) for x in own.drawings]
+    assert {x.name for x in drawn if not x.simulated} == {"compensation-gradients"}
+    assert len({x.name for x in drawn}) == len(drawn)
 
 
 def test_it_writes_the_page_that_the_package_writes(compensated: Study, tmp_path: Path) -> None:
@@ -85,10 +93,11 @@ def test_a_map_shows_every_final_ratio(compensated: Study) -> None:
     twice[..., 0], twice[..., 1], twice[..., 2] = 0.0, np.nan, 2.0
     m = compensated.adaptation_map._replace(frequencies=np.array([0.1, 0.2, 0.5]), by_gamma=twice, by_amplitude=twice)
     study = replace(compensated, adaptation_map=m)
-    figure = draw(study)["landings"](study)
+    landings = next(x for own in sections(study) for x in own.drawings if x.name == "compensation-landings")
+    figure = landings.draw()
     assert figure is not None
     image = figure.axes[0].images[0]
     shown: np.ma.MaskedArray[Any, Any] = np.ma.asarray(image.norm(np.asarray(image.get_array(), dtype=float)))
     assert shown[0, 0] == 0
     assert np.ma.getmaskarray(shown).sum() == 1
-    assert context(study)["shown"]["landings"].endswith("α₂ from 0 to 2")
+    assert landings.caption.partition(". ")[0].endswith("α₂ from 0 to 2")

@@ -17,7 +17,7 @@ from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.progress import Progress
-from bristle.questions.compensation.study import Study
+from bristle.questions.compensation.study import Study, adverse, worth_of_each
 from bristle.questions.session_comparison.results_file import session_of
 from bristle.workers import Share
 
@@ -208,14 +208,18 @@ def write_results(
 ) -> Path:
     """`Results.write`, the drawing shared out; `compensated` and `explored` wait for what those give, `begun`: what was drawn of each joint."""
     from bristle.page.page import encoded
-    from bristle.questions.compensation.page import section
+    from bristle.questions.compensation.tables import all_tables
 
     names = [joint.name for joint in results.joints]
     files = {"results.json": encoded(results.to_json(folder))}
     if results.timings:
         timings = {name: round(seconds, 6) for name, seconds in results.timings.items()}
         files["timings.json"] = encoded(json.dumps(timings, indent=1) + "\n")
-    compensation = section(compensated(), share) if compensated else None
+    told: dict[str, Any] = {}
+    if compensated:
+        study = compensated()
+        told = {"worth": dict(worth_of_each(study)), "adverse": tuple(adverse(study)), "frames": all_tables(study)}
+        told["compensation"] = import_module("bristle.questions.compensation.report").sections(study, share)
     played = explored()
     if played is not None:
         files["explore.html"] = encoded(played.html)
@@ -223,10 +227,10 @@ def write_results(
         results.whole_joints(),
         title=names[0] if len(names) == 1 else f"{len(names)} joints",
         seed=0,
-        compensation=compensation,
         explored=None if played is None else played.joints,
         begun=begun,
         files=files,
+        **told,
     )
     index: Path = report.write(folder, progress, mailed=mailed)
     return index

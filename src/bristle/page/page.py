@@ -19,7 +19,6 @@ from matplotlib.figure import Figure
 
 from bristle import __version__
 from bristle.errors import InputError
-from bristle.findings import Finding
 from bristle.model.laws.registry import own_parameter
 from bristle.page import wording
 from bristle.page.columns import to_csv
@@ -48,24 +47,6 @@ def figure_kind(path: Path) -> str:
     if kind not in {"svg", "png"}:
         raise InputError(f"{path}: figures are written as .svg or .png; end the name with one of them")
     return kind
-
-
-class Templated(NamedTuple):
-    """A page that another question makes by a template of its own, and the files that go with it."""
-
-    drawings: Mapping[str, "Drawing"]
-    """Its figures, by the name that the template has for each."""
-    context: Callable[[Mapping[str, "Drawn"]], Mapping[str, Any]]
-    """Gives what its template names, once they are drawn."""
-    package: str
-    template: str
-    """Extends base.html."""
-    files: Mapping[str, bytes]
-    """Its tables, by relative POSIX path."""
-    about: Mapping[str, str]
-    """What it says of each joint, by name, in half a line."""
-    adverse: tuple[Finding, ...]
-    """What it found that speaks against it."""
 
 
 class Drawn(NamedTuple):
@@ -100,13 +81,6 @@ class Drawing(NamedTuple):
     """Whether the caption begins with SIMULATED data."""
     done: "Iterator[Rendered] | None" = None
     """Gives it rendered, where others have begun to; see `begun`."""
-
-
-def write_page(
-    folder: Path, package: str, template: str, context: Mapping[str, Any], files: Mapping[str, bytes]
-) -> Path:
-    """Write index.html, from a template of a package, and the files beside it; returns its path. Raises as `replace_files`."""
-    return write_pages(folder, [("index.html", package, template, context)], files)
 
 
 Filled = tuple[str, str, str, Mapping[str, Any]]

@@ -12,7 +12,7 @@ import pandas as pd
 from bristle.findings import Finding
 from bristle.page.columns import Table as Cells
 from bristle.page.columns import shown
-from bristle.page.page import Drawing, Filled, Templated, drawn, html, tables_of, versions, write_pages
+from bristle.page.page import Drawing, Filled, drawn, html, tables_of, versions, write_pages
 from bristle.page.said import Link, Said
 from bristle.page.wording import printable, slugs
 from bristle.progress import Progress, step, teller
@@ -128,8 +128,6 @@ class Page:
     _: KW_ONLY
     text: str = ""
     """Below its heading."""
-    templated: Templated | None = None
-    """Makes it in place of sections."""
 
     @property
     def heads(self) -> dict[str, Section]:
@@ -209,11 +207,8 @@ class Report:
         figures = drawn(drawings, files, tell)
         common = {**versions(self.seed), "report": self, "figures": figures, "pages": self._menu}
         for page in pages:
-            named = {**common, "here": page, "once": partial(_once, set())}
-            if page.templated is not None:
-                own = page.templated
-                yield page.file, own.package, own.template, {**named, **own.context(drawn(own.drawings, files))}
-            elif page.file not in self.files:
+            if page.file not in self.files:
+                named = {**common, "here": page, "once": partial(_once, set())}
                 yield page.file, "bristle.page", "report.html", named
 
 

@@ -1,14 +1,17 @@
 """Everything that is tried of one or more joints: the paper's experiments, what goes beyond them, and replays of measured runs."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bristle.arrays import Array
 from bristle.control.adaptation import Law
 from bristle.control.closed_loop import Trajectory
+from bristle.findings import CAUTION, NOTE, Finding
+from bristle.model.parameters import unit
 from bristle.progress import Progress, teller
 from bristle.questions.compensation import ablation as ablating
 from bristle.questions.compensation import paper_experiments, parameter_studies
@@ -21,6 +24,11 @@ from bristle.workers import Share, called
 
 if TYPE_CHECKING:
     import pandas as pd
+
+_REPORT = "bristle.questions.compensation.report"
+"""It draws, and is imported only then."""
+WORSE = 1.1
+"""An error so many times another is larger; a smaller one is as good."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,9 +54,8 @@ class Study:
 
     def text(self) -> str:
         """What compensation does to each error, where adaptation ends, and whether it would help on the measured runs; a line each."""
-        from bristle.questions.compensation.page import lines
-
-        return "\n".join(lines(self))
+        said: str = import_module(_REPORT).report(self).text()
+        return said
 
     def to_frame(self) -> "pd.DataFrame":
         """Fig. 8: a row for each joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N)."""
@@ -61,9 +68,8 @@ class Study:
 
         Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
         """
-        from bristle.questions.compensation.page import write_adaptation
-
-        return write_adaptation(self, Path(folder))
+        index: Path = import_module(_REPORT).report(self).write(folder)
+        return index
 
 
 def study(
@@ -111,3 +117,51 @@ def begin_study(
         return Study(loops=tuple(loops), adapting=adapting, paper=paper, replays=tuple(replays), **found)
 
     return ended
+
+
+def outcomes_of(study: Study) -> Iterator[Finding]:
+    """What compensation does to each error without inertia feed-forward, and where each adapted parameter ends."""
+    first, q = study.loops[0], thousandths(study)
+    for row in study.errors:
+        if not row.inertia:
+            without, identified, adaptive = 1e3 * row.without, 1e3 * row.identified, 1e3 * row.adaptive
+            identified_percent, adaptive_percent = 100 * row.identified / row.without, 100 * row.adaptive / row.without
+            message = (
+                f"{row.joint}, {row.frequency:g} Hz: RMS error {without:.3g} {q} without, {identified:.3g} {q} "
+                f"({identified_percent:.2g} %) with and {adaptive:.3g} {q} ({adaptive_percent:.2g} %) with adaptive compensation."
+            )
+            numbers = {
+                "joint": row.joint, "frequency": row.frequency, "without": without, "unit": q, "identified": identified,
+                "identified_percent": identified_percent, "adaptive": adaptive, "adaptive_percent": adaptive_percent,
+            }  # fmt: skip  # a list of values
+            yield Finding("errors-compensated", NOTE, message, numbers)
+    reference = "true" if study.paper else "identified"
+    for x in study.adapted.factors:
+        message = f"{first.name}, {x.law}: {x.parameter} from {x.initial:g} to {x.final:.3f} of its {reference} value."
+        numbers = {"joint": first.name, "law": x.law, "name": x.parameter, "initial": x.initial, "final": x.final}
+        yield Finding("adapted-to", NOTE, message, numbers)
+
+
+def worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
+    """Per joint the RMS error of its slowest sine without and with the identified model."""
+    for row in reversed(study.errors):  # the first of a joint is its slowest, and stays
+        if not row.inertia:
+            without, fed = (f"{1e3 * x:.3g} {thousandths(study)}" for x in (row.without, row.identified))
+            error = f"RMS position error (SIMULATED) at {row.frequency:g} Hz"
+            yield row.joint, f"{error}: {without} without compensation, {fed} with"
+
+
+def adverse(study: Study) -> Iterator[Finding]:
+    """Where adaptation leaves a larger error than the identified model alone does, by a tenth or more."""
+    for row in study.errors:
+        if row.adaptive > WORSE * row.identified and not row.inertia:
+            identified, adaptive, q = 1e3 * row.identified, 1e3 * row.adaptive, thousandths(study)
+            worse = f"Adaptation makes {row.joint} worse at {row.frequency:g} Hz"
+            message = f"{worse}: RMS error {identified:.3g} {q} with the identified model, {adaptive:.3g} {q} adapted."
+            numbers = {"joint": row.joint, "frequency": row.frequency, "identified": identified, "adaptive": adaptive}
+            yield Finding("adaptation-worse", CAUTION, message, numbers)
+
+
+def thousandths(study: Study) -> str:
+    """The unit of a position error in thousandths: mrad (mm)."""
+    return f"m{unit('position', study.loops[0].kind)}"

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from bristle.findings import CAUTION, CRITICAL, NOTE, Severity
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, Severity
 from bristle.identification.curve import curve
 from bristle.identification.known_joint import Known, chosen, moving_fits
 from bristle.identification.results import Joint
@@ -17,7 +17,7 @@ from bristle.identification.verdict import Trust, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import SIGNED, Direction, fields_of, in_direction, of_friction, unit
-from bristle.page.page import Drawing, Templated
+from bristle.page.page import Drawing
 from bristle.page.plain import in_unit
 from bristle.page.report import Answer, Answered, Cell, Page, Report, Section, Table
 from bristle.page.said import Link, Mark, Said
@@ -40,7 +40,10 @@ def report(
     *,
     title: str,
     seed: int | None,
-    compensation: Templated | None = None,
+    compensation: tuple[Section, ...] = (),
+    worth: Mapping[str, str] = MappingProxyType({}),
+    adverse: Sequence[Finding] = (),
+    frames: Mapping[str, pd.DataFrame] = MappingProxyType({}),
     explored: Sequence[str] | None = None,
     begun: Mapping[str, _Figures] = MappingProxyType({}),
     files: Mapping[str, bytes] = MappingProxyType({}),
@@ -51,7 +54,10 @@ def report(
         joints: at least one; names differ.
         title: what they are called together.
         seed: of whatever random numbers the results rest on; None where there are none.
-        compensation: the page of their compensation; None: there is none.
+        compensation: the sections on their compensation, which are a page; empty: there are none.
+        worth: what those say of each joint, by name, in half a line.
+        adverse: what was found that speaks against compensation.
+        frames: the tables of those sections, by the names of their files.
         explored: the names of the joints on the interactive page, explore.html among `files`; None: there is none.
         begun: by joint what `drawings` gave of it; figures of others begin to be drawn when they are written.
         files: results.json and others, by relative path.
@@ -78,11 +84,12 @@ def report(
         return Page(file, name, purpose, tuple(sections), text=text)
 
     pages = [page(*x) for x in _PAGES]
-    worth = "what the model is worth in a loop, and adaptation: the paper's Figs 2 and 5 to 12, Table 2"
-    pages[-1:-1] = [Page("compensation.html", "Compensation", worth, templated=compensation)]
+    closed = "what the model is worth in a loop, and adaptation: the paper's Figs 2 and 5 to 12, Table 2"
+    fed = "LuGre feed-forward and its adaptation."
+    pages[-1:-1] = [Page("compensation.html", "Compensation", closed, compensation, text=fed)]
     source = "Equation numbers are those of “Adaptive Friction Compensation: Application to a Robotic Manipulator”."
     pages.append(Page("method.html", "Method", "equations, and what the paper leaves open", _method(), text=source))
-    pages = [x for x in pages if x.sections or x.templated]
+    pages = [x for x in pages if x.sections]
     if explored is not None:
         hand = "the model in the hand: sliders, loops and responses that follow them"
         pages.append(Page("explore.html", "Explore", hand))
@@ -93,9 +100,8 @@ def report(
         for x in joint.all_warnings()
         if x.severity is CRITICAL
     ]
-    adverse = compensation.adverse if compensation else ()
     found = [*["critical warnings"] * bool(against), *["where adaptation does not help"] * bool(adverse)]
-    sections = [Section("", answer=_answer(joints, known_as, figures, compensation, explored or ()))]
+    sections = [Section("", answer=_answer(joints, known_as, figures, worth, explored or ()))]
     if found:
         sections.append(Section(", and ".join(found).capitalize(), findings=(*against, *adverse)))
     if "curve" in figures[names[0]]:
@@ -111,8 +117,8 @@ def report(
         pages=tuple(pages),
         simulated=simulated if any(joint.simulated for joint in joints) else "",
         seed=seed,
-        tables=tables.all_tables(joints),
-        files={**files, **(compensation.files if compensation else {})},
+        tables={**tables.all_tables(joints), **frames},
+        files=files,
     )
 
 
@@ -171,7 +177,7 @@ def _answer(
     joints: Sequence[Joint],
     known_as: Mapping[str, str],
     figures: Mapping[str, _Figures],
-    compensation: Templated | None,
+    worth: Mapping[str, str],
     explored: Sequence[str],
 ) -> Answer:
     """Of each joint the values to use, whether to trust them, and why not."""
@@ -190,8 +196,8 @@ def _answer(
         line: list[Said] = [_mark(joint), known_to(joint), *filter(None, (verdict(joint).reason,))]
         if source:
             line.append(f"From the {source}{'' if source in FITS.values() else ' stage'}.")
-        if compensation and joint.name in compensation.about:
-            line.append(f"{compensation.about[joint.name]}.")
+        if joint.name in worth:
+            line.append(f"{worth[joint.name]}.")
         if law := "".join(law_in_force(joint)).removeprefix("  law: "):
             line.append(f"Law: {law}.")
         beside = [

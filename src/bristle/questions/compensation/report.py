@@ -1,0 +1,288 @@
+"""The report of joints that were compensated: the paper's experiments, what goes beyond them, and replays of measured runs."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from bristle.findings import CAUTION, NOTE, Finding
+from bristle.identification.known_joint import SEED
+from bristle.model.parameters import unit
+from bristle.page.page import Drawing, begun
+from bristle.page.report import Report, Section, Table
+from bristle.page.wording import in_print, number, pretty, symbol
+from bristle.questions.compensation import figures, paper_experiments, tables
+from bristle.questions.compensation.study import WORSE, Study, adverse, outcomes_of, thousandths
+from bristle.workers import Share
+
+_BEYOND = 3.0
+"""v_s at which the gradients of the laws are told apart: the Stribeck term is gone there."""
+_MOST_REPLAYS = 6
+"""Replays drawn; the table has all."""
+_Draw = Callable[[Study], Figure | None]
+_Show = Callable[..., Section]
+"""Makes a section of its title, what draws a study, the kind of figure that this is, and its caption."""
+
+
+def report(study: Study) -> Report:
+    """All that was tried; the terminal has each error, where each adapted parameter ends, and the verdict on each replay."""
+    names = [loop.name for loop in study.loops]
+    return Report(
+        f"Friction compensation of {names[0] if len(names) == 1 else f'{len(names)} joints'}",
+        sections(study),
+        about="LuGre feed-forward and its adaptation.",
+        simulated="The joint was not measured but simulated." if study.loops[0].simulated else "",
+        seed=SEED,
+        tables=tables.all_tables(study),
+    )
+
+
+def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
+    """What a page says of it, its figures begun by whoever shares the work; their tables are those of `all_tables`."""
+
+    def show(title: str, draw: _Draw, kind: str, caption: str, table: Table | None = None, **more: Any) -> Section:
+        label, more = f"{kind} of {study.loops[0].name}, compensated", {"simulated": True, **more}
+        made = Drawing(partial(draw, study), f"compensation-{kind}", label, caption, **more)
+        return Section(title, figure=begun(made, share) if share else made, table=table)
+
+    ablation = _ablation(study, show)  # its figure takes longest
+    heading, *parts = *_opening(study), *_replays(study, show), *_errors(study, show), *_adaptation(study, show)
+    parts += [*_beyond(study), ablation, *_band(study, show)]
+    return (heading, *(replace(x, form="part") for x in parts))
+
+
+def _opening(study: Study) -> Iterator[Section]:
+    """What compensation is worth, what speaks against it, and what is assumed."""
+    first = study.loops[0]
+    yield Section(
+        f"Compensation of {first.name}",
+        about=f"all SIMULATED{', the joint as well' if first.simulated else ', except the replays' * bool(study.replays)}",
+        text="The friction that the identified model predicts for the reference motion is added to the PID's output (section 4), and its "
+        "parameters are adapted on line (3.3).",
+        lines=tuple(map(str, outcomes_of(study))),
+        id="compensation",
+    )
+    yield Section("", findings=(_worth(study),), lines=())
+    if against := (*adverse(study), *_as_good(study)):
+        yield Section("Where less does as well", findings=against, coded=True, lines=())
+    assumed = f"Assumed, not measured{', and not in the paper' * study.paper}"
+    yield Section(assumed, findings=tuple(first.assumptions), lines=())
+
+
+def _worth(study: Study) -> Finding:
+    """What LuGre feed-forward does to the first error, in numbers: that of the slow reference, without inertia feed-forward."""
+    row, q = study.errors[0], thousandths(study)
+    without, identified, percent = 1e3 * row.without, 1e3 * row.identified, 100 * row.identified / row.without
+    numbers = {"joint": row.joint, "frequency": row.frequency, "without": without, "identified": identified}
+    change = f"the RMS error of {row.joint} at {row.frequency:g} Hz from {without:.3g} {q} to {identified:.3g} {q} ({percent:.2g} %)."
+    if row.identified < row.without:
+        return Finding("error-reduced", NOTE, f"LuGre feed-forward reduces {change}", numbers)
+    return Finding("error-increased", CAUTION, f"LuGre feed-forward increases {change}", numbers)
+
+
+def _as_good(study: Study) -> Iterator[Finding]:
+    """Where the steady curve compensates as well as LuGre: the motion shows little of the bristle."""
+    finest, first = max(row.bits for row in study.ablation), study.loops[0]
+    best = (row for row in study.ablation if (row.bits, row.delay, row.share) == (finest, 0, 1.0) and not row.diverges)
+    rms = {row.compensator: row.rms for row in best}
+    stribeck, lugre = (rms.get(f"{name}, reference velocity") for name in ("Stribeck", "LuGre"))
+    if stribeck and lugre and stribeck <= WORSE * lugre:
+        message = (
+            f"The Stribeck curve compensates {first.name} as well as LuGre does on this motion: RMS error {1e3 * stribeck:.3g} and "
+            f"{1e3 * lugre:.3g} {thousandths(study)}, both driven by the reference velocity, with the finest encoder and no delay."
+        )
+        numbers = {"joint": first.name, "stribeck": 1e3 * stribeck, "lugre": 1e3 * lugre}
+        yield Finding("stribeck-as-good", NOTE, message, numbers)
+
+
+def _replays(study: Study, show: _Show) -> Iterator[Section]:
+    """Where the gains end on each measured run, and whether to switch the adaptation on."""
+    if not study.replays:
+        return
+    started = [(x, "the identified model" if x.begun == "identified" else x.begun) for x in study.replays]
+    frame = tables.replay(study)  # with parameters as symbols; names of files stay as they are
+    table = Table(
+        "replay",
+        "Replays of measured runs",
+        part=frame.assign(**{name: frame[name].map(in_print) for name in ("begun", "shares", "verdict")}),
+        note="Friction torque (measured, without inertia, gravity and offset) left unexplained in the second half of the run, at every "
+        "sample, percent. It is not the relative error of bristle identify, which is smaller: that is of the whole torque, after decimation, "
+        "or of the position where that is predicted. Here with gains of 1 and adapted; final ratios to the identified values.",
+    )
+    yield Section(
+        "Would adaptation help? Replays of the measured runs",
+        text="The measured velocity drives the model; the gains adapt to the error of its torque divided by K_p, as in the loop. The table "
+        f"shows where they end, and how much of the friction torque is then unexplained.\n\nThe rows of the {study.adapted.adaptation.law} law "
+        "that are initialised at the identified model answer whether to switch it on. To see which parameter changed, read the row of the "
+        "total law: the gradients of α₀ and α₂ by the partial law are nearly proportional, so it corrects the torque but divides a change "
+        "between the two. The rows from wrong values show how closely the law returns to the identified ones.",
+        table=table,
+        lines=tuple(f"{x.file}, {x.adaptation.law} law, initialised at {start}: {x.verdict}" for x, start in started),
+        id="replays",
+    )
+    for k, (x, start) in enumerate(started[:_MOST_REPLAYS], 1):
+        caption = (
+            f"{x.file}, initialised at {in_print(start)}, by the {x.adaptation.law} law. {in_print(x.verdict)} Above: measured friction torque "
+            "(wide grey line), predicted with gains of 1 (dashed) and adapted (solid); below: ratios to the identified values."
+        )
+        replayed, simulated = partial(figures.replay_figure, at=k - 1), study.loops[0].simulated
+        yield show("", replayed, f"replay-{k}", caption, simulated=simulated)
+
+
+def _errors(study: Study, show: _Show) -> Iterator[Section]:
+    """Figs 5 to 8: one sinusoidal reference over time, and the errors at each."""
+    worth, q = in_print(_worth(study)), thousandths(study)
+    followed = (
+        f"{worth} Reference and position, position error, and control, without friction compensation (dashed) and with LuGre feed-forward of "
+        "the identified model (solid)."
+    )
+    paper = "Figs 5 to 7" * study.paper
+    title = f"{paper or 'With and without'}: a sinusoidal reference"
+    yield show(title, figures.followed_figure, "followed", followed, paper=paper)
+    errors = (
+        f"{worth} RMS position error from 10 s to 30 s, no inertia feed-forward. A large error left at a fast reference comes from the "
+        "inertia, not from friction: the table has both."
+    )
+    paper, file = "Fig. 8" * study.paper, "compensation_errors"
+    shown = study.to_frame().drop(columns=["torque_without", "torque_with", "true_share"])
+    note = (
+        f"RMS errors in {q}. True: LuGre feed-forward with the plant's own parameters; identified: with the identified ones; adaptive: "
+        "initialised at the identified ones."
+    )
+    table = Table(file, "RMS errors", part=_part(study, shown.rename(columns={"frequency": "f (Hz)"})), note=note)
+    title = f"{paper or 'Errors'}: RMS error without, with, and with adaptive compensation"
+    yield show(title, figures.errors_figure, "errors", errors, table, data=file, paper=paper)
+
+
+def _adaptation(study: Study, show: _Show) -> Iterator[Section]:
+    """Table 2 and Figs 9 to 12: from wrong parameters, by each law; then where a law has a gradient, and where others end."""
+    loop, settled = study.adapting, paper_experiments.SETTLE
+    a, q = loop.adaptation, thousandths(study)
+    initial = " and ".join(f"{share} {symbol(name)}" for name, share in loop.start.items())
+    laws = (
+        "four laws with dθ/dt = −γ G e" if a.step == "gradient" else f"the laws, their gradient G e by {a.step} steps"
+    )
+    own = "Ratios to the identified values. A gain that does not end at 1 compensates for what the model lacks, such as inertia."
+    paper = "Ratios to the true values. The paper reports 0.84 and 1.05: the law with the right derivative converges to both, the printed one cannot."
+    yield Section(
+        f"{'Table 2 and Figs 9 to 12' if study.paper else 'Adaptation'}: from wrong parameters",
+        text=f"Initialised at {initial}, adapted by {laws}, e = y − y_ref, γ = {', '.join(number(g, 3) for g in a.gamma)}.",
+        facts=(
+            ("printed", "(19)–(20) as typeset: its first line is ∂T/∂α₁, not the ∂T/∂α₀ that it is said to be, and hardly moves α₀."),
+            ("partial", "the derivative that (19) names, at fixed z"),
+            ("partial-theta", "the same by θ, its rates divided by the parameters so that it moves equally"),
+            ("total", "lets z depend on the parameter as well"),
+        ),
+        table=Table("table_2", "Table 2: adapted factors", part=tables.table_2(study), note=paper if study.paper else own),
+    )  # fmt: skip  # a table
+    ends = " and ".join(f"{x.final:.3f}" for x in study.adapted.factors if x.law == a.law)
+    gains = (
+        f"Adapted factors {'converge to' if study.paper else 'end at'} {ends}{', the paper’s 0.84 and 1.05' * study.paper}, by the {a.law} "
+        "law. Adapted factors vs time, by each law."
+    )
+    yield show("", figures.gains_figure, "gains", gains, data="table_2", paper="Fig. 9" * study.paper)
+    before, after = (1e3 * float(study.adapted.runs[way].rms_error(settled)[0]) for way in ("not adapted", a.law))
+    adapted = (
+        f"RMS position error after {settled:g} s: {number(before, 3)} {q} not adapted, {number(after, 3)} {q} adapted by the {a.law} law. "
+        f"Position, position error and control with the wrong model, not adapted (dashed) and adapted by the {a.law} law (solid)."
+    )
+    yield show("", figures.adapted_figure, "adapted", adapted, paper="Figs 10 to 12" * study.paper)
+
+    v, found = study.gradients
+    at = int(np.abs(v - _BEYOND * loop.plant.positive.v_s).argmin())
+    told = ", ".join(f"{g[at]:.2g} by the {way} law" for way, g in found.items())
+    gradients = (
+        f"At {_BEYOND:g} vₛ the gradient of {symbol(a.parameters[0])} is {told}. Computed in steady sliding, no data: G of each law for this "
+        "parameter, relative to the largest of the total derivative (where that is not zero). That of the printed law vanishes above a few "
+        "vₛ: there it learns nothing."
+    )
+    yield show("Which law has a gradient, and where", figures.gradients_figure, "gradients", gradients, simulated=False)
+
+    m, spans = study.adaptation_map, []
+    for k, name in enumerate(a.parameters):  # over the loops that do not diverge
+        finite = [x for x in (*m.by_gamma[k].flat, *m.by_amplitude[k].flat) if np.isfinite(x)]
+        ends = f"from {number(min(finite), 2)} to {number(max(finite), 2)}" if finite else "not finite"
+        spans.append(f"{symbol(name)} {ends}")
+    landings = (
+        f"Final ratios to the identified values: {', '.join(spans)}. By the {a.law} law, vs learning rate"
+        f"{' (that of the first parameter)' * (len(a.gamma) > 1)} and frequency, and vs amplitude and frequency. White is 1. At fast references "
+        "the gains absorb the error caused by inertia."
+    )
+    title = "Adapted values vs rate, amplitude and frequency"
+    yield show(title, figures.adaptation_map_figure, "landings", landings, data="adaptation_map")
+
+
+def _beyond(study: Study) -> Iterator[Section]:
+    """What no figure shows: friction that drifts, other controllers, and the sampled loop."""
+    yield Section(
+        "Friction that drifts",
+        text="α₀ and α₂ of the plant rise by half over 30 s. Known: the model drifts with the plant, the best that adaptation can reach. "
+        "Without limits the gains run away where inertia dominates the error; limits bound them, and a normalised gradient slows them. "
+        "Largest gain: the largest factor from 1.",
+        table=Table("drift", "Friction that drifts", part=_part(study, tables.drift(study))),
+    )
+    yield Section(
+        "Comparison with controllers that need no model",
+        text="Sliding mode may use five times the torque that the reference needs, and has no friction model. A thinner boundary layer gives "
+        "a smaller error until it chatters, which loads the drive and the gear.",
+        table=Table("controllers", "Controllers", part=_part(study, tables.controllers(study))),
+    )
+    yield Section(
+        "Sampled and continuous control",
+        text="The paper ran continuous blocks. The table shows the largest distance between the sampled and the continuous loop over 10 s, "
+        "both with LuGre feed-forward: it decreases with the control period.",
+        table=Table("sampling", "Sampled and continuous", part=_part(study, tables.sampling(study))),
+    )
+
+
+def _ablation(study: Study, show: _Show) -> Section:
+    """Every compensator, and how many of the cases fail, by how."""
+    rows, ways = study.ablation, ("limit_cycle", "over_compensated", "diverges")
+    cycling, leading, diverging = (sum(getattr(x, way) for x in rows) for way in ways)
+    message = f"{cycling} of {len(rows)} cases end in a limit cycle, {leading} over-compensate, {diverging} diverge."
+    caption = (
+        f"{message} RMS error in percent of that without compensation, moving back and forth by the amplitude; encoders with 2^bits counts in "
+        "2π amplitudes, delays in control periods. ~: a limit cycle when held at rest; +: the joint leads its reference by more than a tenth "
+        "of the error without compensation: more than its friction is compensated; ×: the loop diverges. Measured velocity is differentiated "
+        "from the counts."
+    )
+    title = "Compensators with different encoders and delays"
+    return show(title, figures.ablation_figure, "ablation", caption, data="ablation")
+
+
+def _band(study: Study, show: _Show) -> Iterator[Section]:
+    """The tracking error on joints that the identified covariance allows, where there is one."""
+    band, q, simulated = study.band, thousandths(study), study.loops[0].simulated
+    if band is None:
+        return
+    (low, middle, high), actual = (f"{1e3 * x:.3g}" for x in band.rms), f"{1e3 * band.rms_actual:.3g}"
+    of_constants, span = " and the errors of constants" * bool(band.rms_systematic), band.rms_systematic or ()
+    alone = f", of which the errors of constants alone make {' to '.join(f'{1e3 * x:.3g}' for x in span)} {q}" * bool(
+        span
+    )
+    caption = (
+        f"RMS position error {middle} {q} with the identified model, in 95 % of cases from {low} to {high} {q}, on {band.joints} joints drawn "
+        f"from the identified covariance of friction and inertia{of_constants} (seed {SEED}){alone}; on "
+        f"{'the true joint' if simulated else 'the joint as identified'} {actual} {q}."
+    )
+    yield show("Effect of the parameters' uncertainty on the tracking error", figures.band_figure, "band", caption)
+
+
+def _part(study: Study, frame: pd.DataFrame) -> pd.DataFrame:
+    """A table as the page shows it: under other names, and in thousandths where the name has such a unit, as mrad or ms."""
+    q, T = thousandths(study), pretty(unit("torque", study.loops[0].kind))
+    names = {
+        "joint": "of", "frequency": "frequency (Hz)", "without": f"without ({q})", "true_model": f"true ({q})",
+        "identified_model": f"identified ({q})", "adaptive": f"adaptive ({q})", "identified_share": "identified / without",
+        "adaptive_share": "adaptive / without", "rms_error": f"RMS error ({q})", "over_known": "ratio to the known model",
+        "largest_gain": "largest gain", "way": "scheme", "peak_error": f"peak error ({q})", "rms_torque": f"RMS control ({T})",
+        "chatter": f"chatter ({T}/s)", "energy": "energy (J)", "period": "period (ms)", "distance": f"distance ({q})",
+    }  # fmt: skip  # a table of words
+    small = [column for column, name in names.items() if column in frame and "(m" in name]
+    frame = frame.astype(dict.fromkeys(small, float))
+    frame[small] *= 1e3
+    return frame.rename(columns=names)
