@@ -338,10 +338,11 @@ def adapt(
     folder = output_folder(output, experiment, "-adapt")
     with shown() as progress:
         from bristle import adapt as run
+        from bristle import report_of
 
-        found = run(experiment, joint=joint, progress=progress)
-    _tell([found.text()])
-    print_lines([f"Page: {found.write(folder)}"], done=True)
+        made = report_of(run(experiment, joint=joint, progress=progress))
+    _tell([made.text()])
+    print_lines([f"Page: {made.write(folder)}"], done=True)
 
 
 @app.command()

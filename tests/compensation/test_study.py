@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bristle.api.experiments import report_of
 from bristle.errors import InputError
 from bristle.questions.compensation import ablation, parameter_studies
 from bristle.questions.compensation.report import sections
@@ -41,7 +42,7 @@ def test_its_text_has_a_line_for_each_error_and_each_adapted_parameter(compensat
     found = list(outcomes_of(compensated))
     plain = [row for row in compensated.errors if not row.inertia]
     factors = compensated.adapted.factors
-    assert compensated.text().splitlines() == list(map(str, found))
+    assert report_of(compensated).text().splitlines() == list(map(str, found))
     assert [x.code for x in found] == ["errors-compensated"] * len(plain) + ["adapted-to"] * len(factors)
     for said, row in zip(found, plain, strict=False):
         assert said.numbers["unit"] == "mrad"
@@ -76,7 +77,8 @@ def test_every_figure_of_a_simulation_says_so(compensated: Study) -> None:
 
 def test_it_writes_the_page_that_the_package_writes(compensated: Study, tmp_path: Path) -> None:
     """`write` leaves the same files, from a path or a text, among them the table of `to_frame`; no file where the folder cannot be used."""
-    one, other = compensated.write(tmp_path / "a"), compensated.write(str(tmp_path / "b"))
+    report = report_of(compensated)
+    one, other = report.write(tmp_path / "a"), report.write(str(tmp_path / "b"))
     names = sorted(p.relative_to(one.parent) for p in one.parent.rglob("*") if p.is_file())
     assert one == tmp_path / "a" / "index.html"
     assert names == sorted(p.relative_to(other.parent) for p in other.parent.rglob("*") if p.is_file())
@@ -84,7 +86,7 @@ def test_it_writes_the_page_that_the_package_writes(compensated: Study, tmp_path
     written = pd.read_csv(tmp_path / "a" / "tables" / "compensation_errors.csv", comment="#")
     pd.testing.assert_frame_equal(written, compensated.to_frame(), check_dtype=False, rtol=1e-6)
     with pytest.raises(InputError):
-        compensated.write(one)
+        report.write(one)
 
 
 def test_a_map_shows_every_final_ratio(compensated: Study) -> None:

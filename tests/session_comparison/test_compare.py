@@ -607,7 +607,7 @@ def test_a_comparison_carries_itself(tmp_path: Path) -> None:
     assert lines[0] == "[[wrist]] revolute"
     assert str(compared.sentence) in lines
     with pytest.raises(
-        bristle.InputError, match="got a Change; expected what compare, plan, sensitivity or validate gave"
+        bristle.InputError, match="got a Change; expected what adapt, compare, plan, sensitivity or validate gave"
     ):
         bristle.report_of(compared.changes[0])  # type: ignore[arg-type]
 

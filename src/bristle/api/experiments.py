@@ -43,6 +43,7 @@ _ROOMS = {
     Comparison: "session_comparison",
     Plan: "experiment_design",
     SensitivityStudy: "sensitivity",
+    Study: "compensation",
     Validation: "method_validation",
 }
 """The question whose `report.py` makes sections of each kind of result; it is imported only then, for it draws."""
@@ -126,7 +127,7 @@ def adapt(
     >>> T = bristle.simulate(v, 0.002, law) + 0.001 * np.gradient(v, t)
     >>> T += 1e-4 * np.random.default_rng(0).standard_normal(t.size)
     >>> study = bristle.adapt(bristle.fit_dynamic(t, q, T, directions="symmetric"))
-    >>> print(study.text()[:54])
+    >>> print(bristle.report_of(study).text()[:54])
     joint, 0.2 Hz: RMS error 23.7 mrad without, 0.129 mrad
 
     With no experiment the four joints of the embedded Ed-Ro (simulated), `identified` already or else first; of several
@@ -331,7 +332,7 @@ def complete(experiment: Path | str) -> tuple[str, str]:
     return completed(Path(experiment))
 
 
-def report_of(result: Comparison | Plan | SensitivityStudy | Validation) -> "Report":
+def report_of(result: Comparison | Plan | SensitivityStudy | Study | Validation) -> "Report":
     """What was found, as sections: `text()` is what the command prints, `write(folder)` the page with its figures and tables.
 
     >>> import bristle
@@ -341,12 +342,14 @@ def report_of(result: Comparison | Plan | SensitivityStudy | Validation) -> "Rep
     ('index.html', ['changes', 'sets'])
 
     Args:
-        result: what `compare`, `plan`, `sensitivity` or `validate` gave.
+        result: what `adapt`, `compare`, `plan`, `sensitivity` or `validate` gave.
 
     Raises InputError where it is anything else.
     """
     room = _ROOMS.get(type(result))
     if room is None:
-        raise InputError(f"got a {type(result).__name__}; expected what compare, plan, sensitivity or validate gave")
+        raise InputError(
+            f"got a {type(result).__name__}; expected what adapt, compare, plan, sensitivity or validate gave"
+        )
     made: Report = import_module(f"bristle.questions.{room}.report").report(result)
     return made

@@ -3,8 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from bristle.arrays import Array
@@ -25,8 +23,6 @@ from bristle.workers import Share, called
 if TYPE_CHECKING:
     import pandas as pd
 
-_REPORT = "bristle.questions.compensation.report"
-"""It draws, and is imported only then."""
 WORSE = 1.1
 """An error so many times another is larger; a smaller one is as good."""
 
@@ -52,24 +48,11 @@ class Study:
     band: Band | None
     replays: tuple[Replay, ...] = ()
 
-    def text(self) -> str:
-        """What compensation does to each error, where adaptation ends, and whether it would help on the measured runs; a line each."""
-        said: str = import_module(_REPORT).report(self).text()
-        return said
-
     def to_frame(self) -> "pd.DataFrame":
         """Fig. 8: a row for each joint, frequency and inertia feed-forward; errors in rad (m), torques in N*m (N)."""
         from bristle.questions.compensation.tables import compensation_errors
 
         return compensation_errors(self)
-
-    def write(self, folder: Path | str) -> Path:
-        """Write a page with figures and tables into a folder; returns the path of index.html.
-
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
-        """
-        index: Path = import_module(_REPORT).report(self).write(folder)
-        return index
 
 
 def study(
