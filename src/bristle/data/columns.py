@@ -48,11 +48,9 @@ def reading(what: str, advice: str = "write it again") -> Iterator[None]:
             yield
     except (InputError, MemoryError):
         raise
-    except OSError as error:
-        if error.errno is not None:
+    except Exception as error:  # a library raises nearly anything at a damaged file
+        if isinstance(error, OSError) and error.errno is not None:  # of the system
             raise
-        raise InputError(f"is damaged, or no {what} ({error}); {advice}") from error
-    except Exception as error:
         raise InputError(f"is damaged, or no {what} ({error}); {advice}") from error
 
 

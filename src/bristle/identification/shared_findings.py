@@ -2,7 +2,8 @@
 
 from collections.abc import Iterable
 
-from bristle.findings import CAUTION, NOTE, Finding, unit_of
+from bristle.findings import CAUTION, NOTE, Finding, in_direction, unit_of
+from bristle.model.parameters import Lugre
 
 UNRESOLVED = frozenset({
     "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
@@ -27,6 +28,16 @@ def curve_held(fastest: float) -> Finding:
         "measured, it is taken to stay as large as there."
     )
     return Finding("curve-held", CAUTION, message, {"fastest": fastest})
+
+
+def not_passive(p: Lugre[float], direction: str) -> Finding:
+    """Of parameters of one direction that are not passive (`law.is_passive`)."""
+    least, of = p.sigma_1 * p.alpha_1 / p.alpha_0, unit_of("alpha_2")
+    message = (
+        f"The model can feed energy back{in_direction(direction)}: alpha_2 = {p.alpha_2:.3g}{of} is below sigma_1 alpha_1 / alpha_0 = "
+        f"{least:.3g}{of}. The fit stands; test a compensator that uses it with care."
+    )
+    return Finding("not-passive", CAUTION, message, {"direction": direction, "alpha_2": p.alpha_2, "least": least})
 
 
 def takes_up_peak() -> Finding:

@@ -11,14 +11,14 @@ from bristle.estimation.autocorrelation import correlated
 from bristle.estimation.covariance import student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import MATTERS, moved_by
-from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction
 from bristle.identification.dynamic.claims import WIDE, bristle_doubts, peak_doubts, warned, without_weak
 from bristle.identification.dynamic.left_out_peak import beside_a_peak
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters
 from bristle.identification.dynamic.unknowns import FEWEST, LOGARITHMIC, equations_left
 from bristle.identification.dynamic.what_is_left import Left, known_and_left
 from bristle.identification.fits import Estimate
-from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
+from bristle.identification.shared_findings import at_bound, curve_held, not_passive, takes_up_peak
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Kind, Lugre, ParameterName, bends_down, least_of, of_friction, unit
@@ -147,9 +147,9 @@ def wide(share: float) -> Finding:
 
 
 def search_findings(
+    problem: DynamicProblem,
     solution: MultistartSolution[Unknown],
     estimates: Mapping[ParameterName, Estimate],
-    problem: DynamicProblem,
     rows: Array,
 ) -> Iterator[Finding]:
     """What the search and its estimates say of themselves."""
@@ -248,14 +248,7 @@ def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterNa
     J = values.get(INERTIA, problem.fixed.get(INERTIA))
     for d, lugre in sets.items():
         if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
-            least = lugre.sigma_1 * lugre.alpha_1 / lugre.alpha_0
-            of = unit_of("alpha_2")
-            message = (
-                f"The model can feed energy back{in_direction(d)}: alpha_2 = {lugre.alpha_2:.3g}{of} is below sigma_1 "
-                f"alpha_1 / alpha_0 = {least:.3g}{of}. The fit stands; test a compensator that uses it with care."
-            )
-            numbers = {"direction": d, "alpha_2": lugre.alpha_2, "least": least}
-            warnings.append(Finding("not-passive", CAUTION, message, numbers))
+            warnings.append(not_passive(lugre, d))
         if bends_down(lugre):
             fastest = getattr(lugre, FASTEST)
             warnings.append(curve_held(fastest))

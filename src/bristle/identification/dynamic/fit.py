@@ -102,7 +102,7 @@ def fit_tracking(
         outcome = Finding("converged-at-bound", CAUTION, message, {"names": bound})
     warnings = (
         *(unexplained(rows, problem.extent) if torque else ()),
-        *search_findings(solution, estimates, problem, rows),
+        *search_findings(problem, solution, estimates, rows),
         *left.findings,
         *(offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom) if torque else ()),
         *loads_alike(problem, solution),

@@ -45,6 +45,7 @@ def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
     """What a page says of it, its figures begun by whoever shares the work; their tables are those of `all_tables`."""
 
     def show(title: str, draw: _Draw, kind: str, caption: str, table: Table | None = None, **more: Any) -> Section:
+        """A section with a figure, marked SIMULATED where nothing else is said."""
         label, more = f"{kind} of {study.loops[0].name}, compensated", {"simulated": True, **more}
         made = Drawing(partial(draw, study), f"compensation-{kind}", label, caption, **more)
         return Section(title, figure=begun(made, share) if share else made, table=table)
@@ -261,9 +262,8 @@ def _band(study: Study, show: _Show) -> Iterator[Section]:
         return
     (low, middle, high), actual = (f"{1e3 * x:.3g}" for x in band.rms), f"{1e3 * band.rms_actual:.3g}"
     of_constants, span = " and the errors of constants" * bool(band.rms_systematic), band.rms_systematic or ()
-    alone = f", of which the errors of constants alone make {' to '.join(f'{1e3 * x:.3g}' for x in span)} {q}" * bool(
-        span
-    )
+    ends = " to ".join(f"{1e3 * x:.3g}" for x in span)
+    alone = f", of which the errors of constants alone make {ends} {q}" if span else ""
     caption = (
         f"RMS position error {middle} {q} with the identified model, in 95 % of cases from {low} to {high} {q}, on {band.joints} joints drawn "
         f"from the identified covariance of friction and inertia{of_constants} (seed {SEED}){alone}; on "
@@ -273,16 +273,18 @@ def _band(study: Study, show: _Show) -> Iterator[Section]:
 
 
 def _part(study: Study, frame: pd.DataFrame) -> pd.DataFrame:
-    """A table as the page shows it: under other names, and in thousandths where the name has such a unit, as mrad or ms."""
+    """A table as the page shows it: under other names, errors, distances and periods in thousandths."""
     q, T = thousandths(study), pretty(unit("torque", study.loops[0].kind))
-    names = {
-        "joint": "of", "frequency": "frequency (Hz)", "without": f"without ({q})", "true_model": f"true ({q})",
-        "identified_model": f"identified ({q})", "adaptive": f"adaptive ({q})", "identified_share": "identified / without",
-        "adaptive_share": "adaptive / without", "rms_error": f"RMS error ({q})", "over_known": "ratio to the known model",
-        "largest_gain": "largest gain", "way": "scheme", "peak_error": f"peak error ({q})", "rms_torque": f"RMS control ({T})",
-        "chatter": f"chatter ({T}/s)", "energy": "energy (J)", "period": "period (ms)", "distance": f"distance ({q})",
+    small = {
+        "without": f"without ({q})", "true_model": f"true ({q})", "identified_model": f"identified ({q})", "adaptive": f"adaptive ({q})",
+        "rms_error": f"RMS error ({q})", "peak_error": f"peak error ({q})", "distance": f"distance ({q})", "period": "period (ms)",
     }  # fmt: skip  # a table of words
-    small = [column for column, name in names.items() if column in frame and "(m" in name]
-    frame = frame.astype(dict.fromkeys(small, float))
-    frame[small] *= 1e3
-    return frame.rename(columns=names)
+    others = {
+        "joint": "of", "frequency": "frequency (Hz)", "identified_share": "identified / without", "adaptive_share": "adaptive / without",
+        "over_known": "ratio to the known model", "largest_gain": "largest gain", "way": "scheme", "rms_torque": f"RMS control ({T})",
+        "chatter": f"chatter ({T}/s)", "energy": "energy (J)",
+    }  # fmt: skip  # a table of words
+    found = [column for column in small if column in frame]
+    frame = frame.astype(dict.fromkeys(found, float))
+    frame[found] *= 1e3
+    return frame.rename(columns=small | others)

@@ -88,6 +88,7 @@ def report(plan: Plan) -> Report:
         _of_loading(plan, drawn, table("loading", "Slow loading", _rounded(frames["loading"]))),
         *_of_motion(
             plan,
+            frames,
             drawn,
             table(
                 "lines",
@@ -187,10 +188,12 @@ def _of_loading(plan: Plan, drawn: Mapping[str, Drawing], table: Table) -> Secti
     return Section(title, text=text, figure=figure, table=table, lines=tuple(lines), id="loading")
 
 
-def _of_motion(plan: Plan, drawn: Mapping[str, Drawing], sines: Table, compared: Table) -> list[Section]:
+def _of_motion(
+    plan: Plan, frames: Mapping[str, pd.DataFrame], drawn: Mapping[str, Drawing], sines: Table, compared: Table
+) -> list[Section]:
     """The tracking motion, and what others of its duration would tell."""
-    left = ", ".join(f"{motion} {number(rms, 3)}" for motion, rms in tables.motions(plan)[["motion", "rms"]].to_numpy())
-    position, played = unit("position", plan.joint.kind), tables.lines(plan).itertuples(index=False)
+    left = ", ".join(f"{motion} {number(rms, 3)}" for motion, rms in frames["motions"][["motion", "rms"]].to_numpy())
+    position, played = unit("position", plan.joint.kind), frames["lines"].itertuples(index=False)
     said = ", ".join(f"{x.amplitude:.2g} {position} at {x.frequency:.2g} Hz" for x in played)
     text = (
         "A sum of sines within the limits, faded in and out, that minimises the relative standard errors. Their root mean square, percent: "

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from bristle.arrays import Interval, Number
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
-from bristle.findings import CAUTION, NOTE, Finding, in_units, unit_of
+from bristle.findings import CAUTION, NOTE, Finding, in_units
 from bristle.findings import in_direction as said_in
 from bristle.identification.fits import Estimate, LawByName
 from bristle.identification.known_joint import (
@@ -23,6 +23,7 @@ from bristle.identification.known_joint import (
     rises_among,
 )
 from bristle.identification.results import Joint
+from bristle.identification.shared_findings import not_passive
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.law import DAMPING_RATIO, is_passive
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -299,11 +300,4 @@ def _doubts(rows: list[ExportedParameter], ways: tuple[Direction, ...], law: Law
         values = {x.parameter.name: x.value for x in rows if x.parameter.direction == d}
         p = lugre_of(law)(**{name: values.get(name, 0.0) for name in fields_of(law)})
         if not is_passive(p):
-            least = p.sigma_1 * p.alpha_1 / p.alpha_0
-            per_speed = unit_of("alpha_2")
-            message = (
-                f"The model can feed energy back{said_in(d)}: alpha_2 = {p.alpha_2:.3g}{per_speed} is below "
-                f"sigma_1 alpha_1 / alpha_0 = {least:.3g}{per_speed}. The fit stands; test a compensator that uses it with care."
-            )
-            numbers = {"direction": d, "alpha_2": p.alpha_2, "least": least}
-            yield Finding("not-passive", CAUTION, message, numbers)
+            yield not_passive(p, d)
