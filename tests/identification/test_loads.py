@@ -37,7 +37,7 @@ from bristle.questions.joint_report.text import fit_report
 from bristle.simulation.joint_loop import Carried, of_experiment
 
 P = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0)
-J, G, STEP = 0.08, 6.0, 0.002
+J, G, STEP = 0.08, 6.0, 0.004
 LINK_LOAD = ParameterName("link_load", Direction.SHARED)
 TIME = np.arange(0, 4, 1e-3)
 VELOCITY = 0.3 * np.sin(3 * TIME) + 0.1 * np.sin(11 * TIME)

@@ -123,8 +123,8 @@ def _candidates(problem: Regression, v_s: Array) -> Iterator[tuple[NDArray[np.in
         if n - len(problem.names) - size < 1:
             return
         among = np.sort(order[:most])
-        sets = among[:, None] if size == 1 else np.array(list(combinations(among.tolist(), size)))
-        costs = reduce(np.minimum, (node.cost - node.falls(sets) for node in nodes))
+        at = np.array(list(combinations(range(among.size), size)))
+        costs, sets = reduce(np.minimum, (node.cost - node.falls(among, at) for node in nodes)), among[at]
         best = np.argsort(costs)
         order = sets[best, 0] if size == 1 else order
         yield sets[best], min(node.cost for node in nodes) - costs[best]
@@ -139,16 +139,19 @@ class _Node(NamedTuple):
     basis: Array
     """Orthonormal columns of the fit, (n, p)."""
 
-    def falls(self, sets: NDArray[np.intp]) -> Array:
-        """By how much the cost falls without each of some sets of points, (k,) for (k, size): r' (I - H)**-1 r of their own, by elimination."""
-        size = sets.shape[1]
-        r = [self.residuals[sets[:, i]] for i in range(size)]
-        rows = [self.basis[sets[:, i]] for i in range(size)]
-        left = {
-            (i, j): float(i == j) - np.einsum("kp,kp->k", rows[i], rows[j]) for i in range(size) for j in range(i + 1)
-        }
+    def falls(self, among: NDArray[np.intp], at: NDArray[np.intp]) -> Array:
+        """By how much the cost falls without each of some sets of points, (k,): r' (I - H)**-1 r of their own, by elimination.
+
+        The sets, (k, size), are places `at` which their points stand in `among`.
+        """
+        size, r, rows = at.shape[1], list(self.residuals[among][at.T]), self.basis[among]
+        if size == 1:  # of any number of points
+            left = {(0, 0): 1 - np.einsum("np,np->n", rows, rows)}
+        else:
+            hat = rows @ rows.T
+            left = {(i, j): float(i == j) - hat[at[:, i], at[:, j]] for i in range(size) for j in range(i + 1)}
         own = [left[i, i] for i in range(size)]
-        falls, apart = np.zeros(sets.shape[0]), np.ones(sets.shape[0], dtype=bool)
+        falls, apart = np.zeros(len(at)), np.ones(len(at), dtype=bool)
         for j in range(size):
             apart &= left[j, j] > _VANISHED * np.maximum(own[j], _VANISHED)
             pivot = np.where(apart, left[j, j], 1.0)
