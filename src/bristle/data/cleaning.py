@@ -15,6 +15,7 @@ from bristle.data.encoder import whole_positions
 from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time
 from bristle.data.experiment.tables import keys_of
 from bristle.data.record import Record
+from bristle.data.sampling import evenly_sampled
 from bristle.data.text_table import RawTable
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
@@ -77,7 +78,8 @@ def make_record(
         _unwrap(rows, signals.position, context, told=whole is not None)
     _refuse_constant(rows)
     _undelay(rows, signals, starts)
-    return _record(file, table, rows, starts, labels or {})
+    record = _record(file, table, rows, starts, labels or {})
+    return evenly_sampled(record) if cleaning.times == "auto" else record
 
 
 def make_points(

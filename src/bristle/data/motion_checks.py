@@ -9,6 +9,7 @@ from bristle.data.differentiation import between_gaps
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.signals import Context, Signals, si
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
+from bristle.data.sampling import UNEVEN, jitter
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, Finding
 
@@ -149,70 +150,15 @@ def _held(position: Array) -> list[tuple[int, int]]:
 
 
 def irregular_sampling(record: Record) -> Finding | None:
-    """Noise of the position that is white and grows with the speed: of the time stamps, or of the instants of sampling."""
-    if record.position is None:
+    """Noise of the position that is white and grows with the speed: of the instants of sampling, which no stamp tells."""
+    about = jitter(record, record.time / record.step)
+    if about < UNEVEN:
         return None
-    jitter = _jitter(record, record.time / record.step)
-    if jitter < 0.05:  # 0.05 of a sampling interval, standard deviation: less of it hides nothing
-        return None
-    if _jitter(record, np.arange(record.time.size, dtype=float), least=0.0) < jitter / 2:
-        longest = record.time[max(between_gaps(record), key=lambda s: s.stop - s.start)]
-        step = np.polynomial.Polynomial.fit(np.arange(longest.size), longest, 1).convert().coef[1]
-        message = (
-            f"The time stamps of {record.file}{OTHER_FILES} jitter by {jitter:.2g} of a sample (standard deviation), while the position advances "
-            "as if sampled regularly: speeds and accelerations are too noisy. "
-            f"Write `time: {{rate: {1 / step:.5g} Hz}}` under signals."
-        )
-        return Finding("stamps-jitter", CAUTION, message, {"files": (record.file,), "jitter": jitter, "rate": 1 / step})
     message = (
-        f"The position of {record.file}{OTHER_FILES} is noisy in proportion to its speed, as if sampled {jitter:.2g} of a sample (standard "
+        f"The position of {record.file}{OTHER_FILES} is noisy in proportion to its speed, as if sampled {about:.2g} of a sample (standard "
         "deviation) off its time: this takes away from the inertia. Log the time at which each sample was taken, in the loop of the controller."
     )
-    return Finding("sampled-irregularly", CAUTION, message, {"files": (record.file,), "jitter": jitter})
-
-
-def _jitter(record: Record, time: Array, least: float = _DEVIATIONS) -> float:
-    """Standard deviation of the instants of sampling about `time`, (n,), samples; 0 where noise does not follow the speed."""
-    if record.position is None:
-        return 0.0
-    left, speed = [], []
-    for s in between_gaps(record):
-        if s.stop - s.start > _BLOCK:
-            # beside the cubic through four neighbours noise has its variance times one and the squares of the cubic's weights
-            t, q, inner = time[s], record.position[s], np.arange(2, s.stop - s.start - 2)
-            near = [t[inner + k] - t[inner] for k in (-2, -1, 1, 2)]
-            weights = [
-                np.prod([near[j] / (near[j] - near[k]) for j in range(4) if j != k], axis=0) for k in range(4)
-            ]  # of Lagrange
-            through = np.sum([w * q[inner + k] for w, k in zip(weights, (-2, -1, 1, 2), strict=True)], axis=0)
-            left.append((q[inner] - through) / np.sqrt(1 + np.sum(np.square(weights), axis=0)))
-            speed.append((q[inner + 2] - q[inner - 2]) / (near[3] - near[0]))
-    if not left:
-        return 0.0
-    x, r = np.abs(np.concatenate(speed)), np.concatenate(left)
-    if not (np.isfinite(x).all() and np.isfinite(r).all()):  # overflown
-        return 0.0
-    low, high = np.quantile(x, [0.25, 0.75])
-    slow, fast = x <= low, x >= high  # the slow quarter has the noise that does not depend on speed
-    count = smallest_step(record.position)
-    # half of the most that counts make, where each is half a count off in turn
-    floor = max(_variance(r[slow]), count * count)
-    of_speed = float(np.median(x[fast] ** 2))
-    more = _variance(r[fast]) - floor
-    # relative standard error of a variance from the median of sizes, times the root of their number
-    error = 2.3 * np.sqrt(2 / fast.sum()) * _variance(r[fast])
-    if not of_speed > 0 or more <= max(least * error, floor):
-        return 0.0
-    both = fast[1:] & fast[:-1]
-    z = np.clip(r / np.sqrt(_variance(r[fast])), -_DEVIATIONS, _DEVIATIONS)
-    correlation = float(z[1:][both] @ z[:-1][both]) / max(float(z[1:][both] @ z[1:][both]), 1e-12)
-    # correlation of neighbours in what a cubic through neighbours leaves: -0.8 of white noise, positive of a vibration
-    return float(np.sqrt(more / of_speed)) if least == 0.0 or correlation < -0.6 else 0.0
-
-
-def _variance(x: Array) -> float:
-    deviation = float(np.median(np.abs(x)) / 0.6745)
-    return deviation * deviation
+    return Finding("sampled-irregularly", CAUTION, message, {"files": (record.file,), "jitter": about})
 
 
 def velocity_lag(record: Record) -> Finding | None:

@@ -302,3 +302,5 @@ class Cleaning(StrictModel):
     """Rows with a time stamp before one that was seen."""
     gap: Annotated[float, Field(gt=1)] = 5.0
     """An interval longer than this many median intervals is a gap; nothing is filtered across it."""
+    times: Literal["auto", "as-written"] = "auto"
+    """Samples that are not equally far apart are brought onto even ones, or left where they are."""

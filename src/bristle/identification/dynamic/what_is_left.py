@@ -19,7 +19,7 @@ from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained, score
-from bristle.findings import CAUTION, Finding, unit_of
+from bristle.findings import CAUTION, CRITICAL, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.claims import BRISTLE
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, parameters
@@ -51,6 +51,10 @@ _PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1
 """Places named, s between two, and their squares beside the largest."""
 _WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)
 """Of the largest speed: how fast a joint is when it has gone through its backlash."""
+_ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())
+"""Of the largest torque: half the width of a dead zone, ..."""
+_OF_ITSELF = 1.5
+"""... which what is missing of the torque is, within such a factor."""
 _SMALL = 1e-5
 """Of the way: a shift of the position that changes the torque in proportion."""
 _PHASE = 0.37
@@ -103,6 +107,9 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     if problem.cutoff and all(m.position.size for m in motions):
         shifts = tuple(_shifted(problem, solution.values, torque, width)[:, None] for width in _WIDTHS)
         every.append(Candidate(_backlash, shifts))
+    largest = max(float(np.abs(T).max()) for T in torque)
+    flat = [[np.clip(T / (zone * largest), -1, 1) for T in torque] for zone in _ZONES if largest]
+    every.append(Candidate(partial(_dead_zone, largest), [_equations(motions, of_zone)[:, None] for of_zone in flat]))
     lacks = explained(fit, every)
     patterns = pattern_left(problem, lacks.left / weight)
     errors[seen] = lacks.errors
@@ -223,6 +230,19 @@ def _backlash(found: Score, _: int) -> Finding:
         "bristle and the inertia take part of it up; log the position on the side of the friction."
     )
     return Finding("backlash", CAUTION, message, {"play": abs(twice), "share": found.share})
+
+
+def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
+    """A torque of which the same is missing wherever it is larger than that, and all where it is smaller."""
+    missing = -float(found.sizes[0])
+    if not 1 / _OF_ITSELF < missing / (_ZONES[which] * largest) < _OF_ITSELF:
+        return None
+    message = (
+        f"The torque reads hardly anything below {missing:.2g}{unit_of('torque')}, and as much too little above, which would explain "
+        f"{100 * found.share:.0f} % of what the fit leaves: its sensor or drive has a dead zone. What is cut off is missing from alpha_0, and "
+        "reversals look softer; switch it off, or add it to the torque."
+    )
+    return Finding("dead-zone", CRITICAL, message, {"torque": missing, "share": found.share}, {"torque": missing})
 
 
 def _inertia(kind: JointKind, found: Score, _: int) -> Finding:

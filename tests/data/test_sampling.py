@@ -1,0 +1,148 @@
+"""Samples that are not equally far apart are made so: the joint is where it was, and its friction what it was."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import bristle
+from bristle.arrays import Array
+from bristle.data.encoder import smallest_step
+from bristle.data.record import Record
+from bristle.data.sampling import evenly_sampled, jitter
+from bristle.identification.measured import measure
+from bristle.model.parameters import Lugre
+from bristle.model.rollout import rollout
+
+from .test_motion_checks import position, sampled
+from .test_signal_checks import RATE, moving
+
+TRUTH, INERTIA = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0), 0.08
+
+
+def at(record: Record, time: Array) -> Record:
+    """What would have been logged at other times."""
+    return replace(
+        record,
+        time=time,
+        position=sampled(record, time),
+        velocity=None,
+        torque=np.interp(time, record.time, torque(record)),
+    )
+
+
+def torque(record: Record) -> Array:
+    """Of a record that has one, (n,)."""
+    assert record.torque is not None
+    return record.torque
+
+
+def even(record: Record) -> bool:
+    """Whether samples are equally far apart in each segment."""
+    return all(
+        np.ptp(np.diff(part)) < 1e-6 * record.step for part in np.split(record.time, record.starts[1:]) if part.size > 2
+    )
+
+
+def test_even_samples_are_left_as_they_are() -> None:
+    """The record itself is returned, and that of what was made even; stamps that are off by a hundredth of a sample are even."""
+    record, v = moving(0)
+    off = record.time + 0.01 * np.random.default_rng(0).uniform(-1, 1, v.size) / RATE
+    assert evenly_sampled(record) is record
+    assert evenly_sampled(noisy := replace(record, time=off)) is noisy
+
+
+@pytest.mark.parametrize("share", [0.02, 0.2, 0.5])
+def test_lost_samples_are_where_the_joint_was(share: float) -> None:
+    """Rows lost at random are filled to the position that was there, to half a count of the encoder (rms)."""
+    for seed in range(5):
+        record, v = moving(seed, logged=False)
+        kept = np.random.default_rng(seed).random(v.size) >= share
+        kept[[0, -1]] = True
+        found = evenly_sampled(at(record, record.time[kept]))
+        assert even(found)
+        assert found.notes[-1].code == "samples-uneven"
+        there = np.interp(found.time, record.time, position(record))
+        assert np.sqrt(np.mean((position(found) - there) ** 2)) < 0.5 * smallest_step(position(record))
+
+
+def test_stamps_are_told_from_instants() -> None:
+    """Stamps that jitter give way to even ones, instants that do are interpolated: either way hardly any of the jitter is left."""
+    for seed in range(20):
+        record, v = moving(seed, logged=False)
+        away = record.time + 0.5 * np.random.default_rng(seed).uniform(-0.5, 0.5, v.size) / RATE
+        for log, code in (
+            (replace(record, time=away, velocity=None), "stamps-jitter"),
+            (at(record, away), "samples-uneven"),
+        ):
+            found = evenly_sampled(log)
+            assert found.notes[-1].code == code
+            assert even(found)
+            assert jitter(found, found.time / found.step) < 0.05
+    assert jitter(replace(record, time=away), away / record.step) > 0.1
+
+
+def test_an_encoder_still_counts() -> None:
+    """Positions that are whole counts are so afterwards."""
+    record, v = moving(0, logged=False)
+    count = 2e-3
+    kept = np.random.default_rng(0).random(v.size) > 0.1
+    coarse = replace(record, position=count * np.round(position(record) / count), velocity=None)
+    found = evenly_sampled(
+        replace(coarse, time=coarse.time[kept], position=position(coarse)[kept], torque=torque(coarse)[kept])
+    )
+    assert found.time.size > kept.sum()
+    assert position(found) / count == pytest.approx(np.round(position(found) / count), abs=1e-6)
+
+
+@given(
+    st.lists(st.floats(0.01, 4.9), min_size=3, max_size=60),
+    st.integers(0, 2),
+)
+def test_any_stamps_that_rise(intervals: list[float], cuts: int) -> None:
+    """Whatever the intervals: even, as long, finite, and no further beyond what was read than that reaches."""
+    time = np.cumsum([0.0, *intervals])
+    starts = tuple(sorted({0, *(time.size * k // (cuts + 1) for k in range(1, cuts + 1))}))
+    record = Record(
+        file="a", time=time, torque=np.sin(time), velocity=np.cos(time), starts=starts, lines=np.arange(time.size)
+    )
+    found = evenly_sampled(record)
+    assert len(found.starts) == len(starts)
+    assert found is record or even(found)
+    assert found.time[-1] <= time[-1] + 1e-9 or found.notes[-1].code == "stamps-jitter"
+    assert torque(found).min() >= torque(record).min() - np.ptp(torque(record))
+    assert torque(found).max() <= torque(record).max() + np.ptp(torque(record))
+    assert found.lines is not None
+    assert found.lines.size == found.time.size
+
+
+def test_friction_is_what_it_was(tmp_path: Path) -> None:
+    """Of a motion of which every second row or so was lost: the curve to 1 %. As written, its samples stay where they are."""
+    t = np.arange(0, 12, 0.002)
+    w, size, phase = (
+        2 * np.pi * np.array([[0.23], [0.71], [1.3]]),
+        np.array([[0.5], [0.2], [0.05]]),
+        np.array([[1.0], [2.0], [3.0]]),
+    )
+    x = w * t + phase
+    q, v, a = (size * np.sin(x)).sum(0), (size * w * np.cos(x)).sum(0), -(size * w**2 * np.sin(x)).sum(0)
+    rng = np.random.default_rng(0)
+    T = rollout(v, 0.002, TRUTH).torque + INERTIA * a + 0.01 * rng.standard_normal(t.size)
+    rows = np.column_stack([t, q, T])[rng.random(t.size) > 0.5]
+    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,q,T", comments="")
+    file = tmp_path / "a.yaml"
+    file.write_text(
+        "joint: {name: a, kind: revolute}\nsimulated: true\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
+        "  torque: {column: T, unit: N*m}\ncleaning: {times: auto}\nfit: {regressors: [inertia]}\n"
+        "runs: [{files: a.csv, experiment: tracking}]\n"
+    )
+    speeds = np.linspace(0.05, 2.0, 40)
+    true = bristle.friction(speeds, TRUTH)
+    found = bristle.identify(file).model().friction(speeds)
+    assert np.linalg.norm(found - true) < 0.01 * np.linalg.norm(true)
+    file.write_text(file.read_text().replace("auto", "as-written"))
+    (run,) = measure(file).runs
+    assert "samples-uneven" not in {note.code for note in run.record.notes}
