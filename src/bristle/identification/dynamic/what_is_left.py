@@ -19,7 +19,7 @@ from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained, score
-from bristle.findings import CAUTION, CRITICAL, Finding, unit_of
+from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.claims import BRISTLE
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, parameters
@@ -242,7 +242,7 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
         f"{100 * found.share:.0f} % of what the fit leaves: its sensor or drive has a dead zone. What is cut off is missing from alpha_0, and "
         "reversals look softer; switch it off, or add it to the torque."
     )
-    return Finding("dead-zone", CRITICAL, message, {"torque": missing, "share": found.share}, {"torque": missing})
+    return Finding("dead-zone", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
 
 
 def _inertia(kind: JointKind, found: Score, _: int) -> Finding:
