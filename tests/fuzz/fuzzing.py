@@ -12,9 +12,16 @@ Found = Callable[[Case, AssertionError], None]
 
 
 def fuzz(
-    running: Server, results: str, end: float, *, first: int = 0, most: int = 400, found: Found | None = None
+    running: Server,
+    results: str,
+    end: float,
+    *,
+    first: int = 0,
+    least: int = 0,
+    most: int = 400,
+    found: Found | None = None,
 ) -> None:
-    """Try up to so many cases of one seed until `end` (by time.monotonic).
+    """Try at least and at most so many cases of one seed, until `end` (by time.monotonic).
 
     What fails is made small and raised, by Hypothesis; or, where `found` is given, told to that, and the next is tried.
     """
@@ -25,7 +32,8 @@ def fuzz(
     @given(cases(results))
     def tried(case: Case) -> None:
         nonlocal failed
-        if failed or time.monotonic() < end:  # what failed is made small even when time is up
+        # what failed is made small even when time is up
+        if failed or time.monotonic() < end or running.runs < least:
             try:
                 running.check(case)
             except AssertionError as defect:
