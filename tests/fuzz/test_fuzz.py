@@ -20,8 +20,7 @@ def test_any_input_ends_with_a_result_or_one_sentence(tmp_path: Path) -> None:
     At least a quarter of the inputs pass the reader, so that what comes after it is tried as well. Longer: `python -m tests.fuzz --minutes 60`.
     """
     with server() as running:
-        fuzz(
-            running, good_results(tmp_path), time.monotonic() + BUDGET, least=10
-        )  # some hundred on a machine that does nothing else
+        # some hundred on a machine that does nothing else
+        fuzz(running, good_results(tmp_path), time.monotonic() + BUDGET, least=10)
         assert running.runs >= 10
         assert running.past >= running.runs / 4, str(running)

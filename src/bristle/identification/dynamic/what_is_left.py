@@ -53,6 +53,8 @@ _WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)
 """Of the largest speed: how fast a joint is when it has gone through its backlash."""
 _ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())
 """Of the largest torque: half the width of a dead zone, ..."""
+_TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+"""Of the largest torque: from where on a sensor or drive saturates."""
 _OF_ITSELF = 1.5
 """... which what is missing of the torque is, within such a factor."""
 _SMALL = 1e-5
@@ -110,6 +112,8 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     largest = max(float(np.abs(T).max()) for T in torque)
     flat = [[np.clip(T / (zone * largest), -1, 1) for T in torque] for zone in _ZONES if largest]
     every.append(Candidate(partial(_dead_zone, largest), [_equations(motions, of_zone)[:, None] for of_zone in flat]))
+    over = [[np.sign(T) * np.maximum(np.abs(T) - top * largest, 0) for T in torque] for top in _TOPS]
+    every.append(Candidate(partial(_saturates, largest), [_equations(motions, of_top)[:, None] for of_top in over]))
     lacks = explained(fit, every)
     patterns = pattern_left(problem, lacks.left / weight)
     errors[seen] = lacks.errors
@@ -243,6 +247,18 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
         "reversals look softer; switch it off, or add it to the torque."
     )
     return Finding("dead-zone", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
+
+
+def _saturates(largest: float, found: Score, which: int) -> Finding | None:
+    """A torque that reads too little where it is large."""
+    less, of = -float(found.sizes[0]), unit_of("torque")
+    if less <= 0:
+        return None
+    message = (
+        f"Above {_TOPS[which] * largest:.2g}{of} the torque reads {100 * min(less, 1.0):.0f} % too little of what is more, which would explain "
+        f"{100 * found.share:.0f} % of what the fit leaves: its sensor or drive saturates. Move slower or more gently, or widen the range."
+    )
+    return Finding("torque-saturates", CAUTION, message, {"less": less, "share": found.share})
 
 
 def _inertia(kind: JointKind, found: Score, _: int) -> Finding:
