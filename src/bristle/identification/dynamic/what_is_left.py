@@ -250,15 +250,15 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
 
 
 def _saturates(largest: float, found: Score, which: int) -> Finding | None:
-    """A torque that reads too little where it is large."""
-    less, of = -float(found.sizes[0]), unit_of("torque")
-    if less <= 0:
+    """A torque of which hardly anything is read beyond some size."""
+    if not 1 / _OF_ITSELF < -float(found.sizes[0]) < _OF_ITSELF:
         return None
+    top = _TOPS[which] * largest
     message = (
-        f"Above {_TOPS[which] * largest:.2g}{of} the torque reads {100 * min(less, 1.0):.0f} % too little of what is more, which would explain "
-        f"{100 * found.share:.0f} % of what the fit leaves: its sensor or drive saturates. Move slower or more gently, or widen the range."
+        f"The torque reads hardly more than {top:.2g}{unit_of('torque')} where it is larger, which would explain {100 * found.share:.0f} % of "
+        "what the fit leaves: its sensor or drive saturates. Move slower or more gently, or widen the range."
     )
-    return Finding("torque-saturates", CAUTION, message, {"less": less, "share": found.share})
+    return Finding("torque-saturates", CAUTION, message, {"torque": top, "share": found.share})
 
 
 def _inertia(kind: JointKind, found: Score, _: int) -> Finding:
