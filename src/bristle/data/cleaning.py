@@ -79,7 +79,8 @@ def make_record(
     _refuse_constant(rows)
     _undelay(rows, signals, starts)
     record = _record(file, table, rows, starts, labels or {})
-    return evenly_sampled(record) if cleaning.times == "auto" else record
+    off = np.flatnonzero(np.diff(rows.off_before) > 0) + 1 if rows.off_before.size else ()
+    return evenly_sampled(record, {*map(int, off)}) if cleaning.times == "auto" else record
 
 
 def make_points(
@@ -230,7 +231,7 @@ def _gaps(rows: _Rows, gap: float, *, stamped: bool) -> tuple[int, ...]:
         count, longest = int(wide.sum()), float(intervals.max())
         message = (
             f"{count} gap{'' if count == 1 else 's'} longer than {gap:g} intervals ({gap * step:.4g} s), the longest {longest:.4g} s; "
-            "each segment between gaps is treated separately."
+            "what lies between is treated separately, where the motion beside does not tell what it did meanwhile."
         )
         rows.notes.append(Finding("gaps", CAUTION, message, {"gaps": count, "longest": longest}))
     return (0, *(int(k) + 1 for k in np.flatnonzero(wide | off)))

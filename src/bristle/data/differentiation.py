@@ -205,7 +205,17 @@ def _kept(record: Record, long: list[slice], note: Finding) -> Record:
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     signals = {
         name: values[kept]
-        for name in ("time", "position", "velocity", "torque", "voltage", "acceleration", "link_torque", "lines")
+        for name in (
+            "time",
+            "position",
+            "velocity",
+            "torque",
+            "voltage",
+            "acceleration",
+            "link_torque",
+            "lines",
+            "filled",
+        )
         if (values := getattr(record, name)) is not None
     }
     signals["torque_shifts"] = {name: shift[kept] for name, shift in record.torque_shifts.items()}

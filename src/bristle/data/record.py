@@ -64,6 +64,8 @@ class Record:
     """Run-level labels: temperature, load."""
     lines: NDArray[np.intp] | None = None
     """Of a text file the line of each sample, from 1, (n,); None where that is not known."""
+    filled: NDArray[np.bool_] | None = None
+    """Which samples fill a gap, and have no torque of their own, (n,); None: none."""
 
     def __post_init__(self) -> None:
         """Copy, freeze and check every array."""

@@ -1,9 +1,11 @@
 """Whether samples are equally far apart in time, as every filter takes them for, and what makes them so."""
 
+from collections.abc import Collection
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import Polynomial
 
 from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
@@ -19,14 +21,20 @@ _DEVIATIONS = 4.0
 """Standard errors by which something is surely not zero: 6e-5 of clean records."""
 _SIGNALS = ("position", "velocity", "torque", "voltage")
 """What is logged."""
+_LONGEST, _FEW, _PLACES = 200, 4, 30
+"""Samples that a gap that is bridged may have; on either side at least; and places at which it is tried."""
+_WELL, _NOISE = 0.01, 1.5
+"""Share of what the joint does meanwhile, or times the noise, that the motion in a gap may be off."""
 
 
-def evenly_sampled(record: Record) -> Record:
+def evenly_sampled(record: Record, apart: Collection[int] = ()) -> Record:
     """The record at samples that are equally far apart in each segment between gaps; as it is where they are so, to 5 %.
 
+    Gaps that the motion tells what was in them are none, but those before some samples that stay `apart`; no torque is known there.
     Where the stamps keep within a sample to even ones, and the position goes no worse with these, it is the stamps that
     jitter. Else samples were lost, or taken unevenly: all signals are interpolated, by Akima, whose cubics follow a step.
     """
+    record = _bridged(record, apart)
     segments = [s for s in between_gaps(record) if s.stop - s.start > 2]
     intervals = np.concatenate([np.zeros(0), *(np.diff(record.time[s]) for s in segments)]) / record.step
     if not intervals.size or np.std(intervals) < UNEVEN:
@@ -44,6 +52,74 @@ def evenly_sampled(record: Record) -> Record:
         )
         return replace(record, time=time, notes=(*record.notes, Finding("stamps-jitter", NOTE, message)))
     return _interpolated(record)
+
+
+def _bridged(record: Record, apart: Collection[int]) -> Record:
+    """The record with the rows that are missing in its shorter gaps: of its motion by a cubic through as many on either side."""
+    ahead = np.array([k for k in record.starts[1:] if k not in apart], dtype=np.intp)
+    motion = {name: x for name in ("position", "velocity") if (x := getattr(record, name)) is not None}
+    missing = np.rint((record.time[ahead] - record.time[ahead - 1]) / record.step).astype(int) - 1
+    if not motion or not (missing > 0).any():
+        return record
+    name, values = next(iter(motion.items()))
+    most = 0
+    for n in np.unique(missing[(missing > 0) & (missing <= _LONGEST)]).tolist():
+        if not _can_bridge(record, values, n, is_position=name == "position"):
+            break
+        most = n
+    which = (missing > 0) & (missing <= most)
+    if not which.any():
+        return record
+    time, rows = record.time, []
+    new: dict[str, list[Array]] = {name: [] for name in _SIGNALS if getattr(record, name) is not None}
+    for k, n in zip(ahead[which].tolist(), missing[which].tolist(), strict=True):
+        rows.append(np.linspace(time[k - 1], time[k], n + 2)[1:-1])
+        beside = slice(max(k - max(n, _FEW), 0), k + max(n, _FEW))
+        for name, made in new.items():
+            x = getattr(record, name)
+            through = Polynomial.fit(time[beside], x[beside], 3) if name in motion else None
+            made.append(
+                np.interp(rows[-1], time[k - 1 : k + 1], x[k - 1 : k + 1]) if through is None else through(rows[-1])
+            )
+    before = np.repeat(ahead[which], missing[which])
+    count, places = before.size, ahead[which]
+    starts = [k + int(missing[which & (ahead < k)].sum()) for k in record.starts if k not in places]
+    message = (
+        f"{places.size} gap{'s' * (places.size > 1)} of at most {most} samples {'are' if places.size > 1 else 'is'} bridged by the motion beside, "
+        f"which tells samples elsewhere as well; equations there, which hold {count} samples without a torque, are left out."
+    )
+    changed: dict[str, Any] = {
+        name: np.insert(getattr(record, name), before, np.concatenate(made)) for name, made in new.items()
+    }
+    return replace(
+        record,
+        **changed,
+        time=np.insert(time, before, np.concatenate(rows)),
+        starts=tuple(starts),
+        filled=np.insert(np.zeros(time.size, dtype=bool), before, np.ones(count, dtype=bool)),
+        lines=None if record.lines is None else np.insert(record.lines, before, record.lines[before - 1]),
+        notes=(*record.notes, Finding("gaps-bridged", NOTE, message, {"gaps": places.size, "samples": count})),
+    )
+
+
+def _can_bridge(record: Record, values: Array, n: int, *, is_position: bool) -> bool:
+    """Whether a cubic through n samples on either side tells n between: where all are known, to 1 % of what the joint does or within the noise."""
+    side = max(n, _FEW)
+    width = 2 * side + n
+    first = np.concatenate([np.arange(s.start, s.stop - width + 1) for s in between_gaps(record)])
+    if not first.size:
+        return False
+    between, errors, noise = slice(side, side + n), [], []
+    for k in first[:: max(first.size // _PLACES, 1)].tolist():
+        t, x = record.time[k : k + width], values[k : k + width]
+        out = np.ones(width, dtype=bool)
+        out[between] = False
+        left = x - Polynomial.fit(t[out], x[out], 3)(t)
+        errors.append(np.mean(left[between] ** 2))
+        noise.append(np.mean(left[out] ** 2))
+    does = np.diff(values) / record.step * n * record.step if is_position else values
+    error, typical = float(np.sqrt(np.mean(errors))), float(np.median(np.abs(does)))
+    return error <= max(_WELL * typical, _NOISE * float(np.sqrt(np.mean(noise))))
 
 
 def _interpolated(record: Record) -> Record:
@@ -82,6 +158,7 @@ def _interpolated(record: Record) -> Record:
         time=np.concatenate(parts),
         starts=tuple(np.cumsum([0, *(x.size for x in parts)])[:-1].tolist()),
         lines=None if record.lines is None else record.lines[row],
+        filled=None if record.filled is None else np.interp(np.concatenate(parts), record.time, record.filled) > 0,
         notes=(*record.notes, Finding("samples-uneven", NOTE, message, {"apart": apart})),
     )
 

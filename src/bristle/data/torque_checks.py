@@ -36,10 +36,11 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
 
 
 def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
-    """Which samples of a run are clipped: the true torque there is unknown, (n,); none where hardly any others are left."""
+    """Which samples of a run are clipped, or fill a gap: the true torque there is unknown, (n,); no clipped ones where hardly any others are left."""
     clipped = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
     # 0.5 of the samples: where more are clipped, too little is left to fit
-    return clipped if clipped.mean() < 0.5 else np.zeros(clipped.size, dtype=bool)
+    clipped &= clipped.mean() < 0.5
+    return clipped if record.filled is None else clipped | record.filled
 
 
 def _limits(record: Record, kind: RunKind) -> list[float]:
@@ -87,7 +88,7 @@ def _clipped(record: Record, kind: RunKind) -> Finding | None:
     if not limits or record.torque is None:
         return None
     share = float(np.isin(record.torque, limits).mean())
-    left_out = kind != "presliding" and at_limits(record, kind).any()
+    left_out = kind != "presliding" and (at_limits(record, kind) & np.isin(record.torque, limits)).any()
     values = " and ".join(f"{x:.4g}" for x in limits)
     message = (
         f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {values}. The true torque there "

@@ -19,6 +19,8 @@ from bristle.findings import NOTE, Finding
 
 Source = tuple[Path, str]
 """A file, and how it is called."""
+_APART = 100
+"""Gaps by which a file whose time begins anew is put after the one before: nothing tells what the joint did meanwhile."""
 
 
 def keys_of(signals: Signals) -> dict[str, Key]:
@@ -194,7 +196,7 @@ def _shift(before: Array, time: Array, first: RawTable, table: RawTable, gap: fl
         raise InputError(
             f"{names}: the second begins before the first ends, and not anew; give the files in the order of time, each once"
         )
-    return float(ended[-1] - begun[0] + 2 * gap * step)
+    return float(ended[-1] - begun[0] + _APART * gap * step)
 
 
 def _together(digests: Sequence[str]) -> str:
