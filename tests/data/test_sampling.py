@@ -87,16 +87,16 @@ def test_stamps_are_told_from_instants() -> None:
 
 
 def test_an_encoder_still_counts() -> None:
-    """Positions that are whole counts are so afterwards."""
-    record, v = moving(0, logged=False)
-    count = 2e-3
-    kept = np.random.default_rng(0).random(v.size) > 0.1
+    """Positions that are whole counts are so afterwards, where rows are missing one by one and in a row."""
+    record, v = moving(0, "sines", logged=False)
+    count, kept = 2e-3, np.random.default_rng(0).random(v.size) > 0.1
     coarse = replace(record, position=count * np.round(position(record) / count), velocity=None)
-    found = evenly_sampled(
-        replace(coarse, time=coarse.time[kept], position=position(coarse)[kept], torque=torque(coarse)[kept])
-    )
-    assert found.time.size > kept.sum()
-    assert position(found) / count == pytest.approx(np.round(position(found) / count), abs=1e-6)
+    lost = replace(coarse, time=coarse.time[kept], position=position(coarse)[kept], torque=torque(coarse)[kept])
+    gaps = bursts(coarse, 12)
+    for log in (lost, replace(gaps, position=count * np.round(position(gaps) / count))):
+        found = evenly_sampled(log)
+        assert found.time.size > log.time.size
+        assert position(found) / count == pytest.approx(np.round(position(found) / count), abs=1e-6)
 
 
 @given(

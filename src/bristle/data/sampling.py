@@ -70,23 +70,25 @@ def _bridged(record: Record, apart: Collection[int]) -> Record:
     which = (missing > 0) & (missing <= most)
     if not which.any():
         return record
-    time, rows = record.time, []
+    time, rows = record.time, list[Array]()
+    count = smallest_step(record.position) if record.position is not None else 0.0
     new: dict[str, list[Array]] = {name: [] for name in _SIGNALS if getattr(record, name) is not None}
     for k, n in zip(ahead[which].tolist(), missing[which].tolist(), strict=True):
         rows.append(np.linspace(time[k - 1], time[k], n + 2)[1:-1])
         beside = slice(max(k - max(n, _FEW), 0), k + max(n, _FEW))
         for name, made in new.items():
             x = getattr(record, name)
-            through = Polynomial.fit(time[beside], x[beside], 3) if name in motion else None
-            made.append(
-                np.interp(rows[-1], time[k - 1 : k + 1], x[k - 1 : k + 1]) if through is None else through(rows[-1])
-            )
+            if name in motion:
+                found = Polynomial.fit(time[beside], x[beside], 3)(rows[-1])
+                made.append(_counted(found, x[k - 1], count) if name == "position" else found)
+            else:
+                made.append(np.interp(rows[-1], time[k - 1 : k + 1], x[k - 1 : k + 1]))
     before = np.repeat(ahead[which], missing[which])
-    count, places = before.size, ahead[which]
+    places = ahead[which]
     starts = [k + int(missing[which & (ahead < k)].sum()) for k in record.starts if k not in places]
     message = (
         f"{places.size} gap{'s' * (places.size > 1)} of at most {most} samples {'are' if places.size > 1 else 'is'} bridged by the motion beside, "
-        f"which tells samples elsewhere as well; equations there, which hold {count} samples without a torque, are left out."
+        f"which tells samples elsewhere as well; equations there, which hold {before.size} samples without a torque, are left out."
     )
     changed: dict[str, Any] = {
         name: np.insert(getattr(record, name), before, np.concatenate(made)) for name, made in new.items()
@@ -96,9 +98,9 @@ def _bridged(record: Record, apart: Collection[int]) -> Record:
         **changed,
         time=np.insert(time, before, np.concatenate(rows)),
         starts=tuple(starts),
-        filled=np.insert(np.zeros(time.size, dtype=bool), before, np.ones(count, dtype=bool)),
+        filled=np.insert(np.zeros(time.size, dtype=bool), before, np.ones(before.size, dtype=bool)),
         lines=None if record.lines is None else np.insert(record.lines, before, record.lines[before - 1]),
-        notes=(*record.notes, Finding("gaps-bridged", NOTE, message, {"gaps": places.size, "samples": count})),
+        notes=(*record.notes, Finding("gaps-bridged", NOTE, message, {"gaps": places.size, "samples": before.size})),
     )
 
 
@@ -117,9 +119,14 @@ def _can_bridge(record: Record, values: Array, n: int, *, is_position: bool) -> 
         left = x - Polynomial.fit(t[out], x[out], 3)(t)
         errors.append(np.mean(left[between] ** 2))
         noise.append(np.mean(left[out] ** 2))
-    does = np.diff(values) / record.step * n * record.step if is_position else values
+    does = n * np.diff(values) if is_position else values
     error, typical = float(np.sqrt(np.mean(errors))), float(np.median(np.abs(does)))
     return error <= max(_WELL * typical, _NOISE * float(np.sqrt(np.mean(noise))))
+
+
+def _counted(position: Array, near: Array | float, count: float) -> Array:
+    """What an encoder would have read, which has read something near: a whole count from there."""
+    return near + count * np.round((position - near) / count) if count else position
 
 
 def _interpolated(record: Record) -> Record:
@@ -142,9 +149,7 @@ def _interpolated(record: Record) -> Record:
         for name, made in signals.items():
             values = getattr(record, name)[s]
             x = Akima1DInterpolator(old, values)(new) if old.size > 2 else np.interp(new, old, values)
-            if name == "position" and count:  # an encoder would have read a whole count
-                x = values[before] + count * np.round((x - values[before]) / count)
-            made.append(x)
+            made.append(_counted(x, values[before], count) if name == "position" else x)
     row, size = np.concatenate(rows), record.time.size
     apart = float(np.std(intervals)) / record.step
     message = (
