@@ -317,7 +317,7 @@ FAULTS: dict[str, Fault] = {
     "torque clipped": Fault(motion, torque(lambda x, s: np.clip(x.torque, -s * rms(x.torque), s * rms(x.torque))), (1.4, 1.0), ("clipped",)),
     "torque overflows its integer": Fault(motion, torque(lambda x, s: wrapped(x.torque, s * largest(x))), (0.9, 0.6)),
     "torque of few bits": Fault(motion, torque(lambda x, s: np.round(x.torque / s) * s), (0.1, 0.4), ("torque-coarse",)),
-    "dead zone of the torque sensor": Fault(motion, torque(lambda x, s: dead(x.torque, s)), (0.05, 0.2), ("dead-zone",)),
+    "dead zone of the torque sensor": Fault(motion, torque(lambda x, s: dead(x.torque, s)), (0.05, 0.2), ("dead-zone", "torque-missing")),
     "torque offset": Fault(motion, torque(lambda x, s: x.torque + s), (0.05, 0.2), SIDES),
     "spikes in the torque": Fault(motion, torque(lambda x, s: x.torque + s * (np.arange(x.t.size) % 997 == 5)), (2.0, 10.0), ("bursts",)),
     "noise for torque": Fault(motion, torque(lambda x, s: s * np.random.default_rng(1).standard_normal(x.t.size)), (0.1, 1.0), ("nothing to do",)),

@@ -710,7 +710,7 @@ def test_backlash_is_named_with_its_size(play: float) -> None:
 
 
 @pytest.mark.parametrize("share", [0.0, 0.05, 0.1])
-@pytest.mark.parametrize("code", ["dead-zone", "torque-saturates"])
+@pytest.mark.parametrize("code", ["torque-missing", "torque-saturates"])
 def test_what_a_sensor_keeps_is_named_with_its_size(code: str, share: float) -> None:
     """A torque of which a share of the largest is missing about zero, or beyond four such shares, under noise: its size; else neither is said."""
     t, inertia = np.arange(0, 20, STEP), 0.05
@@ -718,17 +718,17 @@ def test_what_a_sensor_keeps_is_named_with_its_size(code: str, share: float) -> 
     whole = rollout(v, STEP, GRIPPER).torque + inertia * np.gradient(v, t)
     largest = np.abs(whole).max()
     top = (1 - 4 * share) * largest
-    missing = share * largest if code == "dead-zone" else np.maximum(np.abs(whole) - top, 0)
+    missing = share * largest if code == "torque-missing" else np.maximum(np.abs(whole) - top, 0)
     torque = whole - np.sign(whole) * np.minimum(np.abs(whole), missing)
     torque += 5e-4 * np.random.default_rng(0).standard_normal(t.size)
     path = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * STEP)])
     read = estimate_motion(Record(file="run.csv", time=t, position=path, torque=torque), 8.0)
     problem = replace(dynamic_problem([read], ("both",), ("inertia",), 5, None), cutoff=8.0)
     found = fit_tracking(problem, {**values_of(GRIPPER), INERTIA: inertia}, "revolute", starts=1).fit.warnings
-    said = [d for d in found if d.code in {"dead-zone", "torque-saturates"}]
+    said = [d for d in found if d.code in {"torque-missing", "torque-saturates"}]
     assert [d.code for d in said][:1] == [code] * bool(share)
     for d in said[:1]:
-        assert d.numbers["torque"] == pytest.approx(share * largest if code == "dead-zone" else top, rel=0.2)
+        assert d.numbers["torque"] == pytest.approx(share * largest if code == "torque-missing" else top, rel=0.2)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.2])

@@ -80,7 +80,7 @@ def verdict(joint: Joint) -> Verdict:
 
 _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts",
-    "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped", "torque-saturates",
+    "reversals-left", "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
 }  # fmt: skip  # a list of values
 """Codes that say why a fit leaves what it leaves ..."""
 _WIDENS = {"clipped-left-out", "runs-move", "runs-scatter", "torque-coarse", "torques-doubted"}

@@ -9,12 +9,12 @@ from dataclasses import replace
 from itertools import groupby, pairwise
 
 import numpy as np
-from scipy.special import fdtrc
+from scipy.special import fdtrc, stdtrit
 
 from bristle.arrays import Array
 from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
+from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.estimation.score_test import scores
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.fits import Estimate
@@ -25,6 +25,8 @@ WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
 _SAMPLES = 5
 """In which a motion has to pass the bristle's deflection."""
+_NOTHING = 1e-8
+"""Share of its column that a half must have, to say anything of a parameter."""
 _INFLATED = 10.0
 """A variance inflation beyond which two parameters are told apart badly."""
 BRISTLE = ("sigma_0", "sigma_1")
@@ -213,23 +215,35 @@ def _runs(problem: DynamicProblem) -> Iterator[tuple[Array, Array]]:
 
 
 def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
-    """The bristle's parameters that are not the same in the first halves of all runs and the second ones: a column of each, a score test.
+    """The bristle's parameters on which the first halves of all runs and the second ones differ, each fitted by one step.
 
     Whether runs differ from one another is asked apart (`repeats`).
     """
     n = sum(m.size for m in problem.motions)
-    J, seen = solution.minimum.jacobian[:n], solution.scaled_errors < np.inf
-    J = J / np.maximum(np.abs(J).max(axis=0), np.finfo(float).tiny)  # the same in any unit
-    parameters = ((name, k) for k, name in enumerate(solution.names) if isinstance(name, ParameterName) and seen[k])
-    looked_at = {name: k for name, k in parameters if name.name in BRISTLE}
-    sizes = [sum(m.size for m in run) for _, run in groupby(problem.motions, key=lambda m: m.file)]
-    side = np.concatenate([np.where(np.arange(size) < size // 2, 0.5, -0.5) for size in sizes])
-    found = scores(J[:, seen], solution.minimum.residuals[:n], [(J[:, k] * side)[:, None] for k in looked_at.values()])
-    return {
-        name: _halves(abs(float(x.sizes[0])) / float(x.errors[0]))
-        for name, x in zip(looked_at, found, strict=True)
-        if x.p * len(looked_at) < SIGNIFICANCE
+    J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
+    largest = np.abs(J).max(axis=0)
+    J = J / np.where(largest > 0, largest, 1.0)  # how far apart in standard errors is the same in any unit
+    parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
+    looked_at = {
+        name: k for name, k in parameters.items() if name.name in BRISTLE and solution.scaled_errors[k] < np.inf
     }
+    freedom = n / solution.widening**2 - 2 * len(parameters)
+    if freedom < 1 or not looked_at:
+        return {}
+    variance = float(left @ left) / n * solution.widening**2
+    steps, spreads = [], []
+    sizes = [sum(m.size for m in run) for _, run in groupby(problem.motions, key=lambda m: m.file)]
+    first = np.concatenate([np.arange(size) < size // 2 for size in sizes])
+    for rows in (first, ~first):
+        size = np.linalg.norm(J[rows], axis=0)
+        size[size <= _NOTHING * np.linalg.norm(J, axis=0)] = np.inf
+        inverse = inverse_gram(J[rows] / size)
+        steps.append(-inverse @ (J[rows].T @ left[rows] / size) / size)
+        spreads.append(np.where(size < np.inf, variance * np.diag(inverse) / size**2, np.inf))
+    limit = float(stdtrit(freedom, 1 - SIGNIFICANCE / (2 * len(looked_at))))
+    apart = (steps[0] - steps[1]) / np.sqrt(np.maximum(spreads[0] + spreads[1], 1e-300))
+    off = {name: float(abs(apart[k])) for name, k in looked_at.items()}
+    return {name: _halves(x) for name, x in off.items() if x > limit}
 
 
 def _halves(apart: float) -> Finding:

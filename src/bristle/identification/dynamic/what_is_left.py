@@ -246,7 +246,7 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
         f"{100 * found.share:.0f} % of what the fit leaves: its sensor or drive has a dead zone. What is cut off is missing from alpha_0, and "
         "reversals look softer; switch it off, or add it to the torque."
     )
-    return Finding("dead-zone", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
+    return Finding("torque-missing", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
 
 
 def _saturates(largest: float, found: Score, which: int) -> Finding | None:
