@@ -165,6 +165,13 @@ def test_gaps_that_nothing_tells_stay() -> None:
     assert len(evenly_sampled(long).starts) == 2
 
 
+def test_no_more_are_made_than_can_be_held() -> None:
+    """An hour that is declared to be no gap, in a log of microseconds, is not filled."""
+    time = np.concatenate([np.arange(500), 3.6e9 + np.arange(500)]) * 1e-6
+    record = Record(file="a", time=time, position=np.sin(time), torque=np.cos(time))
+    assert evenly_sampled(record) is record
+
+
 def test_friction_is_what_it_was(tmp_path: Path) -> None:
     """Of a motion of which every second row or so was lost: the curve to 1 %. As written, its samples stay where they are."""
     t = np.arange(0, 12, 0.002)

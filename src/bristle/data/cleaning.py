@@ -80,7 +80,7 @@ def make_record(
     _undelay(rows, signals, starts)
     record = _record(file, table, rows, starts, labels or {})
     off = np.flatnonzero(np.diff(rows.off_before) > 0) + 1 if rows.off_before.size else ()
-    return evenly_sampled(record, {*map(int, off)}) if cleaning.times == "auto" else record
+    return evenly_sampled(record, {*off}) if cleaning.times == "auto" else record
 
 
 def make_points(

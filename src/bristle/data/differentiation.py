@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.record import Record
+from bristle.data.record import SIGNALS, Record
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 
@@ -205,17 +205,7 @@ def _kept(record: Record, long: list[slice], note: Finding) -> Record:
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     signals = {
         name: values[kept]
-        for name in (
-            "time",
-            "position",
-            "velocity",
-            "torque",
-            "voltage",
-            "acceleration",
-            "link_torque",
-            "lines",
-            "filled",
-        )
+        for name in ("time", *SIGNALS, "lines", "filled")
         if (values := getattr(record, name)) is not None
     }
     signals["torque_shifts"] = {name: shift[kept] for name, shift in record.torque_shifts.items()}

@@ -9,20 +9,16 @@ from bristle.data.differentiation import between_gaps
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.signals import Context, Signals, si
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
-from bristle.data.sampling import UNEVEN, jitter
+from bristle.data.sampling import BLOCK, DEVIATIONS, UNEVEN, jitter
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, Finding
 
 _AROUND = 5
 """Samples on either side that tell the usual travel of one."""
-_BLOCK = 100
-"""Samples that tell the noise of that."""
 _JUMP = 10.0
 """Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
 _NAMED = 4
 """Places in one sentence."""
-_DEVIATIONS = 4.0
-"""Standard errors by which something is surely not zero: 6e-5 of clean records."""
 _HELD = 3
 """Times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample."""
 _BESIDE = 20
@@ -37,12 +33,12 @@ def shortened(names: list[str]) -> tuple[str, ...]:
 
 def position_jumps(record: Record, signals: Signals, context: Context) -> Finding | None:
     """Steps of the position in motion that neither speed nor time explains; under counted time those of lost samples."""
-    if record.position is None or record.time.size < 2 * _BLOCK:
+    if record.position is None or record.time.size < 2 * BLOCK:
         return None
     count = smallest_step(record.position)
     places, counted = [], True
     for s in between_gaps(record):
-        if s.stop - s.start < 2 * _BLOCK:
+        if s.stop - s.start < 2 * BLOCK:
             continue
         intervals = np.diff(record.time[s]) / record.step
         found = _jumps(np.diff(record.position[s]), intervals, count)
@@ -87,7 +83,7 @@ def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, floa
     size = np.abs(excess)
 
     # the noise of the noisiest block about each, from the median of deviations
-    blocks = np.array_split(np.abs(off), max(off.size // _BLOCK, 1))
+    blocks = np.array_split(np.abs(off), max(off.size // BLOCK, 1))
     padded = np.pad(np.array([np.median(b) for b in blocks]) / 0.6745, 1, mode="edge")
     widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
     noise = np.repeat(widest, [b.size for b in blocks])
@@ -112,7 +108,7 @@ def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str
 
 def held_position(record: Record, signals: Signals) -> Finding | None:
     """A reading that stays the same in the midst of a motion, and then catches up at once: it was not refreshed."""
-    if record.position is None or record.time.size < 2 * _BLOCK:
+    if record.position is None or record.time.size < 2 * BLOCK:
         return None
     found = [(s.start + k, n) for s in between_gaps(record) for k, n in _held(record.position[s])]
     if not found:
@@ -195,7 +191,7 @@ def velocity_lag(record: Record) -> Finding | None:
     lag, error, share = max(found, key=lambda x: abs(x[0]) / max(x[1], 1e-12))
     # a lag is told beyond so many samples, where it changes the velocity by this share (rms)
     samples, matters = 1.0, 0.01
-    if abs(lag) - samples * record.step < _DEVIATIONS * error or share < matters:
+    if abs(lag) - samples * record.step < DEVIATIONS * error or share < matters:
         return None
     lags, why, remedy = (
         ("lags behind", "filtered", "it unfiltered") if lag > 0 else ("leads", "the command", "the measured one")

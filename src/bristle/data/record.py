@@ -12,7 +12,8 @@ from bristle.findings import Finding, unit_of
 
 OTHER_FILES, OTHER_PLACES = unit_of("other_files"), unit_of("other_places")
 """Marks in the messages of a record's warnings, after its file or the place in it, where `merged` adds those of other runs; printed as nothing."""
-_SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration", "link_torque")
+SIGNALS = ("position", "velocity", "torque", "voltage", "acceleration", "link_torque")
+"""What a record may hold along its time."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,7 +80,7 @@ class Record:
             lines = self.lines.copy()
             lines.setflags(write=False)
             object.__setattr__(self, "lines", lines)
-        for name in _SIGNALS:
+        for name in SIGNALS:
             value = getattr(self, name)
             if value is None:
                 continue

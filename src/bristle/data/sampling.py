@@ -10,17 +10,17 @@ from numpy.polynomial import Polynomial
 from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
 from bristle.data.encoder import smallest_step
-from bristle.data.record import Record
+from bristle.data.record import SIGNALS, Record
 from bristle.findings import NOTE, Finding
 
 UNEVEN = 0.05
 """Of a sampling interval, standard deviation: less of it hides nothing."""
-_BLOCK = 100
+BLOCK = 100
 """Samples that tell the noise of the position."""
-_DEVIATIONS = 4.0
+DEVIATIONS = 4.0
 """Standard errors by which something is surely not zero: 6e-5 of clean records."""
-_SIGNALS = ("position", "velocity", "torque", "voltage")
-"""What is logged."""
+_MANY = 10.0
+"""Times the samples that there are: more are not made, where gaps are declared to be none."""
 _LONGEST, _FEW, _PLACES = 200, 4, 30
 """Samples that a gap that is bridged may have; on either side at least; and places at which it is tried."""
 _WELL, _NOISE = 0.01, 1.5
@@ -37,7 +37,7 @@ def evenly_sampled(record: Record, apart: Collection[int] = ()) -> Record:
     record = _bridged(record, apart)
     segments = [s for s in between_gaps(record) if s.stop - s.start > 2]
     intervals = np.concatenate([np.zeros(0), *(np.diff(record.time[s]) for s in segments)]) / record.step
-    if not intervals.size or np.std(intervals) < UNEVEN:
+    if not intervals.size or np.std(intervals) < UNEVEN or intervals.sum() > _MANY * record.time.size:
         return record
     time = record.time.copy()
     for s in segments:
@@ -72,7 +72,7 @@ def _bridged(record: Record, apart: Collection[int]) -> Record:
         return record
     time, rows = record.time, list[Array]()
     count = smallest_step(record.position) if record.position is not None else 0.0
-    new: dict[str, list[Array]] = {name: [] for name in _SIGNALS if getattr(record, name) is not None}
+    new: dict[str, list[Array]] = {name: [] for name in SIGNALS if getattr(record, name) is not None}
     for k, n in zip(ahead[which].tolist(), missing[which].tolist(), strict=True):
         rows.append(np.linspace(time[k - 1], time[k], n + 2)[1:-1])
         beside = slice(max(k - max(n, _FEW), 0), k + max(n, _FEW))
@@ -141,7 +141,7 @@ def _interpolated(record: Record) -> Record:
         first, last = record.time[s.start], record.time[s.stop - 1]
         parts.append(np.minimum(first + step * np.arange(int((last - first) / step + 1e-6) + 1), last))
     count = smallest_step(record.position) if record.position is not None else 0.0
-    signals: dict[str, list[Array]] = {name: [] for name in _SIGNALS if getattr(record, name) is not None}
+    signals: dict[str, list[Array]] = {name: [] for name in SIGNALS if getattr(record, name) is not None}
     rows = []
     for s, new in zip(segments, parts, strict=True):
         old, before = record.time[s], np.searchsorted(record.time[s], new, side="right") - 1
@@ -174,7 +174,7 @@ def jitter(record: Record, time: Array) -> float:
         return 0.0
     left, speed = [], []
     for s in between_gaps(record):
-        if s.stop - s.start > _BLOCK:
+        if s.stop - s.start > BLOCK:
             # beside the cubic through four neighbours noise has its variance times one and the squares of the cubic's weights
             t, q, inner = time[s], record.position[s], np.arange(2, s.stop - s.start - 2)
             near = [t[inner + k] - t[inner] for k in (-2, -1, 1, 2)]
@@ -198,10 +198,10 @@ def jitter(record: Record, time: Array) -> float:
     more = _variance(r[fast]) - floor
     # relative standard error of a variance from the median of sizes, times the root of their number
     error = 2.3 * np.sqrt(2 / fast.sum()) * _variance(r[fast])
-    if not of_speed > 0 or more <= max(_DEVIATIONS * error, floor):
+    if not of_speed > 0 or more <= max(DEVIATIONS * error, floor):
         return 0.0
     both = fast[1:] & fast[:-1]
-    z = np.clip(r / np.sqrt(_variance(r[fast])), -_DEVIATIONS, _DEVIATIONS)
+    z = np.clip(r / np.sqrt(_variance(r[fast])), -DEVIATIONS, DEVIATIONS)
     correlation = float(z[1:][both] @ z[:-1][both]) / max(float(z[1:][both] @ z[1:][both]), 1e-12)
     # correlation of neighbours in what a cubic through neighbours leaves: -0.8 of white noise, positive of a vibration
     return float(np.sqrt(more / of_speed)) if correlation < -0.6 else 0.0

@@ -109,11 +109,11 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     if problem.cutoff and all(m.position.size for m in motions):
         shifts = tuple(_shifted(problem, solution.values, torque, width)[:, None] for width in _WIDTHS)
         every.append(Candidate(_backlash, shifts))
-    largest = max(float(np.abs(T).max()) for T in torque)
-    flat = [[np.clip(T / (zone * largest), -1, 1) for T in torque] for zone in _ZONES if largest]
-    every.append(Candidate(partial(_dead_zone, largest), [_equations(motions, of_zone)[:, None] for of_zone in flat]))
-    over = [[np.sign(T) * np.maximum(np.abs(T) - top * largest, 0) for T in torque] for top in _TOPS]
-    every.append(Candidate(partial(_saturates, largest), [_equations(motions, of_top)[:, None] for of_top in over]))
+    if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
+        below = [[np.clip(T / (zone * largest), -1, 1) for T in torque] for zone in _ZONES]
+        beyond = [[T - np.clip(T, -top * largest, top * largest) for T in torque] for top in _TOPS]
+        for tell, columns in ((_dead_zone, below), (_saturates, beyond)):
+            every.append(Candidate(partial(tell, largest), [_equations(motions, x)[:, None] for x in columns]))
     lacks = explained(fit, every)
     patterns = pattern_left(problem, lacks.left / weight)
     errors[seen] = lacks.errors
