@@ -170,7 +170,7 @@ class _Builder:
         if form == 2:
             return self.message(of)
         if form in (3, 4):
-            return ArrayField(self.field(of[0]), int(of[1]) if form == 3 else None)
+            return ArrayField(self.field(of[0]), min(int(of[1]), 2**32) if form == 3 else None)
         if of[0] == "string":
             return TextField()
         dtype = _DTYPES.get(of[0])

@@ -1,11 +1,6 @@
-"""Messages to columns: where the layout of many is the same, all of them at once, as one array.
+"""Messages to columns: all messages of a batch are gone through at once, field by field, as arrays of where each has come to."""
 
-A layout is found by walking one message: the bytes that say lengths and names, and where the wanted numbers then are.
-Every other message that is as long and has the same bytes in those places has its numbers there, and needs no walk.
-"""
-
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
 from struct import unpack_from
 from typing import Any, NamedTuple
 
@@ -13,20 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.data.ros.definitions import ArrayField, Field, MessageField, NumberField, TextField, UnreadableField
-from bristle.data.ros.storage import DAMAGED, Bytes, Integers, MessageBatch, gather, rows_of
+from bristle.data.ros.storage import DAMAGED, Integers, MessageBatch, rows_of
 from bristle.errors import InputError
 
 NAMES = ("name", "joint_names")
 """Fields that hold the names of joints, in the order of the message's other arrays."""
 NO_STAMP = np.iinfo(np.int64).min
 """In place of a stamp that a message does not have."""
-_LAYOUTS, _KNOWN = 64, 20_000
-"""Layouts that are looked for in all messages at once; where there are more, each message is looked at by itself."""
-_APART = 8
-"""Bytes between lengths that are compared as well: padding, and small numbers between them cost a walk at most."""
-_MOST_NAMES = 1000
-_FORMS = {"u1": "B", "i1": "b", "u2": "H", "i2": "h", "u4": "I", "i4": "i", "u8": "Q", "i8": "q", "f4": "f", "f8": "d"}
-"""Types of numbers in the letters of `struct`."""
+_MOST_NAMES, _KNOWN = 1000, 20_000
+"""Joints that are listed, and lists of names that are remembered."""
+_MOST_ELEMENTS = 10_000
+"""Texts or messages in an array: they are gone through one by one."""
 
 
 class NamedJoint(NamedTuple):
@@ -45,127 +37,126 @@ class Path(NamedTuple):
     is_stamp: bool = False
 
 
-@dataclass(slots=True)
-class Wanted:
-    """What is wanted of a field: itself, by which paths, and what is inside, by name or number."""
+class _Wanted(NamedTuple):
+    """What is wanted of a field: the rest of the way of a path, in some of the messages, (messages,)."""
 
-    ends: list[int] = field(default_factory=list)
-    inside: dict[str | int, "Wanted"] = field(default_factory=dict)
-
-
-_NOTHING = Wanted()
+    path: int
+    steps: tuple[Step, ...]
+    where: NDArray[np.bool_]
 
 
-Found = Mapping[int, tuple[int, str]]
-"""Offset and type of the number at each path."""
-Ranges = tuple[tuple[int, int], ...]
-"""Where the bytes are that decide on the others."""
-
-
-@dataclass(slots=True)
 class _Walk:
-    """One message, from field to field."""
+    """Messages of one byte order, (n,), from field to field; `rows` are those of them that have the field at hand."""
 
-    data: bytes
-    is_cdr: bool
-    at: int = 0
-    order: str = "<"
-    marks: list[tuple[int, int]] = field(default_factory=list)
-    """From and to: bytes that decide where the others are."""
-    found: dict[int, tuple[int, str]] = field(default_factory=dict)
-    """Offset and type of each wanted number."""
+    def __init__(self, batch: MessageBatch, order: str, paths: Sequence[Path], *, is_cdr: bool) -> None:
+        self.data, self.order, self.is_cdr = batch.data, order, is_cdr
+        self.begun, self.ends = batch.starts + 4 * is_cdr, batch.starts + batch.lengths
+        self.at = self.begun.copy()
+        self.rows = np.arange(batch.starts.size)
+        self.places: dict[NamedJoint, Integers] = {}
+        """Which element each joint is, (n,); -1 where it is not there."""
+        self.values: list[NDArray[Any]] = [
+            np.full(self.at.size, NO_STAMP, np.int64) if path.is_stamp else np.full(self.at.size, np.nan)
+            for path in paths
+        ]
 
-    def __post_init__(self) -> None:
-        if self.is_cdr:
-            if len(self.data) < 4 or self.data[:2] not in (b"\0\0", b"\0\1"):
-                raise InputError(f"is damaged: a message is not in CDR of version 1; {DAMAGED}")
-            self.order, self.at = "<>"[self.data[1] == 0], 4
-            self.marks.append((0, 2))
-
-    def align(self, size: int) -> None:
+    def align(self, rows: Integers, size: int) -> None:
         """Go on to where a number of so many bytes may stand."""
         if self.is_cdr:
-            self.at += (4 - self.at) % size
+            self.at[rows] += (self.begun[rows] - self.at[rows]) % size
 
-    def skip(self, size: int) -> int:
-        """Go so many bytes on; returns where they began. Raises InputError where the message ends before."""
-        begun = self.at
-        self.at += size
-        if self.at > len(self.data):
+    def expect(self, rows: Integers, size: Integers | int) -> None:
+        """Raises InputError where a message ends before so many bytes."""
+        if (self.ends[rows] - self.at[rows] < size).any():
             raise InputError(f"is damaged: a message ends inside one of its fields; {DAMAGED}")
+
+    def skip(self, rows: Integers, size: Integers | int) -> Integers:
+        """Go so many bytes on; returns where they began. Raises InputError where a message ends before."""
+        self.expect(rows, size)
+        begun = self.at[rows]
+        self.at[rows] += size
         return begun
 
-    def length(self) -> int:
+    def numbers(self, starts: Integers, dtype: str) -> NDArray[Any]:
+        """The numbers of a type at some offsets, at any alignment."""
+        return rows_of(self.data, starts, int(dtype[1:])).view(self.order + dtype)[:, 0]
+
+    def lengths(self, rows: Integers) -> Integers:
         """The number of elements or letters that follow."""
-        self.align(4)
-        begun = self.skip(4)
-        self.marks.append((begun, self.at))
-        return int.from_bytes(self.data[begun : self.at], "little" if self.order == "<" else "big")
+        self.align(rows, 4)
+        return self.numbers(self.skip(rows, 4), "u4").astype(np.int64)
 
-    def note(self, wanted: Wanted, at: int, dtype: str) -> None:
-        """Note where a wanted number is."""
-        for path in wanted.ends:
-            self.found[path] = (at, self.order + dtype)
-
-    def visit(self, part: Field, wanted: Wanted = _NOTHING) -> None:
-        """Go over a field, and note where the wanted numbers in it are."""
-        if self.at + part.least > len(self.data):
-            self.skip(part.least)
+    def visit(self, part: Field, rows: Integers, wanted: Sequence[_Wanted] = ()) -> None:
+        """Go over a field, and take the wanted numbers in it."""
+        if not rows.size:
+            return
+        self.expect(rows, part.least)
         match part:
             case NumberField():
-                self.align(part.size)
-                self.note(wanted, self.skip(part.size), part.dtype)
+                self.align(rows, part.size)
+                self._take(part, rows, self.skip(rows, part.size), wanted)
             case TextField():
-                self.skip(self.length())
+                self.skip(rows, self.lengths(rows))
             case MessageField():
-                self._message(part, wanted)
+                self._message(part, rows, wanted)
             case ArrayField():
-                self._array(part, wanted)
+                self._array(part, rows, wanted)
             case UnreadableField():
                 raise InputError(
                     f"holds messages with a field of type {part.name}, which is not read; name other topics"
                 )
 
-    def _message(self, part: MessageField, wanted: Wanted) -> None:
-        if wanted.ends:  # a stamp, whose numbers have four bytes each
-            self.align(4)
-            self.note(wanted, self.at, "i4")
+    def _take(self, part: NumberField, rows: Integers, starts: Integers, wanted: Sequence[_Wanted]) -> None:
+        """The numbers of a field that stand at some offsets."""
+        for path, _, where in wanted:
+            ours = where[rows]
+            self.values[path][rows[ours]] = self.numbers(starts[ours], part.dtype)
+
+    def _message(self, part: MessageField, rows: Integers, wanted: Sequence[_Wanted]) -> None:
+        stamps = [want for want in wanted if not want.steps]  # whose numbers have four bytes each
+        if stamps:
+            self.align(rows, 4)
+        begun = self.at[rows]
         for name, inside in part.fields.items():
             if inside.least:
-                self.visit(inside, wanted.inside.get(name, _NOTHING))
+                own = [want._replace(steps=want.steps[1:]) for want in wanted if want.steps[:1] == (name,)]
+                self.visit(inside, rows, own)
+        for path, _, where in stamps:
+            ours = begun[where[rows]]
+            seconds = self.numbers(ours, "i4" if self.is_cdr else "u4").astype(np.int64)  # of ROS 1 without a sign
+            self.values[path][rows[where[rows]]] = seconds * 10**9 + self.numbers(ours + 4, "u4")
 
-    def _array(self, part: ArrayField, wanted: Wanted) -> None:
-        count, element = self.length() if part.count is None else part.count, part.element
-        if not count or not element.least:
+    def _array(self, part: ArrayField, rows: Integers, wanted: Sequence[_Wanted]) -> None:
+        element = part.element
+        counts = self.lengths(rows) if part.count is None else np.full(rows.size, part.count)
+        if not element.least:
             return
-        if count * element.least > len(self.data) - self.at:
-            self.skip(count * element.least)
+        self.expect(rows, counts * min(element.least, 2**30))
+        rows, counts = rows[counts > 0], counts[counts > 0]
+        places = {want.steps[0]: self._places(want.steps[0]) for want in wanted}
         if isinstance(element, NumberField):
-            self.align(element.size)
-            begun = self.skip(count * element.size)
-            for k, inside in wanted.inside.items():
-                if isinstance(k, int) and k < count:
-                    self.note(inside, begun + k * element.size, element.dtype)
+            self.align(rows, element.size)
+            begun = self.skip(rows, counts * element.size)
+            for want in wanted:
+                place = places[want.steps[0]]
+                there = np.zeros(self.at.size, dtype=bool)
+                there[rows] = (place[rows] >= 0) & (place[rows] < counts)
+                self._take(element, rows, begun + place[rows] * element.size, [want._replace(where=want.where & there)])
             return
-        for k in range(count):
-            self.visit(element, wanted.inside.get(k, _NOTHING))
+        most = int(counts.max(initial=0))
+        if most > _MOST_ELEMENTS:
+            raise InputError(
+                f"holds messages with {most} texts or messages in one array, over the limit of {_MOST_ELEMENTS}; name other topics"
+            )
+        for k in range(most):
+            own = [
+                want._replace(steps=want.steps[1:], where=want.where & (places[want.steps[0]] == k)) for want in wanted
+            ]
+            self.visit(element, rows[counts > k], [want for want in own if want.where.any()])
 
-
-class _Layout(NamedTuple):
-    """Where the numbers are in messages of one length that have these bytes in these places."""
-
-    length: int
-    marks: tuple[tuple[int, Bytes], ...]
-    found: Found
-
-    def matches(self, batch: MessageBatch, which: Integers) -> Integers:
-        """Those of some messages that have it."""
-        which = which[batch.lengths[which] == self.length]
-        for begun, wanted in self.marks:
-            if which.size:
-                rows = rows_of(batch.data, batch.starts[which] + begun, wanted.size)
-                which = which[(rows == wanted).all(axis=1)]
-        return which
+    def _places(self, step: Step) -> Integers:
+        """Which element a step means in each message."""
+        return self.places[step] if isinstance(step, NamedJoint) else np.full(self.at.size, step, np.int64)
 
 
 class Decoder:
@@ -173,17 +164,14 @@ class Decoder:
 
     def __init__(self, message: MessageField, paths: Sequence[Path], *, is_cdr: bool) -> None:
         self.message, self.paths, self.is_cdr = message, paths, is_cdr
+        self.named = list(dict.fromkeys(x for path in paths for x in path.steps if isinstance(x, NamedJoint)))
         self.names_field = next((name for name in NAMES if _is_names(message.fields.get(name))), None)
         tops = {str(path.steps[0]) for path in paths}
-        if any(isinstance(step, NamedJoint) for path in paths for step in path.steps) and self.names_field:
-            tops.add(self.names_field)
         order = list(message.fields)
-        self.fields = list(message.fields.items())[: max((order.index(top) for top in tops), default=-1) + 1]
-        self.trees: dict[tuple[str, ...], Wanted] = {}
-        self.by_name = self.names_field in tops
-        self.layouts: list[_Layout] = []
-        self.ranges: dict[Ranges, None] = {}
-        self.known: dict[tuple[int, Ranges, tuple[bytes, ...]], Found] = {}
+        last = max((order.index(top) for top in tops), default=-1)
+        self.part = MessageField(message.kind, dict(list(message.fields.items())[: last + 1]), 0)
+        self.known: dict[tuple[str, bytes], list[int]] = {}
+        """Which element each of `named` is, by the order and the bytes of the names."""
         self.joints: dict[str, None] = {}
         """Names that were seen, in order."""
 
@@ -192,146 +180,71 @@ class Decoder:
 
         Raises InputError where a message does not fit its definition.
         """
-        count = batch.starts.size
-        out: list[NDArray[Any]] = [
-            np.full(count, NO_STAMP, np.int64) if path.is_stamp else np.full(count, np.nan) for path in self.paths
-        ]
-        left = np.ones(count, dtype=bool)
-        for layout in self.layouts:
-            which = layout.matches(batch, np.flatnonzero(left))
-            self._take(batch, which, layout, out)
-            left[which] = False
-            if not left.any():
-                return out
-        while left.any() and len(self.layouts) < _LAYOUTS:
-            layout = self._layout(batch, int(left.argmax()))
-            self.layouts.append(layout)
-            which = layout.matches(batch, np.flatnonzero(left))
-            self._take(batch, which, layout, out)
-            left[which] = False
-        for k in np.flatnonzero(left).tolist():
-            self._take_one(batch, k, out)
-        return out
+        big = np.zeros(batch.starts.size, dtype=bool)
+        if self.is_cdr:
+            whole = (batch.lengths >= 4).all()
+            head = rows_of(batch.data, batch.starts, 2) if whole else np.ones((1, 2))
+            if head[:, 0].any() or (head[:, 1] > 1).any():
+                raise InputError(f"is damaged: a message is not in CDR of version 1; {DAMAGED}")
+            big = head[:, 1] == 0
+        if not big.any():
+            return self._decoded(batch, "<")
+        little, order = self._decoded(batch.where(~big), "<"), np.argsort(big, kind="stable")
+        both = zip(little, self._decoded(batch.where(big), ">"), strict=True)
+        return [np.concatenate(parts)[np.argsort(order)] for parts in both]
 
-    def _take(self, batch: MessageBatch, which: Integers, layout: _Layout, out: list[NDArray[Any]]) -> None:
-        """The numbers of messages that have a layout."""
-        if not which.size:
-            return
-        for path, (offset, dtype) in layout.found.items():
-            starts = batch.starts[which] + offset
-            if self.paths[path].is_stamp:
-                seconds = gather(batch.data, starts, dtype).astype(np.int64)
-                out[path][which] = self._stamp(seconds, gather(batch.data, starts + 4, dtype[0] + "u4"))
-            else:
-                with np.errstate(invalid="ignore"):  # of numbers that are none
-                    out[path][which] = gather(batch.data, starts, dtype).astype(float)
+    def _decoded(self, batch: MessageBatch, order: str) -> list[NDArray[Any]]:
+        walk = _Walk(batch, order, self.paths, is_cdr=self.is_cdr)
+        found = self._found(batch, order) if self.named else np.zeros((0, 0), np.int64)
+        walk.places = dict(zip(self.named, found.T, strict=True))
+        everywhere = np.ones(batch.starts.size, dtype=bool)
+        with np.errstate(invalid="ignore"):  # of numbers that are none
+            walk.visit(self.part, walk.rows, [_Wanted(k, x.steps, everywhere) for k, x in enumerate(self.paths)])
+        return walk.values
 
-    def _take_one(self, batch: MessageBatch, k: int, out: list[NDArray[Any]]) -> None:
-        """The numbers of one message, by itself."""
-        data = _bytes(batch, k)
-        for path, (offset, dtype) in self._found(data).items():
-            form = dtype[0] + _FORMS[dtype[1:]]
-            if self.paths[path].is_stamp:
-                out[path][k] = self._stamp(*unpack_from(f"{form}I", data, offset))
-            else:
-                out[path][k] = unpack_from(form, data, offset)[0]
-
-    def _found(self, data: bytes) -> Found:
-        """Where the wanted numbers of one message are: as in one before with the same marks, else by a walk."""
-        for ranges in self.ranges:
-            known = self.known.get((len(data), ranges, tuple(data[a:b] for a, b in ranges)))
-            if known is not None:
-                return known
-        walk = self._walked(data)
-        ranges = tuple(_merged(walk.marks))
-        if len(self.known) < _KNOWN and (ranges in self.ranges or len(self.ranges) < _LAYOUTS):
-            self.ranges[ranges] = None
-            self.known[len(data), ranges, tuple(data[a:b] for a, b in ranges)] = walk.found
-        return walk.found
-
-    def _stamp(self, seconds: Any, nanoseconds: Any) -> Any:
-        """A stamp in ns; the seconds of ROS 1 have no sign."""
-        return (seconds if self.is_cdr else seconds & 0xFFFFFFFF) * 10**9 + nanoseconds
-
-    def _layout(self, batch: MessageBatch, k: int) -> _Layout:
-        """The layout of one message."""
-        data = _bytes(batch, k)
-        walk, raw = self._walked(data), np.frombuffer(data, np.uint8)
-        return _Layout(len(data), tuple((a, raw[a:b]) for a, b in _merged(walk.marks)), walk.found)
-
-    def _walked(self, data: bytes) -> _Walk:
-        """A walk through a message, as far as anything is wanted."""
-        walk = _Walk(data, self.is_cdr)
-        wanted = self._tree(self._names(data) if self.by_name else ())
-        for name, part in self.fields:
-            begun = walk.at
-            walk.visit(part, wanted.inside.get(name, _NOTHING))
-            if name == self.names_field and self.by_name:
-                walk.marks.append((begun, walk.at))
-        return walk
-
-    def _tree(self, names: tuple[str, ...]) -> Wanted:
-        """What is wanted in a message with these names."""
-        if names not in self.trees:
-            if len(self.trees) > _MOST_NAMES:
-                self.trees.clear()
-            self.trees[names] = _tree(self.paths, names)
-        return self.trees[names]
-
-    def _names(self, data: bytes) -> tuple[str, ...]:
-        """The names of the joints in a message."""
-        walk = _Walk(data, self.is_cdr)
+    def _found(self, batch: MessageBatch, order: str) -> Integers:
+        """Which element each of the named joints is in each message, (messages, joints); -1 where it is not there."""
+        if self.names_field is None:
+            return np.tile(np.array([_element(x, ()) for x in self.named]), (batch.starts.size, 1))
+        walk = _Walk(batch, order, (), is_cdr=self.is_cdr)
         for name, part in self.message.fields.items():
             if name == self.names_field:
                 break
-            walk.visit(part)
-        names = list[str]()
-        for _ in range(walk.length()):
-            size = walk.length()
-            begun = walk.skip(size)
-            names.append(data[begun : walk.at].rstrip(b"\0").decode(errors="replace"))
-        if len(self.joints) < _MOST_NAMES:
-            self.joints |= dict.fromkeys(names)
-        return tuple(names)
-
-
-def _bytes(batch: MessageBatch, k: int) -> bytes:
-    """One message."""
-    start = int(batch.starts[k])
-    return batch.data[start : start + int(batch.lengths[k])].tobytes()
+            walk.visit(part, walk.rows)
+        walk.align(walk.rows, 4)
+        begun = walk.at.tolist()
+        walk.visit(self.message.fields[self.names_field], walk.rows)
+        data, found = batch.data.tobytes(), list[list[int]]()
+        for start, stop in zip(begun, walk.at.tolist(), strict=True):
+            block = order, data[start:stop]
+            if block not in self.known:
+                names = _texts(*block, is_cdr=self.is_cdr)
+                if len(self.joints) < _MOST_NAMES:
+                    self.joints |= dict.fromkeys(names)
+                if len(self.known) > _KNOWN:
+                    self.known.clear()
+                self.known[block] = [_element(x, names) for x in self.named]
+            found.append(self.known[block])
+        return np.array(found, np.int64).reshape(-1, len(self.named))
 
 
 def _is_names(part: Field | None) -> bool:
     return isinstance(part, ArrayField) and isinstance(part.element, TextField) and part.count is None
 
 
-def _merged(marks: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The ranges in order, those that are close to each other as one."""
-    merged = list[tuple[int, int]]()
-    for begun, end in sorted(marks):
-        if merged and begun - merged[-1][1] < _APART:
-            merged[-1] = (merged[-1][0], max(end, merged[-1][1]))
-        elif end > begun:
-            merged.append((begun, end))
-    return merged
+def _texts(order: str, block: bytes, *, is_cdr: bool) -> tuple[str, ...]:
+    """The texts of an array, which begins with how many they are."""
+    names, at = list[str](), 4
+    for _ in range(unpack_from(f"{order}I", block)[0]):
+        at += -at % 4 if is_cdr else 0
+        at, begun = at + 4 + unpack_from(f"{order}I", block, at)[0], at + 4
+        names.append(block[begun:at].rstrip(b"\0").decode(errors="replace"))
+    return tuple(names)
 
 
-def _tree(paths: Sequence[Path], names: Sequence[str]) -> Wanted:
-    """What is wanted in a message whose joints have these names."""
-    tree = Wanted()
-    for number, path in enumerate(paths):
-        inside: Wanted | None = tree
-        for step in path.steps:
-            known = _element(step, names) if isinstance(step, NamedJoint) else step
-            inside = None if inside is None or known is None else inside.inside.setdefault(known, Wanted())
-        if inside is not None:
-            inside.ends.append(number)
-    return tree
-
-
-def _element(joint: NamedJoint, names: Sequence[str]) -> int | None:
-    """Which element a name, or a number where no joint is named by one, stands for."""
+def _element(joint: NamedJoint, names: Sequence[str]) -> int:
+    """Which element a name, or a number where no joint is named by one, stands for; -1: none."""
     if joint.name in names:
         return names.index(joint.name)
     numbered = any(name.isdecimal() for name in names)
-    return int(joint.name) if joint.name.isdecimal() and len(joint.name) < 10 and not numbered else None
+    return int(joint.name) if joint.name.isdecimal() and len(joint.name) < 10 and not numbered else -1

@@ -126,7 +126,7 @@ def _batches(topic: Topic, paths: Sequence[FieldPath]) -> Iterator[tuple[Message
         count += batch.starts.size
         bounded(count * (len(paths) + 1))
         for number, decoder in decoders.items():
-            some = batch.of(number)
+            some = batch.where(batch.channels == number)
             if some.starts.size:
                 yield some, decoder
 

@@ -64,9 +64,8 @@ class MessageBatch(NamedTuple):
     channels: Integers
     """`Channel.number` of each."""
 
-    def of(self, channel: int) -> "MessageBatch":
-        """Its messages of one channel."""
-        mask = self.channels == channel
+    def where(self, mask: NDArray[np.bool_]) -> "MessageBatch":
+        """Some of its messages."""
         return MessageBatch(self.data, *(x[mask] for x in (self.starts, self.lengths, self.times, self.channels)))
 
 
@@ -112,11 +111,6 @@ def batches_of(bag: Bag, wanted: frozenset[int]) -> Iterator[MessageBatch]:
             data = np.frombuffer(b"".join(raw for *_, raw in some), np.uint8)
             rows = int(np.clip(_BYTES * len(some) // max(1, data.size), 1, _ROWS))
             yield MessageBatch(data, np.cumsum(lengths) - lengths, lengths, times, numbers)
-
-
-def gather(data: Bytes, starts: Integers, dtype: str) -> NDArray[Any]:
-    """Numbers of a type at some offsets of a buffer, shape (offsets,), at any alignment."""
-    return rows_of(data, starts, np.dtype(dtype).itemsize).view(dtype)[:, 0]
 
 
 def rows_of(data: Bytes, starts: Integers, width: int) -> Bytes:
