@@ -88,6 +88,18 @@ def picked(source: Any, shape: tuple[int, ...], key: Key, *, rows_last: bool = F
         return np.asarray(source[column], dtype=float).ravel()
 
 
+def between_samples(at: Array, own: Array, values: Array, gap: float) -> Array:
+    """Values, (m,), sampled at rising times `own`, (m,), at other times, (n,), of which some may be nan.
+
+    Linear between samples; nan beyond them, and within an interval that is longer than `gap` median ones.
+    """
+    steps = np.diff(own)
+    after = np.clip(np.searchsorted(own, np.nan_to_num(at, nan=own[0])), 1, own.size - 1)
+    found = np.interp(at, own, values, left=np.nan, right=np.nan)
+    found[(steps[after - 1] > gap * np.median(steps)) & (at != own[after]) & (at != own[after - 1])] = np.nan
+    return found
+
+
 def is_vector(shape: tuple[int, ...], dtype: "np.dtype[Any]") -> bool:
     """Whether an array of this shape and type is a column: a vector of numbers."""
     return dtype.kind in "iufb" and np.prod(shape, dtype=float) == max(shape, default=0) > 1

@@ -1,6 +1,6 @@
 """Whether position, logged velocity and time of a moving record go together: jumps, irregular sampling, a lag."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -13,6 +13,10 @@ from bristle.data.sampling import BLOCK, DEVIATIONS, UNEVEN, jitter
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, Finding
 
+SPANS = (1, 4, 16, 64, 256)
+"""Samples over which travel is compared: noise hides a short one, a reversal a long one."""
+FEWEST = 20
+"""Spans that tell a factor, or a lag."""
 _AROUND = 5
 """Samples on either side that tell the usual travel of one."""
 _JUMP = 10.0
@@ -157,6 +161,19 @@ def irregular_sampling(record: Record) -> Finding | None:
     return Finding("sampled-irregularly", CAUTION, message, {"files": (record.file,), "jitter": about})
 
 
+def travels(record: Record, spans: Sequence[int] = SPANS) -> Iterator[tuple[Array, Array, Array]]:
+    """Travel of the position, of the integral of the logged velocity, and change of that over each of some spans of samples; nothing without both."""
+    if record.position is None or record.velocity is None or record.velocity_estimated:
+        return
+    area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
+    for span in spans:
+        ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
+        moved, said, changed = (
+            np.concatenate([np.diff(x[k]) for k in ends]) for x in (record.position, area, record.velocity)
+        )
+        yield moved, said, changed
+
+
 def velocity_lag(record: Record) -> Finding | None:
     """A logged velocity that is late, or early, against the position.
 
@@ -164,18 +181,11 @@ def velocity_lag(record: Record) -> Finding | None:
     that is L late, to the first order. Regression over spans, with a factor and an offset beside it: noise of the
     velocity makes L smaller, no larger.
     """
-    if record.position is None or record.velocity is None or record.velocity_estimated:
-        return None
-    area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
     found = []
-    for span in (4, 16, 64, 256):  # samples over which travel is compared
-        ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
-        moved, said, changed = (
-            np.concatenate([np.diff(x[k]) for k in ends]) for x in (record.position, area, record.velocity)
-        )
+    for moved, said, changed in travels(record, SPANS[1:]):
         X = np.column_stack([changed, said, np.ones(said.size)])
         scale = np.sqrt((X**2).sum(axis=0))
-        if said.size < 20 or not (np.isfinite(scale).all() and scale.all()):  # 20 spans that tell a lag
+        if said.size < FEWEST or not (np.isfinite(scale).all() and scale.all()):
             continue
         X /= scale
         if np.linalg.matrix_rank(X, tol=1e-6) < X.shape[1]:

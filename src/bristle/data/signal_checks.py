@@ -12,21 +12,25 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.data import units
-from bristle.data.differentiation import between_gaps
 from bristle.data.encoder import apart, count_mismatch, other_units
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Signal, Signals
-from bristle.data.motion_checks import held_position, irregular_sampling, position_jumps, shortened, velocity_lag
+from bristle.data.motion_checks import (
+    FEWEST,
+    SPANS,
+    held_position,
+    irregular_sampling,
+    position_jumps,
+    shortened,
+    travels,
+    velocity_lag,
+)
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.timestamps import ISO
 from bristle.data.torque_checks import check_torque
 from bristle.errors import InputError
 from bristle.findings import CAUTION, CRITICAL, Finding
 
-_SPANS = (1, 4, 16, 64, 256)
-"""Samples over which travel is compared: noise hides a short one, a reversal a long one."""
-_FEWEST = 20
-"""Spans that tell a factor."""
 _FACTOR = 0.05
 """Velocity and position of one motion differ by less: sampling rates and gears are known better than that."""
 _TIMES = ("s", "ms", "us")
@@ -119,15 +123,9 @@ def travel_ratio(record: Record) -> TravelRatio | None:
     the other (Fuller, Measurement Error Models, 1987, section 1.1): the truth lies between. None where a signal is
     missing, the velocity was estimated from the position, or too little moves.
     """
-    if record.position is None or record.velocity is None or record.velocity_estimated:
-        return None
     best: TravelRatio | None = None
-    area = np.concatenate([[0.0], np.cumsum((record.velocity[1:] + record.velocity[:-1]) / 2 * np.diff(record.time))])
-    for span in _SPANS:
-        ends = [np.arange(s.start, s.stop, span) for s in between_gaps(record)]
-        moved = np.concatenate([np.diff(record.position[k]) for k in ends])
-        said = np.concatenate([np.diff(area[k]) for k in ends])
-        if moved.size < _FEWEST or not (moved.any() and said.any()):
+    for moved, said, _ in travels(record):
+        if moved.size < FEWEST or not (moved.any() and said.any()):
             continue
         across, moved_2, said_2 = float(moved @ said), float(moved @ moved), float(said @ said)
         correlation = across / np.sqrt(moved_2 * said_2)
@@ -165,8 +163,8 @@ def _unrelated(record: Record, ratio: TravelRatio) -> Finding | None:
     """A velocity that is smooth, and has nothing to do with a position that moves smoothly too: noise is neither."""
     if record.position is None or record.velocity is None:
         return None
-    both = (np.diff(record.position[:: _SPANS[2]]), record.velocity[:: _SPANS[2]] - record.velocity.mean())
-    if any(x.size < 2 * _FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
+    both = (np.diff(record.position[:: SPANS[2]]), record.velocity[:: SPANS[2]] - record.velocity.mean())
+    if any(x.size < 2 * FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
         return None
     message = (
         f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation {ratio.correlation:.2f}): name the "

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from bristle.data.units import factor
 from bristle.errors import InputError
+from bristle.model.parameters import unit as unit_of
 
 _NAMES = {
     "time": ("t", "time", "timestamp", "timestamps", "stamp", "zeit", "zeitstempel"),
@@ -54,14 +55,6 @@ _UNITS = {
         **dict.fromkeys(("ma", "milliamps"), "mA"),
     },
     "voltage": {**dict.fromkeys(("v", "volt", "volts"), "V"), **dict.fromkeys(("mv", "millivolts"), "mV")},
-}
-_SI = {
-    "time": ("s",),
-    "position": ("rad", "m"),
-    "velocity": ("rad/s", "m/s"),
-    "torque": ("N*m", "N"),
-    "current": ("A",),
-    "voltage": ("V",),
 }
 LONGEST = 100
 """Characters of a column's name that may be a usual one."""
@@ -126,9 +119,9 @@ class _Reading(NamedTuple):
 @cache
 def _fits(unit: str, signal: str) -> bool:
     """Whether a unit is one of a signal, of a joint that turns or slides."""
-    for target in _SI[signal]:
+    for kind in ("revolute", "prismatic"):
         with suppress(InputError):
-            return bool(factor(unit, target))
+            return bool(factor(unit, unit_of(signal, kind)))
     return False
 
 

@@ -31,14 +31,12 @@ from bristle.model.parameters import unit as unit_of
 
 SIGNALS = ("time", "position", "velocity", "torque", "current", "voltage")
 """What a column can be told to be."""
-_DRIVES = ("torque", "current", "voltage")
+DRIVES = ("torque", "current", "voltage")
 """In the order in which they are taken: each needs one constant more than the one before."""
 STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}
 """Of joint states, by signal."""
 _SHOWN = 200
 """Columns that the draft lists."""
-_LINEAR = {"position": "m", "velocity": "m/s", "torque": "N"}
-"""Units of a joint that slides."""
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
 """Units of time, and the sampling intervals from which on a time without a unit is in them: below, it is in s."""
 
@@ -236,7 +234,7 @@ def _guesses(log: _Log, told: Told) -> tuple[dict[str, ColumnGuess], str | None]
 def _bag_guesses(path: Path, told: Mapping[str, str]) -> dict[str, ColumnGuess]:
     """The columns of a bag by signal: the stamps of the topic that was told or, where too little was, the only joint's states."""
     topics = topics_of(open_bag(path))
-    enough = any(name in told for name in _DRIVES) and ("position" in told or "velocity" in told)
+    enough = any(name in told for name in DRIVES) and ("position" in told or "velocity" in told)
     if enough:
         first = next(told[name] for name in ("position", "velocity") if name in told)
         return _bag_time(path, topics[target_of(Key(first), topics).topic])
@@ -269,7 +267,7 @@ def _is_there(path: Path, name: str) -> bool:
 
 def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
     """Which of torque, current and voltage is taken. Raises InputError where none is known, or needs a constant that was not told."""
-    there = [name for name in _DRIVES if name in guesses]
+    there = [name for name in DRIVES if name in guesses]
     computable = [name for name in there if name != "voltage" or (told.torque_constant and told.resistance)]
     drive = next(iter([*(name for name in there if name in told.columns), *computable, *there]), None)
     if drive is None:
@@ -305,10 +303,10 @@ def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> boo
 
 
 def _is_linear(guesses: Mapping[str, ColumnGuess], told: Told) -> bool:
-    for name, target in _LINEAR.items():
+    for name in ("position", "velocity", "torque"):
         unit = name in guesses and (told.units.get(name) or guesses[name].unit)
         with suppress(InputError):
-            if unit and factor(unit, target):
+            if unit and factor(unit, unit_of(name, "prismatic")):
                 return True
     return "torque" in guesses and "force" in guesses["torque"].column.lower()
 

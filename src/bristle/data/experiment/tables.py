@@ -9,7 +9,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data import units
-from bristle.data.columns import Key
+from bristle.data.columns import Key, between_samples
 from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn
 from bristle.data.text_table import RawTable, Reader, read_table
@@ -140,10 +140,7 @@ def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
     own, values = own[once], values[once]
     if own.size < 2:
         raise InputError(f"{own.size} samples with a time of their own; expected a log with many")
-    onto = np.interp(time, own, values, left=np.nan, right=np.nan)
-    steps = np.diff(own)
-    after = np.clip(np.searchsorted(own, np.nan_to_num(time, nan=own[0])), 1, own.size - 1)
-    onto[(steps[after - 1] > gap * np.median(steps)) & (time != own[after]) & (time != own[after - 1])] = np.nan
+    onto = between_samples(time, own, values, gap)
     seen = time[np.isfinite(time)]
     inside = np.count_nonzero((own >= seen.min()) & (own <= seen.max())) if seen.size else 0
     if inside < 2 or not np.isfinite(onto).any():  # 2 samples of a signal with a time of its own that lie in a run

@@ -8,16 +8,17 @@ from pathlib import Path
 
 from bristle.data.columns import Key
 from bristle.data.experiment.column_names import guess_columns
-from bristle.data.experiment.draft import SIGNALS, STATE_FIELDS, Told, quoted
+from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, quoted
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
+from bristle.data.ros.files import is_bag, open_bag
+from bristle.data.ros.read import bag_joints, read_bag, state_topic
+from bristle.data.ros.topics import topics_of
 from bristle.data.text_layout import text_layout
 from bristle.data.text_table import is_text, naming
 from bristle.errors import InputError, short_list
+from bristle.model.parameters import unit as unit_of
 
-_DRIVES = ("torque", "current", "voltage")
-_UNITS = {"time": "s", "position": "rad", "velocity": "rad/s", "torque": "N*m", "current": "A", "voltage": "V"}
-_SLIDING = {"rad": "m", "rad/s": "m/s", "N*m": "N"}
 _NUMBERED = re.compile(r"(.*?)[\[_ ]?([0-9]{1,3})\]?")
 
 
@@ -33,14 +34,14 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
         )
     urdf, base = read_urdf(urdf_path), folder or urdf_path.parent
     templates, joints, said = _columns(urdf, logs[0], told)
-    drive = next((name for name in _DRIVES if name in templates), None)
+    drive = next((name for name in DRIVES if name in templates), None)
     if drive is None or "position" not in templates:
         missing = "position" if drive else "torque, current or voltage"
         raise InputError(
             f"{logs[0]}: no columns of {missing} are unmistakable; name them, as in --column position=1-{len(urdf.joints)} "
             f"--column current=7-12, or with the joint's name: --column 'position=q_{{joint}}'"
         )
-    units = {name: told.units.get(name, _UNITS[name]) for name in templates}
+    units = {name: told.units.get(name, unit_of(name)) for name in templates}
     said += [f"{name}: unit {units[name]}" for name in templates if name not in told.units]
     constant = told.torque_constant or FREE
     lines = [
@@ -78,15 +79,11 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
 
 def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[UrdfJoint], list[str]]:
     """The columns of each signal, the joints that have them, and what is said of that."""
-    templates, there = (
-        _of_states(log)
-        if log.is_dir() or log.suffix.lower() in {".bag", ".mcap", ".db3"}
-        else _of_names(log, [j.name for j in urdf.joints])
-    )
+    templates, there = _of_states(log) if is_bag(log) else _of_names(log, [j.name for j in urdf.joints])
     said = [f"{name}: columns {column}" for name, column in templates.items() if name not in told.columns]
     templates |= told.columns
-    if any(name in told.columns for name in _DRIVES):
-        templates = {name: x for name, x in templates.items() if name not in _DRIVES or name in told.columns}
+    if any(name in told.columns for name in DRIVES):
+        templates = {name: x for name, x in templates.items() if name not in DRIVES or name in told.columns}
     joints = [joint for joint in urdf.joints if not there or joint.name in there]
     if not joints:
         raise InputError(
@@ -100,10 +97,6 @@ def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[Ur
 
 def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
     """The joint states of a bag."""
-    from bristle.data.ros.files import open_bag
-    from bristle.data.ros.read import bag_joints, read_bag, state_topic
-    from bristle.data.ros.topics import topics_of
-
     with naming(str(log)):
         topic = state_topic(topics_of(open_bag(log)))
         joints = bag_joints(log, topic)
@@ -153,9 +146,11 @@ def _entry(
 ) -> str:
     own = f", torque_constant: {constant}" if drive == "current" else ""
     slides = {
-        name: _signal(templates[name], _SLIDING[unit], told.scales.get(name))
+        name: _signal(templates[name], unit_of(name, "prismatic"), told.scales.get(name))
         for name, unit in units.items()
-        if joint.kind == "prismatic" and unit in _SLIDING and not _is_range(templates[name])
+        if joint.kind == "prismatic"
+        and unit == unit_of(name) != unit_of(name, "prismatic")
+        and not _is_range(templates[name])
     }
     if slides:
         own += f", signals: {{{', '.join(f'{name}: {x}' for name, x in slides.items())}}}"

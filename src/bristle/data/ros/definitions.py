@@ -35,13 +35,8 @@ class NumberField:
 
     dtype: str
     """NumPy's, without the order of bytes."""
-    size: int
+    least: int
     """Bytes; in CDR it is aligned to as many."""
-
-    @property
-    def least(self) -> int:
-        """Fewest bytes that it takes."""
-        return self.size
 
 
 @dataclass(frozen=True, slots=True)

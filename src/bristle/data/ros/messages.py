@@ -93,8 +93,8 @@ class _Walk:
         self.expect(rows, part.least)
         match part:
             case NumberField():
-                self.align(rows, part.size)
-                self._take(part, rows, self.skip(rows, part.size), wanted)
+                self.align(rows, part.least)
+                self._take(part, rows, self.skip(rows, part.least), wanted)
             case TextField():
                 self.skip(rows, self.lengths(rows))
             case MessageField():
@@ -135,13 +135,15 @@ class _Walk:
         rows, counts = rows[counts > 0], counts[counts > 0]
         places = {want.steps[0]: self._places(want.steps[0]) for want in wanted}
         if isinstance(element, NumberField):
-            self.align(rows, element.size)
-            begun = self.skip(rows, counts * element.size)
+            self.align(rows, element.least)
+            begun = self.skip(rows, counts * element.least)
             for want in wanted:
                 place = places[want.steps[0]]
                 there = np.zeros(self.at.size, dtype=bool)
                 there[rows] = (place[rows] >= 0) & (place[rows] < counts)
-                self._take(element, rows, begun + place[rows] * element.size, [want._replace(where=want.where & there)])
+                self._take(
+                    element, rows, begun + place[rows] * element.least, [want._replace(where=want.where & there)]
+                )
             return
         most = int(counts.max(initial=0))
         if most > _MOST_ELEMENTS:

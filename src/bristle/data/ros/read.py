@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
-from bristle.data.columns import Key, bounded
+from bristle.data.columns import Key, between_samples, bounded
 from bristle.data.ros.files import digest_of, open_bag
 from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
@@ -20,15 +20,6 @@ from bristle.findings import NOTE, Finding
 
 _GAP = 5
 """Median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is."""
-
-
-class BagColumns(NamedTuple):
-    """What was read of a bag."""
-
-    columns: Mapping[Key, Array]
-    """Each of shape (messages of the topic of the time,)."""
-    sha256: str
-    notes: tuple[Finding, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,8 +44,10 @@ class _Messages:
         return stamps
 
 
-def read_bag(path: Path, keys: Sequence[Key]) -> BagColumns:
-    """Columns of a bag: a topic and the path of a field, as `/joint_states.position[elbow]` or `/wrench.wrench.torque.z`.
+def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tuple[Finding, ...]]:
+    """Columns of a bag, (messages of the topic of the time,), with its SHA-256 and notes.
+
+    A column is a topic and the path of a field, as `/joint_states.position[elbow]` or `/wrench.wrench.torque.z`.
 
     Times are in s from the first one on. Columns of other topics than that of the time are interpolated linearly at
     its stamps: nan before their first message, after their last, and across gaps longer than five median intervals.
@@ -64,7 +57,7 @@ def read_bag(path: Path, keys: Sequence[Key]) -> BagColumns:
     topics = topics_of(bag)
     targets = {key: target_of(key, topics) for key in keys}
     if not targets:
-        return BagColumns({}, digest_of(bag), ())
+        return {}, digest_of(bag), ()
     base = _base(targets)
     names = list(dict.fromkeys(target.topic for target in targets.values()))
     clocks = {name: _clock(topics[name], base) for name in names} if len(names) > 1 else {}
@@ -75,7 +68,7 @@ def read_bag(path: Path, keys: Sequence[Key]) -> BagColumns:
     bounded(sum(messages.received.size for messages in read.values()) * len(keys))
     _check_there(targets, read)
     columns = {key: _column(target, read, base.topic, clocks) for key, target in targets.items()}
-    return BagColumns(columns, digest_of(bag), tuple(_notes(targets, columns, base, clocks)))
+    return columns, digest_of(bag), tuple(_notes(targets, columns, base, clocks))
 
 
 def _base(targets: Mapping[Key, Target]) -> Target:
@@ -174,13 +167,8 @@ def _interpolated(stamps: Integers, values: Array, at: Integers, topic: str) -> 
         raise InputError(
             f"the messages of {topic} are at other times than those of the time's topic; name topics that were logged together"
         )
-    steps = np.diff(stamps)
-    right = np.clip(np.searchsorted(stamps, at), 1, stamps.size - 1)
-    outside = (at < stamps[0]) | (at > stamps[-1])
-    gap = steps[right - 1] > _GAP * np.median(steps)
-    met = (stamps[right] == at) | (stamps[right - 1] == at)
-    found = np.interp((at - stamps[0]).astype(float), (stamps - stamps[0]).astype(float), values)
-    return np.where(outside | (gap & ~met), np.nan, found)
+    since = np.where(at == NO_STAMP, np.nan, (at - stamps[0]).astype(float))
+    return between_samples(since, (stamps - stamps[0]).astype(float), values, _GAP)
 
 
 def _notes(
