@@ -56,19 +56,26 @@ def make_record(
     context: Context,
     *,
     labels: Mapping[str, str] | None = None,
+    points: bool = False,
 ) -> Record:
-    """The record of a time series.
+    """The record of a time series or, with `points`, of velocity-torque pairs, which time counts.
 
     Current, if that is what was logged, is in `torque`, A: `experiment` turns it into torque. Raises InputError where
     the data cannot be used as declared.
     """
     rows = _scaled(table, signals, context)
-    if signals.time is not None and signals.time.rate is not None:
+    if not points and signals.time is not None and signals.time.rate is not None:
         rows.data["time"] = np.arange(table.rows) / signals.time.rate if table.time is None else table.time
         message = f"Time from the declared rate of {signals.time.rate:g} Hz."
         rows.notes.append(Finding("rate-declared", NOTE, message, {"rate": signals.time.rate}))
     _drop_non_finite(rows, table, cleaning)
     _drop_motor_off(rows)
+    if points:
+        _enough(rows)
+        _refuse_constant(rows)
+        before = 0 if table.numbers is None else int(table.numbers[0]) - 1 - (table.header or 0)
+        rows.data["time"] = np.arange(rows.number.size, dtype=float) + before
+        return _record(file, table, rows, (0,), labels or {})
     _drop_by_time(rows, cleaning)
     _enough(rows)
     starts = _gaps(rows, cleaning.gap, stamped="time" in keys_of(signals))
@@ -81,29 +88,6 @@ def make_record(
     record = _record(file, table, rows, starts, labels or {})
     off = np.flatnonzero(np.diff(rows.off_before) > 0) + 1 if rows.off_before.size else ()
     return evenly_sampled(record, {*off}) if cleaning.times == "auto" else record
-
-
-def make_points(
-    file: str,
-    table: RawTable,
-    signals: Signals,
-    cleaning: Cleaning,
-    context: Context,
-    *,
-    labels: Mapping[str, str] | None = None,
-) -> Record:
-    """The record of velocity-torque pairs: time counts them.
-
-    Raises InputError where the data cannot be used as declared.
-    """
-    rows = _scaled(table, signals, context)
-    _drop_non_finite(rows, table, cleaning)
-    _drop_motor_off(rows)
-    _enough(rows)
-    _refuse_constant(rows)
-    before = 0 if table.numbers is None else int(table.numbers[0]) - 1 - (table.header or 0)
-    rows.data["time"] = np.arange(rows.number.size, dtype=float) + before
-    return _record(file, table, rows, (0,), labels or {})
 
 
 def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], labels: Mapping[str, str]) -> Record:

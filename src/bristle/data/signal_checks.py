@@ -26,6 +26,7 @@ from bristle.data.motion_checks import (
     velocity_lag,
 )
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
+from bristle.data.sampling import DEVIATIONS
 from bristle.data.timestamps import ISO
 from bristle.data.torque_checks import check_torque
 from bristle.errors import InputError
@@ -132,8 +133,7 @@ def travel_ratio(record: Record) -> TravelRatio | None:
         size = max(abs(correlation), 1e-9)
         value = np.sqrt(moved_2 / said_2)
         error = np.sqrt(max(1 - size**2, 0.0) / (moved.size - 2)) / size
-        # four standard errors by which a factor is surely not one: 6e-5 of clean records
-        away = size * np.exp(-min(4.0 * error, 50.0))
+        away = size * np.exp(-min(DEVIATIONS * error, 50.0))  # by which a factor is surely not one
         found = TravelRatio(float(np.copysign(value, correlation)), value * away, value / away, correlation)
         if best is None or found.low * best.high > best.low * found.high:
             best = found

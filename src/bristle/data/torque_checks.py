@@ -9,6 +9,7 @@ from bristle.arrays import Array
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import OTHER_FILES, Record
+from bristle.data.sampling import DEVIATIONS
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, CRITICAL, Finding
 
@@ -123,8 +124,7 @@ def _loaded_at_start(record: Record) -> Finding | None:
     error = np.sqrt(rest @ rest / (first - 2) * of_begins * inflation(rest))
     largest = float(np.abs(record.torque).max())
     # 0.02 of the largest torque of slow loading: what it begins with is told beyond this
-    # four standard errors by which that is surely not zero: 6e-5 of clean records
-    if abs(begins) <= max(4.0 * error, 0.02 * largest):
+    if abs(begins) <= max(DEVIATIONS * error, 0.02 * largest):
         return None
     share = abs(begins) / largest
     message = (

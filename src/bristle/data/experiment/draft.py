@@ -246,17 +246,17 @@ def _bag_guesses(path: Path, told: Mapping[str, str]) -> dict[str, ColumnGuess]:
             f"--column position={topic.name}.position[{next(iter(joints), 'JOINT')}] --column torque={topic.name}.effort[...]"
         )
     fields = {signal: f"{topic.name}.{field}[{joints[0]}]" for signal, field in STATE_FIELDS.items()}
-    there = {signal: ColumnGuess(name, None) for signal, name in fields.items() if _is_there(path, name)}
+    there = {signal: ColumnGuess(name, None) for signal, name in fields.items() if is_there(path, name)}
     return _bag_time(path, topic) | there
 
 
 def _bag_time(path: Path, topic: Topic) -> dict[str, ColumnGuess]:
     """The stamps of a topic, or when its messages were received, where they have none."""
     names = (f"{topic.name}.header.stamp", f"{topic.name}.{RECEIVED}")
-    return {"time": ColumnGuess(next((name for name in names if _is_there(path, name)), names[1]), "s")}
+    return {"time": ColumnGuess(next((name for name in names if is_there(path, name)), names[1]), "s")}
 
 
-def _is_there(path: Path, name: str) -> bool:
+def is_there(path: Path, name: str) -> bool:
     """Whether a column of a bag, which was read before, holds anything."""
     try:
         read_bag(path, [Key(name)])

@@ -7,12 +7,12 @@ prismatic.
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
 
-from bristle.data import cleaning as clean
+from bristle.data.cleaning import make_record
 from bristle.data.constant_velocity.acceptance import Thresholds
 from bristle.data.experiment.constants import Constant, torque_constants, torque_shifts
 from bristle.data.experiment.gear import SIDED, Gear
@@ -31,17 +31,15 @@ from bristle.data.experiment.schema import (
     read_inertia,
 )
 from bristle.data.experiment.signals import DRIVE, Cleaning, Context, Signal, Signals, quantity, si
-from bristle.data.experiment.tables import Source, keys_of
+from bristle.data.experiment.tables import Source, joined, keys_of, part_of, read_columns
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
 from bristle.data.signal_checks import check_signals, check_units
+from bristle.data.text_table import RawTable, Reader, naming, read_table
 from bristle.errors import InputError, short
 from bristle.findings import NOTE, Finding
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import Lugre, Motor
-
-if TYPE_CHECKING:
-    from bristle.data.text_table import RawTable, Reader
 
 _NAN = float("nan")
 
@@ -263,13 +261,13 @@ def files_of(experiment: Experiment) -> Iterator[tuple[RunFiles, list[Source]]]:
     yield from found
 
 
-def run_of_table(experiment: Experiment, table: "RawTable", shown: str) -> Run:
+def run_of_table(experiment: Experiment, table: RawTable, shown: str) -> Run:
     """The only run of an experiment, of columns that are no file's. Raises InputError as `read_runs`."""
     (run,) = experiment.runs
     return Run(kind=run.experiment, record=_record(experiment, run, table, shown), hold_out=run.hold_out)
 
 
-def read_run(experiment: Experiment, run: RunFiles, sources: list[Source], read: "Reader | None" = None) -> Record:
+def read_run(experiment: Experiment, run: RunFiles, sources: list[Source], read: Reader = read_table) -> Record:
     """One run as a record with velocity and torque; `read` reads columns. Raises InputError as `read_runs`."""
     return _record(experiment, run, *table_of_run(experiment, run, sources, experiment.signals_of(run), read))
 
@@ -279,11 +277,9 @@ def table_of_run(
     run: RunFiles,
     sources: list[Source],
     signals: Signals,
-    read: "Reader | None" = None,
-) -> "tuple[RawTable, str]":
+    read: Reader = read_table,
+) -> tuple[RawTable, str]:
     """The columns of some signals of a run, on its time, and the name that results show. Raises InputError as `read_runs`."""
-    from bristle.data.experiment.tables import joined, part_of, read_columns
-    from bristle.data.text_table import read_table
 
     def find(file: str) -> tuple[Path, str]:
         """The one file that a signal names."""
@@ -297,31 +293,30 @@ def table_of_run(
     gap = experiment.cleaning.gap
     names = [name for _, name in sources]
     shown = " + ".join(names[:3] if len(names) < 4 else [names[0], f"{len(names) - 1} more"])
-    tables = [read_columns(signals, source, gap, experiment.context, find, read or read_table) for source in sources]
+    tables = [read_columns(signals, source, gap, experiment.context, find, read) for source in sources]
     table = tables[0] if len(tables) == 1 else joined(tables, names, gap)
     return part_of(table, run, shown)
 
 
-def _record(experiment: Experiment, run: RunFiles, table: "RawTable", shown: str) -> Record:
+def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) -> Record:
     signals = experiment.signals_of(run)
     labels = {name: value for name in ("temperature", "load") if (value := getattr(run, name)) is not None}
-    make = clean.make_points if run.experiment == "points" else clean.make_record
-    with np.errstate(over="ignore", invalid="ignore"):  # what overflows is not finite, and treated as such
-        try:
-            record = make(shown, table, signals, experiment.cleaning, experiment.context, labels=labels)
-            if run.experiment != "points":
-                record = _complete(experiment, run.experiment, record, signals.drive())
-            record = replace(record, notes=(*record.notes, *gear_note(signals, experiment.context)))
-            found = [
-                *check_units(
-                    shown, {name: table.units.get(key, "") for name, key in keys_of(signals).items()}, signals
-                ),
-                *check_signals(record, run.experiment, signals, experiment.context),
-            ]
-            shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context)
-            return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
-        except InputError as error:
-            raise InputError(f"{shown}: {str(error).removeprefix(f'{shown}: ')}") from error
+    points = run.experiment == "points"
+    # what overflows is not finite, and treated as such
+    with np.errstate(over="ignore", invalid="ignore"), naming(shown):
+        record = make_record(
+            shown, table, signals, experiment.cleaning, experiment.context, labels=labels, points=points
+        )
+        if not points:
+            record = _complete(experiment, run.experiment, record, signals.drive())
+        record = replace(record, notes=(*record.notes, *gear_note(signals, experiment.context)))
+        stated = {name: table.units.get(key, "") for name, key in keys_of(signals).items()}
+        found = [
+            *check_units(shown, stated, signals),
+            *check_signals(record, run.experiment, signals, experiment.context),
+        ]
+        shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context)
+    return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
 
 
 def gear_note(signals: Signals, context: Context) -> tuple[Finding, ...]:

@@ -12,7 +12,7 @@ from bristle.data import units
 from bristle.data.columns import Key, between_samples
 from bristle.data.experiment.run_files import RunFiles
 from bristle.data.experiment.signals import Context, Position, Signal, Signals, TimeColumn
-from bristle.data.text_table import RawTable, Reader, read_table
+from bristle.data.text_table import RawTable, Reader, naming, read_table
 from bristle.data.timestamps import ISO
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
@@ -101,10 +101,8 @@ def _with_signal(
         seen = np.isfinite(values)
         values = values.copy()
         values[seen] = np.unwrap(values[seen], period=period / abs(signal.factor("position", context)))
-    try:
+    with naming(f"{source[1]}: {name}"):
         onto = brought_to(table.time, time + (origin - table.origin) / 1e9, values, gap)
-    except InputError as error:
-        raise InputError(f"{source[1]}: {name}: {error}") from error
     samples, outside = int(np.isfinite(values).sum()), int(np.isnan(onto).sum())
     message = (
         f"{name.capitalize()} has a time of its own ({samples} sample{'' if samples == 1 else 's'}): linear between its samples, and missing in "

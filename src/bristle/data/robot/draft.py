@@ -3,16 +3,14 @@
 import os
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 
-from bristle.data.columns import Key
 from bristle.data.experiment.column_names import guess_columns
-from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, quoted
+from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, is_there, quoted
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
 from bristle.data.ros.files import is_bag, open_bag
-from bristle.data.ros.read import bag_joints, read_bag, state_topic
+from bristle.data.ros.read import bag_joints, state_topic
 from bristle.data.ros.topics import topics_of
 from bristle.data.text_layout import text_layout
 from bristle.data.text_table import is_text, naming
@@ -101,14 +99,9 @@ def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
         topic = state_topic(topics_of(open_bag(log)))
         joints = bag_joints(log, topic)
         templates = {signal: f"{topic}.{field}[{{joint}}]" for signal, field in STATE_FIELDS.items()}
-        velocity = Key(templates["velocity"].format(joint=joints[0])) if joints else None
-        if velocity is not None:  # many drivers leave it empty; the position's derivative takes its place
-            with suppress(InputError):
-                read_bag(log, [velocity])
-                velocity = None
-            templates = {
-                signal: column for signal, column in templates.items() if signal != "velocity" or velocity is None
-            }
+        # many drivers leave it empty; the position's derivative takes its place
+        if joints and not is_there(log, templates["velocity"].format(joint=joints[0])):
+            del templates["velocity"]
     return {"time": f"{topic}.header.stamp", **templates}, joints
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data import cleaning as clean
 from bristle.data.bandwidth import of_motion
+from bristle.data.cleaning import make_record
 from bristle.data.differentiation import estimate_motion
 from bristle.data.experiment.load import Experiment, Run, files_of, read_run, table_of_run
 from bristle.data.experiment.run_files import RunFiles
@@ -115,7 +115,7 @@ def _motion(experiment: Experiment, run: RunFiles, sources: list[Source], read: 
     if velocity is not None and np.ptp(velocity[np.isfinite(velocity)]) == 0:
         signals = signals.model_copy(update={"velocity": None})
     try:
-        record = clean.make_record(shown, table, signals, experiment.cleaning, experiment.context)
+        record = make_record(shown, table, signals, experiment.cleaning, experiment.context)
     except InputError as error:
         raise InputError(f"{shown}: {experiment.joint.name}: {str(error).removeprefix(f'{shown}: ')}") from error
     return shown, estimate_motion(record, experiment.fit.position_cutoff or of_motion)

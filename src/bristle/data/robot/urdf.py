@@ -15,6 +15,7 @@ from pydantic import Field, StrictStr
 
 from bristle.data.experiment.signals import quantity
 from bristle.data.experiment.yaml_file import StrictModel
+from bristle.data.text_table import naming
 from bristle.errors import InputError, check_name, read_at_most, short, short_list
 
 MAX_BYTES = 2**23
@@ -100,7 +101,7 @@ def read_urdf(path: Path) -> Urdf:
     tree.
     """
     content = read_at_most(path, MAX_BYTES, "a URDF, without meshes")
-    try:
+    with naming(str(path)):
         root = _root(content)
         links = _by_name(root, "link")
         joints = {key: x for key, x in _by_name(root, "joint").items() if x.find("parent") is not None}
@@ -116,8 +117,6 @@ def read_urdf(path: Path) -> Urdf:
         places = {key: f"joint_{k}" for k, key in enumerate(joints)}
         parts = [_clean_link(key, x, numbered[key]) for key, x in links.items()]
         parts += [_clean_joint(key, x, places[key], numbered) for key, x in joints.items()]
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
     text = f'<robot name="robot">{"".join(parts)}</robot>'
     return Urdf(file=path.name, joints=moving, links=tuple(links), text=text, places=places)
 

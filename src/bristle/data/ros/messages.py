@@ -128,7 +128,7 @@ class _Walk:
 
     def _array(self, part: ArrayField, rows: Integers, wanted: Sequence[_Wanted]) -> None:
         element = part.element
-        counts = self.lengths(rows) if part.count is None else np.full(rows.size, part.count)
+        counts = self.lengths(rows) if part.count is None else np.full(rows.size, part.count, np.int64)
         if not element.least:
             return
         self.expect(rows, counts * min(element.least, 2**30))

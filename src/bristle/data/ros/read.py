@@ -1,6 +1,6 @@
 """Columns of a ROS bag, each at the time stamps of one topic."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from bristle.data.columns import Key, between_samples, bounded
 from bristle.data.ros.files import digest_of, open_bag
 from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import Bag, Integers, MessageBatch, batches_of
+from bristle.data.ros.storage import Bag, Integers, batches_of
 from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
@@ -99,20 +99,6 @@ def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
     """The numbers of a topic at some paths, in the order in which messages were received."""
     paths = list(dict.fromkeys(paths))
     times, parts, joints = list[Integers](), list[list[NDArray[Any]]](), dict[str, None]()
-    for some, decoder in _batches(topic, paths):
-        times.append(some.times)
-        parts.append(decoder.decode(some))
-        joints |= decoder.joints
-    if not times:
-        raise InputError(f"holds no message of topic {topic.name}; name another")
-    received = np.concatenate(times)
-    order = np.argsort(received, kind="stable")
-    values = {path: np.concatenate([part[k] for part in parts])[order] for k, path in enumerate(paths)}
-    return _Messages(topic.name, received[order], values, tuple(joints))
-
-
-def _batches(topic: Topic, paths: Sequence[FieldPath]) -> Iterator[tuple[MessageBatch, Decoder]]:
-    """The messages of a topic, with what decodes them."""
     message, count = topic.message(), 0
     decoders = {c.number: Decoder(message, paths, is_cdr=c.encoding == "cdr") for c in topic.channels}
     for batch in batches_of(topic.bag, frozenset(decoders)):
@@ -121,7 +107,15 @@ def _batches(topic: Topic, paths: Sequence[FieldPath]) -> Iterator[tuple[Message
         for number, decoder in decoders.items():
             some = batch.where(batch.channels == number)
             if some.starts.size:
-                yield some, decoder
+                times.append(some.times)
+                parts.append(decoder.decode(some))
+                joints |= decoder.joints
+    if not times:
+        raise InputError(f"holds no message of topic {topic.name}; name another")
+    received = np.concatenate(times)
+    order = np.argsort(received, kind="stable")
+    values = {path: np.concatenate([part[k] for part in parts])[order] for k, path in enumerate(paths)}
+    return _Messages(topic.name, received[order], values, tuple(joints))
 
 
 def _check_there(targets: Mapping[Key, Target], read: Mapping[str, _Messages]) -> None:
