@@ -8,10 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from bristle.arrays import Array
 from bristle.data.bandwidth import decimation, of_held_speeds, of_motion, of_slow_loading
 from bristle.data.differentiation import estimate_motion, smoothed
 from bristle.data.record import Record
+
+from .experiments import present
 
 J = 0.02
 
@@ -51,8 +52,7 @@ def test_noise_that_grows_with_the_frequency_is_left_below_where_the_inertia_sta
     """A logged velocity with noise of its own, and a torque that was commanded: the inertia at the cut-off is right to 3 %, at six times it not."""
     run = moving(1000.0, 20.0, 0.0, 0.0)
     rng = np.random.default_rng(0)
-    assert run.position is not None
-    v = np.gradient(run.position, run.time)
+    v = np.gradient(present(run.position), run.time)
     noisy = replace(run, velocity=v + 5 * np.diff(rng.standard_normal(v.size + 1)))
     cutoff, _ = of_motion(noisy)
     assert abs(inertia(noisy, cutoff) / J - 1) < 0.03
@@ -101,18 +101,14 @@ def test_held_speeds_ask_for_half_of_what_their_position_shows() -> None:
 def test_units_change_nothing(length: float, torque: float, time: float) -> None:
     """In other units of position and torque the cut-off is the same, and in another unit of time the same in that unit; so is the decimation."""
     run = moving(500.0, 12.0, 3e-6, 0.01)
-    other = replace(run, time=time * run.time, position=length * array(run.position), torque=torque * array(run.torque))
+    other = replace(
+        run, time=time * run.time, position=length * present(run.position), torque=torque * present(run.torque)
+    )
     cutoff, scaled = of_motion(run)[0], of_motion(other)[0]
     assert scaled * time == pytest.approx(cutoff, rel=0.3)
     assert decimation([replace(other, cutoff=scaled)]) == pytest.approx(
         decimation([replace(run, cutoff=cutoff)]), rel=0.35
     )
-
-
-def array(x: Array | None) -> Array:
-    """The signal."""
-    assert x is not None
-    return x
 
 
 @pytest.mark.parametrize(("size", "passes"), [(0.0015, True), (0.0001, False)])

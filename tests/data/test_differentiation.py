@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
+
+from .experiments import present
 
 
 def _record(time: ArrayLike, position: ArrayLike, starts: tuple[int, ...] = (0,)) -> Record:
@@ -16,19 +17,14 @@ def _record(time: ArrayLike, position: ArrayLike, starts: tuple[int, ...] = (0,)
     )
 
 
-def _of(values: Array | None) -> Array:
-    assert values is not None
-    return values
-
-
 def test_a_slow_sine_comes_back() -> None:
     """Well below the cut-off, velocity and acceleration are the derivatives of the position, without delay."""
     t = np.arange(4000) * 1e-3
     w = 2 * np.pi * 0.5
     record = estimate_motion(_record(t, np.sin(w * t)), 50.0)
     inside = slice(200, -200)
-    np.testing.assert_allclose(_of(record.velocity)[inside], w * np.cos(w * t)[inside], atol=1e-4 * w)
-    np.testing.assert_allclose(_of(record.acceleration)[inside], -(w**2) * np.sin(w * t)[inside], atol=1e-3 * w**2)
+    np.testing.assert_allclose(present(record.velocity)[inside], w * np.cos(w * t)[inside], atol=1e-4 * w)
+    np.testing.assert_allclose(present(record.acceleration)[inside], -(w**2) * np.sin(w * t)[inside], atol=1e-3 * w**2)
     (note,) = record.notes
     assert (note.code, note.numbers["cutoff"]) == ("motion-from-position", 50.0)
     assert note.numbers["why"].code == "cutoff-asked"
@@ -60,7 +56,7 @@ def test_nothing_crosses_a_gap() -> None:
     first, second = np.sin(t), 1e6 + np.cos(3 * t)
     both = estimate_motion(_record(np.concatenate([t, t + 50]), np.concatenate([first, second]), (0, 100)), 10.0)
     alone = estimate_motion(_record(t, first), 10.0)
-    np.testing.assert_allclose(_of(both.velocity)[:100], _of(alone.velocity), atol=1e-9)
+    np.testing.assert_allclose(present(both.velocity)[:100], present(alone.velocity), atol=1e-9)
     assert [s.stop for s in between_gaps(both)] == [100, 200]
 
 
@@ -88,8 +84,8 @@ def test_a_logged_velocity_stays_and_is_differentiated() -> None:
     t = np.arange(1000) * 1e-2
     record = replace(_record(t, np.zeros(1000) + t), velocity=np.asarray(t**2, dtype=float), position=None)
     moved = estimate_motion(record, 5.0)
-    np.testing.assert_array_equal(_of(moved.velocity), t**2)
-    np.testing.assert_allclose(_of(moved.acceleration)[100:-100], 2 * t[100:-100], atol=1e-3)
+    np.testing.assert_array_equal(present(moved.velocity), t**2)
+    np.testing.assert_allclose(present(moved.acceleration)[100:-100], 2 * t[100:-100], atol=1e-3)
     assert moved.notes[-1].code == "acceleration-from-velocity"
     with pytest.raises(ValueError, match="neither position nor velocity"):
         estimate_motion(replace(record, velocity=None), 5.0)

@@ -9,6 +9,8 @@ from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment, to
 from bristle.data.experiment.load import Experiment, load_experiment, read_runs
 from bristle.errors import InputError
 
+from .experiments import present
+
 _T = np.arange(200) * 0.01
 _Q, _TAU = np.sin(_T), np.cos(_T)
 
@@ -36,8 +38,7 @@ def test_usual_names_need_no_help(tmp_path: Path, header: str) -> None:
     """A log with usual names gives a draft that loads and reads as it is."""
     _, guessed = _draft(_csv(tmp_path / "ramp.csv", header, _T, _Q, _TAU))
     record = read_runs(_load(tmp_path))[0].record
-    assert record.torque is not None
-    np.testing.assert_allclose(record.torque, _TAU)
+    np.testing.assert_allclose(present(record.torque), _TAU)
     assert any(sentence.startswith("torque: column ") for sentence in guessed)
 
 
@@ -125,10 +126,8 @@ def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
         rate="100 Hz", torque_constant="0.5 +/- 0.01 N*m/A",
     )  # fmt: skip  # a list of options
     record = read_runs(_load(tmp_path))[0].record
-    assert record.position is not None
-    assert record.torque is not None
-    np.testing.assert_allclose(record.position, _Q, atol=1e-12)
-    np.testing.assert_allclose(record.torque, -0.5 * _TAU, atol=1e-12)
+    np.testing.assert_allclose(present(record.position), _Q, atol=1e-12)
+    np.testing.assert_allclose(present(record.torque), -0.5 * _TAU, atol=1e-12)
     np.testing.assert_allclose(record.time, _T)
     assert guessed == ("joint.kind: revolute, by the units",)
 
@@ -150,8 +149,7 @@ def test_a_position_that_wraps_is_declared(tmp_path: Path) -> None:
     for header, turn in (("t,q_rad,tau", 2 * np.pi), ("t,q_deg,tau", 360.0)):
         _draft(_csv(tmp_path / "log.csv", header, _T, q * turn / (2 * np.pi) % turn, _TAU))
         record = read_runs(_load(tmp_path))[0].record
-        assert record.position is not None
-        np.testing.assert_allclose(np.diff(record.position), np.diff(q), atol=1e-9)
+        np.testing.assert_allclose(np.diff(present(record.position)), np.diff(q), atol=1e-9)
 
 
 def test_points_and_sliding_joints(tmp_path: Path) -> None:

@@ -5,13 +5,15 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bristle.data.experiment.load import Experiment, load_experiment, read_runs
+from bristle.data.experiment.load import Experiment, read_runs
 from bristle.data.record import Record
 from bristle.errors import InputError
+
+from . import experiments
+from .experiments import present
 
 K_T, R, RATIO = 0.05, 2.0, 100.0
 T = np.arange(1000) * 1e-3
@@ -43,10 +45,8 @@ def experiment(
         "joint": {"name": "axis", "kind": kind},
         "motor": {"torque_constant": f"{K_T} N*m/A", "resistance": f"{R} ohm", "gear": gear},
         "signals": {"time": {"column": "t", "unit": "s"}, **named},
-        "runs": [{"files": "log.csv", "experiment": "tracking"}],
-    }  # fmt: skip  # a table
-    (folder / "e.yaml").write_text(yaml.safe_dump(data | (more or {})), encoding="utf-8")
-    return load_experiment(folder / "e.yaml")
+    }
+    return experiments.experiment(folder, **data | (more or {}))
 
 
 def record(folder: Path, gear: Any, **more: Any) -> Record:
@@ -86,10 +86,8 @@ def test_sides_may_differ(tmp_path: Path) -> None:
         tmp_path, {"ratio": RATIO, "position": "motor", "torque": "joint"}, position="qm rad", torque="tau N*m"
     )
     for found in (link, sensor):
-        assert found.position is not None
-        assert found.torque is not None
-        np.testing.assert_allclose(found.position, Q, atol=1e-9)
-        np.testing.assert_allclose(found.torque, TAU, atol=1e-9)
+        np.testing.assert_allclose(present(found.position), Q, atol=1e-9)
+        np.testing.assert_allclose(present(found.torque), TAU, atol=1e-9)
 
 
 def test_constants_of_the_motor_at_the_joint(tmp_path: Path) -> None:
@@ -120,12 +118,10 @@ def test_the_encoder_is_on_the_side_of_the_position(tmp_path: Path) -> None:
     e = experiment(tmp_path, gear, more=more, position="counts counts", current="i A")
     assert e.encoder_resolution == pytest.approx(2 * np.pi / 4096 / RATIO)
     found = read_runs(e)[0].record
-    assert found.position is not None
-    np.testing.assert_allclose(found.position, Q, atol=2 * np.pi / 4096 / RATIO)
+    np.testing.assert_allclose(present(found.position), Q, atol=2 * np.pi / 4096 / RATIO)
     assert found.warnings == ()
     wrapped = record(tmp_path, gear, position={"column": "turned", "unit": "rad", "wraps": True}, current="i A")
-    assert wrapped.position is not None
-    np.testing.assert_allclose(wrapped.position, Q, atol=1e-9)
+    np.testing.assert_allclose(present(wrapped.position), Q, atol=1e-9)
     with pytest.raises(InputError, match="position jumps by a full turn between samples"):
         record(tmp_path, gear, position="turned rad", current="i A")
 
@@ -152,10 +148,8 @@ def test_a_lead(tmp_path: Path, ratio: str) -> None:
     assert (e.motor.k_t, e.motor.J) == pytest.approx((K_T * RATIO, 1e-6 * RATIO**2))
     assert e.encoder_resolution == pytest.approx(2 * np.pi / 4096 / RATIO)
     found = read_runs(e)[0].record
-    assert found.position is not None
-    assert found.torque is not None
-    np.testing.assert_allclose(found.position, Q, rtol=1e-9)
-    np.testing.assert_allclose(found.torque, TAU, rtol=1e-9)
+    np.testing.assert_allclose(present(found.position), Q, rtol=1e-9)
+    np.testing.assert_allclose(present(found.torque), TAU, rtol=1e-9)
 
 
 def test_a_wrong_side_is_named(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.findings import Finding, Severity
 
+from .experiments import present
 from .test_signal_checks import RATE, checked, moving
 
 MOTION = ("lost-samples", "position-jumps", "sampled-irregularly", "velocity-lags")
@@ -23,15 +24,9 @@ def said(record: Record, stamped: bool = False) -> list[Finding]:
     return [d for d in found if d.code in MOTION]
 
 
-def position(record: Record) -> Array:
-    """Of a record that has one, (n,)."""
-    assert record.position is not None
-    return record.position
-
-
 def sampled(record: Record, at: Array) -> Array:
     """The position at other times, (n,), at the resolution of the log."""
-    return np.asarray(np.interp(at, record.time, position(record)))
+    return np.asarray(np.interp(at, record.time, present(record.position)))
 
 
 def test_clean_motions_are_left_alone() -> None:
@@ -42,7 +37,7 @@ def test_clean_motions_are_left_alone() -> None:
         rng = np.random.default_rng(seed)
         noise = 10 ** rng.uniform(-5, -2) * np.std(v) * rng.standard_normal(v.size)
         at = record.time + rng.uniform(-0.4, 0.4, v.size) / RATE
-        found += said(replace(record, position=position(record) + noise * (seed % 4 == 1)))
+        found += said(replace(record, position=present(record.position) + noise * (seed % 4 == 1)))
         found += said(replace(record, time=at, position=sampled(record, at)), stamped=True) if seed % 4 == 0 else []
     assert len(found) <= 1, Counter(d.code for d in found)
 
@@ -57,7 +52,7 @@ def test_an_encoder_that_slips_is_named_by_its_row(samples: float, stamped: bool
         at = int(next(k for k in steady if (np.abs(v[k - 10 : k + 10]) == np.abs(v[k])).all()))
         slip = samples * v[at] / RATE
         time = record.time + stamped * 0.1 * np.random.default_rng(seed).uniform(-1, 1, v.size) / RATE
-        q = (sampled(record, time) if stamped else position(record)) + slip * (np.arange(v.size) >= at)
+        q = (sampled(record, time) if stamped else present(record.position)) + slip * (np.arange(v.size) >= at)
         (found,) = said(replace(record, time=time, position=q), stamped)
         assert found.severity is Severity.CAUTION
         assert f"row {at + 1} " in str(found)
@@ -103,9 +98,8 @@ def test_a_velocity_through_a_filter_lags(cutoff: float) -> None:
     """One pole makes the lag that is said, to 10 % and a sample, and velocity is what to leave out; a delay and a lead alike."""
     for seed in range(20):
         record, v = moving(seed)
-        assert record.velocity is not None
         a = np.exp(-2 * np.pi * cutoff / RATE)
-        slow = lfilter([1 - a], [1, -a], record.velocity, zi=[a * record.velocity[0]])[0]
+        slow = lfilter([1 - a], [1, -a], present(record.velocity), zi=[a * present(record.velocity)[0]])[0]
         lag = 1 / (2 * np.pi * cutoff)
         for velocity, word in ((slow, "lags behind"), (np.interp(record.time + lag, record.time, v), "leads")):
             (found,) = said(replace(record, velocity=velocity))

@@ -5,25 +5,23 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bristle.arrays import Array
-from bristle.data.experiment.load import Experiment, load_experiment, read_runs
+from bristle.data.experiment.load import Experiment, read_runs
 from bristle.data.experiment.tables import brought_to
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.identification.measured import measure
 
 from ..conftest import run as bristle
+from . import experiments
+from .experiments import SIGNALS, present, signals_with
 
 N = 600
 T = np.arange(N) * 1e-3
 Q, TAU = np.sin(9 * T), np.cos(9 * T)
-SIGNALS = {
-    "time": {"column": "t", "unit": "s"}, "position": {"column": "q", "unit": "rad"}, "torque": {"column": "tau", "unit": "N*m"},
-}  # fmt: skip  # a table
 
 
 def log(folder: Path, name: str = "log.csv", rows: slice = slice(None), **columns: Any) -> None:
@@ -35,12 +33,8 @@ def log(folder: Path, name: str = "log.csv", rows: slice = slice(None), **column
 
 def experiment(folder: Path, *runs: dict[str, Any], signals: Any = None, **more: Any) -> Experiment:
     """An experiment of runs that are tracking ones unless they say otherwise."""
-    data = {
-        "joint": {"name": "axis"}, "signals": {k: s for k, s in (SIGNALS | (signals or {})).items() if s},
-        "runs": [{"files": "log.csv", "experiment": "tracking", **run} for run in runs or ({},)], **more,
-    }  # fmt: skip  # a table
-    (folder / "e.yaml").write_text(yaml.safe_dump(data), encoding="utf-8")
-    return load_experiment(folder / "e.yaml")
+    entries = [{"files": "log.csv", "experiment": "tracking", **run} for run in runs or ({},)]
+    return experiments.experiment(folder, signals=signals_with(**(signals or {})), runs=entries, **more)
 
 
 def records(folder: Path, *runs: dict[str, Any], **more: Any) -> list[Record]:
@@ -62,8 +56,7 @@ def test_a_part_is_its_rows(tmp_path: Path, first: int, length: int) -> None:
         (found,) = records(tmp_path, part)
         assert (found.rows, found.dropped) == (last - first + 1, 0)
         np.testing.assert_array_equal(found.time, T[first - 2 : last - 1])
-        assert found.torque is not None
-        np.testing.assert_array_equal(found.torque, TAU[first - 2 : last - 1])
+        np.testing.assert_array_equal(present(found.torque), TAU[first - 2 : last - 1])
         assert found.where(0, found.time.size) == f"lines {first}-{last}"
         assert found.file.startswith("log.csv (")
         assert [n for n in found.notes if n.code == "part-taken"]
@@ -132,7 +125,7 @@ def test_bad_parts_are_refused(tmp_path: Path, part: dict[str, Any], says: str) 
     log(tmp_path)
     with pytest.raises(InputError, match=says):
         records(tmp_path, part)
-    ran = bristle("inspect", tmp_path / "e.yaml")
+    ran = bristle("inspect", tmp_path / "experiment.yaml")
     assert (ran.code, len(ran.said)) == (2, 1)
 
 
@@ -226,8 +219,7 @@ def test_a_signal_of_another_file(tmp_path: Path) -> None:
     torque = SIGNALS["torque"] | {"file": "torque.csv", "time": {"column": "t", "unit": "ms"}}
     (found,) = records(tmp_path, signals={"torque": torque})
     assert (found.rows, found.dropped, found.time.size) == (N, N - 399, 399)
-    assert found.torque is not None
-    np.testing.assert_allclose(found.torque, TAU[:399], atol=1e-4)
+    np.testing.assert_allclose(present(found.torque), TAU[:399], atol=1e-4)
     assert [n.code for n in found.notes].count("own-time") == 1
     (own,) = records(tmp_path)
     assert found.sha256 != own.sha256
@@ -239,8 +231,7 @@ def test_a_position_that_wraps_is_whole_before_it_is_interpolated(tmp_path: Path
     log(tmp_path, q=np.degrees(turning) % 360, tau=TAU, t2=T + 0.0005)
     position = {"column": "q", "unit": "deg", "wraps": True, "time": "t2"}
     (found,) = records(tmp_path, signals={"position": position})
-    assert found.position is not None
-    np.testing.assert_allclose(np.diff(found.position), 0.04, atol=1e-6)
+    np.testing.assert_allclose(np.diff(present(found.position)), 0.04, atol=1e-6)
 
 
 def test_seconds_and_nanoseconds_are_one_time(tmp_path: Path) -> None:

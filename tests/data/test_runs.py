@@ -1,27 +1,16 @@
-import os
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 
-from bristle.data.experiment.load import Experiment, load_experiment, read_runs
-from bristle.data.record import Record
+from bristle.data.experiment.load import read_runs
 
 from ..sameness import of_kind
+from .experiments import SIGNALS, experiment, first_record, present, signals_with
 
 _T = np.arange(400) * 1e-3
-_BASE: dict[str, Any] = {
-    "joint": {"name": "wrist", "kind": "revolute"},
-    "signals": {
-        "time": {"column": "t", "unit": "s"},
-        "position": {"column": "q", "unit": "rad"},
-        "torque": {"column": "tau", "unit": "N*m"},
-    },
-    "runs": [{"files": "log.csv", "experiment": "tracking"}],
-}
 
 
 def _log(folder: Path, name: str = "log.csv", **columns: Any) -> Path:
@@ -36,20 +25,6 @@ def _log(folder: Path, name: str = "log.csv", **columns: Any) -> Path:
     return folder / name
 
 
-def _experiment(folder: Path, **changes: Any) -> Experiment:
-    path = folder / "experiment.yaml"
-    path.write_text(yaml.safe_dump(_BASE | changes, allow_unicode=True), encoding="utf-8")
-    return load_experiment(path)
-
-
-def _signals(**changes: Any) -> dict[str, Any]:
-    return {name: s for name, s in ({**_BASE["signals"]} | changes).items() if s is not None}
-
-
-def _record(folder: Path, **changes: Any) -> Record:
-    return read_runs(_experiment(folder, **changes))[0].record
-
-
 def test_runs_in_order_with_variables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Globs sort by name, several matches are several runs, and no machine path shows, not even with a variable in it."""
     (tmp_path / "logs").mkdir()
@@ -58,7 +33,7 @@ def test_runs_in_order_with_variables(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setenv("RIG_LOGS", str(tmp_path / "logs"))
     entry = {"experiment": "ramp", "hold_out": True, "temperature": 21, "load": "2 kg"}
     runs = read_runs(
-        _experiment(
+        experiment(
             tmp_path,
             runs=[{"files": "${RIG_LOGS}/v_*.csv", **entry}, {"files": "logs/v_2.csv", "experiment": "tracking"}],
         )
@@ -74,7 +49,7 @@ def test_runs_in_order_with_variables(tmp_path: Path, monkeypatch: pytest.Monkey
         ("x.csv", "is no file"),
     ):
         with pytest.raises(ValueError, match=says):
-            read_runs(_experiment(tmp_path, runs=[{"files": files, **entry}]))
+            read_runs(experiment(tmp_path, runs=[{"files": files, **entry}]))
 
 
 def test_torque_from_whatever_drives(tmp_path: Path) -> None:
@@ -90,12 +65,11 @@ def test_torque_from_whatever_drives(tmp_path: Path) -> None:
         {"current": {"column": "i", "unit": "A"}},
         {"voltage": {"column": "u", "unit": "V"}},
     ):
-        record = _record(tmp_path, signals={**_signals(torque=None, velocity=velocity), **drive}, motor=motor)
-        assert record.torque is not None
-        np.testing.assert_allclose(record.torque, tau, atol=1e-12)
+        record = first_record(tmp_path, signals={**signals_with(torque=None, velocity=velocity), **drive}, motor=motor)
+        np.testing.assert_allclose(present(record.torque), tau, atol=1e-12)
         assert record.acceleration is not None
-    flipped = _record(tmp_path, signals=_signals(torque={"column": "tau", "unit": "N*m", "scale": -1}))
-    np.testing.assert_allclose(flipped.torque, -tau)  # type: ignore[arg-type]  # torque is there
+    flipped = first_record(tmp_path, signals=signals_with(torque={"column": "tau", "unit": "N*m", "scale": -1}))
+    np.testing.assert_allclose(present(flipped.torque), -tau)
 
 
 def test_an_error_of_a_constant_is_one_of_the_torque(tmp_path: Path) -> None:
@@ -127,7 +101,7 @@ def test_an_error_of_a_constant_is_one_of_the_torque(tmp_path: Path) -> None:
             },
         ),
     ):
-        record = _record(tmp_path, signals={**_signals(torque=None, velocity=velocity), **drive}, motor=motor)
+        record = first_record(tmp_path, signals={**signals_with(torque=None, velocity=velocity), **drive}, motor=motor)
         assert list(record.torque_shifts) == list(expected)
         for name, shift in expected.items():
             np.testing.assert_allclose(record.torque_shifts[name], shift, atol=1e-12)
@@ -137,9 +111,9 @@ def test_points_are_pairs(tmp_path: Path) -> None:
     """Points need velocity and torque alone; time counts them, and rows that are not finite are dropped."""
     (tmp_path / "points.csv").write_text("v,tau\n60,1\nnan,2\n-120,3\n")
     signals = {"velocity": {"column": "v", "unit": "rpm"}, "torque": {"column": "tau", "unit": "N*m"}}
-    record = _record(tmp_path, signals=signals, runs=[{"files": "points.csv", "experiment": "points"}])
+    record = first_record(tmp_path, signals=signals, runs=[{"files": "points.csv", "experiment": "points"}])
     assert record.time.tolist() == [0, 1]
-    np.testing.assert_allclose(record.velocity, [2 * np.pi, -4 * np.pi])  # type: ignore[arg-type]  # velocity is there
+    np.testing.assert_allclose(present(record.velocity), [2 * np.pi, -4 * np.pi])
     assert (record.rows, record.dropped) == (3, 1)
 
 
@@ -148,9 +122,9 @@ def test_own_signals_of_a_run(tmp_path: Path) -> None:
     _log(tmp_path, p=np.degrees(np.sin(9 * _T)))
     own = {"position": {"column": "p", "unit": "deg"}, "current": {"column": "tau", "unit": "A"}}
     runs = [{"files": "log.csv", "experiment": "tracking", "signals": own}]
-    record = _record(tmp_path, runs=runs, motor={"torque_constant": "2 N*m/A"})
-    np.testing.assert_allclose(record.position, np.sin(9 * _T), atol=1e-12)  # type: ignore[arg-type]  # position is there
-    np.testing.assert_allclose(record.torque, 2 * np.cos(9 * _T), atol=1e-12)  # type: ignore[arg-type]  # torque is there
+    record = first_record(tmp_path, runs=runs, motor={"torque_constant": "2 N*m/A"})
+    np.testing.assert_allclose(present(record.position), np.sin(9 * _T), atol=1e-12)
+    np.testing.assert_allclose(present(record.torque), 2 * np.cos(9 * _T), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -167,14 +141,14 @@ def test_wrapped_positions_are_unwrapped(tmp_path: Path, unit: str, wraps: bool 
     truth = 40 * _T
     _log(tmp_path, q=np.mod(truth, 2 * np.pi) * scale)
     position = {"column": "q", "unit": unit, "wraps": wraps}
-    record = _record(tmp_path, signals=_signals(position=position), encoder_resolution="1000 counts/rev")
-    np.testing.assert_allclose(record.position, truth, atol=1e-9)  # type: ignore[arg-type]  # position is there
+    record = first_record(tmp_path, signals=signals_with(position=position), encoder_resolution="1000 counts/rev")
+    np.testing.assert_allclose(present(record.position), truth, atol=1e-9)
     (note,) = of_kind(record.notes, "unwrapped")
     assert note.numbers["turns"] == 2
     assert note.numbers["period"] == pytest.approx(2 * np.pi)
     del position["wraps"]
     with pytest.raises(ValueError, match="declare wraps: true"):
-        _record(tmp_path, signals=_signals(position=position), encoder_resolution="1000 counts/rev")
+        first_record(tmp_path, signals=signals_with(position=position), encoder_resolution="1000 counts/rev")
 
 
 def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
@@ -183,7 +157,7 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
     time[100], tau[50] = time[99], np.nan
     time[200:] += 1.0
     _log(tmp_path, t=time, tau=tau)
-    record = _record(tmp_path)
+    record = first_record(tmp_path)
     assert (record.rows, record.dropped, record.time.size) == (400, 2, 398)
     assert record.starts == (0, 198)
     (gap,) = of_kind(record.notes, "gaps")
@@ -197,13 +171,13 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
     assert sampling.numbers["step"] == pytest.approx(1e-3)
     for key, says in (("non_finite", "line 52"), ("duplicates", "repeats .* line 102")):
         with pytest.raises(ValueError, match=rf"log\.csv: .*{says}"):
-            _record(tmp_path, cleaning={key: "refuse"})
-    assert _record(tmp_path, cleaning={"gap": 2000}).starts == (0,)
+            first_record(tmp_path, cleaning={key: "refuse"})
+    assert first_record(tmp_path, cleaning={"gap": 2000}).starts == (0,)
     time[300] = 0.0
     _log(tmp_path, t=time)
     with pytest.raises(ValueError, match=r"runs backward in 1 row, first at line 302"):
-        _record(tmp_path)
-    shorter = _record(tmp_path, cleaning={"backward": "drop"})
+        first_record(tmp_path)
+    shorter = first_record(tmp_path, cleaning={"backward": "drop"})
     assert shorter.dropped == 2
     (backward,) = of_kind(shorter.notes, "rows-backward")
     assert str(backward) == "1 row dropped: time runs backward (first: line 302)."
@@ -212,28 +186,25 @@ def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
 def test_a_delayed_signal_is_taken_when_it_happened(tmp_path: Path) -> None:
     """A torque logged 2.5 ms late comes back in time with the position, and a note says so; a delay as long as the run is refused."""
     _log(tmp_path, tau=np.cos(9 * (_T - 2.5e-3)))
-    torque = _BASE["signals"]["torque"]
-    record = _record(tmp_path, signals=_signals(torque=torque | {"delay": "2.5 ms"}))
-    assert record.torque is not None
-    np.testing.assert_allclose(record.torque[:-3], np.cos(9 * _T)[:-3], atol=2e-5)
+    torque = SIGNALS["torque"]
+    record = first_record(tmp_path, signals=signals_with(torque=torque | {"delay": "2.5 ms"}))
+    np.testing.assert_allclose(present(record.torque)[:-3], np.cos(9 * _T)[:-3], atol=2e-5)
     assert "Torque taken 0.0025 s earlier than logged: the declared delay." in map(str, record.notes)
-    early = _record(tmp_path, signals=_signals(torque=torque | {"delay": "-1 ms"}))
-    assert early.torque is not None
+    early = first_record(tmp_path, signals=signals_with(torque=torque | {"delay": "-1 ms"}))
     assert "Torque taken 0.001 s later than logged: the declared delay." in map(str, early.notes)
-    np.testing.assert_allclose(early.torque[1:], np.cos(9 * (_T - 3.5e-3))[1:], atol=2e-5)
+    np.testing.assert_allclose(present(early.torque)[1:], np.cos(9 * (_T - 3.5e-3))[1:], atol=2e-5)
     with pytest.raises(ValueError, match=r"torque: delay: got 1 s in a run of 0\.399 s"):
-        _record(tmp_path, signals=_signals(torque=torque | {"delay": "1 s"}))
+        first_record(tmp_path, signals=signals_with(torque=torque | {"delay": "1 s"}))
 
 
 def test_velocity_from_position_where_it_is_not_logged(tmp_path: Path) -> None:
     """A ramp without velocity has it from its position, by the rate where there is no time, and the notes say so."""
     q = 0.3 * _T + 1e-3 * np.sin(50 * _T)
     _log(tmp_path, q=q)
-    record = _record(
-        tmp_path, signals=_signals(time={"rate": "1 kHz"}), runs=[{"files": "log.csv", "experiment": "ramp"}]
+    record = first_record(
+        tmp_path, signals=signals_with(time={"rate": "1 kHz"}), runs=[{"files": "log.csv", "experiment": "ramp"}]
     )
-    assert record.velocity is not None
-    assert float(np.median(record.velocity)) == pytest.approx(0.3, rel=0.2)
+    assert float(np.median(present(record.velocity))) == pytest.approx(0.3, rel=0.2)
     (derived,) = of_kind(record.notes, "motion-from-position")
     assert derived.numbers["why"].code == "cutoff-of-holds"
     (declared,) = of_kind(record.notes, "rate-declared")
@@ -255,7 +226,7 @@ def test_useless_data_are_refused(tmp_path: Path, columns: dict[str, Any], says:
     """All-NaN, constant and timeless logs are one sentence that opens with the file."""
     _log(tmp_path, **columns)
     with pytest.raises(ValueError, match=says) as caught:
-        _record(tmp_path, signals=_signals(velocity={"column": "v", "unit": "rad/s"}))
+        first_record(tmp_path, signals=signals_with(velocity={"column": "v", "unit": "rad/s"}))
     assert str(caught.value).startswith("log.csv: ")
 
 
@@ -263,63 +234,7 @@ def test_one_row_is_refused(tmp_path: Path) -> None:
     """One sample is no experiment."""
     (tmp_path / "log.csv").write_text("t,q,tau\n0,1,2\n")
     with pytest.raises(ValueError, match="only 1 row"):
-        _record(tmp_path)
-
-
-def _measured() -> Path:
-    folder = os.environ.get("BRISTLE_DATA")
-    if not folder:
-        pytest.skip("BRISTLE_DATA is not set: the measured logs are not here")
-    return Path(folder)
-
-
-def test_measured_logs_are_read(tmp_path: Path) -> None:
-    """The wrist's ten runs, headerless and wrapped, and the linear drive's MAT-file come in whole."""
-    _measured()
-    wrist = {
-        "time": {"rate": "999 Hz"},
-        "position": {"column": 1, "unit": "rad", "wraps": True},
-        "velocity": {"column": 2, "unit": "rad/s"},
-        "torque": {"column": 5, "unit": "A", "scale": "7.6 N*m/A"},
-    }
-    runs = read_runs(
-        _experiment(
-            tmp_path,
-            signals=wrist,
-            runs=[{"files": "${BRISTLE_DATA}/kinova_gen3_joint7/velocity_*.csv", "experiment": "ramp"}],
-        )
-    )
-    assert [run.record.file.split("_")[-1][:4] for run in runs] == [
-        "0.03",
-        "0.05",
-        "0.09",
-        "0.10",
-        "0.30",
-        "0.50",
-        "0.70",
-        "0.90",
-        "1.30",
-        "1.50",
-    ]
-    for run in runs:
-        assert run.record.position is not None
-        assert np.abs(np.diff(run.record.position)).max() < 0.1
-        assert run.record.file.startswith("${BRISTLE_DATA}/")
-    drive = {
-        "time": {"column": "t", "unit": "s"},
-        "position": {"column": "qm", "unit": "m"},
-        "torque": {"column": "vir", "unit": "V", "scale": "35.15 N/V"},
-    }
-    files = "${BRISTLE_DATA}/emps/DATA_EMPS.mat"
-    record = _record(
-        tmp_path,
-        joint={"name": "x", "kind": "prismatic"},
-        signals=drive,
-        runs=[{"files": files, "experiment": "tracking"}],
-    )
-    assert (record.rows, record.dropped) == (24841, 0)
-    assert record.velocity is not None
-    assert 0.12 < np.abs(record.velocity).max() < 0.14
+        first_record(tmp_path)
 
 
 def test_a_place_is_told_by_the_line_of_the_file(tmp_path: Path) -> None:
@@ -327,7 +242,7 @@ def test_a_place_is_told_by_the_line_of_the_file(tmp_path: Path) -> None:
     tau = np.cos(9 * _T)
     tau[50] = np.nan
     _log(tmp_path, tau=tau)
-    record = _record(tmp_path)
+    record = first_record(tmp_path)
     assert record.where(0, 10) == "lines 2-11"
     assert record.where(50, 51) == "line 53"
     assert replace(record, lines=None).where(0, 10) == "rows 1-10"

@@ -19,7 +19,8 @@ from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 from bristle.questions.joint_report.brief import brief_report
 
-from .test_motion_checks import position, sampled
+from .experiments import present
+from .test_motion_checks import sampled
 from .test_signal_checks import RATE, moving
 
 TRUTH, INERTIA = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0), 0.08
@@ -32,14 +33,8 @@ def at(record: Record, time: Array) -> Record:
         time=time,
         position=sampled(record, time),
         velocity=None,
-        torque=np.interp(time, record.time, torque(record)),
+        torque=np.interp(time, record.time, present(record.torque)),
     )
-
-
-def torque(record: Record) -> Array:
-    """Of a record that has one, (n,)."""
-    assert record.torque is not None
-    return record.torque
 
 
 def even(record: Record) -> bool:
@@ -67,8 +62,8 @@ def test_lost_samples_are_where_the_joint_was(share: float) -> None:
         found = evenly_sampled(at(record, record.time[kept]))
         assert even(found)
         assert found.notes[-1].code == "samples-uneven"
-        there = np.interp(found.time, record.time, position(record))
-        assert np.sqrt(np.mean((position(found) - there) ** 2)) < 0.5 * smallest_step(position(record))
+        there = np.interp(found.time, record.time, present(record.position))
+        assert np.sqrt(np.mean((present(found.position) - there) ** 2)) < 0.5 * smallest_step(present(record.position))
 
 
 def test_stamps_are_told_from_instants() -> None:
@@ -91,13 +86,15 @@ def test_an_encoder_still_counts() -> None:
     """Positions that are whole counts are so afterwards, where rows are missing one by one and in a row."""
     record, v = moving(0, "sines", logged=False)
     count, kept = 2e-3, np.random.default_rng(0).random(v.size) > 0.1
-    coarse = replace(record, position=count * np.round(position(record) / count), velocity=None)
-    lost = replace(coarse, time=coarse.time[kept], position=position(coarse)[kept], torque=torque(coarse)[kept])
+    coarse = replace(record, position=count * np.round(present(record.position) / count), velocity=None)
+    lost = replace(
+        coarse, time=coarse.time[kept], position=present(coarse.position)[kept], torque=present(coarse.torque)[kept]
+    )
     gaps = bursts(coarse, 12)
-    for log in (lost, replace(gaps, position=count * np.round(position(gaps) / count))):
+    for log in (lost, replace(gaps, position=count * np.round(present(gaps.position) / count))):
         found = evenly_sampled(log)
         assert found.time.size > log.time.size
-        assert position(found) / count == pytest.approx(np.round(position(found) / count), abs=1e-6)
+        assert present(found.position) / count == pytest.approx(np.round(present(found.position) / count), abs=1e-6)
 
 
 @given(
@@ -116,10 +113,9 @@ def test_any_stamps_that_rise(intervals: list[float], cuts: int) -> None:
     assert found is record or even(found)
     assert found.filled is None or found.filled.size == found.time.size
     assert found.time[-1] <= time[-1] + 1e-9 or found.notes[-1].code == "stamps-jitter"
-    assert torque(found).min() >= torque(record).min() - np.ptp(torque(record))
-    assert torque(found).max() <= torque(record).max() + np.ptp(torque(record))
-    assert found.lines is not None
-    assert found.lines.size == found.time.size
+    assert present(found.torque).min() >= present(record.torque).min() - np.ptp(present(record.torque))
+    assert present(found.torque).max() <= present(record.torque).max() + np.ptp(present(record.torque))
+    assert present(found.lines).size == found.time.size
 
 
 def bursts(record: Record, longest: int, share: float = 0.2) -> Record:
@@ -142,13 +138,12 @@ def test_gaps_that_the_motion_tells_are_bridged() -> None:
         assert len(found.starts) <= 3  # but where bursts fell together
         assert even(found)
         assert "gaps-bridged" in {note.code for note in found.notes}
-        there = np.interp(found.time, record.time, position(record))
-        assert np.abs(position(found) - there).max() < 0.5 * np.abs(np.diff(position(record))).max()
-        assert found.filled is not None
+        there = np.interp(found.time, record.time, present(record.position))
+        assert np.abs(present(found.position) - there).max() < 0.5 * np.abs(np.diff(present(record.position))).max()
         known = np.isin(np.rint(found.time / record.step), np.rint(log.time / record.step))
-        assert not (found.filled & known).any()
-        assert found.filled.sum() == pytest.approx(v.size - log.time.size, rel=0.2)
-        assert at_limits(found)[found.filled].all()
+        assert not (present(found.filled) & known).any()
+        assert present(found.filled).sum() == pytest.approx(v.size - log.time.size, rel=0.2)
+        assert at_limits(found)[present(found.filled)].all()
 
 
 def test_gaps_that_nothing_tells_stay() -> None:

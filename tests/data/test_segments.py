@@ -16,6 +16,8 @@ from bristle.data.record import Record
 from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
 
+from .experiments import present
+
 RATE = 500.0
 LEVELS = (0.05, 0.1, 0.3, 0.6, 1.0, 1.5)
 NOISE = 0.02
@@ -46,9 +48,8 @@ def staircase(seed: int = 0, hold: float = 2.0, signs: tuple[int, ...] = (1, -1)
 
 def quantised(record: Record, counts: int) -> Record:
     """The record as an encoder of so many counts per turn sees it, its velocity from zero-phase filtered differences."""
-    assert record.position is not None
     q = 2 * np.pi / counts
-    position = q * np.floor(record.position / q)
+    position = q * np.floor(present(record.position) / q)
     b, a = butter(2, 20 / (RATE / 2))
     return replace(record, position=position, velocity=np.gradient(filtfilt(b, a, position), record.time))
 
@@ -105,15 +106,12 @@ def test_units_and_sign_change_no_decision(powers: tuple[float, float, float], s
     """Time, velocity and torque in any other units, and motion in the other direction, leave every cut and every decision as it was."""
     tick, speed, load = (2.0 ** round(3 * p) for p in powers)
     record = staircase(seed=2, hold=0.5, signs=(1,))
-    assert record.position is not None
-    assert record.velocity is not None
-    assert record.torque is not None
     other = replace(
         record,
         time=record.time * tick,
-        velocity=record.velocity * speed * sign,
-        position=record.position * speed * tick * sign,
-        torque=record.torque * load * sign,
+        velocity=present(record.velocity) * speed * sign,
+        position=present(record.position) * speed * tick * sign,
+        torque=present(record.torque) * load * sign,
     )
     before, after = find_segments(record, Thresholds()), find_segments(other, Thresholds())
     assert [(s.start, s.stop, s.accepted) for s in before] == [(s.start, s.stop, s.accepted) for s in after]
@@ -227,8 +225,7 @@ def test_saturation_is_told_with_and_without_a_declared_limit() -> None:
     """A torque clipped for a third of a plateau is saturated; a declared limit below the torque says the same, one above it does not."""
     rng = np.random.default_rng(1)
     free = motion(np.full(N, 0.5), 1.8 + 0.1 * rng.normal(size=N))
-    assert free.torque is not None
-    clipped = replace(free, torque=np.minimum(free.torque, 1.84))
+    clipped = replace(free, torque=np.minimum(present(free.torque), 1.84))
     for record, limit in ((clipped, None), (free, 1.5)):
         (segment,) = find_segments(record, Thresholds(torque_limit=limit))
         assert any(reason.code == "saturated" for reason in segment.reasons)

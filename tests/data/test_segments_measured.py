@@ -1,8 +1,5 @@
 """Constant-velocity segments of measured logs; the folder is named by BRISTLE_DATA."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.io import loadmat
@@ -11,18 +8,12 @@ from scipy.signal import butter, filtfilt
 from bristle.data.constant_velocity.segments import Segment, Thresholds, find_segments
 from bristle.data.record import Record
 
+from .experiments import measured
+
 
 def accepted(record: Record) -> list[Segment]:
     """The segments that count."""
     return [s for s in find_segments(record, Thresholds()) if s.accepted]
-
-
-def measured(*parts: str) -> Path:
-    """A measured file; skips where there are none."""
-    folder = os.environ.get("BRISTLE_DATA")
-    if not folder:
-        pytest.skip("BRISTLE_DATA is not set: the measured logs are not part of the project")
-    return Path(folder, *parts)
 
 
 def test_kinova_gives_one_point_per_run() -> None:

@@ -21,6 +21,8 @@ from bristle.findings import CAUTION, CRITICAL, Finding, Severity
 from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
 
+from .experiments import present
+
 RATE = 500.0
 
 
@@ -90,8 +92,7 @@ def test_a_velocity_that_is_not_that_of_the_position(kind: RunKind, factor: floa
     """A logged velocity that is off by a factor is critical in every kind of run, fast or slow: the factor to 2 %, and the line that mends it."""
     for seed in range(5):
         record, _ = moving(seed, "sines" if kind == "tracking" else "ramps")
-        assert record.velocity is not None
-        said = checked(replace(record, velocity=factor * record.velocity), kind)
+        said = checked(replace(record, velocity=factor * present(record.velocity)), kind)
         (found,) = (d for d in said if d.code != "loaded-at-start")  # which it is, taken for slow loading
         assert found.code == "velocity-factor"
         assert found.severity is Severity.CRITICAL
@@ -103,9 +104,9 @@ def test_a_velocity_that_is_not_that_of_the_position(kind: RunKind, factor: floa
 def test_the_line_follows_what_was_declared() -> None:
     """A unit is proposed where it, in place of the declared one and times its scale, makes the two agree."""
     record, _ = moving(3)
-    assert record.velocity is not None
     (found,) = checked(
-        replace(record, velocity=record.velocity * np.pi / 180), velocity={"column": 1, "unit": "deg/s", "scale": 2}
+        replace(record, velocity=present(record.velocity) * np.pi / 180),
+        velocity={"column": 1, "unit": "deg/s", "scale": 2},
     )
     assert "`unit: rad/s` under signals.velocity" in str(found)
     slow = replace(record, time=record.time * 1e-3)
@@ -192,8 +193,7 @@ def test_a_reading_that_is_not_refreshed(counted: bool, held: int, every: int) -
     """A position held now and then, or read more seldom than logged, is a caution with the samples that it stays; read each time, it is none."""
     for seed in range(20):
         record, v = moving(seed, ["sines", "trapezia"][seed % 2])
-        assert record.position is not None
-        q = record.position if counted else np.cumsum(v) / RATE
+        q = present(record.position) if counted else np.cumsum(v) / RATE
         k = np.arange(v.size)
         stays = q[np.maximum.accumulate(np.where((k % every < held) & (k > 0), 0, k))]
         (found,) = [d for d in checked(replace(record, position=stays)) if d.code == "position-held"]
@@ -208,9 +208,8 @@ def test_a_clipped_torque_of_a_moving_run(share: float, levels: int | None) -> N
     """A torque cut off where it is largest, with or without the steps of a converter, is a caution that names the share of the samples."""
     for seed in range(20):
         record, _ = moving(seed)
-        assert record.torque is not None
-        step = np.ptp(record.torque) / (levels or np.inf)
-        torque = np.round(record.torque / step) * step if levels else record.torque
+        step = np.ptp(present(record.torque)) / (levels or np.inf)
+        torque = np.round(present(record.torque) / step) * step if levels else present(record.torque)
         limit = np.sort(np.abs(torque))[int((1 - share) * torque.size)]
         (found,) = checked(replace(record, torque=np.clip(torque, -limit, limit)))
         assert found.code == "clipped-left-out"
@@ -224,8 +223,7 @@ def test_a_command_that_is_held_is_not_clipped() -> None:
     n = record.time.size
     stairs = np.concatenate([np.repeat(np.linspace(-1, 1, 9), n // 10), np.linspace(1, 0, n - 9 * (n // 10))])
     assert checked(replace(record, torque=stairs)) == ()
-    assert record.torque is not None
-    cut = np.clip(record.torque, -0.5, 0.5)
+    cut = np.clip(present(record.torque), -0.5, 0.5)
     assert checked(replace(record, torque=cut, voltage=cut)) == ()
 
 

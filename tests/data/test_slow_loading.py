@@ -16,6 +16,8 @@ from bristle.errors import InputError
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 
+from .experiments import present
+
 P = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 G0 = P.alpha_0 + P.alpha_1
 STEP = 0.01
@@ -78,11 +80,9 @@ def test_loops_have_the_loss_and_stiffness_of_the_law() -> None:
     found, drifts = find_loops(record, 1e3, None)
     assert drifts == ()
     assert len(found) == 7
-    assert record.torque is not None
-    assert record.position is not None
     one = slice(found[-1].start, found[-1].stop + 1)
-    middle = (record.torque[one][1:] + record.torque[one][:-1]) / 2
-    assert found[-1].loss == pytest.approx(abs(float(middle @ np.diff(record.position[one]))), rel=1e-9)
+    middle = (present(record.torque)[one][1:] + present(record.torque)[one][:-1]) / 2
+    assert found[-1].loss == pytest.approx(abs(float(middle @ np.diff(present(record.position)[one]))), rel=1e-9)
     assert found[-1].loss == pytest.approx(found[-2].loss, rel=2e-3)
     slope, inverse = found[-1].slope, found[-1].inverse_slope
     assert slope is not None
@@ -99,9 +99,8 @@ def test_loops_have_the_loss_and_stiffness_of_the_law() -> None:
 def test_a_cycle_that_drifts_is_no_loop() -> None:
     """A cycle whose ends are a third of its range apart is not given as a loop; how far apart they are is."""
     record = cycle(turns=8)
-    assert record.position is not None
-    drift = np.ptp(record.position) * record.time / record.time[-1]
-    found, drifts = find_loops(replace(record, position=record.position + 3 * drift), 1e3, None)
+    drift = np.ptp(present(record.position)) * record.time / record.time[-1]
+    found, drifts = find_loops(replace(record, position=present(record.position) + 3 * drift), 1e3, None)
     assert found == ()
     assert len(drifts) == 7
     assert all(0.2 < share < 0.5 for share in drifts)
@@ -147,10 +146,9 @@ def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
     A joint that slides far has broken away, though another run held more.
     """
     calm = ramp(0.0)
-    assert calm.position is not None
-    hop = replace(calm, position=calm.position + 2e-3 * (calm.time > 9))
+    hop = replace(calm, position=present(calm.position) + 2e-3 * (calm.time > 9))
     assert [x.breakaway for x in find_loadings(hop, 2.0, None, None)] == [None]
-    creep = replace(calm, file="creep.csv", position=calm.position + 2e-3 * np.maximum(calm.time - 19.5, 0.0))
+    creep = replace(calm, file="creep.csv", position=present(calm.position) + 2e-3 * np.maximum(calm.time - 19.5, 0.0))
     assert calm.torque is not None
     higher = ramp(0.0, share=0.9)
     (alone,) = find_loadings(creep, 5.0, None, None)
@@ -165,13 +163,12 @@ def test_a_torque_exceeded_without_sliding_is_no_breakaway() -> None:
 def test_the_largest_torque_held_is_the_logged_one() -> None:
     """At the tip of a triangle the low pass rounds the torque off; what was held is the tip, to its noise."""
     record = cycle()
-    assert record.torque is not None
     noisy = replace(
-        record, torque=record.torque + 1e-3 * G0 * np.random.default_rng(0).standard_normal(record.time.size)
+        record, torque=present(record.torque) + 1e-3 * G0 * np.random.default_rng(0).standard_normal(record.time.size)
     )
     for one, tolerance in ((record, 1e-6), (noisy, 6e-3)):
         for x in find_loadings(one, 2.0, None, None)[1:-1]:
-            own = np.abs(record.torque[x.start : x.start + x.torque.size])
+            own = np.abs(present(record.torque)[x.start : x.start + x.torque.size])
             assert x.held == pytest.approx(own.max(), rel=tolerance)
 
 
@@ -183,8 +180,9 @@ def test_what_is_no_stiffness_is_absent(seed: int, quantum: float, noise: float)
     NumPy warns of nothing.
     """
     rng, record = np.random.default_rng(seed), cycle()
-    assert record.position is not None
-    position = rng.choice([-1.0, 0.0, 1.0]) * record.position + noise * 1e-3 * rng.standard_normal(record.time.size)
+    position = rng.choice([-1.0, 0.0, 1.0]) * present(record.position) + noise * 1e-3 * rng.standard_normal(
+        record.time.size
+    )
     if quantum:
         position = quantum * np.floor(position / quantum)
     for x in find_loops(replace(record, position=position), 2.0, quantum or None)[0]:
@@ -234,11 +232,10 @@ def test_a_count_far_below_the_readings_is_thinned_and_an_absurd_one_refused() -
 def test_a_low_pass_can_be_computed_or_is_refused(cutoff: float) -> None:
     """Any cut-off gives a finite signal that is no larger than a few times what went in, or one sentence about units."""
     record = cycle()
-    assert record.torque is not None
     try:
-        smooth = smoothed(record, record.torque, cutoff)
+        smooth = smoothed(record, present(record.torque), cutoff)
     except InputError as refused:
         assert "the unit of time" in str(refused)  # noqa: PT017  # either way is right, and which depends on the cut-off
         return
     assert np.isfinite(smooth).all()
-    assert np.abs(smooth).max() <= 3 * np.abs(record.torque).max()
+    assert np.abs(smooth).max() <= 3 * np.abs(present(record.torque)).max()

@@ -12,6 +12,7 @@ from bristle.data.torque_checks import at_limits, check_torque
 from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
 
+from .experiments import present
 from .test_signal_checks import RATE, moving
 
 G0, SIGMA_0 = 0.7, 1000.0
@@ -41,12 +42,6 @@ def table(seed: int, n: int = 20) -> Record:
     return Record(file="points.csv", time=np.arange(v.size, dtype=np.float64), velocity=v, torque=torque)
 
 
-def torque_of(record: Record) -> Array:
-    """The torque, which is there."""
-    assert record.torque is not None
-    return record.torque
-
-
 def test_clean_torques_are_left_alone() -> None:
     """Of a hundred clean runs each, slow loading with and without a rest, points and motions, none has a warning."""
     for seed in range(100):
@@ -61,8 +56,8 @@ def test_a_slow_loading_that_does_not_begin_at_zero(share: float, rest: float) -
     """An offset of the load cell is named with its size, whichever its sign."""
     for seed in range(20):
         record = cycles(seed, rest)
-        offset = share * float(torque_of(record).max()) * (-1) ** seed
-        (found,) = check_torque(replace(record, torque=torque_of(record) + offset), "presliding")
+        offset = share * float(present(record.torque).max()) * (-1) ** seed
+        (found,) = check_torque(replace(record, torque=present(record.torque) + offset), "presliding")
         assert found.code == "loaded-at-start"
         assert found.numbers["torque"] == pytest.approx(offset, abs=1e-3)
 
@@ -72,10 +67,9 @@ def test_a_slow_loading_that_is_clipped(limit: float) -> None:
     """A torque that stays at its limits while the joint goes on moving is clipped; one that is held there is not."""
     for seed in range(20):
         record = cycles(seed)
-        cut = np.clip(torque_of(record), -limit, limit)
+        cut = np.clip(present(record.torque), -limit, limit)
         assert kinds(replace(record, torque=cut), "presliding") == ["clipped"]
-        assert record.position is not None
-        still = record.position[np.maximum.accumulate(np.where(np.abs(cut) < limit, np.arange(cut.size), 0))]
+        still = present(record.position)[np.maximum.accumulate(np.where(np.abs(cut) < limit, np.arange(cut.size), 0))]
         assert kinds(replace(record, torque=cut, position=still), "presliding") == []
 
 
@@ -84,7 +78,7 @@ def test_few_points_that_are_clipped(limit: float) -> None:
     """Of a table most of whose points are at the limit, the few others are levels enough to say so."""
     for seed in range(20):
         record = table(seed, 30)
-        assert kinds(replace(record, torque=np.clip(torque_of(record), -limit, limit)), "points") in (
+        assert kinds(replace(record, torque=np.clip(present(record.torque), -limit, limit)), "points") in (
             ["clipped"],
             ["clipped-left-out"],
         )
@@ -94,13 +88,12 @@ def test_few_points_that_are_clipped(limit: float) -> None:
 def test_points_at_a_limit_are_those_and_no_others(share: float) -> None:
     """Three points with the largest torque to the last digit are clipped; of a torque that is rounded, or has no noise at all, none is."""
     for seed in range(20):
-        torque = torque_of(record := table(seed))
+        torque = present((record := table(seed)).torque)
         limit = share * float(np.abs(torque).max())
         clipped = np.abs(torque) >= limit
         assert 3 <= clipped.sum() < clipped.size / 2
         assert np.array_equal(at_limits(replace(record, torque=np.clip(torque, -limit, limit)), "points"), clipped)
-        assert record.velocity is not None
-        (exact,) = evaluate(steady_torque_function(), record.velocity, 0.5, 0.2, 0.4, 0.08)
+        (exact,) = evaluate(steady_torque_function(), present(record.velocity), 0.5, 0.2, 0.4, 0.08)
         for other in (torque, exact, np.round(torque, 1)):
             assert not at_limits(replace(record, torque=other), "points").any()
 
@@ -110,7 +103,7 @@ def test_points_that_are_clipped_almost_all(limit: float) -> None:
     """Where most points of a direction have one torque to the last digit it is a limit, however few levels are left."""
     for seed in range(20):
         record = table(seed, n=6)
-        (found,) = check_torque(replace(record, torque=np.clip(torque_of(record), -limit, limit)), "points")
+        (found,) = check_torque(replace(record, torque=np.clip(present(record.torque), -limit, limit)), "points")
         assert found.code == "clipped"
         assert found.numbers["limits"] == f"{limit:.4g} and -{limit:.4g}"
 
@@ -146,9 +139,9 @@ def test_a_torque_of_few_levels(levels: int) -> None:
     """A torque that is rounded to a few levels is named with the level and how many there are, unless its noise is larger than one."""
     for seed in range(20):
         record = moving(seed)[0]
-        step = float(np.ptp(torque_of(record))) / levels
+        step = float(np.ptp(present(record.torque))) / levels
         noise = step * np.random.default_rng(seed).standard_normal(record.time.size)
-        smooth = np.convolve(torque_of(record), np.ones(25) / 25, "same")
+        smooth = np.convolve(present(record.torque), np.ones(25) / 25, "same")
         (found,) = check_torque(replace(record, torque=step * np.round(smooth / step)), "tracking")
         assert found.code == "torque-coarse"
         assert found.numbers["step"] == pytest.approx(step)
