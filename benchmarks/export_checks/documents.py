@@ -14,7 +14,7 @@ from bristle.questions.export.artefact import Artefact, Request
 from bristle.questions.export.coulomb_viscous import best_values
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.isaac import static_effort
-from bristle.questions.export.json_document import SCHEMA, as_values, export_schema, joints_in
+from bristle.questions.export.json_document import SCHEMA, as_json, export_schema, joints_in
 from export_checks.common import Failed, NotInstalled, told_by
 
 _ASSIGNED = re.compile(r"(\w[\w.]*) = struct\('value'")
@@ -39,7 +39,7 @@ def validated(values: object) -> str:
 
 def told_back(read: Sequence[ExportedJoint], joints: Sequence[ExportedJoint]) -> str:
     """A line: whether the joints that were read back are those that were exported."""
-    same = tuple(read) == tuple(joints) and as_values(read) == as_values(joints)
+    same = tuple(read) == tuple(joints) and as_json(read) == as_json(joints)
     return told_by(same, "read back: equal to the last bit", "read back: NOT what was exported")
 
 

@@ -55,7 +55,7 @@ def export(
 
     Args:
         known: a file of a joint or of a robot, results or their file, or a fit of arrays.
-        to: c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, yaml, matlab or latex.
+        to: c, mujoco, mujoco-frictionloss, fmu, urdf, sdf, isaac, json, matlab or latex.
         joint: the only one; None: all, where the target holds several.
         into: a URDF, an SDF or an MJCF file into which the values are merged; the file itself is not changed.
         amplitude: of the sine for which the values of a target without LuGre are the best, rad or a quantity; None: up to the fastest measured speed.
@@ -91,7 +91,7 @@ def exported_joints(known: Known, joint: str | None = None) -> tuple[ExportedJoi
 
 
 def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
-    """The joints of a file that `bristle export --to json` or yaml wrote, equal to what was exported, to the last bit.
+    """The joints of a file that `bristle export --to json` wrote, equal to what was exported, to the last bit.
 
     >>> import bristle
     >>> handed = bristle.export("wrist.yaml", "json")

@@ -119,12 +119,30 @@ def left_out(joint: ExportedJoint, target: str, counted: Sequence[str] = ()) -> 
     return (Finding("export-leaves-out", CAUTION, message, numbers),)
 
 
-def without_inertia(joints: Sequence[ExportedJoint]) -> Iterator[Finding]:
-    """For each joint of which no inertia is known, that none is exported."""
+def artefact_of(
+    joints: Sequence[ExportedJoint],
+    target: str,
+    ending: str,
+    content: bytes,
+    holds: str,
+    losses: Mapping[str, tuple[Loss, ...]],
+    *,
+    counted: Sequence[str] = (),
+    armature: bool = False,
+) -> Artefact:
+    """What a target takes, with what it loses of each joint, what it leaves out, and, of one that takes an armature, that there is none.
+
+    `ending` stands behind the name of the joints, `counted` are terms that the values stand for.
+    """
+    beside = []
     for joint in joints:
-        if joint.rotor_inertia is None:
+        beside += left_out(joint, target, counted)
+        if armature and joint.rotor_inertia is None:
             message = f"{joint.name}: no inertia is known, and none is exported; the simulator keeps its own."
-            yield Finding("export-without-inertia", CAUTION, message, {"joint": joint.name})
+            beside.append(Finding("export-without-inertia", CAUTION, message, {"joint": joint.name}))
+    return Artefact(
+        name=f"{slug(joints)}{ending}", content=content, holds=holds, losses=losses, said=(*large_losses(target, losses), *beside),
+    )  # fmt: skip  # a list of values
 
 
 def slug(joints: Sequence[ExportedJoint]) -> str:

@@ -5,12 +5,12 @@ It holds Coulomb friction and damping of the joint, N*m and N*m*s/rad (N and N*s
 
 from collections.abc import Callable, Sequence
 
-from bristle.errors import InputError, one_line, short
+from bristle.errors import InputError, short
 from bristle.model.parameters import slides
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
-from bristle.questions.export.coulomb_viscous import CoulombViscous, artefact_of, best_values, comment_lines
+from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, with_best_values
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
+from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named, model_read
 
 _HOLDS = (
     "Coulomb friction and damping, the same in both directions; no Stribeck peak, no presliding, and no rotor inertia."
@@ -19,10 +19,6 @@ _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 _PLACEHOLDERS = "{} are placeholders, so that this file loads; copy <dynamics> into your own {}, or export into that."
 _FAR = "1000"
 """A limit that is none."""
-_Merged = Callable[[bytes, str, Sequence[CoulombViscous]], bytes]
-"""A file and its name -> that file with the values of some joints."""
-_Element = Callable[[int, CoulombViscous], str]
-"""The number of a joint, and its values -> its element."""
 _TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
 """Of a joint in a URDF or an SDF, by whether the exported one slides."""
 
@@ -35,25 +31,29 @@ def write_urdf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     # a robot of these joints, each with a link of its own on one base
     head = f'<robot name={attribute(slug(joints))}>\n  <link name="base"/>'
     around = comment(_PLACEHOLDERS.format("Links, axes and limits", "URDF")), head, "</robot>"
-    return _written("urdf", joints, request, _into_urdf, around, _urdf_joint)
+    return _written("urdf", "robot", joints, request, _into_urdf, around, _urdf_joint)
 
 
 def _written(
     kind: str,
+    root: str,
     joints: Sequence[ExportedJoint],
     request: Request,
-    merged: _Merged,
+    merge: Callable[[XmlDocument, CoulombViscous], None],
     around: Sequence[str],
-    element: _Element,
+    element: Callable[[int, CoulombViscous], str],
 ) -> Artefact:
-    """What holds the best values: the file that is merged into, or one with a comment, then the elements between a head and an end."""
+    """What holds the best values: the file of that root that is merged into, or a comment, then the elements between a head and an end."""
     found = best_values(joints, request, kind)
     if request.into is not None:
-        content = merged(request.into, request.into_name, found)
+        document = model_read(request.into, request.into_name, kind.upper(), root)
+        for one in found:
+            merge(document, one)
+        content = document.written()
     else:
         note, head, end = around
         content = "\n".join([_HEAD + note, head, *map(element, range(len(found)), found), end, ""]).encode()
-    return artefact_of(found, kind, f".{kind}", content, _HOLDS)
+    return with_best_values(found, kind, f".{kind}", content, _HOLDS)
 
 
 def _urdf_dynamics(one: CoulombViscous) -> str:
@@ -83,26 +83,19 @@ def _urdf_joint(k: int, one: CoulombViscous) -> str:
   </link>"""
 
 
-def _into_urdf(into: bytes, name: str, found: Sequence[CoulombViscous]) -> bytes:
-    """The URDF with the values in its joints, and nothing else changed."""
-    document = XmlDocument.read(into, name)
-    root, what = document.root, document.what
-    if root.tag != "robot":
-        raise InputError(f"{what}: its root is <{one_line(root.tag, 40)}>; expected a URDF, whose root is <robot>")
-    joints = [x for x in root.children if x.tag == "joint"]
-    remedy = "run xacro on it first; " if any(x.tag.startswith("xacro:") for x in root.children) else ""
-    for one in found:
-        joint = _place(what, joints, one.joint, remedy)
-        dynamics = [x for x in joint.children if x.tag == "dynamics"]
-        if len(dynamics) > 1:
-            where = f"{what}, line {joint.line}: joint {short(one.joint.name)}"
-            raise InputError(f"{where} has two <dynamics>; keep one of them")
-        document.annotate(joint, _note(one))
-        if dynamics:
-            document.set_attributes(dynamics[0], _values(one))
-        else:
-            document.insert_last(joint, _urdf_dynamics(one))
-    return document.written()
+def _into_urdf(document: XmlDocument, one: CoulombViscous) -> None:
+    """The values into a joint of a URDF."""
+    children = document.root.children
+    remedy = "run xacro on it first; " if any(x.tag.startswith("xacro:") for x in children) else ""
+    joint, where = _place(document, [x for x in children if x.tag == "joint"], one.joint, remedy)
+    dynamics = [x for x in joint.children if x.tag == "dynamics"]
+    if len(dynamics) > 1:
+        raise InputError(f"{where} has two <dynamics>; keep one of them")
+    document.annotate(joint, _note(one))
+    if dynamics:
+        document.set_attributes(dynamics[0], _values(one))
+    else:
+        document.insert_last(joint, _urdf_dynamics(one))
 
 
 def write_sdf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
@@ -113,7 +106,7 @@ def write_sdf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     # a model of these joints, each between the world and a link of its own
     head = f'<sdf version="1.6">\n  <model name={attribute(slug(joints))}>'
     around = comment(_PLACEHOLDERS.format("Links and axes", "SDF")), head, "  </model>\n</sdf>"
-    return _written("sdf", joints, request, _into_sdf, around, _sdf_joint)
+    return _written("sdf", "sdf", joints, request, _into_sdf, around, _sdf_joint)
 
 
 def _sdf_dynamics(one: CoulombViscous, indent: str = "") -> str:
@@ -148,43 +141,28 @@ def _sdf_joint(k: int, one: CoulombViscous) -> str:
     </joint>"""
 
 
-def _into_sdf(into: bytes, name: str, found: Sequence[CoulombViscous]) -> bytes:
-    """The SDF with the values in its joints, and nothing else changed."""
-    document = XmlDocument.read(into, name)
-    for one in found:
-        axis = _axis(document, one.joint)
-        dynamics = [x for x in axis.children if x.tag == "dynamics"]
-        if not dynamics:
-            document.insert_last(axis, _sdf_dynamics(one))
-            continue
-        document.annotate(dynamics[0], _note(one))
-        for tag, value in _values(one).items():
-            text, old = f"<{tag}>{value}</{tag}>", [x for x in dynamics[0].children if x.tag == tag]
-            if old:
-                document.replace(old[0], text)
-            else:
-                document.insert_last(dynamics[0], text)
-    return document.written()
-
-
-def _axis(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
-    """The joint's axis in an SDF. Raises InputError where there is none, or the joint cannot be the one that was identified."""
-    root, what = document.root, document.what
-    if root.tag != "sdf":
-        raise InputError(f"{what}: its root is <{one_line(root.tag, 40)}>; expected an SDF, whose root is <sdf>")
-    joints = [x for model in root.find_all("model") for x in model.children if x.tag == "joint"]
-    element = _place(what, joints, joint)
-    where = f"{what}, line {element.line}: joint {short(joint.name)}"
-    axes = [x for x in element.children if x.tag == "axis"]
+def _into_sdf(document: XmlDocument, one: CoulombViscous) -> None:
+    """The values into a joint of an SDF."""
+    joints = [x for model in document.root.find_all("model") for x in model.children if x.tag == "joint"]
+    joint, where = _place(document, joints, one.joint)
+    axes = [x for x in joint.children if x.tag == "axis"]
     if len(axes) != 1:
         raise InputError(f"{where} has {len(axes)} <axis>; expected one")
     dynamics = [x for x in axes[0].children if x.tag == "dynamics"]
-    inside = [x.tag for one in dynamics for x in one.children if x.tag in ("damping", "friction")]
     if len(dynamics) > 1:
         raise InputError(f"{where} has two <dynamics> in its <axis>; keep one of them")
-    if twice := [tag for tag in sorted(inside) if inside.count(tag) > 1]:
-        raise InputError(f"{where} has two <{twice[0]}> in its <dynamics>; keep one of them")
-    return axes[0]
+    if not dynamics:
+        document.insert_last(axes[0], _sdf_dynamics(one))
+        return
+    document.annotate(dynamics[0], _note(one))
+    for tag, value in _values(one).items():
+        text, old = f"<{tag}>{value}</{tag}>", [x for x in dynamics[0].children if x.tag == tag]
+        if len(old) > 1:
+            raise InputError(f"{where} has two <{tag}> in its <dynamics>; keep one of them")
+        if old:
+            document.replace(old[0], text)
+        else:
+            document.insert_last(dynamics[0], text)
 
 
 def _note(one: CoulombViscous) -> str:
@@ -197,19 +175,20 @@ def _values(one: CoulombViscous) -> dict[str, str]:
     return {"damping": repr(one.viscous), "friction": repr(one.coulomb)}
 
 
-def _place(what: str, elements: Sequence[XmlElement], joint: ExportedJoint, remedy: str = "") -> XmlElement:
-    """The one element of a file's joints that has the joint's name.
+def _place(
+    document: XmlDocument, elements: Sequence[XmlElement], joint: ExportedJoint, remedy: str = ""
+) -> tuple[XmlElement, str]:
+    """The one element of a file's joints that has the joint's name, and how a sentence about it begins.
 
     Raises InputError where there is none, opening the list of its joints with a remedy, or two, or it does not move as the exported one.
     """
-    found = joint_named(what, elements, joint.name, remedy)
+    found, where = joint_named(document.what, elements, joint.name, remedy)
     got, expected = found.attributes.get("type", ""), _TYPES[slides(joint.kind)]
     if got not in expected:
         raise InputError(
-            f"{what}, line {found.line}: joint {short(joint.name)} is {short(got)}, and the identified one is {joint.kind}; "
-            f"expected {' or '.join(expected)}"
+            f"{where} is {short(got)}, and the identified one is {joint.kind}; expected {' or '.join(expected)}"
         )
-    return found
+    return found, where
 
 
 URDF = ExportTarget(fitted=True, write=write_urdf, merges=True)

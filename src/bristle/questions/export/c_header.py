@@ -22,7 +22,7 @@ from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Pair, in_current, lugre_of, slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export import c_code
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, large_losses, left_out, notes, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.c_numbers import c_field, digits, identifier, range_of, stem_of
 from bristle.questions.export.c_step import NamedFunction, PrintedStep, printed_joint, printed_step
 from bristle.questions.export.exported import ExportedJoint
@@ -192,14 +192,8 @@ def _write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
 
     model = lugre(joint.with_bristle("c with this compensator").pair) if whole else alone
     found = () if whole and not joint.quadratic else losses(joint, model, stated_motions(joint))
-    lost = {joint.name: found} if found else {}
-    return Artefact(
-        name=f"{slug(joints)}.h",
-        content=header(joint, request.compensator).encode("ascii"),
-        holds=_HOLDS[request.compensator.name],
-        losses=lost,
-        said=(*large_losses("c", lost), *left_out(joint, "c", [*joint.rises])),
-    )
+    content, holds = header(joint, request.compensator).encode("ascii"), _HOLDS[request.compensator.name]
+    return artefact_of(joints, "c", ".h", content, holds, {joint.name: found} if found else {}, counted=[*joint.rises])
 
 
 _HOLDS = {

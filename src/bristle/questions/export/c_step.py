@@ -15,7 +15,8 @@ from bristle.control.symbolic import SymbolicAdaptation, setting_names, with_set
 from bristle.model import functions, law, motor
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Expression, Law
-from bristle.model.parameters import Motor, fields_of, pair_of
+from bristle.model.parameters import SIGNED, Motor, fields_of, pair_of
+from bristle.questions.export.exported import WAYS
 
 _INPUTS = (
     "reference_position", "reference_velocity", "reference_acceleration", "position", "velocity", "dt", "motor_torque", "link_torque",
@@ -61,7 +62,7 @@ class PrintedStep(NamedTuple):
 
 def sets_of(of: Law) -> tuple[str, ...]:
     """The numbers of a pair, as C calls them: twelve of the paper's law."""
-    return tuple(f"{d}.{name}" for d in ("positive", "negative") for name in fields_of(of))
+    return tuple(f"{WAYS[d]}.{name}" for d in SIGNED for name in fields_of(of))
 
 
 @lru_cache(maxsize=64)

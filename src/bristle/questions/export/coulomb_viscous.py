@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from bristle.errors import one_line
 from bristle.model.parameters import unit
 from bristle.page.wording import number
-from bristle.questions.export.artefact import Artefact, Request, large_losses, left_out, notes, slug
+from bristle.questions.export.artefact import Artefact, Request, artefact_of, notes
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, StatedMotion, all_motions, best_coulomb_viscous, coulomb_viscous, losses
 
@@ -44,13 +44,12 @@ def best_values(joints: Sequence[ExportedJoint], request: Request, target: str) 
     return tuple(found)
 
 
-def artefact_of(found: Sequence[CoulombViscous], target: str, name: str, content: bytes, holds: str) -> Artefact:
-    """What a target takes, with what it loses of each joint and what it leaves out; `name` stands behind that of the joints."""
-    lost = {one.joint.name: one.losses for one in found}
-    beside = (x for one in found for x in left_out(one.joint, target, counted=("quadratic",)))
-    return Artefact(
-        name=f"{slug([one.joint for one in found])}{name}", content=content, holds=holds, losses=lost, said=(*large_losses(target, lost), *beside),
-    )  # fmt: skip  # a list of values
+def with_best_values(
+    found: Sequence[CoulombViscous], target: str, ending: str, content: bytes, holds: str, *, armature: bool = False
+) -> Artefact:
+    """What a target takes of them, as `artefact_of`: v abs(v) is among what the values stand for."""
+    joints, lost = [one.joint for one in found], {one.joint.name: one.losses for one in found}
+    return artefact_of(joints, target, ending, content, holds, lost, counted=("quadratic",), armature=armature)
 
 
 def comment_lines(one: CoulombViscous, holds: str) -> Iterator[str]:

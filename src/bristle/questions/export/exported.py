@@ -6,6 +6,7 @@ What the data do not show is filled in only where a target cannot do without it,
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from bristle.arrays import Interval, Number
 from bristle.data.experiment.load import Experiment
@@ -51,6 +52,8 @@ from bristle.model.parameters import (
 )
 from bristle.simulation.joint_loop import fastest_measured
 
+WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))
+"""What a direction is called where + and - cannot stand, as in C and MATLAB."""
 FREQUENCY = 0.5
 """Hz, of the motions along which torques are compared."""
 
@@ -73,6 +76,12 @@ class ExportedParameter:
     def assumed(self) -> bool:
         """Whether the data do not show it, and it had to be filled in."""
         return self.source == "assumed"
+
+    @property
+    def cells(self) -> dict[str, Any]:
+        """What each document renders of it, by name."""
+        columns = ("value", "unit", "standard_error", "interval", "source", "assumed")
+        return {name: getattr(self, name) for name in columns}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

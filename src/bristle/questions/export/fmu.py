@@ -17,16 +17,7 @@ from bristle.errors import InputError, one_line
 from bristle.model.parameters import fields_of, unit
 from bristle.page.output_folder import zipped
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import (
-    Artefact,
-    ExportTarget,
-    Request,
-    c_compiler,
-    large_losses,
-    left_out,
-    notes,
-    slug,
-)
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, c_compiler, notes
 from bristle.questions.export.c_code import filled
 from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import identifier, range_of
@@ -215,13 +206,13 @@ def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  #
         if isinstance(binary, str)
         else "as C sources and a linux64 binary"
     )
-    lost_of = {joint.name: lost} if lost else {}
-    return Artefact(
-        name=f"{slug(joints)}.fmu",
-        content=zipped(files),
-        holds=f"{_HOLDS}; FMI 2.0 for co-simulation, {form}",
-        losses=lost_of,
-        said=(*large_losses("fmu", lost_of), *left_out(joint, "fmu")),
+    return artefact_of(
+        joints,
+        "fmu",
+        ".fmu",
+        zipped(files),
+        f"{_HOLDS}; FMI 2.0 for co-simulation, {form}",
+        {joint.name: lost} if lost else {},
     )
 
 

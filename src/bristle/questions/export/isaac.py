@@ -7,12 +7,11 @@ PxJointFrictionParams).
 
 import re
 from collections.abc import Sequence
-from dataclasses import replace
 
 from bristle.errors import one_line
 from bristle.model.parameters import unit
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, without_inertia
-from bristle.questions.export.coulomb_viscous import CoulombViscous, artefact_of, best_values, comment_lines
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request
+from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, with_best_values
 from bristle.questions.export.exported import ExportedJoint
 
 _HOLDS = "static, dynamic and viscous friction, the same in both directions, and armature; no Stribeck velocity and no presliding."
@@ -34,8 +33,7 @@ def write_isaac(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     """
     found = best_values(joints, request, "isaac")
     text = f"{_HEAD}\nfrom isaaclab.actuators import ImplicitActuatorCfg\n\nACTUATORS = {{\n{''.join(map(_entry, found))}}}\n"
-    artefact = artefact_of(found, "isaac", "_actuators.py", text.encode("ascii"), _HOLDS)
-    return replace(artefact, said=(*artefact.said, *without_inertia(joints)))
+    return with_best_values(found, "isaac", "_actuators.py", text.encode("ascii"), _HOLDS, armature=True)
 
 
 def static_effort(one: CoulombViscous) -> float:

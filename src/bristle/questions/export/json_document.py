@@ -1,6 +1,5 @@
 """JSON of schema bristle-export/1, read off the classes themselves: all that is known of the joints, to the last digit; and how it is read back."""
 
-import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -75,11 +74,6 @@ def read_export(path: Path) -> tuple[ExportedJoint, ...]:
         raise InputError(
             f"{path}: is no document of schema {SCHEMA} ({one_line(why, 300)}); expected one that bristle exported"
         ) from error
-
-
-def as_values(joints: Sequence[ExportedJoint]) -> Any:
-    """The document as JSON has it: objects, lists, numbers and text."""
-    return json.loads(as_json(joints))
 
 
 def joints_in(text: str) -> tuple[ExportedJoint, ...]:

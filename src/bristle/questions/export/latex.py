@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from bristle.errors import one_line
 from bristle.model.formula import abbreviated, as_latex, formula_of, symbol_of
-from bristle.model.parameters import SIGNED, Direction, of_friction
+from bristle.model.parameters import SIGNED, Direction, Lugre, of_friction
 from bristle.page.wording import FITS, measured, shortened, slugs, span
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, notes, slug
 from bristle.questions.export.equations import equations
@@ -20,13 +20,7 @@ _ESCAPED = {
     "^": r"\textasciicircum{}", "~": r"\textasciitilde{}", "<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}",
     '"': "{''}", "-": "{-}",
 }  # fmt: skip  # a table
-_SYMBOLS = {
-    "alpha_0": r"\alpha_0", "alpha_1": r"\alpha_1", "alpha_2": r"\alpha_2", "v_s": "v_s",
-    "sigma_0": r"\sigma_0", "sigma_1": r"\sigma_1",
-}  # fmt: skip  # a table
 _SIGNS = {Direction.POSITIVE: "^+", Direction.NEGATIVE: "^-"}
-_LEFT = {"level": "g(v)", "rate": r"\dot z", "torque": "T_f", "steady": r"T_{\mathrm{ss}}(v)"}
-"""Sides of the equations."""
 _PLAIN = {
     r"\operatorname": r"\mathrm", r"\text{": r"\mbox{",
     r"\begin{cases}": r"\left\{\begin{array}{ll}", r"\end{cases}": r"\end{array}\right.",
@@ -79,24 +73,26 @@ def _symbol(one: ExportedParameter) -> str:
     name, direction = one.parameter
     if not of_friction(name):
         return latex_text(name)
-    return f"${_SYMBOLS.get(name) or as_latex(symbol_of(name))}{_SIGNS.get(direction, '')}$"
+    paper = name if name == "v_s" else rf"\{name}"
+    symbol = paper if name in Lugre._fields else as_latex(symbol_of(name))
+    return f"${symbol}{_SIGNS.get(direction, '')}$"
 
 
 def _equations(joint: ExportedJoint) -> Iterator[str]:
     """A paragraph for each sign that the coefficients of the law's terms have in a direction; none of the paper's law."""
-    found = equations(joint)
+    found = [*equations(joint)]
     signs = [tuple(getattr(p, name) < 0 for name in joint.law.coefficients) for p in joint.curves]
     alike = signs[0] == signs[1]
     for p, d in list(zip(joint.curves, SIGNED, strict=True))[: 0 if not found else 1 if alike else 2]:
         signed = {name: getattr(p, name) for name in joint.law.coefficients}
-        level = formula_of(found["level"], signed)
+        level = formula_of(found[0].expression, signed)
         lines = [f"Friction law {latex_text(joint.law.name)}" + ("" if alike else f", direction ${d}$")]
-        for name, expression in found.items():
-            formula = formula_of(expression, signed)
-            text = as_latex(formula if name == "level" else abbreviated(formula, level))
+        for one in found:
+            formula = formula_of(one.expression, signed)
+            text = as_latex(formula if one.name == "level" else abbreviated(formula, level))
             for package, plain in _PLAIN.items():
                 text = text.replace(package, plain)
-            lines.append(f"${_LEFT[name]} = {text}$")
+            lines.append(f"${one.latex} = {text}$")
         yield "\n\\medskip\n" + " \\\\\n".join(lines) + "\n"
 
 

@@ -12,12 +12,13 @@ from typing import Any
 import casadi as ca
 
 from bristle.errors import one_line
-from bristle.model.parameters import Direction, unit
+from bristle.model.laws.gaussian import GAUSSIAN
+from bristle.model.parameters import unit
 from bristle.model.printing import FUNCTIONS, Language, Term, statements
 from bristle.page.wording import slugs
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, notes, slug
 from bristle.questions.export.equations import equations
-from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.exported import WAYS, ExportedJoint
 
 _LONGEST = 50
 """Characters of an identifier; MATLAB takes 63."""
@@ -27,9 +28,6 @@ _WORDS = frozenset({
     "struct", "true", "false", "uint8", "native2unicode", "inf", "nan",
 })  # fmt: skip  # a list of words
 """Of MATLAB and of Octave, and what the script calls."""
-_WAYS = dict(zip(Direction, ("positive", "negative", "both", "shared"), strict=True))
-_UNITS = {"level": "torque", "rate": "velocity", "torque": "torque", "steady": "torque"}
-"""Of the equations: the unit is that of this."""
 _HOLDS = "every parameter with unit, standard error, 95 % interval and source; warnings as comments"
 
 
@@ -40,7 +38,7 @@ def write_matlab(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     places = [name] if len(joints) == 1 else [f"{name}.{field}" for field in names]
     lines = [line for joint, place in zip(joints, places, strict=True) for line in _lines(joint, place)]
     text = "\n".join((f"% Friction that bristle identified; run it to get the struct {name}.", *lines)) + "\n"
-    holds = f"{_HOLDS}; the equations of the law" if any(map(equations, joints)) else _HOLDS
+    holds = f"{_HOLDS}; the equations of the law" if any(joint.law != GAUSSIAN for joint in joints) else _HOLDS
     return Artefact(name=f"{name}_friction.m", content=text.encode("ascii"), holds=holds)
 
 
@@ -55,48 +53,37 @@ def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
     for note in notes(joint):
         yield f"% {ascii(one_line(note))[1:-1]}"
     yield f"{place} = struct();"
-    yield f"{place}.name = {_text(joint.name)};"
-    yield f"{place}.kind = {_text(joint.kind)};"
-    yield f"{place}.simulated = {_logical(joint.simulated)};"
-    yield f"{place}.trust = {_text(joint.trust)};"
-    yield f"{place}.inertia = {_number(joint.inertia)}; % {unit('inertia', joint.kind)}, all that the joint accelerates"
-    yield f"{place}.fastest = {_number(joint.fastest)}; % {unit('velocity', joint.kind)}, up to which it was identified"
-    yield f"{place}.bristle = {_text(joint.origin.bristle)};"
-    yield f"{place}.results_sha256 = {_text(joint.origin.results_sha256 or '')};"
+    yield f"{place}.name = {_constant(joint.name)};"
+    yield f"{place}.kind = {_constant(joint.kind)};"
+    yield f"{place}.simulated = {_constant(joint.simulated)};"
+    yield f"{place}.trust = {_constant(joint.trust)};"
+    yield f"{place}.inertia = {_constant(joint.inertia)}; % {unit('inertia', joint.kind)}, all that the joint accelerates"
+    yield f"{place}.fastest = {_constant(joint.fastest)}; % {unit('velocity', joint.kind)}, up to which it was identified"
+    yield f"{place}.bristle = {_constant(joint.origin.bristle)};"
+    yield f"{place}.results_sha256 = {_constant(joint.origin.results_sha256 or '')};"
     for one in joint.parameters:
-        interval = "[]" if one.interval is None else f"[{_number(one.interval[0])}, {_number(one.interval[1])}]"
-        values = {
-            "value": _number(one.value), "unit": _text(one.unit), "standard_error": _number(one.standard_error),
-            "interval": interval, "source": _text(one.source), "assumed": _logical(one.assumed),
-        }  # fmt: skip  # a list of values
-        fields = ", ".join(f"'{name}', {value}" for name, value in values.items())
-        yield f"{place}.{_WAYS[one.parameter.direction]}.{_identifier(one.parameter.name)} = struct({fields});"
+        fields = ", ".join(f"'{name}', {_constant(value)}" for name, value in one.cells.items())
+        yield f"{place}.{WAYS[one.parameter.direction]}.{_identifier(one.parameter.name)} = struct({fields});"
     # The law's name and its equations, each a function of the bristle's deflection z, the velocity v and a set p of parameters.
-    if found := equations(joint):
-        yield f"{place}.law = {_text(joint.law.name)};"
+    if joint.law != GAUSSIAN:
+        yield f"{place}.law = {_constant(joint.law.name)};"
         yield "% Of a set p such as .positive, chosen by the sign of v; of two sets sigma_0 goes by the sign of z, the deflection of the bristle."
-    for name, expression in found.items():
-        text = in_matlab(expression, lambda x: x if x in ("z", "v") else f"p.{_identifier(x)}.value")
-        given = "z, v, p" if name in ("rate", "torque") else "v, p"
-        yield f"{place}.{name} = @({given}) {text}; % {unit(_UNITS[name], joint.kind)}"
+    for one in equations(joint):
+        text = in_matlab(one.expression, lambda x: x if x in ("z", "v") else f"p.{_identifier(x)}.value")
+        yield f"{place}.{one.name} = @({', '.join(one.of)}, p) {text}; % {one.unit}"
 
 
-def _logical(x: bool) -> str:
-    return "true" if x else "false"
-
-
-def _number(x: float | None) -> str:
-    """A number, every digit of it; [] where there is none."""
-    if x is None:
-        return "[]"
-    return repr(x) if math.isfinite(x) else "NaN" if math.isnan(x) else "Inf" if x > 0 else "-Inf"
-
-
-def _text(text: str) -> str:
-    """A text as MATLAB has it: what is not printable ASCII by its bytes in UTF-8."""
-    if text.isascii() and text.isprintable():
-        return "'" + text.replace("'", "''") + "'"
-    codes = " ".join(map(str, text.encode("utf-8", "replace")))
+def _constant(x: str | float | tuple[float, ...] | None) -> str:
+    """A value as MATLAB has it: every digit of a number, what is not printable ASCII by its bytes in UTF-8, [] where there is none."""
+    if x is None or isinstance(x, tuple):
+        return f"[{', '.join(map(_constant, x or ()))}]"
+    if isinstance(x, bool):
+        return "true" if x else "false"
+    if not isinstance(x, str):
+        return repr(x) if math.isfinite(x) else "NaN" if math.isnan(x) else "Inf" if x > 0 else "-Inf"
+    if x.isascii() and x.isprintable():
+        return "'" + x.replace("'", "''") + "'"
+    codes = " ".join(map(str, x.encode("utf-8", "replace")))
     return f"native2unicode(uint8([{codes}]), 'UTF-8')"
 
 

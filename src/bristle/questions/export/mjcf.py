@@ -11,28 +11,18 @@ MuJoCo's dry friction is a soft constraint: near standstill it is steep and visc
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 from bristle.errors import InputError, one_line, short
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import shortened
-from bristle.questions.export.artefact import (
-    Artefact,
-    ExportTarget,
-    Request,
-    large_losses,
-    left_out,
-    notes,
-    slug,
-    without_inertia,
-)
-from bristle.questions.export.coulomb_viscous import CoulombViscous, artefact_of, best_values, comment_lines
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
+from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, with_best_values
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, all_motions, losses, told
 from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
-from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
+from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named, model_read
 
 NAME, FRICTIONLOSS_NAME = "mujoco", "mujoco-frictionloss"
 STEP = 0.002
@@ -64,16 +54,7 @@ def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     alone = "; ".join(f"{shortened(one.joint.name)} {told(one.alone, one.joint)}" for one in biased)
     holds = [_HOLDS if not alone else f"{_HOLDS} and a constant bias; the set alone has a torque RMS error of: {alone}"]
     holds += [_CLOSEST] if any(joint.law != GAUSSIAN for joint in joints) else []
-    return Artefact(
-        name=f"{slug(joints)}.xml",
-        content=content,
-        holds="; ".join(holds),
-        losses=lost,
-        said=(
-            *large_losses(NAME, lost),
-            *(x for joint in joints for x in (*left_out(joint, NAME), *without_inertia([joint]))),
-        ),
-    )
+    return artefact_of(joints, NAME, ".xml", content, "; ".join(holds), lost, armature=True)
 
 
 def mjcf_held(joint: ExportedJoint, request: Request) -> MjcfHeld:
@@ -157,6 +138,10 @@ def _attributes(joint: ExportedJoint, damping: str = "0 0 0", frictionloss: str 
     return {**armature, "damping": damping, "frictionloss": frictionloss, "springdamper": _NO_SPRING}
 
 
+def _type(joint: ExportedJoint) -> str:
+    return "slide" if slides(joint.kind) else "hinge"
+
+
 _Block = tuple[ExportedJoint, str, str]
 """A joint, its comment, and its elements."""
 
@@ -172,10 +157,9 @@ def mjcf_example(found: Sequence[MjcfHeld], blocks: Sequence[_Block]) -> bytes:
 def _example_body(joint: ExportedJoint, attributes: Mapping[str, str]) -> str:
     """A body that hangs on one joint: next to no inertia of its own, or 1 where none is known."""
     own = "1" if joint.rotor_inertia is None else "1e-9"
-    kind = "slide" if slides(joint.kind) else "hinge"
     written = "".join(f" {name}={attribute(value)}" for name, value in attributes.items())
     return (
-        f'<body>\n  <joint name={attribute(joint.name)} type="{kind}" axis="0 0 1"{written}/>\n'
+        f'<body>\n  <joint name={attribute(joint.name)} type="{_type(joint)}" axis="0 0 1"{written}/>\n'
         f'  <inertial pos="0 0 0" mass="{own}" diaginertia="{own} {own} {own}"/>\n</body>'
     )
 
@@ -196,7 +180,7 @@ def _indented(text: str) -> str:
 
 def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     """The given model with the joints' friction."""
-    document = _read(request)
+    document = model_read(request.into, request.into_name, "MJCF", "mujoco")
     actuators = [x for x in document.root.children if x.tag == "actuator"]
     for joint, _, _ in blocks:
         document.set_attributes(_joint(document, joint), _attributes(joint))
@@ -208,14 +192,6 @@ def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     return document.written()
 
 
-def _read(request: Request) -> XmlDocument:
-    """The model to merge into. Raises InputError where it is no MJCF."""
-    document = XmlDocument.read(request.into or b"", request.into_name or "into")
-    if document.root.tag != "mujoco":
-        raise InputError(f"{document.what}: begins with <{short(document.root.tag)}>; expected an MJCF, <mujoco>")
-    return document
-
-
 def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
     """The joint of that name in <worldbody>. Raises InputError where it is not there once, or cannot take the friction."""
     own = own_actuator(joint.name)
@@ -224,9 +200,8 @@ def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
         held = f"{document.what}: has an actuator {short(own)} already, which holds this joint's friction"
         raise InputError(f"{held}; merge into the model as it was before")
     there = [x for world in document.root.children if world.tag == "worldbody" for x in world.find_all("joint")]
-    found = joint_named(document.what, there, joint.name, "give one in <worldbody> this name; ")
-    kind = "slide" if slides(joint.kind) else "hinge"
-    where = f"{document.what}, line {found.line}: joint {short(joint.name)}"
+    found, where = joint_named(document.what, there, joint.name, "give one in <worldbody> this name; ")
+    kind = _type(joint)
     by_class = any("type" in x.attributes for d in document.root.find_all("default") for x in d.find_all("joint"))
     if by_class and "type" not in found.attributes:
         raise InputError(f"{where} may get its type from a default class; write type on the joint itself")
@@ -249,14 +224,13 @@ def write_frictionloss(joints: Sequence[ExportedJoint], request: Request) -> Art
     if request.into is None:
         content = frictionloss_example(found)
     else:
-        document = _read(request)
+        document = model_read(request.into, request.into_name, "MJCF", "mujoco")
         for one in found:
             joint = _joint(document, one.joint)
             document.set_attributes(joint, _own_attributes(one))
             document.annotate(joint, _note(one))
         content = document.written()
-    artefact = artefact_of(found, FRICTIONLOSS_NAME, "_frictionloss.xml", content, _HOLDS_FRICTIONLOSS)
-    return replace(artefact, said=(*artefact.said, *without_inertia(joints)))
+    return with_best_values(found, FRICTIONLOSS_NAME, "_frictionloss.xml", content, _HOLDS_FRICTIONLOSS, armature=True)
 
 
 def _own_attributes(one: CoulombViscous) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Any
 from xml.parsers import expat
 from xml.sax.saxutils import escape
 
-from bristle.errors import InputError, short, short_list
+from bristle.errors import InputError, one_line, short, short_list
 
 MAX_BYTES = 2**23
 """Largest file, bytes."""
@@ -188,8 +188,22 @@ class XmlDocument:
         return (self._newline + indent).join(text.encode("utf-8").split(b"\n"))
 
 
-def joint_named(what: str, joints: Sequence[XmlElement], name: str, remedy: str = "") -> XmlElement:
-    """The one of a file's joints that has the name. Raises InputError where none has it, opening the list of names with a remedy, or two."""
+def model_read(into: bytes | None, name: str, kind: str, root: str) -> XmlDocument:
+    """The model to merge into, a URDF, say. Raises InputError as `XmlDocument.read`, and where its root is another."""
+    document = XmlDocument.read(into or b"", name or "into")
+    if (tag := document.root.tag) != root:
+        article = "a" if kind == "URDF" else "an"
+        raise InputError(
+            f"{document.what}: its root is <{one_line(tag, 40)}>; expected {article} {kind}, whose root is <{root}>"
+        )
+    return document
+
+
+def joint_named(what: str, joints: Sequence[XmlElement], name: str, remedy: str = "") -> tuple[XmlElement, str]:
+    """The one of a file's joints that has the name, and how a sentence about it begins.
+
+    Raises InputError where none has it, opening the list of names with a remedy, or two.
+    """
     found = [x for x in joints if x.attributes.get("name") == name]
     if not found:
         names = short_list(short(known) for x in joints if (known := x.attributes.get("name")))
@@ -197,7 +211,7 @@ def joint_named(what: str, joints: Sequence[XmlElement], name: str, remedy: str 
     if len(found) > 1:
         lines = " and ".join(str(x.line) for x in found[:2])
         raise InputError(f"{what}: has joint {short(name)} twice, in lines {lines}; expected a file that has it once")
-    return found[0]
+    return found[0], f"{what}, line {found[0].line}: joint {short(name)}"
 
 
 def attribute(value: str) -> str:
