@@ -64,8 +64,8 @@ Friction = Callable[[Array, float], Array]
 
 
 @dataclass(frozen=True, slots=True)
-class _Own:
-    """The joint's own friction, as a value: equal where its numbers are."""
+class OwnFriction:
+    """The joint's own friction, as a value: equal where its numbers are, so that what is made of it can be kept."""
 
     law: Law
     curves: tuple[Stribeck[float], Stribeck[float]]
@@ -86,9 +86,9 @@ class _Own:
         return own + self.quadratic * evaluate(terms, zero, v, zero, zero)[names.index("quadratic")]
 
 
-def friction_of(joint: ExportedJoint) -> Friction:
+def friction_of(joint: ExportedJoint) -> OwnFriction:
     """The joint's own friction, v abs(v) included; where its bristle is not known, the curve of friction vs velocity."""
-    return _Own(joint.law, joint.curves, joint.pair if joint.has_bristle else None, joint.quadratic)
+    return OwnFriction(joint.law, joint.curves, joint.pair if joint.has_bristle else None, joint.quadratic)
 
 
 def lugre(p: Lugre[float] | Pair[float], bias: float = 0.0) -> Friction:

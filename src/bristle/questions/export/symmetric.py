@@ -1,6 +1,7 @@
 """The best symmetric LuGre set, alone or with a constant bias: for simulators whose friction has one set for both directions."""
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +12,7 @@ from bristle.model.laws import gaussian
 from bristle.model.parameters import Lugre, Pair
 from bristle.model.rollout import rollout, rollout_jacobian
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import Friction, StatedMotion, along, friction_of, lugre
+from bristle.questions.export.loss import Friction, OwnFriction, StatedMotion, along, friction_of, lugre
 
 _REACH = np.log(1e3)
 """How far a parameter may go from the mean of both directions, as a logarithm: what no motion shows would run away."""
@@ -37,11 +38,19 @@ def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bia
     stays zero, and v_s is free only where there is a Stribeck term. Without `bias` that is zero. A joint of the paper's
     law whose directions are the same keeps their set as it is; of another law it is the closest set of the paper's.
     """
-    positive, negative = (_gaussian(p, joint.fastest) for p in joint.pair)
-    if positive == negative and not joint.quadratic and joint.law == gaussian.GAUSSIAN:
+    return _best(friction_of(joint), joint.pair, joint.fastest, tuple(motions), bias)
+
+
+@lru_cache(maxsize=64)
+def _best(
+    own: OwnFriction, pair: Pair[float], fastest: float, motions: tuple[StatedMotion, ...], bias: bool
+) -> SymmetricSet:
+    """The same, found once: of a robot, each joint is asked for alone and with the others."""
+    positive, negative = (_gaussian(p, fastest) for p in pair)
+    if positive == negative and not own.quadratic and own.law == gaussian.GAUSSIAN:
         return SymmetricSet(positive, 0.0)
     mean = Lugre(*((p + n) / 2 for p, n in zip(positive, negative, strict=True)))
-    torques = [along(friction_of(joint), motion)[1] for motion in motions]
+    torques = [along(own, motion)[1] for motion in motions]
     weights = [1 / float(np.sqrt(np.sum(T**2))) for T in torques]  # each motion counts the same
     wanted = list(zip(motions, torques, weights, strict=True))
     free = [k for k, (name, x) in enumerate(mean._asdict().items()) if x > 0 and (name != "v_s" or mean.alpha_1 > 0)]
@@ -57,9 +66,9 @@ def best_symmetric(joint: ExportedJoint, motions: Sequence[StatedMotion], *, bia
 
     def residuals(x: Array) -> Array:
         """Of all motions, one after the other."""
-        p, own = held(x)
+        p, constant = held(x)
         return np.concatenate([
-            weight * (rollout(motion.velocity, motion.step, p, 0.0).torque[-T.size :] + own - T)
+            weight * (rollout(motion.velocity, motion.step, p, 0.0).torque[-T.size :] + constant - T)
             for motion, T, weight in wanted
         ])  # fmt: skip  # one motion in a line
 
