@@ -13,7 +13,7 @@ import casadi as ca
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from bristle.errors import InputError, one_line
+from bristle.errors import InputError
 from bristle.model.printing import FUNCTIONS, INFIX, Language, Printed, Term, statements
 from bristle.questions.export.xml_edit import attribute
 
@@ -122,6 +122,5 @@ def _environment() -> Environment:
         "c": escaped,
         "digits": repr,
         "attribute": lambda text: Markup(attribute(text)),  # noqa: S704  # which escapes
-        "shown": lambda text: one_line(text, 10_000),
     }
     return environment

@@ -16,6 +16,7 @@ from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
 from bristle.model.parameters import fields_of, unit
 from bristle.page.output_folder import zipped
+from bristle.page.page import encoded, tables_of
 from bristle.page.wording import shortened
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, c_compiler, notes
 from bristle.questions.export.c_code import filled
@@ -23,6 +24,7 @@ from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import identifier, range_of
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, all_motions, losses, lugre
+from bristle.questions.export.report import fmu_page
 
 _FLAGS = (
     "-std=c99", "-O2", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-fast-math", "-ffp-contract=off",
@@ -133,17 +135,14 @@ def base_units(text: str) -> dict[str, int] | None:
 
 
 def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
-    """The files but the binary. The token is a hash of them all."""
-    variables = fmu_variables(joint)
+    """The files but the binary. The token is a hash of what it is made of, which the page is not."""
+    variables, title = fmu_variables(joint), f"{shortened(joint.name)}: joint and friction"
     context: dict[str, object] = {
         "joint": joint.name,
         "name": identifier(joint),
         "tool": f"bristle {__version__}",
-        "title": f"{shortened(joint.name)}: joint and friction",
         "description": f"{shortened(joint.name)}: joint and LuGre friction, torque in"
         + (", identified from SIMULATED data" if joint.simulated else ""),
-        "holds": _HOLDS,
-        "notes": [*notes(joint, lost)],
         "variables": variables,
         "first_parameter": [v.causality for v in variables].index("parameter"),
         "outputs": [k + 1 for k, v in enumerate(variables) if v.causality == "output"],
@@ -152,11 +151,7 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
 
     def files(token: str) -> dict[str, bytes]:
         """As they are with that token."""
-        places = {
-            "modelDescription.xml": "modelDescription.xml",
-            "documentation/index.html": "fmu.html",
-            "sources/fmu.c": "fmu.c",
-        }
+        places = {"modelDescription.xml": "modelDescription.xml", "sources/fmu.c": "fmu.c"}
         made = {place: filled(template, {**context, "token": token}) for place, template in places.items()}
         own = {place: (text.rstrip("\n") + "\n").encode() for place, text in made.items()}
         return own | {"sources/joint.h": header(joint, Compensator()).encode("ascii")}
@@ -164,7 +159,12 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     digest = hashlib.sha256()
     for name, content in sorted(files("").items()):
         digest.update(f"{name} {len(content)}\n".encode() + content)
-    return files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}")
+    page = fmu_page(title, _HOLDS, [*notes(joint, lost)], variables, simulated=joint.simulated)
+    documentation = {"index.html": encoded(page.html()), **tables_of(page.frames)}
+    return {
+        **files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"),
+        **{f"documentation/{place}": content for place, content in documentation.items()},
+    }
 
 
 def fmu_binary(sources: Mapping[str, bytes], name: str) -> bytes | str:
