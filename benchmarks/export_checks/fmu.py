@@ -86,10 +86,16 @@ _Rates = Callable[[float, Array], Array]
 """(time, (v, z)) -> as `solve_ivp` takes it."""
 
 
-def continuous_joint(joint: ExportedJoint, torque: Callable[[float], float]) -> tuple[_Rates, _Rates]:
-    """d(v, z)/dt of the continuous equations under a torque of time, (2,), and its derivatives by (v, z), (2, 2)."""
+def continuous_joint(
+    joint: ExportedJoint, torque: Callable[[float], float], load: Callable[[Any], Any] = lambda _: 0.0
+) -> tuple[_Rates, _Rates]:
+    """d(v, z)/dt of the continuous equations under a torque of time, (2,), and its derivatives by (v, z), (2, 2).
+
+    `load` is a torque that the velocity makes, N*m, as an expression of CasADi.
+    """
     x, T = ca.SX.sym("x", 2), ca.SX.sym("T")
-    rates = plant_rates(x[0], x[1], T, 0.0, joint.pair, Motor(1.0, 1.0, 0.0, joint.inertia), motor.current_for)
+    motor_of = Motor(1.0, 1.0, 0.0, joint.inertia)
+    rates = plant_rates(x[0], x[1], T, load(x[0]), joint.pair, motor_of, motor.current_for)
     f, df = (ca.Function("f", [x, T], [ca.densify(y)]) for y in (rates, ca.jacobian(rates, x)))
 
     def evaluated(function: Any) -> _Rates:
@@ -122,13 +128,22 @@ def radau_held(joint: ExportedJoint, torque: Array, step: float) -> Array:
     return found
 
 
-def radau_continuous(joint: ExportedJoint, torque: Callable[[float], float], times: Array) -> Array:
-    """Velocity at given times, rad/s, (n,), from rest at time 0, under a torque that is a continuous function of time."""
+def radau_continuous(
+    joint: ExportedJoint,
+    torque: Callable[[float], float],
+    times: Array,
+    load: Callable[[Any], Any] = lambda _: 0.0,
+    tolerances: tuple[float, float] = (_RTOL, _ATOL),
+) -> Array:
+    """Velocity at given times, rad/s, (n,), from rest at time 0, under a torque that is a continuous function of time, and a load.
+
+    `tolerances` are Radau's, the second of 1 rad/s and 1 rad.
+    """
     from scipy.integrate import solve_ivp
 
-    rates, slopes = continuous_joint(joint, torque)
+    (rates, slopes), (rtol, atol) = continuous_joint(joint, torque, load), tolerances
     solved = solve_ivp(
-        rates, (0, times[-1]), np.zeros(2), "Radau", times, jac=slopes, rtol=_RTOL, atol=_ATOL, max_step=10 * STEP
+        rates, (0, times[-1]), np.zeros(2), "Radau", times, jac=slopes, rtol=rtol, atol=atol, max_step=10 * STEP
     )
     return np.asarray(solved.y[0])
 

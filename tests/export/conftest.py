@@ -11,13 +11,22 @@ import pytest
 import bristle
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.laws.registry import competing, law_named
-from bristle.model.parameters import SIGNED, ParameterName, unit
+from bristle.model.parameters import SIGNED, Direction, ParameterName, unit
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin, exported
 
 RESULTS = Path(__file__).parents[2] / "reports" / "edro" / "results.json"
 Handed = Callable[..., ExportedJoint]
 OTHERS = (*competing()[1:], law_named("free-exponent"), law_named("free-exponent+quadratic"))
 """Laws beside the paper's."""
+HOSTILE = (
+    """a"b'c<d>&e""", "a<b>&amp;", "-->", "--> <motor/>", "]]>", "<!-- x", "*/", "*/ #error", "]]> */ /* ??/", "??/\n*/", "a\nb\r\tc",
+    "${x} $(y) %s%n {0} {{ y }}", "\u202eabc\u202c\u200f", "\0\x1b[31m", "x" * 10_000, "关节 ∑ ß ą Ð", "\\input{/etc/passwd}", "\\", "", " ",
+    "'''\"\"\"\\", '\\\n#include "/etc/passwd"', "\x85\u2028", "%{", "%}", "#}", "'); system('x'); ('", "__import__('os')", "end", "1 2", "~",
+    "null", "2020-01-01", "1e3", "- a: b", "--- x", "#!", "&a *a", "!!python/object:x", "step", "params",
+)  # fmt: skip  # a list
+"""What a joint may be called."""
+SURROGATE = "\ud800"
+"""The same, of a name that is no text of UTF-8."""
 
 
 @cache
@@ -36,6 +45,33 @@ def handed() -> Handed:
         return replace(_joint(name), **changes)
 
     return make
+
+
+def assumed(joint: ExportedJoint, *names: str) -> ExportedJoint:
+    """The joint with parameters that the data do not show."""
+    rows = (
+        replace(x, source="assumed", standard_error=None, interval=None) if x.parameter.name in names else x
+        for x in joint.parameters
+    )
+    return replace(joint, parameters=tuple(rows))
+
+
+def scaled(joint: ExportedJoint, J: float = 1.0, **factors: float) -> ExportedJoint:
+    """The joint with friction parameters of both directions, and the inertia J, times something."""
+    rows = (replace(x, value=x.value * factors.get(x.parameter.name, 1.0)) for x in joint.parameters)
+    return replace(joint, parameters=tuple(rows), inertia=joint.inertia and J * joint.inertia)
+
+
+def beside(joint: ExportedJoint, **values: float) -> ExportedJoint:
+    """The joint with what was identified beside its friction, of no direction, as an offset."""
+    rows = (
+        ExportedParameter(
+            parameter=ParameterName(name, Direction.SHARED), value=value, unit=unit(name, joint.kind), standard_error=None,
+            interval=None, source="tracking",
+        )
+        for name, value in values.items()
+    )  # fmt: skip  # a list of values
+    return replace(joint, parameters=(*joint.parameters, *rows))
 
 
 def of_law(joint: ExportedJoint, law: Law) -> ExportedJoint:

@@ -2,7 +2,6 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,16 +23,11 @@ from bristle.questions.export.matlab import write_matlab
 from export_checks.common import NotInstalled
 from export_checks.documents import check_json, check_latex, check_matlab
 
-Handed = Callable[..., ExportedJoint]
+from .conftest import HOSTILE, Handed, assumed
+
 DOCS = Path(__file__).parents[2] / "docs"
 NAMES = ("gripper rotation", "wrist pitch", "elbow pitch", "base rotation")
 ASK = Request()
-HOSTILE = (
-    """a"b'c<d>&e""", "-->", "]]>", "*/", "a\nb\r\tc", "${x} $(y) %s {0}", "\u202eabc\u202c", "\0\x1b[31m", "x" * 10_000, "关节 ∑ ß ą Ð",
-    "\\input{/etc/passwd}", "\\", "", " ", "\x85\u2028", "%{", "%}", "'); system('x'); ('", "end", "1 2", "~", "null", "2020-01-01", "1e3", "- a: b",
-    "--- x", "#!", "&a *a", "!!python/object:x",
-)  # fmt: skip  # a list
-
 positive = st.floats(1e-300, 1e300)
 ends = st.floats(allow_nan=False)
 intervals = st.tuples(ends, ends).map(lambda x: (min(x), max(x)))
@@ -99,23 +93,6 @@ def named(handed: Handed, name: str) -> ExportedJoint:
     return replace(handed("wrist pitch"), name=name)
 
 
-def test_impossible_numbers_of_a_document_are_refused(handed: Handed, tmp_path: Path) -> None:
-    """An inertia below zero, a standard error below zero and an interval the wrong way round are one sentence each."""
-    text = as_json([handed("wrist pitch")])
-    document = json.loads(text)
-    row = document["joints"][0]["parameters"][0]
-    for bad in (
-        changed(text, inertia=-1.0),
-        changed(text, rotor_inertia=0.0),
-        changed(text, parameters=[row | {"standard_error": -1.0}, *document["joints"][0]["parameters"][1:]]),
-        changed(text, parameters=[row | {"interval": [2.0, 1.0]}, *document["joints"][0]["parameters"][1:]]),
-    ):
-        path = tmp_path / "bad.json"
-        path.write_text(bad, encoding="utf-8")
-        with pytest.raises(InputError, match="wrist pitch"):
-            read_export(path)
-
-
 def saved(folder: Path, artefact: Artefact) -> Path:
     """The file."""
     path = folder / artefact.name
@@ -148,8 +125,6 @@ def test_what_was_exported_is_read_back_to_the_last_bit(handed: Handed, tmp_path
     assert read_export(saved(tmp_path, artefact)) == tuple(joints)
     assert check_json(artefact, joints, ASK) == ("bristle-export/1: valid", "read back: equal to the last bit")
     assert check_json(artefact, joints[:2], ASK)[1] == "read back: NOT what was exported"
-    assert artefact.losses == {}
-    assert write_json(joints, ASK).content == artefact.content
 
 
 @pytest.mark.slow
@@ -164,11 +139,10 @@ def test_any_joint_comes_back(joint: ExportedJoint) -> None:
     jsonschema.validate(json.loads(text), export_schema())
 
 
-@pytest.mark.parametrize("name", HOSTILE)
-def test_hostile_names_come_back(handed: Handed, name: str) -> None:
+def test_hostile_names_come_back(handed: Handed) -> None:
     """A name is a name, whatever it looks like."""
-    joint = named(handed, name)
-    assert joints_in(write_json([joint], ASK).content.decode()) == (joint,)
+    joints = [named(handed, name) for name in HOSTILE]
+    assert joints_in(write_json(joints, ASK).content.decode()) == tuple(joints)
 
 
 def test_what_is_assumed_and_said_stands_in_the_document(handed: Handed) -> None:
@@ -204,6 +178,10 @@ def spoilt(text: str) -> dict[str, str]:
         "got alpha_0+ = -1 N*m; expected more than 0": changed(text, parameters=[{**rows[0], "value": -1.0}, *rows[1:]]),
         "got v_s+ = 0 rad/s; expected": changed(text, parameters=[*rows[:3], {**rows[3], "value": 0.0}, *rows[4:]]),
         "got fastest = 0": changed(text, fastest=0.0),
+        "got inertia = -1": changed(text, inertia=-1.0),
+        "got rotor_inertia = 0": changed(text, rotor_inertia=0.0),
+        "alpha_0+ has a standard error below zero": changed(text, parameters=[{**rows[0], "standard_error": -1.0}, *rows[1:]]),
+        "joint 'wrist pitch': got alpha_0+ ": changed(text, parameters=[{**rows[0], "interval": [2.0, 1.0]}, *rows[1:]]),
         "is there twice": json.dumps({**document, "joints": document["joints"] * 2}),
         "valid number": changed(text, fastest="1"),
         "Out of range float": text.replace(error, "NaN"),
@@ -216,21 +194,17 @@ def spoilt(text: str) -> dict[str, str]:
     }  # fmt: skip  # a table
 
 
-WHYS = tuple(range(15))
-
-
-@pytest.mark.parametrize("k", WHYS)
-def test_a_document_that_is_none_is_refused_in_a_sentence(handed: Handed, tmp_path: Path, k: int) -> None:
+def test_a_document_that_is_none_is_refused_in_a_sentence(handed: Handed, tmp_path: Path) -> None:
     """Other schemas, missing parameters, impossible numbers and whatever else a file may hold: one sentence that names the file."""
-    found = spoilt(as_json([handed("wrist pitch")]))
-    assert len(found) == len(WHYS)
-    why, text = list(found.items())[k]
-    path = tmp_path / "e.json"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(InputError) as error:
-        read_export(path)
-    assert str(error.value).startswith(f"{path}: is no document of schema bristle-export/1 (")
-    assert why in str(error.value) or why in {"recursion", "Unable to"}
+    path, failed = tmp_path / "e.json", []
+    for why, text in spoilt(as_json([handed("wrist pitch")])).items():
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(InputError) as error:
+            read_export(path)
+        named = str(error.value).startswith(f"{path}: is no document of schema bristle-export/1 (")
+        if not (named and (why in str(error.value) or why in {"recursion", "Unable to"})):
+            failed.append((why, str(error.value)))
+    assert failed == []
 
 
 @pytest.mark.parametrize(
@@ -328,10 +302,7 @@ def test_no_name_reaches_latex_unescaped(handed: Handed, name: str) -> None:
 def test_the_table_has_each_parameter_as_a_paper_has_it(handed: Handed) -> None:
     """Values are rounded to two digits of their errors; what is assumed has an asterisk, which the caption explains; no package is needed."""
     joint = handed("wrist pitch")
-    rows = tuple(
-        replace(x, source="assumed", standard_error=None, interval=None) if x.parameter == ("sigma_1", "+") else x
-        for x in joint.parameters
-    )
+    rows = assumed(joint, "sigma_1").parameters
     text = write_latex([replace(joint, parameters=rows)], ASK).content.decode()
     assert r"$\alpha_0^+$ & $0.07053 \pm 0.00022$ & N\,m & $[0.07010, 0.07096]$ & joint fit \\" in text
     sigma_1 = next(x.value for x in rows if x.parameter == ("sigma_1", "+"))

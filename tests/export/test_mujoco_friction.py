@@ -1,14 +1,13 @@
 """`bristle.mujoco.Friction`: a simulation with it is the continuous equation, as well as its time step allows."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 import bristle
 from bristle.arrays import Array
@@ -20,6 +19,7 @@ from bristle.mujoco import Friction
 from bristle.questions.export import mjcf
 from bristle.questions.export.artefact import Request
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from export_checks.fmu import radau_continuous
 
 from .conftest import OTHERS, of_law
 
@@ -49,10 +49,10 @@ def one(h: float = 0.002, **changes: Any) -> Any:
     return mujoco.MjModel.from_xml_string(ONE.format(h=h, **values))
 
 
-def drive(t: Any) -> Any:
+def drive(t: float) -> float:
     """N*m: from presliding through reversals to sliding."""
-    w = 2 * np.pi
-    return 0.16 * np.sin(0.2 * w * t) + 0.1 * np.sin(0.5 * w * t + 1) + 0.06 * np.sin(1.1 * w * t + 2)
+    w = 2 * math.pi
+    return 0.16 * math.sin(0.2 * w * t) + 0.1 * math.sin(0.5 * w * t + 1) + 0.06 * math.sin(1.1 * w * t + 2)
 
 
 def velocity(joint: ExportedJoint, h: float, duration: float = 10.0, **changes: Any) -> Array:
@@ -70,26 +70,13 @@ def velocity(joint: ExportedJoint, h: float, duration: float = 10.0, **changes: 
 
 def continuous(joint: ExportedJoint, duration: float = 10.0) -> Array:
     """Rad/s at every millisecond by Radau to 1e-8, the torque continuous."""
-    z, v, T = ca.SX.sym("z"), ca.SX.sym("v"), ca.SX.sym("T")
-    p = law.active(z, v, joint.pair)
-    drag = joint.quadratic * law.load_terms(0.0, v, 0.0, 0.0)["quadratic"]
-    rates = ca.Function(
-        "rates",
-        [ca.vertcat(v, z), T],
-        [ca.vertcat((T - law.torque(z, v, p) - drag) / joint.inertia, law.bristle_rate(z, v, p))],
-    )
     t = np.arange(round(1000 * duration)) / 1000
-    solved = solve_ivp(
-        lambda t, x: rates(x, drive(t)).full()[:, 0],
-        (0, duration),
-        [0, 0],
-        "Radau",
-        t,
-        rtol=1e-8,
-        atol=1e-11,
-        max_step=0.01,
-    )
-    return np.asarray(solved.y[0])
+
+    def drag(v: Any) -> Any:
+        """V abs(v), where the joint has it, N*m."""
+        return -joint.quadratic * law.load_terms(0.0, v, 0.0, 0.0)["quadratic"]
+
+    return radau_continuous(joint, drive, t, drag, (1e-8, 1e-11))
 
 
 def off(v: Array, true: Array) -> float:
