@@ -41,8 +41,8 @@ def _joint(name: str) -> ExportedJoint:
 def handed() -> Handed:
     """A joint of the embedded report as it is handed over, with some fields changed."""
 
-    def make(name: str = "gripper rotation", **changes: Any) -> ExportedJoint:
-        return replace(_joint(name), **changes)
+    def make(of: str = "gripper rotation", /, **changes: Any) -> ExportedJoint:
+        return replace(_joint(of), **changes)
 
     return make
 

@@ -88,11 +88,6 @@ def robot(handed: Handed) -> list[ExportedJoint]:
     return [handed(name) for name in NAMES]
 
 
-def named(handed: Handed, name: str) -> ExportedJoint:
-    """A joint of another name."""
-    return replace(handed("wrist pitch"), name=name)
-
-
 def saved(folder: Path, artefact: Artefact) -> Path:
     """The file."""
     path = folder / artefact.name
@@ -141,7 +136,7 @@ def test_any_joint_comes_back(joint: ExportedJoint) -> None:
 
 def test_hostile_names_come_back(handed: Handed) -> None:
     """A name is a name, whatever it looks like."""
-    joints = [named(handed, name) for name in HOSTILE]
+    joints = [handed("wrist pitch", name=name) for name in HOSTILE]
     assert joints_in(write_json(joints, ASK).content.decode()) == tuple(joints)
 
 
@@ -239,7 +234,7 @@ ASSIGNED = re.compile(
 @pytest.mark.parametrize("name", [*HOSTILE, *NAMES])
 def test_a_script_for_matlab_assigns_and_nothing_else(handed: Handed, name: str) -> None:
     """Whatever the joint is called, each line is a comment or one assignment of constants, in ASCII; its name is there, byte by byte."""
-    joint = named(handed, name)
+    joint = handed("wrist pitch", name=name)
     text = write_matlab([joint, handed("wrist pitch")], ASK).content.decode("ascii")
     alone = write_matlab([joint], ASK)
     for line in (*text.splitlines(), *alone.content.decode("ascii").splitlines()):
@@ -274,7 +269,7 @@ def test_a_script_for_matlab_has_every_value(handed: Handed) -> None:
 
 def test_the_script_runs_in_octave(handed: Handed) -> None:
     """Octave has each value to the last bit."""
-    joints = [*robot(handed), *(named(handed, name) for name in HOSTILE[:4])]
+    joints = [*robot(handed), *(handed("wrist pitch", name=name) for name in HOSTILE[:4])]
     try:
         said = check_matlab(write_matlab(joints, ASK), joints, ASK)
     except NotInstalled as missing:
@@ -291,7 +286,7 @@ def test_no_name_reaches_latex_unescaped(handed: Handed, name: str) -> None:
     assert not set(bare) & set('\\{}$&#%_^~<>|"')
     assert text.isprintable()
     assert all(c.isascii() or "\u00c0" <= c <= "\u00ff" for c in text)
-    content = write_latex([named(handed, name), handed("wrist pitch")], ASK).content.decode()
+    content = write_latex([handed("wrist pitch", name=name), handed("wrist pitch")], ASK).content.decode()
     lines = content.splitlines()
     assert content.count("\\begin{table}") == content.count("\\end{table}") == 1
     assert next(line for line in lines if line.startswith("\\multicolumn")) == rf"\multicolumn{{5}}{{l}}{{{text}}} \\"
@@ -320,7 +315,7 @@ def test_the_table_has_each_parameter_as_a_paper_has_it(handed: Handed) -> None:
 
 def test_latex_sets_the_table(handed: Handed) -> None:
     """LaTeX takes it, whatever the joints are called."""
-    joints = [*robot(handed), *(named(handed, name) for name in HOSTILE)]
+    joints = [*robot(handed), *(handed("wrist pitch", name=name) for name in HOSTILE)]
     try:
         said = check_latex(write_latex(joints, ASK), joints, ASK)
     except NotInstalled as missing:

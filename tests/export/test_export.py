@@ -4,7 +4,9 @@ import json
 import re
 import shutil
 import subprocess
+import zipfile
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
@@ -29,7 +31,7 @@ from bristle.questions.export.loss import (
 )
 
 from ..conftest import FEW, run, speeds, write
-from .conftest import RESULTS, Handed
+from .conftest import RESULTS, Handed, assumed, beside
 
 LAW = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
 DOCS = Path(__file__).parents[2] / "docs"
@@ -115,7 +117,7 @@ def test_points_alone_have_no_bristle(points: Path, tmp_path: Path) -> None:
     for to in ("c", "mujoco", "fmu"):
         ran = run("export", points, "--to", to, "-o", tmp_path / "out")
         assert ran.code == 2
-        assert "sigma_0 is not identified" in ran.err
+        assert f"sigma_0 is not identified, and {to} " in ran.err
     ran = run("export", points, "--to", "urdf", "-o", tmp_path / "out.urdf")
     assert ran.code == 0
     assert "The bristle (sigma_0, sigma_1) is not identified, and is not exported" in ran.words
@@ -127,20 +129,54 @@ def test_points_alone_have_no_bristle(points: Path, tmp_path: Path) -> None:
     assert run("export", points, "--to", "c", "--compensator", "stribeck", "-o", tmp_path / "out.h").code == 0
 
 
-def test_a_damping_that_is_not_identified_is_assumed_and_marked(handed: Handed) -> None:
-    """sigma_1 follows from (15) where the stiffness is known: marked in every artefact that has it."""
-    joint = handed()
-    rows = tuple(
-        replace(x, source="assumed", interval=None, standard_error=None) if x.parameter.name == "sigma_1" else x
-        for x in joint.parameters
-    )
-    for to, mark in (
-        ("c", b"ASSUMED"),
-        ("mujoco", b"ASSUMED"),
-        ("json", b'"assumed"'),
-        ("latex", b"assumed"),
-    ):
-        assert mark in target(to).write([replace(joint, parameters=rows)], Request()).content
+NUMBERS_ONLY = ("mujoco-frictionloss", "urdf", "sdf", "isaac")
+"""Targets with values that stand for the friction."""
+DOCUMENTS = ("json", "matlab", "latex")
+
+
+@pytest.mark.parametrize("to", [to for to in TARGETS if to != "json"])
+def test_an_artefact_says_where_its_numbers_are_from(to: str, handed: Handed) -> None:
+    """Version, hash, data, trust, every parameter with its interval, what is assumed and the losses stand in it."""
+    joint = assumed(handed("wrist pitch"), "sigma_1")
+    artefact = target(to).write([joint], Request())
+    content = artefact.content
+    if to == "fmu":
+        with zipfile.ZipFile(BytesIO(content)) as archive:
+            content = archive.read("documentation/index.html")
+    text = re.sub(r"\s+(\* )?", " ", content.decode())
+    said = [
+        "identified by bristle 0",
+        "sha256 " + "0" * 64,
+        "experiment: edro.yaml, 1 logs",
+        "SIMULATED",
+        "ASSUMED",
+        "95 % [",
+    ]
+    said += ["torque RMS error"] if artefact.losses else []
+    said += ["Test vector", "N*m*s/rad, [0, 10000]"] if to == "c" else []
+    said += [f"{x.parameter} = " for x in joint.parameters]
+    assert [part for part in said if part not in text] == []
+
+
+@pytest.mark.parametrize("to", TARGETS)
+def test_what_is_lost_and_left_out_is_said(to: str, handed: Handed) -> None:
+    """Losses above ten per cent are a caution, and so is what was identified beside the friction; v abs(v) counts in the losses."""
+    joint = beside(handed("wrist pitch"), offset=0.1, quadratic=0.2)
+    artefact = target(to).write([joint], Request())
+    names = {"names": ("offset",)} if to in NUMBERS_ONLY else {"names": ("offset", "quadratic")}
+    if to in DOCUMENTS:
+        assert (artefact.losses, artefact.said) == ({}, ())
+        return
+    found = artefact.losses[joint.name]
+    *lost, beside_it = artefact.said
+    assert found[0].percent > 1
+    assert [x.code for x in lost] == ["export-loses"] * any(x.percent > 10 for x in found)
+    assert beside_it.code == "export-leaves-out"
+    assert names.items() <= beside_it.numbers.items()
+    assert f"{to} does not hold {' and '.join(names['names'])}, identified beside the friction" in str(beside_it)
+    if to in NUMBERS_ONLY:
+        plain = target(to).write([handed("wrist pitch")], Request()).losses[joint.name]
+        assert [x.percent > 10 for x in plain] == [True] * 4
 
 
 def test_one_direction_is_refused(tmp_path: Path) -> None:
@@ -156,11 +192,12 @@ def test_a_current_is_no_torque(handed: Handed) -> None:
     """A joint whose torque is known as a current goes to the documents and to C, and is refused elsewhere."""
     joint = handed(kind="revolute in A")
     request = Request()
-    for to in ("urdf", "sdf", "isaac", "mujoco", "mujoco-frictionloss", "fmu"):
-        with pytest.raises(bristle.InputError, match="known as a current alone"):
-            target(to).write([joint], request)
-    for to in ("c", "json", "matlab", "latex"):
-        assert target(to).write([joint], request).content
+    for to in TARGETS:
+        if to in ("c", *DOCUMENTS):
+            assert target(to).write([joint], request).content
+        else:
+            with pytest.raises(bristle.InputError, match=r"known as a current alone, .* give motor\.torque_constant"):
+                target(to).write([joint], request)
 
 
 def test_of_several_joints_those_that_fit_are_exported(handed: Handed) -> None:
@@ -248,14 +285,11 @@ def test_the_loss_is_its_formula(handed: Handed) -> None:
 def test_v_abs_v_counts(handed: Handed) -> None:
     """With a term v abs(v) the best viscous value rises, and the loss of LuGre alone is that of the term."""
     joint = handed("wrist pitch")
-    row = replace(joint.parameters[-1], parameter=ParameterName("quadratic", Direction.SHARED), value=0.05)
-    dragged = replace(joint, parameters=(*joint.parameters, row))
+    dragged = beside(joint, quadratic=0.05)
     motion, *_ = all_motions(joint)
     assert best_coulomb_viscous(dragged, motion)[1] > best_coulomb_viscous(joint, motion)[1]
     (loss,) = losses(dragged, lugre(joint.pair), [motion])
     assert loss.percent > 1
-    (said,) = target("c").write([dragged], Request()).said
-    assert "c does not hold quadratic, identified beside the friction" in str(said)
 
 
 def test_large_losses_are_said() -> None:

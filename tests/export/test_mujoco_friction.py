@@ -1,9 +1,6 @@
 """`bristle.mujoco.Friction`: a simulation with it is the continuous equation, as well as its time step allows."""
 
 import math
-from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,18 +11,15 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.model import law
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import Direction, ParameterName
 from bristle.mujoco import Friction
 from bristle.questions.export import mjcf
 from bristle.questions.export.artefact import Request
-from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from bristle.questions.export.exported import ExportedJoint
 from export_checks.fmu import radau_continuous
 
-from .conftest import OTHERS, of_law
+from .conftest import OTHERS, RESULTS, Handed, assumed, beside, of_law, scaled
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
-Handed = Callable[..., ExportedJoint]
-RESULTS = Path(__file__).parents[2] / "reports" / "edro" / "results.json"
 ONE = """<mujoco><option timestep="{h}" gravity="0 0 0" integrator="{integrator}"/><worldbody><body>
 <joint name="{name}" type="{kind}" axis="0 0 1" armature="{J}" {more}/><inertial pos="0 0 0" mass="1e-9" diaginertia="1e-9 1e-9 1e-9"/>
 </body></worldbody><actuator><motor joint="{name}"/>{actuators}</actuator></mujoco>"""
@@ -105,12 +99,7 @@ def test_any_law_follows_its_continuous_equation(of: Law, handed: Handed) -> Non
 
 def test_v_abs_v_is_applied(handed: Handed) -> None:
     """A quadratic term that was identified brakes as well."""
-    drag = ExportedParameter(
-        parameter=ParameterName("quadratic", Direction.SHARED), value=0.1, unit="N*m*s**2/rad**2", standard_error=None,
-        interval=None, source="joint",
-    )  # fmt: skip  # a list of values
-    joint = handed("wrist pitch")
-    joint = replace(joint, parameters=(*joint.parameters, drag))
+    joint = beside(handed("wrist pitch"), quadratic=0.1)
     assert off(velocity(joint, 0.001, 4.0), continuous(joint, 4.0)) <= 0.5
 
 
@@ -119,15 +108,6 @@ def test_integrators_agree(handed: Handed, integrator: str) -> None:
     """Euler, implicit and implicitfast give the same simulation."""
     joint = handed("wrist pitch")
     assert velocity(joint, 0.002, 2.0, integrator=integrator) == pytest.approx(velocity(joint, 0.002, 2.0), abs=1e-12)
-
-
-def stiff(joint: ExportedJoint, times: float) -> ExportedJoint:
-    """With a stiffer bristle, as much damped."""
-    factors = {"sigma_0": times, "sigma_1": times**0.5}
-    return replace(
-        joint,
-        parameters=tuple(replace(x, value=x.value * factors.get(x.parameter.name, 1.0)) for x in joint.parameters),
-    )
 
 
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast"])
@@ -140,7 +120,7 @@ def test_stiff_bristles_of_coupled_joints_come_to_rest(
     model = mujoco.MjModel.from_xml_string(TWO.format(h=0.002, integrator=integrator))
     data = mujoco.MjData(model)
     frictions = [
-        Friction(model, name, stiff(handed(of), times))
+        Friction(model, name, scaled(handed(of), sigma_0=times, sigma_1=times**0.5))
         for name, of in (("a", "wrist pitch"), ("b", "gripper rotation"))
     ]
     for k in range(2500):
@@ -285,9 +265,8 @@ def test_a_joint_that_is_not_there_or_has_lugre_is_refused(handed: Handed) -> No
     written = mujoco.MjModel.from_xml_string(mjcf.TARGET.write([joint], Request()).content.decode())
     with pytest.raises(InputError, match="dcmotor"):
         Friction(written, "wrist pitch", joint)
-    assumed = tuple(replace(x, source="assumed") if x.parameter.name == "sigma_0" else x for x in joint.parameters)
     with pytest.raises(InputError, match="sigma_0"):
-        Friction(one(), "wrist pitch", replace(joint, parameters=assumed))
+        Friction(one(), "wrist pitch", assumed(joint, "sigma_0"))
 
 
 def test_a_joint_that_slides_has_friction(handed: Handed) -> None:

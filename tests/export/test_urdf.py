@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 from bristle.errors import InputError
-from bristle.model.parameters import Direction, ParameterName, unit
+from bristle.model.parameters import unit
 from bristle.questions.export.artefact import Request
 from bristle.questions.export.axes import write_sdf, write_urdf
 from bristle.questions.export.coulomb_viscous import best_values
-from bristle.questions.export.exported import ExportedJoint, ExportedParameter
+from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.isaac import write_isaac
 from bristle.questions.export.loss import along, coulomb_viscous, friction_of
 from bristle.questions.export.xml_edit import XmlDocument
@@ -22,13 +22,10 @@ from export_checks.axes import check_sdf, check_urdf
 from export_checks.common import NotInstalled, compared
 from export_checks.documents import check_isaac
 
-Handed = Callable[..., ExportedJoint]
+from .conftest import HOSTILE, SURROGATE, Handed, beside, scaled
+
 ARM = Path(__file__).parents[2] / "datasets" / "arm" / "arm.urdf"
 JOINTS = ("gripper rotation", "wrist pitch", "elbow pitch", "base rotation")
-HOSTILE = (
-    """a"b'c<d>&e""", "-->", "]]>", "<!-- x", "*/", "a\nb\r\tc", "${x} $(y) %s {0}", "\u202eabc\u202c\u200f", "\0\x1b[31m", "\ud800", "x" * 10_000,
-    "关节 ∑", "'''\"\"\"\\", "\\", "", " ", "\x85\u2028", "%{", "#}", "__import__('os')",
-)  # fmt: skip  # a list
 URDF = b"""\
 <?xml version="1.0" ?>\r
 <robot name='r' xmlns:xacro="http://www.ros.org/wiki/xacro">\r
@@ -72,15 +69,10 @@ SDF = b"""\
 """
 
 
-def named(handed: Handed, name: str, **changes: Any) -> ExportedJoint:
-    """A joint of another name."""
-    return replace(handed("wrist pitch"), name=name, **changes)
-
-
 @pytest.fixture
 def slide(handed: Handed) -> ExportedJoint:
     """A joint that slides."""
-    joint = named(handed, "slide", kind="prismatic")
+    joint = handed("wrist pitch", name="slide", kind="prismatic")
     units = {x.parameter: unit(x.parameter.name, "prismatic") for x in joint.parameters}
     return replace(joint, parameters=tuple(replace(x, unit=units[x.parameter]) for x in joint.parameters))
 
@@ -122,57 +114,10 @@ def test_the_values_are_the_best_and_the_losses_are_those_of_the_formula(handed:
         assert one.percent == pytest.approx(100 * np.linalg.norm(kept - true) / np.linalg.norm(true), rel=1e-12)
 
 
-@pytest.mark.parametrize("write", [write_urdf, write_sdf, write_isaac])
-def test_what_is_lost_and_left_out_is_said(handed: Handed, write: Callable[..., Any]) -> None:
-    """Losses above ten per cent are a caution, and so is an offset that was identified beside the friction."""
-    joint = handed("wrist pitch")
-    offset = ExportedParameter(
-        parameter=ParameterName("offset", Direction.SHARED), value=0.1, unit="N*m", standard_error=0.1,
-        interval=(-0.1, 0.3), source="joint",
-    )  # fmt: skip  # a list of values
-    artefact = write([replace(joint, parameters=(*joint.parameters, offset))], Request())
-    kinds = [x.code for x in artefact.said]
-    assert kinds == ["export-loses", "export-leaves-out"]
-    assert "presliding" in str(artefact.said[0])
-    assert "offset" in str(artefact.said[1])
-    assert [x.percent > 10 for x in artefact.losses["wrist pitch"]] == [True] * 4
-
-
-@pytest.mark.parametrize("write", [write_urdf, write_sdf, write_isaac])
-def test_a_torque_that_is_a_current_is_refused(handed: Handed, write: Callable[..., Any]) -> None:
-    """Without a torque constant there is no torque to hand over."""
-    with pytest.raises(InputError, match=r"motor\.torque_constant"):
-        write([handed(kind="revolute in A")], Request())
-
-
-@pytest.mark.parametrize("write", [write_urdf, write_sdf, write_isaac])
-def test_an_artefact_says_where_its_numbers_are_from(handed: Handed, write: Callable[..., Any]) -> None:
-    """Version, hash, data, trust, every parameter and the losses stand in the file; the same export gives the same bytes."""
-    joint = handed("wrist pitch")
-    rows = tuple(
-        replace(x, source="assumed", standard_error=None, interval=None) if x.parameter.name == "sigma_1" else x
-        for x in joint.parameters
-    )
-    joint = replace(joint, parameters=rows)
-    content = write([joint], Request()).content
-    text = content.decode()
-    for part in (
-        "bristle 0",
-        "0" * 64,
-        "SIMULATED",
-        "edro.yaml",
-        "ASSUMED",
-        "torque RMS error",
-        *(str(x.parameter) for x in rows),
-    ):
-        assert part in text
-    assert write([joint], Request()).content == content
-
-
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize("name", [*HOSTILE, SURROGATE])
 def test_hostile_names_stay_names(handed: Handed, name: str) -> None:
     """Whatever a joint is called, the file has its numbers, one joint, and nothing that its name says; XML has U+FFFD for what it cannot hold."""
-    joint = named(handed, name)
+    joint = handed("wrist pitch", name=name)
     (best,) = best_values([joint], Request(), "urdf")
     urdf = parsed(write_urdf([joint], Request()).content)
     assert len(urdf.findall("joint")) == 1
@@ -194,7 +139,7 @@ def test_hostile_names_stay_names(handed: Handed, name: str) -> None:
 def test_a_urdf_of_joints_loads(handed: Handed, slide: ExportedJoint) -> None:
     """The snippet is a robot: MuJoCo and Pinocchio read damping and friction as exported, turning and sliding."""
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
-    joints = [*map(handed, JOINTS), slide, named(handed, "no inertia", inertia=None)]
+    joints = [*map(handed, JOINTS), slide, handed("wrist pitch", name="no inertia", inertia=None)]
     artefact = write_urdf(joints, Request())
     lines = check_urdf(artefact, joints, Request())
     assert lines[0] == "parsed again: damping and friction are as exported, to the last bit, in 6 joints"
@@ -279,7 +224,7 @@ def test_dynamics_that_are_there_keep_what_else_they_say(handed: Handed) -> None
 def test_a_joint_that_is_not_in_the_urdf_is_refused(handed: Handed, name: str, why: str) -> None:
     """What is not there, there twice, rigid or of another kind is told in a sentence, with the line."""
     with pytest.raises(InputError) as error:
-        write_urdf([named(handed, name)], Request(into=URDF, into_name="r.urdf"))
+        write_urdf([handed("wrist pitch", name=name)], Request(into=URDF, into_name="r.urdf"))
     assert str(error.value).startswith(why)
 
 
@@ -305,7 +250,7 @@ def test_a_robot_is_merged_joint_by_joint(handed: Handed) -> None:
     """In a real robot each joint gets its own, all else stays byte by byte, and MuJoCo reads the values from its tree."""
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
     content = ARM.read_bytes()
-    joints = [named(handed, "wrist_pitch"), named(handed, "elbow")]
+    joints = [handed("wrist pitch", name="wrist_pitch"), handed("wrist pitch", name="elbow")]
     artefact = write_urdf(joints, Request(into=content, into_name="arm.urdf"))
     lines = check_urdf(artefact, joints, Request(into=content))
     assert all("as exported, to the last bit, in 2 joints" in line for line in lines)
@@ -359,7 +304,7 @@ def test_merging_into_an_sdf_keeps_springs(handed: Handed, slide: ExportedJoint)
 def test_a_joint_that_is_not_in_the_sdf_is_refused(handed: Handed, name: str, why: str) -> None:
     """What is not there, or there twice, is told in a sentence."""
     with pytest.raises(InputError) as error:
-        write_sdf([named(handed, name)], Request(into=SDF, into_name="w.sdf"))
+        write_sdf([handed("wrist pitch", name=name)], Request(into=SDF, into_name="w.sdf"))
     assert str(error.value).startswith(why)
 
 
@@ -419,10 +364,8 @@ def test_the_actuators_of_isaac_lab_have_the_numbers(handed: Handed) -> None:
 def test_static_friction_is_not_below_the_dynamic_one(handed: Handed) -> None:
     """PhysX refuses a static friction below the dynamic one, which a joint without viscous friction at low speed could have."""
     joint = handed("wrist pitch")
-    small = {"alpha_0": 1e-6, "alpha_1": 0.0, "alpha_2": 0.0}
-    rows = tuple(replace(x, value=small.get(x.parameter.name, x.value)) for x in joint.parameters)
-    quadratic = replace(rows[-1], parameter=ParameterName("quadratic", Direction.SHARED), value=5.0)
-    made = run(write_isaac([replace(joint, parameters=(*rows, quadratic))], Request()).content)["wrist pitch"]
+    small = beside(scaled(joint, alpha_0=1e-5, alpha_1=0.0, alpha_2=0.0), quadratic=5.0)
+    made = run(write_isaac([small], Request()).content)["wrist pitch"]
     assert made.friction >= made.dynamic_friction
 
 
