@@ -262,7 +262,7 @@ def check_fmu(artefact: Artefact, joints: Sequence[ExportedJoint], request: Requ
         lines.append(f"sources: not built: {missing}")
     runs = artefact.content if _has_binary(artefact.content) else built
     if runs is not None:
-        lines += _compared(joint, runs, None if runs is built else built)
+        lines += compared(joint, runs, None if runs is built else built)
     return tuple(lines)
 
 
@@ -271,7 +271,8 @@ def _has_binary(content: bytes) -> bool:
         return any(name.startswith(f"binaries/{installed_fmpy().platform}/") for name in archive.namelist())
 
 
-def _compared(joint: ExportedJoint, runs: bytes, built: bytes | None) -> Iterator[str]:
+def compared(joint: ExportedJoint, runs: bytes, built: bytes | None = None) -> Iterator[str]:
+    """An FMU that runs here, beside Python and Radau over 10 s, and beside it the one that was built of its sources."""
     time = communication_points()
     middle = drive_torque(joint, time + STEP / 2)
     with loaded_fmu(runs) as fmu:
