@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from bristle.control.compensator import Compensator
+from bristle.errors import one_line
 from bristle.findings import CAUTION, Finding
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import INERTIA, fields_of
@@ -88,6 +89,11 @@ def notes(joint: ExportedJoint, found: Sequence[Loss] = ()) -> Iterator[str]:
         yield f"torque RMS error: {told(found, joint)}"
     for said in joint.said:
         yield f"{said.severity}: {said}"
+
+
+def in_ascii(line: str) -> str:
+    """A line of such for a comment of a script: printable ASCII, the rest as Python escapes it."""
+    return ascii(one_line(line))[1:-1]
 
 
 def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[Finding, ...]:

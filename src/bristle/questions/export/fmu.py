@@ -14,7 +14,7 @@ from typing import NamedTuple
 from bristle import __version__
 from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
-from bristle.model.parameters import fields_of, unit
+from bristle.model.parameters import SIGNED, fields_of, unit
 from bristle.page.output_folder import zipped
 from bristle.page.page import encoded, tables_of
 from bristle.page.wording import shortened
@@ -22,7 +22,7 @@ from bristle.questions.export.artefact import Artefact, ExportTarget, Request, a
 from bristle.questions.export.c_code import filled
 from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import identifier, range_of
-from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.exported import WAYS, ExportedJoint
 from bristle.questions.export.loss import Loss, all_motions, losses, lugre
 from bristle.questions.export.report import fmu_page
 
@@ -74,10 +74,10 @@ def fmu_variables(joint: ExportedJoint) -> tuple[FmuVariable, ...]:
     position, velocity, torque, J = (unit(x, joint.kind) for x in ("position", "velocity", "torque", "inertia"))
     own = [
         FmuVariable(
-            f"{direction}.{name}", f"{name}, {direction} direction", unit(name, joint.kind), "parameter", f"p.{direction}.{name}",
+            f"{WAYS[d]}.{name}", f"{name}, {WAYS[d]} direction", unit(name, joint.kind), "parameter", f"p.{WAYS[d]}.{name}",
             *range_of(name, joint.law), getattr(p, name), _ANY,
         )
-        for direction, p in zip(("positive", "negative"), joint.pair, strict=True)
+        for d, p in zip(SIGNED, joint.pair, strict=True)
         for name in fields_of(joint.law)
     ]  # fmt: skip  # a list of values
     return (

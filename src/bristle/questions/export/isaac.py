@@ -8,9 +8,8 @@ PxJointFrictionParams).
 import re
 from collections.abc import Sequence
 
-from bristle.errors import one_line
 from bristle.model.parameters import unit
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, in_ascii
 from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, with_best_values
 from bristle.questions.export.exported import ExportedJoint
 
@@ -43,7 +42,7 @@ def static_effort(one: CoulombViscous) -> float:
 
 def _entry(one: CoulombViscous) -> str:
     kind, name, J = one.joint.kind, one.joint.name, one.joint.rotor_inertia
-    lines = "".join(f"    # {ascii(one_line(line))[1:-1]}\n" for line in comment_lines(one, _HOLDS))
+    lines = "".join(f"    # {in_ascii(line)}\n" for line in comment_lines(one, _HOLDS))
     of_armature = "all that the joint accelerates: take off what the asset's links have of it"
     if J is None:
         of_armature = "no inertia is known: as the asset has it"

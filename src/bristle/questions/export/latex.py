@@ -6,11 +6,10 @@ Where the friction law is not the paper's, its equations stand below the table.
 import re
 from collections.abc import Iterator, Sequence
 
-from bristle.errors import one_line
 from bristle.model.formula import abbreviated, as_latex, formula_of, symbol_of
 from bristle.model.parameters import SIGNED, Direction, Lugre, of_friction
 from bristle.page.wording import FITS, measured, shortened, slugs, span
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, notes, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, in_ascii, notes, slug
 from bristle.questions.export.equations import equations
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter
 
@@ -30,7 +29,7 @@ _PLAIN = {
 
 def write_latex(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # nothing is lost along any motion
     """The table, with a caption and a label; several joints stand one below the other."""
-    comments = "".join(f"% {ascii(one_line(line))[1:-1]}\n" for joint in joints for line in notes(joint))
+    comments = "".join(f"% {in_ascii(line)}\n" for joint in joints for line in notes(joint))
     rows = "\n".join(row for joint in joints for row in _rows(joint, len(joints) > 1))
     laws = "".join(dict.fromkeys(text for joint in joints for text in _equations(joint)))
     whose = "of the joints" if len(joints) > 1 else f"of {latex_text(joints[0].name)}"

@@ -11,12 +11,11 @@ from typing import Any
 
 import casadi as ca
 
-from bristle.errors import one_line
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import unit
 from bristle.model.printing import FUNCTIONS, Language, Term, statements
 from bristle.page.wording import slugs
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, notes, slug
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, in_ascii, notes, slug
 from bristle.questions.export.equations import equations
 from bristle.questions.export.exported import WAYS, ExportedJoint
 
@@ -51,7 +50,7 @@ def _identifier(text: str) -> str:
 def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
     yield "%"
     for note in notes(joint):
-        yield f"% {ascii(one_line(note))[1:-1]}"
+        yield f"% {in_ascii(note)}"
     yield f"{place} = struct();"
     yield f"{place}.name = {_constant(joint.name)};"
     yield f"{place}.kind = {_constant(joint.kind)};"
