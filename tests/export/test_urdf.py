@@ -12,10 +12,11 @@ import pytest
 from bristle.errors import InputError
 from bristle.model.parameters import unit
 from bristle.questions.export.artefact import Request
-from bristle.questions.export.axes import write_sdf, write_urdf
+from bristle.questions.export.axes import SDF as SDF_TARGET
+from bristle.questions.export.axes import URDF as URDF_TARGET
 from bristle.questions.export.coulomb_viscous import best_values
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.isaac import write_isaac
+from bristle.questions.export.isaac import TARGET as ISAAC_TARGET
 from bristle.questions.export.loss import along, coulomb_viscous, friction_of
 from bristle.questions.export.xml_edit import XmlDocument
 from export_checks.axes import check_sdf, check_urdf
@@ -119,18 +120,18 @@ def test_hostile_names_stay_names(handed: Handed, name: str) -> None:
     """Whatever a joint is called, the file has its numbers, one joint, and nothing that its name says; XML has U+FFFD for what it cannot hold."""
     joint = handed("wrist pitch", name=name)
     (best,) = best_values([joint], Request(), "urdf")
-    urdf = parsed(write_urdf([joint], Request()).content)
+    urdf = parsed(URDF_TARGET.write([joint], Request()).content)
     assert len(urdf.findall("joint")) == 1
     assert (urdf.find("joint").get("name") == name) == (not {"\0", "\x1b", "\ud800"} & set(name))  # type: ignore[union-attr]
     dynamics = urdf.find("joint/dynamics")
     assert dynamics is not None
     assert {key: float(x) for key, x in dynamics.attrib.items()} == {"friction": best.coulomb, "damping": best.viscous}
-    sdf = parsed(write_sdf([joint], Request()).content)
+    sdf = parsed(SDF_TARGET.write([joint], Request()).content)
     assert [float(x.text or "") for x in sdf.iter("friction")] == [best.coulomb]
-    made = run(write_isaac([joint], Request()).content)
+    made = run(ISAAC_TARGET.write([joint], Request()).content)
     assert list(made) == [name]
     assert made[name].dynamic_friction == best.coulomb
-    for content in (write_urdf([joint], Request()).content, write_sdf([joint], Request()).content):
+    for content in (URDF_TARGET.write([joint], Request()).content, SDF_TARGET.write([joint], Request()).content):
         assert all(c.isprintable() or c == "\n" for c in content.decode())
         for line in content.decode().splitlines():
             assert len(line) < 11_000
@@ -140,7 +141,7 @@ def test_a_urdf_of_joints_loads(handed: Handed, slide: ExportedJoint) -> None:
     """The snippet is a robot: MuJoCo and Pinocchio read damping and friction as exported, turning and sliding."""
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
     joints = [*map(handed, JOINTS), slide, handed("wrist pitch", name="no inertia", inertia=None)]
-    artefact = write_urdf(joints, Request())
+    artefact = URDF_TARGET.write(joints, Request())
     lines = check_urdf(artefact, joints, Request())
     assert lines[0] == "parsed again: damping and friction are as exported, to the last bit, in 6 joints"
     assert all(line.endswith(": damping and friction are as exported, to the last bit, in 6 joints") for line in lines)
@@ -160,14 +161,14 @@ def test_pinocchio_reads_the_snippet(handed: Handed) -> None:
     """Pinocchio's damping and friction are those that were exported."""
     pytest.importorskip("pinocchio", reason="needs Pinocchio: pip install pin")
     joints = [*map(handed, JOINTS)]
-    lines = check_urdf(write_urdf(joints, Request()), joints, Request())
+    lines = check_urdf(URDF_TARGET.write(joints, Request()), joints, Request())
     assert any(line.startswith("Pinocchio") and "as exported, to the last bit" in line for line in lines)
 
 
 def test_a_check_tells_what_differs(handed: Handed) -> None:
     """A file whose numbers were changed does not pass."""
     joint = handed("wrist pitch")
-    artefact = write_urdf([joint], Request())
+    artefact = URDF_TARGET.write([joint], Request())
     spoilt = replace(artefact, content=artefact.content.replace(b'friction="0.06', b'friction="0.07'))
     assert spoilt != artefact
     try:
@@ -182,7 +183,7 @@ def test_merging_into_a_urdf_changes_nothing_else(handed: Handed) -> None:
     """The file is byte-identical but for the comment and <dynamics> of the joint, which is not that of a transmission or a comment."""
     joint = handed("wrist pitch")
     (best,) = best_values([joint], Request(), "urdf")
-    merged = write_urdf([joint], Request(into=URDF, into_name="r.urdf")).content
+    merged = URDF_TARGET.write([joint], Request(into=URDF, into_name="r.urdf")).content
     old, new = outside(URDF, merged)
     assert old == b""
     assert new.count(b"\n") == new.count(b"\r\n")
@@ -198,11 +199,11 @@ def test_dynamics_that_are_there_keep_what_else_they_say(handed: Handed) -> None
     """Friction and damping are replaced, other attributes and blanks stay; merging once more changes nothing."""
     joint = handed("elbow pitch")
     (best,) = best_values([joint], Request(), "urdf")
-    merged = write_urdf([joint], Request(into=URDF, into_name="r.urdf")).content
+    merged = URDF_TARGET.write([joint], Request(into=URDF, into_name="r.urdf")).content
     expected = f"""<dynamics  friction="{best.coulomb!r}"\tspring="2" damping="{best.viscous!r}"/><!-- bristle: """
     assert expected.encode() in merged
-    assert write_urdf([joint], Request(into=merged)).content == merged
-    again = write_urdf([joint], Request(into=merged, amplitude=0.1)).content
+    assert URDF_TARGET.write([joint], Request(into=merged)).content == merged
+    again = URDF_TARGET.write([joint], Request(into=merged, amplitude=0.1)).content
     assert again.count(b"<!-- bristle: ") == 1
     begin, end = merged.index(b"<dynamics  "), merged.index(b" -->", merged.index(b"<!-- bristle: "))
     assert again.startswith(merged[:begin])
@@ -224,11 +225,11 @@ def test_dynamics_that_are_there_keep_what_else_they_say(handed: Handed) -> None
 def test_a_joint_that_is_not_in_the_urdf_is_refused(handed: Handed, name: str, why: str) -> None:
     """What is not there, there twice, rigid or of another kind is told in a sentence, with the line."""
     with pytest.raises(InputError) as error:
-        write_urdf([handed("wrist pitch", name=name)], Request(into=URDF, into_name="r.urdf"))
+        URDF_TARGET.write([handed("wrist pitch", name=name)], Request(into=URDF, into_name="r.urdf"))
     assert str(error.value).startswith(why)
 
 
-@pytest.mark.parametrize("write", [write_urdf, write_sdf])
+@pytest.mark.parametrize("write", [URDF_TARGET.write, SDF_TARGET.write])
 @pytest.mark.parametrize(
     ("content", "why"),
     [
@@ -251,7 +252,7 @@ def test_a_robot_is_merged_joint_by_joint(handed: Handed) -> None:
     pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
     content = ARM.read_bytes()
     joints = [handed("wrist pitch", name="wrist_pitch"), handed("wrist pitch", name="elbow")]
-    artefact = write_urdf(joints, Request(into=content, into_name="arm.urdf"))
+    artefact = URDF_TARGET.write(joints, Request(into=content, into_name="arm.urdf"))
     lines = check_urdf(artefact, joints, Request(into=content))
     assert all("as exported, to the last bit, in 2 joints" in line for line in lines)
     lost = set(content.splitlines()) - set(artefact.content.splitlines())
@@ -268,21 +269,21 @@ def test_a_urdf_without_joints_is_refused(handed: Handed) -> None:
     content = path.read_bytes()
     assert XmlDocument.read(content, path.name).written() == content
     with pytest.raises(InputError, match=r"^model\.urdf: has no joint 'wrist pitch'; its joints are none$"):
-        write_urdf([handed("wrist pitch")], Request(into=content, into_name=path.name))
+        URDF_TARGET.write([handed("wrist pitch")], Request(into=content, into_name=path.name))
 
 
 def test_merging_into_an_sdf_keeps_springs(handed: Handed, slide: ExportedJoint) -> None:
     """Damping and friction are replaced or added, in worlds and nested models; springs and all else stay; merging twice changes nothing."""
     joints = [handed("wrist pitch"), handed("elbow pitch"), slide]
     best = {x.joint.name: x for x in best_values(joints, Request(), "sdf")}
-    merged = write_sdf(joints, Request(into=SDF, into_name="w.sdf")).content
+    merged = SDF_TARGET.write(joints, Request(into=SDF, into_name="w.sdf")).content
     assert b"<spring_reference>1</spring_reference>" in merged
     held = {
         joint.get("name"): (float(joint.findtext("axis/dynamics/damping", "nan")), float(joint.findtext("axis/dynamics/friction", "nan")))
         for joint in parsed(merged).iter("joint") if joint.find("axis/dynamics") is not None
     }  # fmt: skip  # an entry
     assert held == {name: (x.viscous, x.coulomb) for name, x in best.items()}
-    assert write_sdf(joints, Request(into=merged)).content == merged
+    assert SDF_TARGET.write(joints, Request(into=merged)).content == merged
     lost = set(SDF.splitlines()) - set(merged.splitlines())
     assert {line.strip() for line in lost} == {
         b'<friction  a="b"> 7 </friction></dynamics>',
@@ -304,7 +305,7 @@ def test_merging_into_an_sdf_keeps_springs(handed: Handed, slide: ExportedJoint)
 def test_a_joint_that_is_not_in_the_sdf_is_refused(handed: Handed, name: str, why: str) -> None:
     """What is not there, or there twice, is told in a sentence."""
     with pytest.raises(InputError) as error:
-        write_sdf([handed("wrist pitch", name=name)], Request(into=SDF, into_name="w.sdf"))
+        SDF_TARGET.write([handed("wrist pitch", name=name)], Request(into=SDF, into_name="w.sdf"))
     assert str(error.value).startswith(why)
 
 
@@ -312,7 +313,7 @@ def test_an_sdf_of_joints_holds_the_values(handed: Handed, slide: ExportedJoint)
     """The snippet has each joint with its numbers; without Gazebo the check says what it could not do."""
     joints = [*map(handed, JOINTS), slide]
     try:
-        said = check_sdf(write_sdf(joints, Request()), joints, Request())[0]
+        said = check_sdf(SDF_TARGET.write(joints, Request()), joints, Request())[0]
     except NotInstalled as missing:
         said = str(missing)
         assert "install Gazebo" in said
@@ -350,7 +351,7 @@ def test_the_actuators_of_isaac_lab_have_the_numbers(handed: Handed) -> None:
     import re
 
     joints = [*map(handed, JOINTS)]
-    made = run(write_isaac(joints, Request()).content)
+    made = run(ISAAC_TARGET.write(joints, Request()).content)
     for best in best_values(joints, Request(), "isaac"):
         actuator = made[best.joint.name]
         assert (actuator.dynamic_friction, actuator.viscous_friction) == (best.coulomb, best.viscous)
@@ -365,7 +366,7 @@ def test_static_friction_is_not_below_the_dynamic_one(handed: Handed) -> None:
     """PhysX refuses a static friction below the dynamic one, which a joint without viscous friction at low speed could have."""
     joint = handed("wrist pitch")
     small = beside(scaled(joint, alpha_0=1e-5, alpha_1=0.0, alpha_2=0.0), quadratic=5.0)
-    made = run(write_isaac([small], Request()).content)["wrist pitch"]
+    made = run(ISAAC_TARGET.write([small], Request()).content)["wrist pitch"]
     assert made.friction >= made.dynamic_friction
 
 
@@ -373,17 +374,17 @@ def test_an_armature_is_never_invented(handed: Handed) -> None:
     """Without an inertia it stays as the asset has it, and that is said; of a robot's joint it is the rotor's alone."""
     joint = handed("wrist pitch")
     rows = tuple(x for x in joint.parameters if x.parameter.name != "inertia")
-    artefact = write_isaac([replace(joint, parameters=rows, inertia=None, rotor_inertia=None)], Request())
+    artefact = ISAAC_TARGET.write([replace(joint, parameters=rows, inertia=None, rotor_inertia=None)], Request())
     assert run(artefact.content)["wrist pitch"].armature is None
     assert "export-without-inertia" in [x.code for x in artefact.said]
-    rotor = run(write_isaac([replace(joint, inertia=10.0)], Request()).content)["wrist pitch"].armature
+    rotor = run(ISAAC_TARGET.write([replace(joint, inertia=10.0)], Request()).content)["wrist pitch"].armature
     assert rotor == next(x.value for x in joint.parameters if x.parameter.name == "inertia")
 
 
 def test_the_snippet_is_checked(handed: Handed) -> None:
     """Its numbers are read again; a stub in the place of Isaac Lab takes it."""
     joint = handed("wrist pitch")
-    artefact = write_isaac([joint], Request())
+    artefact = ISAAC_TARGET.write([joint], Request())
     with pytest.MonkeyPatch.context() as patch:
         patch.setitem(sys.modules, "isaaclab", None)
         with pytest.raises(NotInstalled, match=r"^compiled: its numbers are as exported; Isaac Lab"):

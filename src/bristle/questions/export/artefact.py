@@ -111,20 +111,6 @@ def large_losses(target: str, losses: Mapping[str, tuple[Loss, ...]]) -> tuple[F
     return tuple(said)
 
 
-def left_out(joint: ExportedJoint, target: str, counted: Sequence[str] = ()) -> tuple[Finding, ...]:
-    """What torque was identified beside the friction and the inertia, and is not in an artefact; `counted` are terms that its values stand for."""
-    held = {*fields_of(joint.law), INERTIA.name, "links", "torque_constant", *counted}
-    names = tuple(str(x.parameter) for x in joint.parameters if x.parameter.name not in held)
-    if not names:
-        return ()
-    message = (
-        f"{joint.name}: {target} does not hold {' and '.join(names)}, identified beside the friction; "
-        "keep it in your own model of the load."
-    )
-    numbers = {"joint": joint.name, "target": target, "names": names}
-    return (Finding("export-leaves-out", CAUTION, message, numbers),)
-
-
 def artefact_of(
     joints: Sequence[ExportedJoint],
     target: str,
@@ -140,9 +126,17 @@ def artefact_of(
 
     `ending` stands behind the name of the joints, `counted` are terms that the values stand for.
     """
-    beside = []
+    beside = list[Finding]()
     for joint in joints:
-        beside += left_out(joint, target, counted)
+        # torque that was identified beside the friction and the inertia, and that the values do not stand for
+        held = {*fields_of(joint.law), INERTIA.name, "links", "torque_constant", *counted}
+        if names := tuple(str(x.parameter) for x in joint.parameters if x.parameter.name not in held):
+            message = (
+                f"{joint.name}: {target} does not hold {' and '.join(names)}, identified beside the friction; "
+                "keep it in your own model of the load."
+            )
+            numbers = {"joint": joint.name, "target": target, "names": names}
+            beside.append(Finding("export-leaves-out", CAUTION, message, numbers))
         if armature and joint.rotor_inertia is None:
             message = f"{joint.name}: no inertia is known, and none is exported; the simulator keeps its own."
             beside.append(Finding("export-without-inertia", CAUTION, message, {"joint": joint.name}))

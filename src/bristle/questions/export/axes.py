@@ -3,14 +3,14 @@
 It holds Coulomb friction and damping of the joint, N*m and N*m*s/rad (N and N*s/m where it slides), and no rotor inertia.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from bristle.errors import InputError, short
 from bristle.model.parameters import slides
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, slug
-from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, with_best_values
+from bristle.questions.export.artefact import slug
+from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named, model_read
+from bristle.questions.export.xml_edit import XmlDocument, XmlElement, attribute, comment, joint_named
 
 _HOLDS = (
     "Coulomb friction and damping, the same in both directions; no Stribeck peak, no presliding, and no rotor inertia."
@@ -23,37 +23,11 @@ _TYPES = {False: ("revolute", "continuous"), True: ("prismatic",)}
 """Of a joint in a URDF or an SDF, by whether the exported one slides."""
 
 
-def write_urdf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
-    """A URDF with the best values along the motion that is asked for.
-
-    Raises InputError where a joint's torque is a current, or the file that is merged into is no URDF or lacks the joint.
-    """
-    # a robot of these joints, each with a link of its own on one base
-    head = f'<robot name={attribute(slug(joints))}>\n  <link name="base"/>'
-    around = comment(_PLACEHOLDERS.format("Links, axes and limits", "URDF")), head, "</robot>"
-    return _written("urdf", "robot", joints, request, _into_urdf, around, _urdf_joint)
-
-
-def _written(
-    kind: str,
-    root: str,
-    joints: Sequence[ExportedJoint],
-    request: Request,
-    merge: Callable[[XmlDocument, CoulombViscous], None],
-    around: Sequence[str],
-    element: Callable[[int, CoulombViscous], str],
-) -> Artefact:
-    """What holds the best values: the file of that root that is merged into, or a comment, then the elements between a head and an end."""
-    found = best_values(joints, request, kind)
-    if request.into is not None:
-        document = model_read(request.into, request.into_name, kind.upper(), root)
-        for one in found:
-            merge(document, one)
-        content = document.written()
-    else:
-        note, head, end = around
-        content = "\n".join([_HEAD + note, head, *map(element, range(len(found)), found), end, ""]).encode()
-    return with_best_values(found, kind, f".{kind}", content, _HOLDS)
+def _new_urdf(found: Sequence[CoulombViscous]) -> bytes:
+    """A robot of these joints, each with a link of its own on one base."""
+    head = f'<robot name={attribute(slug([one.joint for one in found]))}>\n  <link name="base"/>'
+    note = comment(_PLACEHOLDERS.format("Links, axes and limits", "URDF"))
+    return "\n".join([_HEAD + note, head, *map(_urdf_joint, range(len(found)), found), "</robot>", ""]).encode()
 
 
 def _urdf_dynamics(one: CoulombViscous) -> str:
@@ -98,15 +72,13 @@ def _into_urdf(document: XmlDocument, one: CoulombViscous) -> None:
         document.insert_last(joint, _urdf_dynamics(one))
 
 
-def write_sdf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
-    """An SDF with the best values along the motion that is asked for.
-
-    Raises InputError where a joint's torque is a current, or the file that is merged into is no SDF or lacks the joint.
-    """
-    # a model of these joints, each between the world and a link of its own
-    head = f'<sdf version="1.6">\n  <model name={attribute(slug(joints))}>'
-    around = comment(_PLACEHOLDERS.format("Links and axes", "SDF")), head, "  </model>\n</sdf>"
-    return _written("sdf", "sdf", joints, request, _into_sdf, around, _sdf_joint)
+def _new_sdf(found: Sequence[CoulombViscous]) -> bytes:
+    """A model of these joints, each between the world and a link of its own."""
+    head = f'<sdf version="1.6">\n  <model name={attribute(slug([one.joint for one in found]))}>'
+    note = comment(_PLACEHOLDERS.format("Links and axes", "SDF"))
+    return "\n".join(
+        [_HEAD + note, head, *map(_sdf_joint, range(len(found)), found), "  </model>\n</sdf>", ""]
+    ).encode()
 
 
 def _sdf_dynamics(one: CoulombViscous, indent: str = "") -> str:
@@ -191,5 +163,5 @@ def _place(
     return found, where
 
 
-URDF = ExportTarget(fitted=True, write=write_urdf, merges=True)
-SDF = ExportTarget(fitted=True, write=write_sdf, merges=True)
+URDF = target_of("urdf", ".urdf", _HOLDS, _new_urdf, _into_urdf, ("URDF", "robot"))
+SDF = target_of("sdf", ".sdf", _HOLDS, _new_sdf, _into_sdf, ("SDF", "sdf"))

@@ -1,14 +1,15 @@
 """Coulomb and viscous friction, which is all that most simulators hold: the best values along a motion, what they lose, and where they are from."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from bristle.errors import one_line
 from bristle.model.parameters import unit
 from bristle.page.wording import number
-from bristle.questions.export.artefact import Artefact, Request, artefact_of, notes
+from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, StatedMotion, all_motions, best_coulomb_viscous, coulomb_viscous, losses
+from bristle.questions.export.xml_edit import XmlDocument, model_read
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,15 +24,6 @@ class CoulombViscous:
     """N*m*s/rad."""
     losses: tuple[Loss, ...]
 
-    @property
-    def sentence(self) -> str:
-        """The values, and the motion for which they are the best."""
-        kind, motion = self.joint.kind, self.motion
-        return (
-            f"Coulomb {number(self.coulomb)} {unit('torque', kind)}, viscous {number(self.viscous)} {unit('alpha_2', kind)}: "
-            f"the least squared torque error along a sine of {number(motion.amplitude)} {unit('position', kind)} at {motion.frequency:g} Hz"
-        )
-
 
 def best_values(joints: Sequence[ExportedJoint], request: Request, target: str) -> tuple[CoulombViscous, ...]:
     """Of each joint, along the motion that is asked for. Raises InputError where a joint's torque is known as a current alone."""
@@ -44,16 +36,43 @@ def best_values(joints: Sequence[ExportedJoint], request: Request, target: str) 
     return tuple(found)
 
 
-def with_best_values(
-    found: Sequence[CoulombViscous], target: str, ending: str, content: bytes, holds: str, *, armature: bool = False
-) -> Artefact:
-    """What a target takes of them, as `artefact_of`: v abs(v) is among what the values stand for."""
-    joints, lost = [one.joint for one in found], {one.joint.name: one.losses for one in found}
-    return artefact_of(joints, target, ending, content, holds, lost, counted=("quadratic",), armature=armature)
+def target_of(
+    name: str,
+    ending: str,
+    holds: str,
+    new: Callable[[Sequence[CoulombViscous]], bytes],
+    merge: Callable[[XmlDocument, CoulombViscous], None] | None = None,
+    model: tuple[str, str] = ("", ""),
+    *,
+    armature: bool = False,
+) -> ExportTarget:
+    """A target that takes the best values: `new` makes a file of them, `merge` puts those of a joint into a model of that kind and root.
+
+    Its artefacts are as those of `artefact_of`; v abs(v) is among what the values stand for.
+    """
+
+    def write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
+        """Raises InputError where a joint's torque is a current, or the file that is merged into is no such model or lacks the joint."""
+        found = best_values(joints, request, name)
+        if request.into is None or merge is None:
+            content = new(found)
+        else:
+            document = model_read(request.into, request.into_name, *model)
+            for one in found:
+                merge(document, one)
+            content = document.written()
+        lost = {one.joint.name: one.losses for one in found}
+        return artefact_of(joints, name, ending, content, holds, lost, counted=("quadratic",), armature=armature)
+
+    return ExportTarget(write=write, fitted=True, merges=merge is not None)
 
 
 def comment_lines(one: CoulombViscous, holds: str) -> Iterator[str]:
     """What stands beside the values, a line each that can be shown in a terminal; a comment's own marks are not escaped."""
-    yield f"bristle: {one_line(one.sentence)}"
+    kind, motion = one.joint.kind, one.motion
+    yield (
+        f"bristle: Coulomb {number(one.coulomb)} {unit('torque', kind)}, viscous {number(one.viscous)} {unit('alpha_2', kind)}: the least "
+        f"squared torque error along a sine of {number(motion.amplitude)} {unit('position', kind)} at {motion.frequency:g} Hz"
+    )
     yield one_line(holds)
     yield from map(one_line, notes(one.joint, one.losses))

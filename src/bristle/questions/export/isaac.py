@@ -9,9 +9,8 @@ import re
 from collections.abc import Sequence
 
 from bristle.model.parameters import unit
-from bristle.questions.export.artefact import Artefact, ExportTarget, Request, in_ascii
-from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, with_best_values
-from bristle.questions.export.exported import ExportedJoint
+from bristle.questions.export.artefact import in_ascii
+from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
 
 _HOLDS = "static, dynamic and viscous friction, the same in both directions, and armature; no Stribeck velocity and no presliding."
 _HEAD = """\
@@ -25,14 +24,9 @@ _HEAD = """\
 """
 
 
-def write_isaac(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
-    """The snippet with the best values along the motion that is asked for.
-
-    Raises InputError where a joint's torque is a current.
-    """
-    found = best_values(joints, request, "isaac")
+def _snippet(found: Sequence[CoulombViscous]) -> bytes:
     text = f"{_HEAD}\nfrom isaaclab.actuators import ImplicitActuatorCfg\n\nACTUATORS = {{\n{''.join(map(_entry, found))}}}\n"
-    return with_best_values(found, "isaac", "_actuators.py", text.encode("ascii"), _HOLDS, armature=True)
+    return text.encode("ascii")
 
 
 def static_effort(one: CoulombViscous) -> float:
@@ -61,4 +55,4 @@ def _entry(one: CoulombViscous) -> str:
 """
 
 
-TARGET = ExportTarget(fitted=True, write=write_isaac)
+TARGET = target_of("isaac", "_actuators.py", _HOLDS, _snippet, armature=True)

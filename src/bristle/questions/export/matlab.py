@@ -67,9 +67,9 @@ def _lines(joint: ExportedJoint, place: str) -> Iterator[str]:
     if joint.law != GAUSSIAN:
         yield f"{place}.law = {_constant(joint.law.name)};"
         yield "% Of a set p such as .positive, chosen by the sign of v; of two sets sigma_0 goes by the sign of z, the deflection of the bristle."
-    for one in equations(joint):
-        text = in_matlab(one.expression, lambda x: x if x in ("z", "v") else f"p.{_identifier(x)}.value")
-        yield f"{place}.{one.name} = @({', '.join(one.of)}, p) {text}; % {one.unit}"
+    for told in equations(joint):
+        text = in_matlab(told.expression, lambda x: x if x in ("z", "v") else f"p.{_identifier(x)}.value")
+        yield f"{place}.{told.name} = @({', '.join(told.of)}, p) {text}; % {told.unit}"
 
 
 def _constant(x: str | float | tuple[float, ...] | None) -> str:

@@ -18,7 +18,7 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
-from bristle.questions.export.coulomb_viscous import CoulombViscous, best_values, comment_lines, with_best_values
+from bristle.questions.export.coulomb_viscous import CoulombViscous, comment_lines, target_of
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import Loss, all_motions, losses, told
 from bristle.questions.export.symmetric import SymmetricSet, best_symmetric
@@ -28,6 +28,8 @@ NAME, FRICTIONLOSS_NAME = "mujoco", "mujoco-frictionloss"
 STEP = 0.002
 """Time step of the example, s."""
 _NO_SPRING = "0 0"
+_MODEL = ("MJCF", "mujoco")
+"""What is merged into, and its root."""
 _HOLDS = "one LuGre set for both directions, as <dcmotor lugre> (MuJoCo 3.7.0 or newer)"
 _HOLDS_FRICTIONLOSS = "Coulomb friction and damping, the same in both directions, as <joint frictionloss damping>; no Stribeck peak and no presliding"
 _CLOSEST = "its peak is Gaussian and its viscous friction linear, the closest to another law of the joint"
@@ -180,7 +182,7 @@ def _indented(text: str) -> str:
 
 def _merged(blocks: Sequence[_Block], request: Request) -> bytes:
     """The given model with the joints' friction."""
-    document = model_read(request.into, request.into_name, "MJCF", "mujoco")
+    document = model_read(request.into, request.into_name, *_MODEL)
     actuators = [x for x in document.root.children if x.tag == "actuator"]
     for joint, _, _ in blocks:
         document.set_attributes(_joint(document, joint), _attributes(joint))
@@ -215,22 +217,11 @@ def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
     return found
 
 
-def write_frictionloss(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
-    """The best values along the motion that is asked for.
-
-    Raises InputError where a joint's torque is a current, or the file that is merged into is no MJCF or lacks the joint.
-    """
-    found = best_values(joints, request, FRICTIONLOSS_NAME)
-    if request.into is None:
-        content = frictionloss_example(found)
-    else:
-        document = model_read(request.into, request.into_name, "MJCF", "mujoco")
-        for one in found:
-            joint = _joint(document, one.joint)
-            document.set_attributes(joint, _own_attributes(one))
-            document.annotate(joint, _note(one))
-        content = document.written()
-    return with_best_values(found, FRICTIONLOSS_NAME, "_frictionloss.xml", content, _HOLDS_FRICTIONLOSS, armature=True)
+def _into_mjcf(document: XmlDocument, one: CoulombViscous) -> None:
+    """The values into a joint of an MJCF."""
+    joint = _joint(document, one.joint)
+    document.set_attributes(joint, _own_attributes(one))
+    document.annotate(joint, _note(one))
 
 
 def _own_attributes(one: CoulombViscous) -> dict[str, str]:
@@ -248,4 +239,6 @@ def frictionloss_example(found: Sequence[CoulombViscous]) -> bytes:
 
 
 TARGET = ExportTarget(fitted=True, write=write_mjcf, merges=True)
-FRICTIONLOSS = ExportTarget(fitted=True, write=write_frictionloss, merges=True)
+FRICTIONLOSS = target_of(
+    FRICTIONLOSS_NAME, "_frictionloss.xml", _HOLDS_FRICTIONLOSS, frictionloss_example, _into_mjcf, _MODEL, armature=True
+)
