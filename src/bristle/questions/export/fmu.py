@@ -16,15 +16,14 @@ from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
 from bristle.model.parameters import SIGNED, fields_of, unit
 from bristle.page.output_folder import zipped
-from bristle.page.page import encoded, tables_of
 from bristle.page.wording import shortened
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, c_compiler, notes
 from bristle.questions.export.c_code import filled
 from bristle.questions.export.c_header import header
 from bristle.questions.export.c_numbers import identifier, range_of
 from bristle.questions.export.exported import WAYS, ExportedJoint
+from bristle.questions.export.fmu_page import fmu_page
 from bristle.questions.export.loss import Loss, all_motions, losses, lugre
-from bristle.questions.export.report import fmu_page
 
 _FLAGS = (
     "-std=c99", "-O2", "-g0", "-fPIC", "-shared", "-fvisibility=hidden", "-fno-fast-math", "-ffp-contract=off",
@@ -160,10 +159,9 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
     for name, content in sorted(files("").items()):
         digest.update(f"{name} {len(content)}\n".encode() + content)
     page = fmu_page(title, _HOLDS, [*notes(joint, lost)], variables, simulated=joint.simulated)
-    documentation = {"index.html": encoded(page.html()), **tables_of(page.frames)}
     return {
         **files(f"{{{uuid.UUID(bytes=digest.digest()[:16])}}}"),
-        **{f"documentation/{place}": content for place, content in documentation.items()},
+        **{f"documentation/{place}": content for place, content in page.items()},
     }
 
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from bristle.errors import one_line
+from bristle.page.page import encoded, tables_of
 from bristle.page.report import Report, Section, Table
 
 if TYPE_CHECKING:
@@ -21,8 +22,8 @@ _USE = (
 
 def fmu_page(
     title: str, holds: str, lines: Sequence[str], variables: Sequence["FmuVariable"], *, simulated: bool
-) -> Report:
-    """What the FMU says of itself; `lines` are those of `artefact.notes`."""
+) -> dict[str, bytes]:
+    """What the FMU says of itself, and the table beside it, by relative path; `lines` are those of `artefact.notes`."""
     frame = pd.DataFrame(
         {
             "name": v.name, "unit": v.unit, "what": f"{v.what}, {v.causality}, {v.variability}",
@@ -30,7 +31,7 @@ def fmu_page(
         }
         for v in variables
     )  # fmt: skip  # a table
-    return Report(
+    report = Report(
         title,
         (
             Section("Where the numbers are from", text="\n\n".join(one_line(line, 10_000) for line in lines)),
@@ -41,3 +42,4 @@ def fmu_page(
         "of the bristle out.",
         simulated="The joint was identified from simulated data." if simulated else "",
     )
+    return {"index.html": encoded(report.html()), **tables_of(report.frames)}
