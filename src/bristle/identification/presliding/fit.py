@@ -16,18 +16,19 @@ from bristle.data.slow_loading import ONSET, Loading, Loop, find_all_loadings, f
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, unit_of
-from bristle.identification.fits import AmplitudeStiffness, Estimate, Presliding, PreslidingFit, Uncertainty
+from bristle.identification.fits import Estimate, Presliding, PreslidingFit, Uncertainty
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.presliding.softening import stiffness_by_amplitude, with_most
 from bristle.identification.presliding.stiffness import (
+    ESTIMATORS,
     REACH,
     KnownValue,
-    count_edges,
-    freedom_of,
+    of_loading,
     printed_bias,
     stiffness,
+    torque_shares,
+    with_shifts,
 )
-from bristle.identification.presliding.systematic import torque_shares, with_shifts
 from bristle.identification.presliding.turns import turning_lag
 from bristle.identification.presliding.uncertainty import stiffness_scatter, stiffness_uncertainty
 from bristle.identification.repeats import spreader, wider_estimate, wider_three
@@ -116,31 +117,41 @@ def fit_presliding(
         inertia: for (15); None: sigma_1 is absent, with the reason.
         kind: of the joint.
     """
-    quantum = max(loading.quantum for loading in loadings)
-    counts = count_edges(loadings, level)
+    quantum, direction = max(loading.quantum for loading in loadings), loadings[0].direction
+    pieces = [of_loading(loading, level.value) for loading in loadings]
+    counts = sum(piece.edge_y.size for piece in pieces)
     best = "edges" if quantum > 0 else "samples"
     by_bend = with_most(loadings, level)
     estimates = stiffness(loadings, by_bend, kind)
     hidden = estimates["edges"] is estimates["samples"]  # one lower bound stands for all
     warnings = list(estimates["samples"].warnings) if hidden else []
-    moves = estimates[best].value is not None
+    sigma_0 = estimates[best]
     bent = by_bend.middle if by_bend.most < np.inf else level
-    amplitudes, softens = stiffness_by_amplitude(loadings, bent, kind) if moves else ((), None)
+    amplitudes, softens = ((), None) if sigma_0.value is None else stiffness_by_amplitude(loadings, bent, kind)
     if softens is not None:
         warnings.append(softens)
-        estimates[best] = _spanning(estimates[best], amplitudes)
-    sigma_0 = estimates[best]
+        if sigma_0.interval is not None:  # one that holds the sigma_0 of each amplitude too, where no single one holds
+            ends = [*sigma_0.interval, *(x.sigma_0 for x in amplitudes)]
+            error = max(sigma_0.standard_error or 0.0, (max(ends) - min(ends)) / (2 * student(np.inf)))
+            sigma_0 = replace(sigma_0, standard_error=error, interval=(min(ends), max(ends)))
+    estimates[best] = sigma_0
     if 0 < counts < _FEW * len(loadings):
         message = (
             f"Few encoder counts: {counts} edges in {len(loadings)} loadings; use a finer encoder, or load closer to "
             "breakaway."
         )
         warnings.append(Finding("few-counts", CAUTION, message, {"edges": counts, "loadings": len(loadings)}))
-    bound = _bounded(loadings[0].direction, level, by_bend) if level.is_bound else None
-    if bound is not None:
-        warnings.append(bound)
-    on_edge, mean, spread = _bias_of_printed(sigma_0.value or 0.0, quantum, level)
-    three = _three_ways(loadings, level, best, sigma_0, softens or bound)
+    more = softens  # why the interval is more than a sigma_0 at a given g0 explains
+    if level.is_bound:
+        warnings.append(bound := _bounded(direction, level, by_bend))
+        more = softens or bound
+    bias: tuple[float, ...] = (np.nan, np.nan, np.nan)
+    if quantum > 0 and (sigma_0.value or 0.0) > 0:
+        bias = tuple(float(x[0]) for x in printed_bias(np.array([max(sigma_0.value * quantum / level.value, 1e-9)])))
+    if more is None:
+        three = stiffness_uncertainty(loadings, level, best, sigma_0)
+    else:
+        three = Uncertainty(covariance=None, profile=sigma_0.interval, bootstrap=None, warnings=(more,))
     scatter = stiffness_scatter(loadings, by_bend.middle, best, sigma_0)
     if scatter and scatter.stretched > 1 and sigma_0.value is not None:
         widen = spreader(sigma_0.value, scatter.stretched, "sigma_0")
@@ -149,21 +160,25 @@ def fit_presliding(
     warnings += [warning for warning in three.warnings if warning.code == "intervals-differ"]
     reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
     if not level.is_bound and reached > level.value + _SURE * level.standard_error:
-        warnings.append(_above(level, reached))
+        of = unit_of("torque")
+        message = (
+            f"The torque reaches {reached:.3g}{of} without sliding, above g0 = {level.value:.3g}{of} "
+            f"({level.source.message}): g0 may be too low. Samples above {REACH:g} g0 are not used."
+        )
+        numbers = {"reached": reached, "g0": level.value, "source": level.source, "reach": REACH}
+        warnings.append(Finding("above-g0", CAUTION, message, numbers))
     return PreslidingFit(
-        direction=loadings[0].direction,
+        direction=direction,
         **estimates,
         sigma_1=_sigma_1(estimates[best], inertia, kind),
         recommended=best,
-        degrees_of_freedom=freedom_of(loadings, level, best),
+        degrees_of_freedom=ESTIMATORS[best](pieces)[2],
         level=level.value,
         level_standard_error=level.standard_error,
         level_source=level.source,
         quantum=quantum,
         counts=counts,
-        bias_on_edge=on_edge,
-        bias_mean=mean,
-        bias_spread=spread,
+        **dict(zip(("bias_on_edge", "bias_mean", "bias_spread"), bias, strict=True)),
         amplitudes=amplitudes,
         loadings=tuple(loadings),
         warnings=tuple(warnings),
@@ -185,43 +200,6 @@ def _bounded(direction: str, level: KnownValue, by_bend: KnownValue) -> Finding:
     return Finding("g0-at-least", CAUTION, message, numbers)
 
 
-def _above(level: KnownValue, reached: float) -> Finding:
-    """That a torque was held which is above g0."""
-    of = unit_of("torque")
-    message = (
-        f"The torque reaches {reached:.3g}{of} without sliding, above g0 = {level.value:.3g}{of} "
-        f"({level.source.message}): g0 may be too low. Samples above {REACH:g} g0 are not used."
-    )
-    numbers = {"reached": reached, "g0": level.value, "source": level.source, "reach": REACH}
-    return Finding("above-g0", CAUTION, message, numbers)
-
-
-def _bias_of_printed(sigma_0: float, quantum: float, level: KnownValue) -> tuple[float, float, float]:
-    """As `printed_bias`; nan without an encoder count and a sigma_0."""
-    if quantum <= 0 or sigma_0 <= 0:
-        return np.nan, np.nan, np.nan
-    on_edge, mean, spread = printed_bias(np.array([max(sigma_0 * quantum / level.value, 1e-9)]))
-    return float(on_edge[0]), float(mean[0]), float(spread[0])
-
-
-def _spanning(estimate: Estimate, amplitudes: Sequence[AmplitudeStiffness]) -> Estimate:
-    """With an interval that holds the sigma_0 of each amplitude too, where no single one holds, and the error of its half."""
-    if estimate.value is None or estimate.interval is None:
-        return estimate
-    found = [*estimate.interval, *(x.sigma_0 for x in amplitudes)]
-    error = max(estimate.standard_error or 0.0, (max(found) - min(found)) / (2 * student(np.inf)))
-    return replace(estimate, standard_error=error, interval=(min(found), max(found)))
-
-
-def _three_ways(
-    loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, more: Finding | None
-) -> Uncertainty:
-    """The intervals of sigma_0; that of the estimate alone where it is, for this reason, more than a sigma_0 at a given g0 explains."""
-    if more is None:
-        return stiffness_uncertainty(loadings, level, estimator, estimate)
-    return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=(more,))
-
-
 def with_damping(presliding: Presliding, inertia: KnownValue, kind: Kind) -> Presliding:
     """The same with sigma_1 by (15) for an inertia that became known since."""
     fits = {d: replace(fit, sigma_1=_sigma_1(fit.sigma_0, inertia, kind)) for d, fit in presliding.fits.items()}
@@ -238,11 +216,15 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Est
         return shifted(Estimate(value=middle, unit=unit("torque", kind), warnings=(alone,)), shifts), []
     error = float(1.2533 * 1.4826 * np.median(np.abs(torque - middle)) / np.sqrt(n))  # of a median of normal values
     reach = student(n - 1) * error
-    warnings = [
-        _outlier(loading.file, value, n, direction, middle)
-        for loading, value in zip(slid, torque.tolist(), strict=True)
-        if n > 2 and abs(value - middle) > _OUTLIER * middle
-    ]
+    warnings, of = list[Finding](), unit_of("torque")
+    for loading, value in zip(slid, torque.tolist(), strict=True):
+        if n > 2 and abs(value - middle) > _OUTLIER * middle:
+            message = (
+                f"{loading.file} is an outlier: it breaks away at {value:.4g}{of}; the median of {n} runs{in_direction(direction)} "
+                f"is {middle:.4g}{of}."
+            )
+            numbers = {"file": loading.file, "torque": value, "runs": n, "direction": direction, "median": middle}
+            warnings.append(Finding("outlier", CAUTION, message, numbers))
     whole = Estimate(
         value=middle,
         unit=unit("torque", kind),
@@ -250,17 +232,6 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Est
         interval=(max(middle - reach, 0.0), middle + reach),
     )
     return shifted(whole, shifts), warnings
-
-
-def _outlier(file: str, torque: float, runs: int, direction: str, median: float) -> Finding:
-    """That the joint breaks away in this run far from where it does in the others."""
-    of = unit_of("torque")
-    message = (
-        f"{file} is an outlier: it breaks away at {torque:.4g}{of}; the median of {runs} runs{in_direction(direction)} "
-        f"is {median:.4g}{of}."
-    )
-    numbers = {"file": file, "torque": torque, "runs": runs, "direction": direction, "median": median}
-    return Finding("outlier", CAUTION, message, numbers)
 
 
 def _from_breakaway(breakaway: Mapping[str, Estimate], direction: str, held: float, creep: float) -> KnownValue:
@@ -327,20 +298,15 @@ def _loop_warnings(loops: Sequence[Loop], drifts: Sequence[float], fits: Mapping
     share = abs(float(shares.mean())) if shares.size > 1 else 0.0
     if seen and share > _MOVES and share > 2 * float(np.ptp(shares)):
         off = abs(float(np.mean([_moves_by_law(x, fits) for x in loops]) - shares.mean()))
-        told = off < max(_MOVES, share / 2)
-        if not told:
-            warnings.append(_cycles_move(len(loops), float(shares.mean())))
+        if off >= max(_MOVES, share / 2):
+            mean = float(shares.mean())
+            message = (
+                f"Each of {len(loops)} closed hysteresis cycles ends away from where it began, by {100 * mean:+.1f} % of its range "
+                "on average, where LuGre comes back: the position drifts, the torque has an offset, or friction differs between "
+                "the directions. By a drift sigma_0 is off by up to about half of that, one way in (+), the other in (-)."
+            )
+            warnings.append(Finding("cycles-move", CAUTION, message, {"cycles": len(loops), "share": mean}))
     return warnings
-
-
-def _cycles_move(cycles: int, share: float) -> Finding:
-    """That closed cycles end away from where they began, by this share of their range."""
-    message = (
-        f"Each of {cycles} closed hysteresis cycles ends away from where it began, by {100 * share:+.1f} % of its range "
-        "on average, where LuGre comes back: the position drifts, the torque has an offset, or friction differs between "
-        "the directions. By a drift sigma_0 is off by up to about half of that, one way in (+), the other in (-)."
-    )
-    return Finding("cycles-move", CAUTION, message, {"cycles": cycles, "share": share})
 
 
 def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estimate:

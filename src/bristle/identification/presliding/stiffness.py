@@ -25,6 +25,7 @@ from bristle.estimation.covariance import student
 from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.fits import Estimate
+from bristle.identification.systematic import shifted
 from bristle.model import functions
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
@@ -85,7 +86,7 @@ class Piece:
 
 
 Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
-"""sigma_0 from pieces, its standard error and its degrees of freedom: `by_edges` or `by_samples`."""
+"""sigma_0 from pieces, its standard error and its degrees of freedom."""
 
 
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dict[str, Estimate]:
@@ -106,12 +107,29 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
             stiffness(loadings, KnownValue(g0, 0.0, level.source), kind)
             for g0 in (level.value, level.middle.value, most)
         )
-        return _one_bound({name: _between(near[name], middle[name], far[name]) for name in near})
+        found = {name: _between(near[name], middle[name], far[name]) for name in near}
+        ends = found["edges"].interval
+        if ends is None:
+            return found
+
+        def weakest(w: Finding) -> Finding:
+            """A lower bound that a warning names is that of the interval, the weakest over all g0."""
+            named = w.code == "within-noise"
+            return _within_noise(w.numbers["edges"], ends[0], w.numbers["unit"]) if named else w
+
+        return {name: replace(e, warnings=tuple(map(weakest, e.warnings))) for name, e in found.items()}
     quantum = max(loading.quantum for loading in loadings)
     pieces = [of_loading(loading, level.value) for loading in loadings]
     still = max((float(np.ptp(piece.y)) for piece in pieces if piece.y.size), default=0.0) == 0
     if still or (quantum > 0 and not any(piece.edge_y.size > 1 for piece in pieces)):
-        return dict.fromkeys(("printed", "corrected", "edges", "samples"), _lower_bound(pieces, quantum, kind))
+        # what is left where the joint moves by no more than the encoder's noise
+        loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
+        crossed = max(piece.edge_y.size for piece in pieces)
+        least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
+        edges, of = "1 count edge" if crossed == 1 else f"{crossed} count edges", unit("sigma_0", kind)
+        warnings = (_within_noise(edges, least, of),)
+        bound = Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=warnings)
+        return dict.fromkeys(("printed", "corrected", "edges", "samples"), bound)
     return _estimates(loadings, level, quantum, kind)
 
 
@@ -128,20 +146,6 @@ def _either(near: Sequence[Finding], far: Sequence[Finding]) -> Iterator[Finding
     yield from other.values()
 
 
-def _one_bound(estimates: Mapping[str, Estimate]) -> dict[str, Estimate]:
-    """The same, where a lower bound that a warning names is that of the interval, the weakest over all g0."""
-    ends = estimates["edges"].interval
-    if ends is None:
-        return dict(estimates)
-
-    def weakest(w: Finding) -> Finding:
-        """One of the warnings."""
-        named = w.code == "within-noise"
-        return _within_noise(w.numbers["edges"], ends[0], w.numbers["unit"]) if named else w
-
-    return {name: replace(e, warnings=tuple(map(weakest, e.warnings))) for name, e in estimates.items()}
-
-
 def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
     """The estimate in the middle, with the interval that g0 anywhere between leaves, and their distance in its error."""
     warnings = tuple(_either(near.warnings, far.warnings))
@@ -154,17 +158,6 @@ def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
     errors = [x.standard_error for x in (near, far) if x.standard_error is not None]
     error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12))) if len(errors) == 2 else None
     return Estimate(value=middle.value, unit=near.unit, standard_error=error, interval=interval, warnings=warnings)
-
-
-def count_edges(loadings: Sequence[Loading], level: KnownValue) -> int:
-    """Count edges that the loadings crossed below REACH of g0."""
-    return sum(of_loading(loading, level.value).edge_y.size for loading in loadings)
-
-
-def freedom_of(loadings: Sequence[Loading], level: KnownValue, estimator: str) -> float:
-    """Degrees of freedom of the estimate by `edges` or `samples`."""
-    pieces = [of_loading(loading, level.value) for loading in loadings]
-    return (by_edges if estimator == "edges" else by_samples)(pieces)[2]
 
 
 def printed_bias(u: Array) -> tuple[Array, Array, Array]:
@@ -232,7 +225,7 @@ def _estimates(loadings: Sequence[Loading], level: KnownValue, quantum: float, k
     value, error, freedom = by_edges(pieces)
     of_level = by_level(by_edges, loadings, level) * level.standard_error
     edges = _estimate(value, float(np.hypot(error, of_level)), freedom, kind)
-    printed, corrected, least = _first_count(loadings, level.value, quantum, kind, _noise(pieces))
+    printed, corrected, least = _first_count(loadings, pieces, level.value, quantum, kind, value)
     if 0 < value < least / _YIELDS:
         message = (
             "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
@@ -266,11 +259,12 @@ def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimat
 
 
 def _first_count(
-    loadings: Sequence[Loading], g0: float, quantum: float, kind: Kind, noise: float
+    loadings: Sequence[Loading], pieces: Sequence[Piece], g0: float, quantum: float, kind: Kind, slope: float
 ) -> tuple[Estimate, Estimate, float]:
     """(14) and its inverse, averaged over the loadings, and the least sigma_0 that the first counts allow.
 
-    The interval is that of a rest position anywhere in the count, and of noise in U; an estimate that lies outside has none.
+    The interval is that of a rest position anywhere in the count, and of noise in U about the line of this slope through the
+    edges; an estimate that lies outside has none.
     """
     T = first_torques(loadings, g0)
     if T.size == 0:
@@ -281,6 +275,9 @@ def _first_count(
     # of a count, to the first edge: uniform, whose mean over some loadings is nearly normal
     half = min(CONFIDENCE / 2, 1.96 / float(np.sqrt(12 * T.size)))
     nearest, farthest = (1 - CONFIDENCE, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)
+    edges = edge_columns(pieces)
+    rest, lines = (np.zeros(0), 0) if edges is None else (edges.y - slope * edges.x, len(edges.starts))
+    noise = float(np.sqrt(rest @ rest / max(rest.size - lines - 1, 1)))
     off = 1.96 * noise / float(np.sqrt(T.size))
     low = max(float(np.mean(U)) - off, 0.0) / (quantum * farthest)
     high = (float(np.mean(U)) + off) / (quantum * nearest)
@@ -313,18 +310,38 @@ def first_torques(loadings: Sequence[Loading], g0: float) -> Array:
     return np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
 
 
-def centred(pieces: Sequence[Piece]) -> tuple[list[Array], list[Array]]:
-    """Edges of each loading that has two or more, about their weighted means.
+class Columns(NamedTuple):
+    """What an estimator regresses, of all loadings: y = slope x, each about its mean in its own loading, (n,)."""
 
-    y and U, each times the root of its weight.
-    """
-    ys, Us = [], []
+    x: Array
+    y: Array
+    instrument: Array
+    starts: list[int]
+    """The first row of each loading."""
+
+
+def _columns(parts: Sequence[tuple[Array, Array, Array]]) -> Columns:
+    """Of each loading's x, y and instrument."""
+    starts = np.cumsum([0, *(x.size for x, *_ in parts)])[:-1].tolist()
+    return Columns(*(np.concatenate(column) for column in zip(*parts, strict=True)), starts)
+
+
+def edge_columns(pieces: Sequence[Piece]) -> Columns | None:
+    """U over y at the edges of each loading that has two or more, times the root of the weight; None without any."""
+    parts = []
     for p in pieces:
         if p.edge_y.size > 1:
             root, total = np.sqrt(p.weight), p.weight.sum()
-            ys.append(root * (p.edge_y - p.weight @ p.edge_y / total))
-            Us.append(root * (p.edge_U - p.weight @ p.edge_U / total))
-    return ys, Us
+            y = root * (p.edge_y - p.weight @ p.edge_y / total)
+            parts.append((y, root * (p.edge_U - p.weight @ p.edge_U / total), y))
+    return _columns(parts) if parts else None
+
+
+def sample_columns(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> Columns | None:
+    """Displacement over U of all samples, with time as the instrument, of displacements `shifted` if given; None without any."""
+    shown = [(p.U, p.y if shifted is None else shifted[k], p.time) for k, p in enumerate(pieces) if p.time.size]
+    parts = [(U - U.mean(), y - y.mean(), t - t.mean()) for U, y, t in shown]
+    return _columns(parts) if parts else None
 
 
 def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
@@ -332,26 +349,18 @@ def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
 
     Infinite, with an infinite error, where no loading has two edges.
     """
-    ys, Us = centred(pieces)
-    if not ys:
+    edges = edge_columns(pieces)
+    if edges is None:
         return np.inf, np.inf, 1.0
-    y, U = np.concatenate(ys), np.concatenate(Us)
+    y, U, _, starts = edges
     slope = float(y @ U / (y @ y))
-    score, freedom = y * (U - slope * y), y.size - len(ys) - 1
+    score, freedom = y * (U - slope * y), y.size - len(starts) - 1
     variance_inflation = inflation(score)
     # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
     variance = (
         float(score @ score) * y.size / freedom * variance_inflation / float(y @ y) ** 2 if freedom > 0 else slope**2
     )
-    return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(ys) - 1, 1.0)
-
-
-def _noise(pieces: Sequence[Piece]) -> float:
-    """Standard deviation of U about the line through the edges, near zero torque."""
-    ys, Us = centred(pieces)
-    slope = by_edges(pieces)[0]
-    rest = np.concatenate([u - slope * x for x, u in zip(ys, Us, strict=True)])
-    return float(np.sqrt(rest @ rest / max(rest.size - len(ys) - 1, 1)))
+    return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(starts) - 1, 1.0)
 
 
 def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) -> tuple[float, float, float]:
@@ -359,24 +368,25 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
 
     Infinite, with an infinite error, where the displacement does not change with the torque.
     """
-    pieces = [p for p in pieces if p.time.size]
-    shifted = [y for y in shifted or [p.y for p in pieces] if y.size]
-    if not pieces:
+    samples = sample_columns(pieces, shifted)
+    if samples is None:
         return np.inf, np.inf, 1.0
-    columns = [p.time for p in pieces], shifted, [p.U for p in pieces]
-    t, y, U = (np.concatenate([values - values.mean() for values in column]) for column in columns)
+    U, y, t, starts = samples
     along = float(t @ U)
     compliance = float(t @ y) / along if along else 0.0
     rest = y - compliance * U
     score = t * rest  # what scatters, correlated and of a variance that grows with the torque
     variance_inflation = inflation(score)
-    freedom = max(y.size / variance_inflation - len(pieces) - 1, 1.0)
-    error = np.sqrt(float(score @ score) * variance_inflation * y.size / max(y.size - len(pieces) - 1, 1)) / abs(
+    freedom = max(y.size / variance_inflation - len(starts) - 1, 1.0)
+    error = np.sqrt(float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)) / abs(
         along or 1.0
     )
     if abs(compliance) < _NONE:
         return np.inf, np.inf, freedom
     return 1 / compliance, float(error / compliance**2), freedom
+
+
+ESTIMATORS: Mapping[str, Estimator] = {"edges": by_edges, "samples": by_samples}
 
 
 def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[float, float]:
@@ -394,16 +404,6 @@ def by_phase(pieces: Sequence[Piece], sigma_0: float, quantum: float) -> tuple[f
     return float(np.mean(values)) - sigma_0, float(np.std(values))
 
 
-def _lower_bound(pieces: Sequence[Piece], quantum: float, kind: Kind) -> Estimate:
-    """What is left where the joint moves by no more than the encoder's noise."""
-    loaded = max((float(piece.U.max(initial=0.0)) for piece in pieces), default=0.0)
-    crossed = max(piece.edge_y.size for piece in pieces)
-    least = loaded / ((crossed + 1) * quantum) if quantum > 0 else 0.0
-    edges, of = "1 count edge" if crossed == 1 else f"{crossed} count edges", unit("sigma_0", kind)
-    warnings = (_within_noise(edges, least, of),)
-    return Estimate(value=None, unit=of, interval=(least, float("inf")), warnings=warnings)
-
-
 def _within_noise(edges: str, least: float, of: str) -> Finding:
     """That sigma_0 is bounded from below alone, in this unit."""
     message = (
@@ -411,3 +411,39 @@ def _within_noise(edges: str, least: float, of: str) -> Finding:
         f"{least:.3g} {of}; a finer encoder is needed for more."
     )
     return Finding("within-noise", CAUTION, message, {"edges": edges, "least": least, "unit": of})
+
+
+def torque_shares(loadings: Sequence[Loading]) -> dict[str, float]:
+    """Relative change of the torque of some loadings per standard error of each constant: the mean, by their torque."""
+    weight = [float(np.square(loading.torque).sum()) for loading in loadings]
+    names = dict.fromkeys(name for loading in loadings for name in loading.shares)
+    shares = {name: [loading.shares.get(name, 0.0) for loading in loadings] for name in names}
+    return {name: float(np.average(share, weights=weight)) for name, share in shares.items()}
+
+
+def with_shifts(
+    estimates: Mapping[str, Estimate], loadings: Sequence[Loading], level: KnownValue
+) -> dict[str, Estimate]:
+    """The estimates of `stiffness` with what errors of constants do to them.
+
+    Where torque and g0 grow by one factor, so does sigma_0: a torque that grows by e does to it what g0 less by e does,
+    and e of its value beside. A g0 that is a lower bound is a torque of these loadings, and grows with them.
+    """
+    shares = torque_shares(loadings)
+    constants = (*dict.fromkeys((*shares, *level.shifts)),)
+    if not constants:
+        return dict(estimates)
+    moved = {c: level.shifts.get(c, 0.0) - level.value * shares.get(c, 0.0) for c in constants}
+    slopes: dict[str, float] = {}  # by g0, on which (14) as printed does not depend
+    if not level.is_bound:
+        slopes = {name: by_level(estimator, loadings, level) for name, estimator in ESTIMATORS.items()}
+        quantum, first = max(loading.quantum for loading in loadings), first_torques(loadings, level.value)
+        if quantum > 0 and first.size:
+            by_g0 = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[1]
+            slopes["corrected"] = float(np.mean(by_g0)) / quantum
+    return {
+        name: shifted(
+            e, {c: (e.value or 0.0) * shares.get(c, 0.0) + slopes.get(name, 0.0) * moved[c] for c in constants}
+        )
+        for name, e in estimates.items()
+    }

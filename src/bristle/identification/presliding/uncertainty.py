@@ -27,13 +27,13 @@ from bristle.estimation.conditional_profile import Conditional, ConditionalProfi
 from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.presliding.stiffness import (
+    ESTIMATORS,
     KnownValue,
     Piece,
-    by_edges,
     by_phase,
-    by_samples,
-    centred,
+    edge_columns,
     of_loading,
+    sample_columns,
 )
 from bristle.identification.repeats import less, scatter_of
 
@@ -124,7 +124,7 @@ def stiffness_scatter(
     widened by it. None where fewer than two runs show sigma_0. Arguments as in `stiffness_uncertainty`.
     """
     by_file = {x.file: [of_loading(own, level.value) for own in loadings if own.file == x.file] for x in loadings}
-    solve = by_edges if estimator == "edges" else by_samples
+    solve = ESTIMATORS[estimator]
     quantum, alone = max(loading.quantum for loading in loadings), dict[str, tuple[float, float, float]]()
     for file, pieces in by_file.items():
         value, error, freedom = solve(pieces)
@@ -163,7 +163,7 @@ def _line(loadings: Sequence[Loading], level: KnownValue, spread: float, *, inve
         pieces = [of_loading(loading, g0) for loading in loadings]
         if not inverse and not any(one.edge_y.size > 1 for one in pieces):
             return np.nan, np.nan, 1.0
-        value, error, freedom = by_samples(pieces) if inverse else by_edges(pieces)
+        value, error, freedom = ESTIMATORS["samples" if inverse else "edges"](pieces)
         if not np.isfinite(value):
             return np.nan, np.nan, 1.0
         return (1 / value, float(np.hypot(error / value**2, spread)), freedom) if inverse else (value, error, freedom)
@@ -195,9 +195,13 @@ def _profile(line: _Line) -> tuple[Array, Array]:
 def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inverse: bool) -> tuple[Resampled, Array]:
     """Errors of u, also studentised with those of all its sources, and u, (b,), in resampled data.
 
-    `error` is the estimate's.
+    Blocks of count edges, or of samples, each loading's about its own mean; `error` is the estimate's.
     """
-    drawn = _by_samples(pieces, seed) if inverse else _by_edges(pieces, seed)
+    columns = sample_columns(pieces) if inverse else edge_columns(pieces)
+    x, y, instrument, starts = columns or (np.zeros(0), np.zeros(0), np.zeros(0), [])
+    value = ESTIMATORS["samples" if inverse else "edges"](pieces)[0]
+    off = (x / value if inverse else x * value) - y
+    drawn = block_bootstrap(x[:, None], off, starts, instrument=instrument[:, None] if inverse else None, seed=seed)
     middle, e = map(float, line.at(0.0))
     steps = drawn.steps[:, 0]
     errors = np.divide(steps, drawn.studentised[:, 0], out=np.full(steps.size, e), where=steps != 0)
@@ -211,22 +215,3 @@ def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inv
     total = np.sqrt(errors**2 + counts + other)
     studentised = np.divide(steps - moved, total, out=np.zeros(steps.size), where=total > 0)
     return drawn._replace(steps=(steps - moved)[:, None], studentised=studentised[:, None]), middle + steps + moved
-
-
-def _by_edges(pieces: Sequence[Piece], seed: int) -> Resampled:
-    """Steps of sigma_0 where blocks of count edges are drawn, each loading's about its own mean."""
-    ys, Us = centred(pieces)
-    y, U = np.concatenate(ys), np.concatenate(Us)
-    starts = np.cumsum([0, *(one.size for one in ys[:-1])]).tolist()
-    return block_bootstrap(y[:, None], y * by_edges(pieces)[0] - U, starts, seed=seed)
-
-
-def _by_samples(pieces: Sequence[Piece], seed: int) -> Resampled:
-    """Steps of 1 / sigma_0 where blocks of samples are drawn, time the instrument."""
-    pieces = [p for p in pieces if p.y.size]
-    t, y, U = (
-        np.concatenate([values - values.mean() for values in column])
-        for column in ([p.time for p in pieces], [p.y for p in pieces], [p.U for p in pieces])
-    )
-    starts = np.cumsum([0, *(p.y.size for p in pieces[:-1])]).tolist()
-    return block_bootstrap(U[:, None], U / by_samples(pieces)[0] - y, starts, instrument=t[:, None], seed=seed)
