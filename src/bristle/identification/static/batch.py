@@ -166,7 +166,10 @@ class Batch:
         )
         low[-1, open_[0]], high[-1, open_[1]] = 0.0, np.inf
         high[-2, open_[0] | open_[1]] = np.inf
-        alone = self._alone | self._breaks(box) | broken[0] | broken[1] | linear.broken | (best <= 0)
+        at = self._at(box)  # an end that breaks a bound, but alpha_1's: the profile then costs more there
+        theta = self._without[..., None] - at.inside[0] * np.maximum(at.along, 0.0)
+        outside = (theta < self.problem.lower[:, None, None]).any(axis=(0, 2))
+        alone = self._alone | outside | broken[0] | broken[1] | linear.broken | (best <= 0)
         for k in np.flatnonzero(alone).tolist():
             single = self.problem.with_torque(self.torques[:, k])
             intervals = profiled(single, solve(single, self.v_s_range, self.grid)).intervals
@@ -239,16 +242,6 @@ class Batch:
         to_end = self._costs(self._at(np.full((x.size, 1), last)))[:, 0] <= threshold
         twice = (beyond & (on_grid <= threshold)).any(axis=0) & ~to_end
         return np.where(to_end, last, x), twice
-
-    def _breaks(self, x: Array) -> NDArray[np.bool_]:
-        """Whether the solution at any of the grid coordinates x, (sets, q), breaks a bound but alpha_1's.
-
-        The profile then costs more there.
-        """
-        at = self._at(x)
-        theta = self._without[..., None] - at.inside[0] * np.maximum(at.along, 0.0)
-        broken: NDArray[np.bool_] = (theta < self.problem.lower[:, None, None]).any(axis=(0, 2))
-        return broken
 
     def _conditional(self, x: Array) -> Conditional:
         """The linear parameters at grid coordinates x, (sets, q, 1)."""

@@ -14,7 +14,7 @@ from bristle.estimation.autocorrelation import unexplained
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, unit_of
 from bristle.identification.candidates import candidates
-from bristle.identification.fits import Crosscheck, Estimate, HoldOut, RunScatter, StaticFit, Uncertainty
+from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
 from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
 from bristle.identification.static.fit_warnings import speeds_of
@@ -87,7 +87,15 @@ def fit_static(
         `shared`.
     """
     v_s_range = default_range(problem.velocity)
-    problem, held, runs = _of_one_speed(problem, held, runs)
+    # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
+    lost = set[ParameterName]()
+    for d in problem.directions if problem.smooth is None else ():
+        speeds = speeds_of(problem, d)
+        if speeds.size and speeds.max() < _ONE_SPEED * speeds.min():
+            lost.add(ParameterName("alpha_2", d))
+    if lost:
+        problem = problem.without(lost)
+        held, runs = ([(file, x.without(lost)) for file, x in each] for each in (held, runs))
     too_few = _too_few(problem)
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
@@ -110,19 +118,12 @@ def fit_static(
     fits = {d: _static_fit(core, kind, d, where, comparisons, errors) for d in _parts(problem)}
     logarithmic, alone = {name for name in core.names if name.name in _LOGARITHMIC}, problem.smooth is None
     scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=alone)
-    return _finished(core, fits, scatter), {label: checked}
-
-
-def _finished(
-    core: StaticSolution, fits: Mapping[Direction, StaticFit], scatter: Mapping[ParameterName, RunScatter]
-) -> dict[str, StaticFit]:
-    """The fits with their intervals as wide as the runs scatter, and then with their systematic errors."""
     one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
-    for d, fit in fits.items():
+    for d, fit in fits.items():  # as wide as the runs scatter, and then with the systematic errors
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
         finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
-    return finished
+    return finished, {label: checked}
 
 
 def estimate_static(
@@ -134,23 +135,6 @@ def estimate_static(
     """
     core = solve_static(problem, options, kind, v_s_range)
     return {name.name: e for name, e in core.estimates.items()}
-
-
-def _of_one_speed(
-    problem: Regression, held: Sequence[tuple[str, Regression]], runs: Sequence[tuple[str, Regression]]
-) -> tuple[Regression, Sequence[tuple[str, Regression]], Sequence[tuple[str, Regression]]]:
-    """The problems without the viscous friction of directions that were measured at one speed alone: it is told from Coulomb's by others."""
-    alike = set[Direction]()
-    for d in problem.directions if problem.smooth is None else ():
-        speeds = speeds_of(problem, d)
-        if speeds.size and speeds.max() < _ONE_SPEED * speeds.min():
-            alike.add(d)
-    lost = {ParameterName("alpha_2", d) for d in alike}
-
-    if not lost:
-        return problem, held, runs
-    held, runs = ([(file, x.without(lost)) for file, x in each] for each in (held, runs))
-    return problem.without(lost), held, runs
 
 
 def _split_unknown(
@@ -329,7 +313,11 @@ def _static_fit(
     )
     rows[rows.size - problem.priors :] = False
     names = [name for name in problem.names if not two or name.direction is part]
-    parameters = {name.name: _with_warnings(core.parameters[name], comparisons.three[name]) for name in names}
+    parameters = {name.name: core.parameters[name] for name in names}
+    for name in names:  # what its three intervals say, unless it is at its bound
+        one, three = parameters[name.name], comparisons.three[name]
+        if not any(warning.code == "at-bound" for warning in one.warnings):
+            parameters[name.name] = replace(one, warnings=(*one.warnings, *three.warnings))
     if part != "shared" and part in core.dropped:
         lost = (core.dropped[part],)
         names_lost = peak_parameters(problem.law)
@@ -340,6 +328,10 @@ def _static_fit(
     keep = [k for k, name in enumerate(core.names) if name in names or name in core.beside]
     torque = problem.friction(theta) if part != "shared" else problem.torque
     norm = float(np.linalg.norm(problem.measured[rows]))
+    outcome, peak = core.outcome, ParameterName("alpha_1", part)
+    if peak in core.parameters and comparisons.without and peak not in comparisons.without:
+        message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
+        outcome = Finding("static-stick-slip", CAUTION, message)
     return StaticFit(
         direction=part,
         law=problem.law,
@@ -347,7 +339,7 @@ def _static_fit(
         rms=float(np.sqrt(np.mean(residuals[rows] ** 2))) if rows.any() else None,
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
         n=int(rows.sum()),
-        outcome=_outcome(core, part, comparisons),
+        outcome=outcome,
         warnings=comparisons.warnings,
         hold_out=errors,
         names=tuple(core.names[k].name for k in keep),
@@ -366,16 +358,3 @@ def _static_fit(
         time=where.time[rows[: where.time.size]],
         position=where.position[rows[: where.position.size]],
     )
-
-
-def _with_warnings(estimate: Estimate, three: Uncertainty) -> Estimate:
-    """The estimate with the warnings of its three intervals."""
-    at_bound = any(warning.code == "at-bound" for warning in estimate.warnings)
-    return estimate if at_bound else replace(estimate, warnings=(*estimate.warnings, *three.warnings))
-
-
-def _outcome(core: StaticSolution, part: Direction, comparisons: _Comparisons) -> Finding:
-    name = ParameterName("alpha_1", part)
-    rests = name in core.parameters and bool(comparisons.without) and name not in comparisons.without
-    message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
-    return Finding("static-stick-slip", CAUTION, message) if rests else core.outcome

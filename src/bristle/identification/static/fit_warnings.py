@@ -29,8 +29,27 @@ def fit_warnings(
     for name in map(problem.text, solution.at_bound):
         message = f"{name} lies at its physical bound of zero; an unconstrained fit would make it negative."
         warnings.append(Finding("bound", CAUTION, message, {"name": name}))
+    low, high = v_s_range
     for direction, profile in profiles.items():
-        warnings += _profile_warnings(direction, profile, intervals[direction], v_s_range)
+        interval, where = intervals[direction], in_direction(direction)
+        if interval[0] == 0 and np.isinf(interval[1]):
+            message = f"v_s is not identifiable from these speeds{where}: its profile is flat."
+            warnings.append(Finding("flat-profile", CRITICAL, message, {"direction": direction}))
+        elif not is_closed(interval):
+            side = "below" if interval[0] == 0 else "above"
+            message = f"The interval of v_s is one-sided{where}: the data do not bound v_s from {side}."
+            warnings.append(Finding("one-sided-profile", CAUTION, message, {"direction": direction, "side": side}))
+        if not low * 1.001 < profile.best < high / 1.001:
+            message = (
+                f"The best v_s lies at the edge of the range searched{where}, {low:.3g}{unit_of('velocity')} to "
+                f"{high:.3g}{unit_of('velocity')}."
+            )
+            warnings.append(Finding("at-edge", CRITICAL, message, {"direction": direction, "low": low, "high": high}))
+        inner = np.r_[False, (profile.cost[1:-1] < profile.cost[:-2]) & (profile.cost[1:-1] < profile.cost[2:]), False]
+        inner &= np.abs(np.log(profile.v_s / profile.best)) > 2 * np.log(profile.v_s[1] / profile.v_s[0])
+        for v_s in profile.v_s[inner & (profile.cost <= profile.threshold)].tolist():
+            message = f"The cost has a second minimum{where} at v_s = {v_s:.3g}, below the 95 % threshold."
+            warnings.append(Finding("second-minimum", CAUTION, message, {"direction": direction, "v_s": v_s}))
         speeds = np.abs(problem.velocity) if direction == "both" else speeds_of(problem, direction)
         below, points = int(np.count_nonzero(speeds < profile.best)), speeds.size
         if below < 3:
@@ -51,32 +70,6 @@ def fit_warnings(
         residuals = problem.residuals(solution.theta)
         warnings.append(correlated(residuals, sqrt(variance_inflation)))
     return tuple(warnings)
-
-
-def _profile_warnings(
-    direction: str, profile: Profile, interval: tuple[float, float], v_s_range: tuple[float, float]
-) -> list[Finding]:
-    warnings, where = [], in_direction(direction)
-    if interval[0] == 0 and np.isinf(interval[1]):
-        message = f"v_s is not identifiable from these speeds{where}: its profile is flat."
-        warnings.append(Finding("flat-profile", CRITICAL, message, {"direction": direction}))
-    elif not is_closed(interval):
-        side = "below" if interval[0] == 0 else "above"
-        message = f"The interval of v_s is one-sided{where}: the data do not bound v_s from {side}."
-        warnings.append(Finding("one-sided-profile", CAUTION, message, {"direction": direction, "side": side}))
-    low, high = v_s_range
-    if not low * 1.001 < profile.best < high / 1.001:
-        message = (
-            f"The best v_s lies at the edge of the range searched{where}, {low:.3g}{unit_of('velocity')} to "
-            f"{high:.3g}{unit_of('velocity')}."
-        )
-        warnings.append(Finding("at-edge", CRITICAL, message, {"direction": direction, "low": low, "high": high}))
-    inner = np.r_[False, (profile.cost[1:-1] < profile.cost[:-2]) & (profile.cost[1:-1] < profile.cost[2:]), False]
-    inner &= np.abs(np.log(profile.v_s / profile.best)) > 2 * np.log(profile.v_s[1] / profile.v_s[0])
-    for v_s in profile.v_s[inner & (profile.cost <= profile.threshold)].tolist():
-        message = f"The cost has a second minimum{where} at v_s = {v_s:.3g}, below the 95 % threshold."
-        warnings.append(Finding("second-minimum", CAUTION, message, {"direction": direction, "v_s": v_s}))
-    return warnings
 
 
 def is_closed(interval: tuple[float, float]) -> bool:

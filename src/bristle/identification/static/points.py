@@ -116,8 +116,9 @@ def _search(
     search = find_strays(problem.rows(all_but(n, resting)))
     strays = tuple(sliding[list(search.rows)].tolist())
     if not search.misfit and strays:
-        residuals, _ = _from_the_law(problem, (*strays, *resting))
-        strays = tuple(k for k in strays if not _explained(points[k], residuals[k], n))
+        # of n points one is explained that is no further off than its own standard error lets expect
+        (residuals, _), sure = _from_the_law(problem, (*strays, *resting)), ndtri(1 - SIGNIFICANCE / (2 * n))
+        strays = tuple(k for k in strays if not abs(residuals[k]) <= sure * (points[k].standard_error or 0.0))
     found = PointSearch(
         sides=sides, points=points, problem=problem, strays=strays, resting=resting, misfit=search.misfit,
         deviations=np.zeros(n), expected=problem.torque,
@@ -128,19 +129,16 @@ def _search(
     expected = problem.torque - residuals
     with_all = refit(problem.rows(found.sliding)).theta
     moved = (problem.torque - problem.residuals(with_all) - expected)[found.sliding]
+    # no three are neighbours in the order of velocity, nor one at an end, where nothing holds the law against it
+    among = np.pad(np.isin(np.argsort(problem.velocity), strays).astype(float), _NEIGHBOURS - 1, constant_values=1.0)
+    apart = among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS
     return replace(
         found,
         matter=bool((np.abs(moved) > _MOVES * np.abs(expected[found.sliding])).any()),
-        apart=_are_apart(problem.velocity, strays),
+        apart=bool(apart),
         deviations=np.divide(residuals, spread, out=np.zeros(n), where=spread > 0),
         expected=expected,
     )
-
-
-def _are_apart(velocity: Array, strays: Sequence[int]) -> bool:
-    """Whether no three of them are neighbours in the order of velocity, (n,), nor one at an end, where nothing holds the law against it."""
-    among = np.pad(np.isin(np.argsort(velocity), strays).astype(float), _NEIGHBOURS - 1, constant_values=1.0)
-    return bool(among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS)
 
 
 def _from_the_law(problem: Regression, rows: Sequence[int]) -> tuple[Array, Array]:
@@ -153,12 +151,6 @@ def _from_the_law(problem: Regression, rows: Sequence[int]) -> tuple[Array, Arra
     variance = law.cost / max(belongs.torque.size - law.theta.size, 1)
     leverage = np.einsum("np,pq,nq->n", J, inverse_gram(law.jacobian[:, free] / size), J)
     return problem.residuals(law.theta), np.sqrt(variance * (1 + np.maximum(leverage, 0.0)))
-
-
-def _explained(point: Segment, residual: float, n: int) -> bool:
-    """Whether a point of n is no further off than its own standard error lets expect."""
-    error = point.standard_error or 0.0
-    return bool(abs(residual) <= ndtri(1 - SIGNIFICANCE / (2 * n)) * error)
 
 
 def _resting(problem: Regression) -> tuple[int, ...]:

@@ -88,10 +88,14 @@ def profiled(
     few = reduced(problem, (float(solution.grid[0]), float(solution.grid[-1]))) if problem.peaks else problem
     peaks = len(problem.peaks)
     names, best = few.names[: len(few.names) - peaks], solution.theta[solution.theta.size - peaks :]
-    v_s = _of_v_s(few, solution, best, threshold)
+    projected, v_s = Projected(few), dict[ParameterName, tuple[float, float]]()
+    for k, name in enumerate(
+        few.names[len(names) :]
+    ):  # of two, the other's v_s is searched on the grid and near its best
+        costs = partial(projected.profile, peak=k, others=others(solution, peaks, k))
+        v_s[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
     box = np.array([np.clip(ends, solution.grid[0], solution.grid[-1]) for ends in v_s.values()]).reshape(peaks, 2)
     bounded = np.isfinite(few.least[: len(names)])
-    free = Projected(few)
 
     def faces(j: int) -> Iterator[Face]:
         """Every face on which parameter j is free."""
@@ -99,7 +103,7 @@ def profiled(
         return (_over_log(Projected(few, dropped)) for dropped in subsets(may_vanish))
 
     linear = ConditionalProfiles(
-        free=_over_log(free),
+        free=_over_log(projected),
         faces=faces,
         bounded=bounded,
         best=np.log(best)[None],
@@ -108,7 +112,7 @@ def profiled(
         box=np.log(box)[None],
         searched=(float(np.log(solution.grid[0])), float(np.log(solution.grid[-1]))),
         looks=_LOOKS[peaks],
-        tolerance=_ROUNDING * free.rest_cost,
+        tolerance=_ROUNDING * projected.rest_cost,
     )
     intervals = dict(zip(names, map(tuple, linear.intervals()[0].tolist()), strict=True))
     for name, (low, high) in v_s.items():
@@ -130,7 +134,11 @@ def drawn_profiles(
         plain_v_s = (
             np.linspace(*v_s_range, PLAIN_GRID) if len(problem.peaks) == 1 and problem.smooth is None else solution.grid
         )
-        around = _around(solution.grid, solution.profiles[k], best, solution.cost, threshold)
+        # even in log(v_s), where the profile is below ten times the threshold's height
+        grid, low = solution.grid, solution.profiles[k] <= solution.cost + 10 * (threshold - solution.cost)
+        near = np.append(np.flatnonzero(low), np.searchsorted(grid, best))
+        first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
+        around = np.sort(np.append(np.geomspace(min(grid[first], best), max(grid[last], best), _NEAR), best))
         profiles[direction] = Profile(
             v_s=solution.grid,
             cost=solution.profiles[k],
@@ -145,15 +153,6 @@ def drawn_profiles(
     return profiles
 
 
-def _around(grid: Array, cost: Array, best: float, best_cost: float, threshold: float) -> Array:
-    """Values of v_s, even in log(v_s), where the profile is below ten times the threshold's height."""
-    low = np.flatnonzero(cost <= best_cost + 10 * (threshold - best_cost))
-    near = np.append(low, np.searchsorted(grid, best))
-    first, last = max(int(near.min()) - 1, 0), min(int(near.max()) + 1, grid.size - 1)
-    values: Array = np.geomspace(min(grid[first], best), max(grid[last], best), _NEAR)
-    return np.sort(np.append(values, best))
-
-
 def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
     """The problem in fewer equations and velocities.
 
@@ -163,7 +162,13 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
     """
     if problem.smooth is None:
         return problem
-    basis = _basis(problem, v_s_range)
+    # orthonormal directions, (n, r), that span torque and columns for every v_s in the range, to 1e-8
+    values = log_grid(v_s_range, GRID)
+    shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
+    columns = np.column_stack([problem.linear, *shapes, problem.torque])
+    sizes = np.linalg.norm(columns, axis=0)
+    left, lengths, _ = np.linalg.svd(columns / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
+    basis: Array = left[:, lengths > 1e-8 * lengths[0]]
     two = len(problem.directions) == 2
     velocities, shares = [], []
     for sign in (1.0, -1.0) if two else (1.0,):
@@ -180,17 +185,6 @@ def reduced(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
         known=None,
         memory={},
     )
-
-
-def _basis(problem: Regression, v_s_range: tuple[float, float]) -> Array:
-    """Orthonormal directions, (n, r), that span torque and columns for every v_s in the range, to 1e-8."""
-    values = log_grid(v_s_range, GRID)
-    shapes = [problem.shapes(values, k) for k in range(len(problem.peaks))]
-    columns = np.column_stack([problem.linear, *shapes, problem.torque])
-    sizes = np.linalg.norm(columns, axis=0)
-    left, lengths, _ = np.linalg.svd(columns / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
-    kept: Array = left[:, lengths > 1e-8 * lengths[0]]
-    return kept
 
 
 def _gathered(velocity: Array, shares: Array) -> tuple[Array, Array]:
@@ -229,15 +223,3 @@ def others(solution: Solution, peaks: int, peak: int) -> Array:
     """
     other = float(solution.theta[solution.theta.size - 1 - peak])
     return solution.grid if peaks < 2 else np.append(other * np.geomspace(*_AROUND), solution.grid)
-
-
-def _of_v_s(
-    problem: Regression, solution: Solution, best: Array, threshold: float
-) -> dict[ParameterName, tuple[float, float]]:
-    """The interval of v_s of each peak; of two, the other's v_s is searched on the grid and near its best."""
-    projected, peaks = Projected(problem), len(problem.peaks)
-    intervals = {}
-    for k, name in enumerate(problem.names[len(problem.names) - peaks :]):
-        costs = partial(projected.profile, peak=k, others=others(solution, peaks, k))
-        intervals[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
-    return intervals

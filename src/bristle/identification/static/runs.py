@@ -4,7 +4,7 @@ From points at constant velocity, direction by direction or of both, or from mov
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -19,9 +19,8 @@ from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, refuse_opposing, regressors
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve
-from bristle.identification.static.points import PointSearch, groups, point_regressors, points_problem
+from bristle.identification.static.points import groups, point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records, with_prior
-from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, ParameterName
 
 
@@ -60,16 +59,16 @@ def fit_points(
     for sides, group in groups(experiment, points):
         signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())
         own = by_file(s for s in held if np.sign(s.velocity) in signs)
-        tests = [(file, points_problem(s, sides, asked, law)) for file, s in own.items()]
-        fits, checked = fit_static(
-            points_problem(group, sides, asked, law),
-            experiment.fit,
-            experiment.joint.kind,
-            _point_info(group, searches.get(sides)),
-            tests,
-            timings,
-            _whole_curves(group, sides, asked, law),
+        tests, apart = (
+            [(file, points_problem(s, sides, asked, law)) for file, s in of.items()] for of in (own, by_file(group))
         )
+        runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
+        # a run of one point has no course over time
+        known = [[s.time for s in group] if len(apart) < len(group) else [None], [s.position for s in group]]
+        time, position = (np.zeros(0) if None in x else np.array(x, dtype=float) for x in known)
+        where = PointInfo(segments=group, time=time, position=position, search=searches.get(sides))
+        problem = points_problem(group, sides, asked, law)
+        fits, checked = fit_static(problem, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
         static |= fits
         checks |= checked
     return static, checks
@@ -81,28 +80,6 @@ def by_file(points: Iterable[Segment]) -> dict[str, list[Segment]]:
     for s in points:
         found[s.file].append(s)
     return found
-
-
-def _whole_curves(
-    points: Sequence[Segment], sides: tuple[str, ...], asked: Sequence[str], law: Law
-) -> list[tuple[str, Regression]]:
-    """Runs that each give more points than the law has parameters, by file."""
-    posed = [(file, points_problem(own, sides, asked, law)) for file, own in by_file(points).items()]
-    return [(file, one) for file, one in posed if one.torque.size > len(one.names)]
-
-
-def _point_info(points: Sequence[Segment], search: PointSearch | None) -> PointInfo:
-    def known(values: list[float | None]) -> Array:
-        """The values, or none of them where any is missing."""
-        return np.zeros(0) if any(x is None for x in values) else np.array(values, dtype=float)
-
-    alone = len({s.file for s in points})  # a run of one point has no course over time
-    return PointInfo(
-        segments=tuple(points),
-        time=known([s.time for s in points]) if alone < len(points) else np.zeros(0),
-        position=known([s.position for s in points]),
-        search=search,
-    )
 
 
 def fit_moving(
@@ -122,7 +99,12 @@ def fit_moving(
         """The regression of some records, time and position of each equation, samples dropped at ends."""
         return from_records(chosen, moving, asked, experiment.fit.every, fixed, experiment.fit.friction, weights)
 
-    weights = _weights(lambda at: problem(records, at)[0]) if levels_of(asked) else {}
+    def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
+        """By the grid, with gravity and links that weigh so much where the level rises with their load."""
+        one = problem(records, weights)[0]
+        return one.named(solve(one, default_range(one.velocity)).theta)
+
+    weights = settled_weights(fitted, problem(records, None)[0].weights) if levels_of(asked) else {}
     training, (time, position), _ = problem(records, weights)
     where = PointInfo(time=time, position=position)
     if prior is not None and "inertia" in asked:
@@ -133,14 +115,3 @@ def fit_moving(
     apart = [(r.file, problem([r], weights)[0]) for r in records if len(records) > 1]
     runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
     return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
-
-
-def _weights(pose: Callable[[Mapping[str, float] | None], Regression]) -> dict[str, float]:
-    """What gravity and links are where the level rises with their load, as the fit itself has them."""
-
-    def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
-        """By the grid."""
-        one = pose(weights)
-        return one.named(solve(one, default_range(one.velocity)).theta)
-
-    return settled_weights(fitted, pose(None).weights)

@@ -93,7 +93,7 @@ def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> Bett
     Parts held out are stretches. Raises InputError as the fit of moving runs does.
     """
     asked = SetUp(directions(experiment, records), regressors(experiment))
-    return _clear(_better(asked, _of_motion(experiment, records)))
+    return _better(asked, _of_motion(experiment, records))
 
 
 def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> BetterSetUp | None:
@@ -101,7 +101,7 @@ def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> Bett
     asked = SetUp(
         _sides(points) if experiment.fit.directions == "separate" else ("both",), point_regressors(experiment)
     )
-    return _clear(_better(asked, _of_points(points, asked.regressors)))
+    return _better(asked, _of_points(points, asked.regressors))
 
 
 def proposed_for_motion(experiment: Experiment, records: Sequence[Record]) -> BetterSetUp | None:
@@ -176,10 +176,6 @@ def _sides(points: Sequence[Segment]) -> tuple[str, ...]:
     return tuple(d for d, sign in DIRECTIONS.items() if any(s.velocity * sign > 0 for s in points))
 
 
-def _clear(better: BetterSetUp | None) -> BetterSetUp | None:
-    return better if better and better.error < _CLEARLY * better.asked_error else None
-
-
 def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial) -> BetterSetUp | None:
     """The simplest set-up of all, beside the plainest."""
     ways = (("both",), sides) if len(sides) == len(DIRECTIONS) else (sides,)
@@ -187,9 +183,10 @@ def _proposed(sides: tuple[str, ...], plain: Sequence[str], trial: _Trial) -> Be
 
 
 def _better(asked: SetUp, trial: _Trial) -> BetterSetUp | None:
-    """The simplest set-up that has all that was asked for, or more, or directions apart."""
+    """The simplest set-up that has all that was asked for, or more, or directions apart; None where it is not clearly better."""
     ways = (("both",), tuple(DIRECTIONS)) if asked.directions == ("both",) else (asked.directions,)
-    return _simplest(asked, ways, trial)
+    better = _simplest(asked, ways, trial)
+    return better if better and better.error < _CLEARLY * better.asked_error else None
 
 
 def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> BetterSetUp | None:
@@ -211,7 +208,13 @@ def _simplest(asked: SetUp, ways: Sequence[tuple[str, ...]], trial: _Trial) -> B
     if first is None:
         return None
     best = min((errors for _, errors, _ in tried), key=lambda x: float(x @ x))
-    as_good = [x for x in tried if _within_one_error(x[1], best)]
+    # within one standard error over the parts, or hardly more than the best
+    as_good = []
+    for one in tried:
+        more = one[1] ** 2 - best**2
+        room = max(np.std(more, ddof=1) / np.sqrt(more.size), (_WORTH**2 - 1) * np.mean(best**2))
+        if more.mean() <= room:
+            as_good.append(one)
     _, errors, chosen = min(as_good, key=lambda x: (x[0], float(x[1] @ x[1])))
     return BetterSetUp(asked, chosen, float(np.linalg.norm(first)), float(np.linalg.norm(errors)))
 
@@ -223,12 +226,6 @@ def _candidates(asked: SetUp, ways: Sequence[tuple[str, ...]], possible: Sequenc
         more = [name for name in possible if name not in told and (name != "offset" or sides == ("both",))]
         for count in range(len(more) + 1):
             yield from (SetUp(sides, (*told, *some)) for some in combinations(more, count))
-
-
-def _within_one_error(errors: Array, best: Array) -> bool:
-    """Or hardly more than the best."""
-    more = errors**2 - best**2
-    return bool(more.mean() <= max(np.std(more, ddof=1) / np.sqrt(more.size), (_WORTH**2 - 1) * np.mean(best**2)))
 
 
 def _drives(problem: Regression) -> bool:

@@ -4,7 +4,7 @@ The cost at its best v_s and linear parameters, as a function of such a paramete
 it, as that of v_s does. Those of the others are the union over what the profile allows.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.optimize import brentq, minimize_scalar
@@ -88,15 +88,15 @@ def over_shapes(
     """The intervals of the problem's parameters, over every shape of the peak that the data allow; and those of the shape's."""
     if not problem.shape or not problem.peaks:
         return likelihood.intervals, {}
-    of_shape = _shape_intervals(problem, v_s_range, likelihood.threshold)
-    posed = [problem.with_shape(shape) for shape in _shapes_within(problem, of_shape)]
-    solved = [(one, solve(one, v_s_range)) for one in posed]
-    others = [
-        profiled(one, solution, threshold=likelihood.threshold).intervals
-        for one, solution in solved
-        if solution.cost <= likelihood.threshold
-    ]
-    return _united(likelihood.intervals, others), of_shape
+    of_shape, every = _shape_intervals(problem, v_s_range, likelihood.threshold), [likelihood.intervals]
+    for k, own in enumerate(problem.law.peak.own):  # along each parameter of the shape, the others at their best
+        low, high = (float(np.clip(end, *own.searched)) for end in of_shape[own.name])
+        for value in np.geomspace(low, high, _WITHIN).tolist():
+            one = problem.with_shape(_with(problem.shape, k, value))
+            solution = solve(one, v_s_range)
+            if solution.cost <= likelihood.threshold:
+                every.append(profiled(one, solution, threshold=likelihood.threshold).intervals)
+    return {name: (min(x[name][0] for x in every), max(x[name][1] for x in every)) for name in every[0]}, of_shape
 
 
 def _shape_intervals(
@@ -123,25 +123,6 @@ def _shape_intervals(
     return intervals
 
 
-def _shapes_within(problem: Regression, intervals: Mapping[str, tuple[float, float]]) -> list[tuple[float, ...]]:
-    """Shapes inside the intervals, the best apart: along each of their parameters, the others at their best."""
-    shapes = list[tuple[float, ...]]()
-    for k, own in enumerate(problem.law.peak.own):
-        low, high = (float(np.clip(end, *own.searched)) for end in intervals[own.name])
-        values = np.geomspace(low, high, _WITHIN).tolist()
-        shapes += [_with(problem.shape, k, value) for value in values]
-    return shapes
-
-
 def _with(shape: tuple[float, ...], k: int, value: float) -> tuple[float, ...]:
     """The shape with another value of one of its parameters."""
     return (*shape[:k], value, *shape[k + 1 :])
-
-
-def _united(
-    intervals: Mapping[ParameterName, tuple[float, float]],
-    others: Sequence[Mapping[ParameterName, tuple[float, float]]],
-) -> dict[ParameterName, tuple[float, float]]:
-    """Of each parameter the least interval that holds all of its own."""
-    every = [intervals, *others]
-    return {name: (min(x[name][0] for x in every), max(x[name][1] for x in every)) for name in intervals}

@@ -105,7 +105,16 @@ def solve_static(
     profiles = drawn_profiles(problem, solution, v_s_range, likelihood.threshold)
     beside = _beside(problem, of_shape, np.sqrt(np.diag(with_more)[free.sum() :]), solution, kind)
     parameters = _estimates(problem, solution, covariance[: free.sum(), : free.sum()], free, intervals, kind)
-    parameters |= _as_far_as_measured(parameters, dropped)
+    doubted = {
+        d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
+    }
+    for name, own in parameters.items():  # a peak that is there but not bounded, alpha_0 and alpha_2 take up
+        if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted:
+            parameters[name] = replace(own, warnings=(*own.warnings, takes_up_peak()))
+    names = list(compress(problem.names, free))
+    moved = {constant: first_order(jacobian[:, free], change) for constant, change in problem.shifts.items()}
+    reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
+    ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
     v_s = {d: intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)}
     warnings = fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
     outcome = _outcome(problem, solution, dropped, v_s_range)
@@ -113,8 +122,8 @@ def solve_static(
         problem=problem,
         solution=solution,
         parameters=parameters,
-        shifts=_shifts(problem, jacobian, free),
-        names=(*compress(problem.names, free), *list(beside)[: alone - free.sum()]),
+        shifts={constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()},
+        names=(*names, *list(beside)[: alone - free.sum()]),
         covariance=covariance,
         freedom=freedom,
         outcome=outcome,
@@ -122,7 +131,7 @@ def solve_static(
         profiles=profiles,
         dropped=dropped,
         profiled=likelihood,
-        student=_student(problem, solution, full[: free.size, : free.size], freedom),
+        student=dict(zip(problem.names, zip(*(x.tolist() for x in ends), strict=True), strict=True)),
         beside=beside,
     )
 
@@ -176,17 +185,6 @@ def _settled(
         if not unbounded:
             return kept, solution, likelihood, again
         dropped |= unbounded
-
-
-def _student(
-    problem: Regression, solution: Solution, covariance: Array, freedom: float
-) -> dict[ParameterName, tuple[float, float]]:
-    """The intervals by Student's t, by name; no friction parameter below zero."""
-    reach = uncertainty.student(freedom) * np.sqrt(np.diag(covariance))
-    ends = zip(
-        np.maximum(solution.theta - reach, problem.least).tolist(), (solution.theta + reach).tolist(), strict=True
-    )
-    return dict(zip(problem.names, ends, strict=True))
 
 
 def _without_peak(
@@ -321,24 +319,6 @@ def _estimates(
             warnings=warnings,
         )
     return out
-
-
-def _shifts(problem: Regression, jacobian: Array, free: Array) -> dict[str, dict[ParameterName, float]]:
-    """What a standard error of each constant does to each parameter that is at no bound."""
-    names = list(compress(problem.names, free))
-    moved = {constant: first_order(jacobian[:, free], change) for constant, change in problem.shifts.items()}
-    return {constant: dict(zip(names, by.tolist(), strict=True)) for constant, by in moved.items()}
-
-
-def _as_far_as_measured(
-    parameters: Mapping[ParameterName, Estimate], dropped: Mapping[Direction, Finding]
-) -> dict[ParameterName, Estimate]:
-    """alpha_0 and alpha_2 where a Stribeck term is there but not bounded, which they then take up, with that warning."""
-    doubted = {
-        d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE
-    }
-    names = [name for name in parameters if name.name in {"alpha_0", "alpha_2"} and name.direction in doubted]
-    return {name: replace(parameters[name], warnings=(*parameters[name].warnings, takes_up_peak())) for name in names}
 
 
 def _outcome(

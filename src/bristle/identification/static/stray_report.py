@@ -1,6 +1,6 @@
 """What is said of points that do not belong to the law: how far off they are, and what the fit becomes without them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -69,9 +69,16 @@ def report_strays(
     dropped = options.drops_strays and bool(search.left_out)
     second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
     strays = tuple(_stray(search, k, options, kind) for k in search.strays)
-    error, now = _relative_error(second), _relative_error(core)
-    other = f"{', '.join(_values(core, second))}; relative error {error:.2g} % instead of {now:.2g} %."
-    moved = _moved(core, second)
+    error, now = (x.problem.relative_error(x.solution.theta) for x in (second, core))
+    values = []
+    for name, estimate in second.parameters.items():
+        if estimate.value is not None:
+            text = core.problem.text(name)
+            off = f" +/- {estimate.standard_error:.2g}" if estimate.standard_error else ""
+            values.append(f"{text} {estimate.value:.4g}{off}{unit_of(text)}")
+    other = f"{', '.join(values)}; relative error {error:.2g} % instead of {now:.2g} %."
+    names = dict.fromkeys((*core.parameters, *second.parameters))
+    moved = tuple(core.problem.text(n) for n in names if _differ(core.parameters.get(n), second.parameters.get(n)))
     numbers = {"count": len(search.strays), "points": _told(named)}
     message = f"{_points(len(search.strays))} off the law of the others"
     if dropped:
@@ -151,25 +158,8 @@ def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) ->
     )  # fmt: skip  # a list of values
 
 
-def _relative_error(solved: StaticSolution) -> float:
-    return solved.problem.relative_error(solved.solution.theta)
-
-
-def _values(core: StaticSolution, second: StaticSolution) -> Iterator[str]:
-    """The second fit's parameters, each with its error."""
-    for name, e in second.parameters.items():
-        if e.value is not None:
-            text, error = core.problem.text(name), f" +/- {e.standard_error:.2g}" if e.standard_error else ""
-            yield f"{text} {e.value:.4g}{error}{unit_of(text)}"
-
-
-def _moved(core: StaticSolution, second: StaticSolution) -> tuple[str, ...]:
-    """Parameters that differ by more than a standard error of the fit, or that one of the two does not identify."""
-    names = dict.fromkeys((*core.parameters, *second.parameters))
-    return tuple(core.problem.text(n) for n in names if _differ(core.parameters.get(n), second.parameters.get(n)))
-
-
 def _differ(one: Estimate | None, other: Estimate | None) -> bool:
+    """Whether they differ by more than a standard error of the first, or one of the two is not identified."""
     if one is None or other is None or one.value is None or other.value is None:
         return True
     return abs(one.value - other.value) > (one.standard_error or 0.0)

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.estimation import interval_comparison
@@ -149,8 +148,17 @@ def resample(
         if not keep.any():
             nothing = np.full(keep.size, np.nan)
             return StaticDraws(nothing, nothing, np.full((keep.size, draws), np.nan), wild=False)
-        drawn, errors = _stepped(problem, solution, keep, seed, covariance)
-        errors = errors[: keep.sum()]
+        size = np.where(problem.logarithmic, solution.theta, 1.0)[keep]
+        J, left, measured = solution.jacobian[:, keep] * size, solution.residuals, problem.torque.size - problem.priors
+        if problem.shape and problem.peaks:
+            J = np.concatenate([J, own_columns(problem, solution)], axis=1)
+        if problem.smooth is None or covariance is None:
+            drawn, errors = residual_bootstrap(J, left, problem.velocity, seed=seed)
+        else:
+            sigma = float(np.sqrt(solution.cost / max(left.size - size.size, 1)))
+            drawn = block_bootstrap(-J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed)
+            errors = np.sqrt(np.diag(covariance)[: size.size]) / size
+        errors = errors[: size.size]  # what the shape has beside stands after them
     if problem.smooth is not None and drawn.blocks < FEW:
         keep[:], errors = False, errors[:0]
     ends = np.array([drawn.interval(k, error) for k, error in enumerate(errors.tolist())]).reshape(-1, 2)
@@ -189,20 +197,6 @@ def _refitted(
         return steps, batch.errors(robust=uneven) / size
 
     return residual_bootstrap(solution.jacobian, solution.residuals, problem.velocity, refit, draws, seed)
-
-
-def _stepped(
-    problem: Regression, solution: Solution, keep: NDArray[np.bool_], seed: int, covariance: Array | None
-) -> tuple[Resampled, Array]:
-    size = np.where(problem.logarithmic, solution.theta, 1.0)[keep]
-    J, left, measured = solution.jacobian[:, keep] * size, solution.residuals, problem.torque.size - problem.priors
-    if problem.shape and problem.peaks:
-        J = np.concatenate([J, own_columns(problem, solution)], axis=1)
-    if problem.smooth is None or covariance is None:
-        return residual_bootstrap(J, left, problem.velocity, seed=seed)
-    sigma = float(np.sqrt(solution.cost / max(left.size - size.size, 1)))
-    drawn = block_bootstrap(-J[:measured], left[:measured], priors=-J[measured:], sigma=sigma, seed=seed)
-    return drawn, np.sqrt(np.diag(covariance)[: size.size]) / size  # what the shape has beside stands after them
 
 
 def parts_of_runs(
