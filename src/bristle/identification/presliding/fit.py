@@ -145,9 +145,10 @@ def fit_presliding(
     if level.is_bound:
         warnings.append(bound := _bounded(direction, level, by_bend))
         more = softens or bound
-    bias: tuple[float, ...] = (np.nan, np.nan, np.nan)
-    if quantum > 0 and (sigma_0.value or 0.0) > 0:
-        bias = tuple(float(x[0]) for x in printed_bias(np.array([max(sigma_0.value * quantum / level.value, 1e-9)])))
+    on_edge, mean, spread = (np.nan, np.nan, np.nan)
+    if quantum > 0 and sigma_0.value is not None and sigma_0.value > 0:
+        u = np.array([max(sigma_0.value * quantum / level.value, 1e-9)])
+        on_edge, mean, spread = (float(x[0]) for x in printed_bias(u))
     if more is None:
         three = stiffness_uncertainty(loadings, level, best, sigma_0)
     else:
@@ -178,7 +179,9 @@ def fit_presliding(
         level_source=level.source,
         quantum=quantum,
         counts=counts,
-        **dict(zip(("bias_on_edge", "bias_mean", "bias_spread"), bias, strict=True)),
+        bias_on_edge=on_edge,
+        bias_mean=mean,
+        bias_spread=spread,
         amplitudes=amplitudes,
         loadings=tuple(loadings),
         warnings=tuple(warnings),

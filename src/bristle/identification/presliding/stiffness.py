@@ -323,7 +323,8 @@ class Columns(NamedTuple):
 def _columns(parts: Sequence[tuple[Array, Array, Array]]) -> Columns:
     """Of each loading's x, y and instrument."""
     starts = np.cumsum([0, *(x.size for x, *_ in parts)])[:-1].tolist()
-    return Columns(*(np.concatenate(column) for column in zip(*parts, strict=True)), starts)
+    x, y, instrument = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return Columns(x, y, instrument, starts)
 
 
 def edge_columns(pieces: Sequence[Piece]) -> Columns | None:

@@ -95,8 +95,10 @@ def turning_lag(
         found = find_all_loadings(in_time, resolution, options.breakaway_displacement)
     except InputError:
         return []
-    moved = [x for of_record in found for x in of_record]
-    changes = [_stiffness(moved, d, g0) / _stiffness(loadings, d, g0) - 1 for d, g0 in levels.items()]
+    moved, changes = [x for of_record in found for x in of_record], list[float]()
+    for d, g0 in levels.items():
+        own = [[of_loading(x, g0) for x in of if x.direction == d] for of in (moved, loadings)]
+        changes += [by_samples(own[0])[0] / by_samples(own[1])[0] - 1] if all(own) else []
     change = max((x for x in changes if np.isfinite(x)), key=abs, default=0.0)
     if abs(change) < _SHARE:
         return []
@@ -109,11 +111,6 @@ def turning_lag(
     )
     numbers = {"seconds": seconds, "samples": samples, "when": when, "change": change, "delay": lag}
     return [Finding("turns-late", CAUTION, message, numbers)]
-
-
-def _stiffness(loadings: Sequence[Loading], direction: str, g0: float) -> float:
-    pieces = [of_loading(x, g0) for x in loadings if x.direction == direction]
-    return by_samples(pieces)[0] if pieces else np.nan
 
 
 def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float]) -> list[_Lag]:

@@ -87,7 +87,16 @@ def stiffness_uncertainty(
     quantum = max(loading.quantum for loading in loadings)
     spread = by_phase(pieces, estimate.value, quantum)[1] / estimate.value**2 if inverse and quantum else 0.0
     line = _line(loadings, level, spread, inverse=inverse)
-    ends, curve = _profile(line)
+
+    def at(x: Array) -> Conditional:
+        """U at (g0 - level) / its error, (1, K, 1)."""
+        u, e = line.at(x)
+        return Conditional(u, e[..., None] ** 2, x[..., 0] ** 2)
+
+    box, threshold = line.x[[0, -1]][None, None], np.array([line.reach**2])
+    profiles = ConditionalProfiles(free=at, best=np.zeros((1, 1)), threshold=threshold, box=box, looks=_LOOKS)
+    ((ends,),), (middle, _) = profiles.intervals(), line.at(0.0)
+    about = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
     profile = _pair(_natural(ends, inverse=inverse))
     error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
     drawn, draws = _drawn(pieces, line, error, seed, inverse=inverse)
@@ -103,13 +112,13 @@ def stiffness_uncertainty(
     )
     if bootstrap_or_none is None:
         warnings = (*warnings, too_few(few))
-    values, shown = _natural(curve[0], inverse=inverse), _natural(draws, inverse=inverse)
+    values, shown = _natural(about, inverse=inverse), _natural(draws, inverse=inverse)
     order = np.argsort(values)
     return Uncertainty(
         covariance=estimate.interval,
         profile=profile,
         bootstrap=bootstrap_or_none,
-        curve=np.stack([values, curve[1]])[:, order[np.isfinite(values[order])]],
+        curve=np.stack([values, profiles.heights(0, about, 0.0)])[:, order[np.isfinite(values[order])]],
         draws=np.zeros(0) if bootstrap_or_none is None else shown[np.isfinite(shown)][:SHOWN],
         warnings=warnings,
     )
@@ -175,21 +184,6 @@ def _line(loadings: Sequence[Loading], level: KnownValue, spread: float, *, inve
     x, g0 = x[g0 >= _LEAST * level.value], g0[g0 >= _LEAST * level.value]
     u, e, _ = np.array([at(one) for one in g0.tolist()]).T
     return _Line(x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach)
-
-
-def _profile(line: _Line) -> tuple[Array, Array]:
-    """Both ends of u's interval, (2,), and u with Q over t**2 about it, (2, k)."""
-
-    def at(x: Array) -> Conditional:
-        """U at (g0 - level) / its error, (1, K, 1)."""
-        u, e = line.at(x)
-        return Conditional(u, e[..., None] ** 2, x[..., 0] ** 2)
-
-    box, threshold = line.x[[0, -1]][None, None], np.array([line.reach**2])
-    profiles = ConditionalProfiles(free=at, best=np.zeros((1, 1)), threshold=threshold, box=box, looks=_LOOKS)
-    ((ends,),), (middle, _) = profiles.intervals(), line.at(0.0)
-    values = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
-    return ends, np.stack([values, profiles.heights(0, values, 0.0)])
 
 
 def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inverse: bool) -> tuple[Resampled, Array]:
