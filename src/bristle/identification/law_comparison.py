@@ -192,8 +192,11 @@ def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged])
     out = dict(estimates)
     for name, own in estimates.items():
         over = averaged.get(name)
-        if over is not None and own.interval is not None and _beyond(over.interval, own.interval):
-            low, high = over.interval
+        if over is None or own.interval is None:
+            continue
+        (low, high), (least, most) = over.interval, own.interval
+        room = _STICKS_OUT * (most - least)
+        if low < least - room or high > most + room:
             message = (
                 "Its interval takes the law as known, which the data chose. Over the laws that they allow it is "
                 f"{low:.3g} to {high:.3g} {own.unit}."
@@ -201,12 +204,6 @@ def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged])
             why = Finding("over-laws", CAUTION, message, {"low": low, "high": high, "unit": own.unit})
             out[name] = replace(own, warnings=(*own.warnings, why))
     return out
-
-
-def _beyond(over: tuple[float, float], own: tuple[float, float]) -> bool:
-    """Whether one interval sticks out of another by a tenth of its width."""
-    room = _STICKS_OUT * (own[1] - own[0])
-    return over[0] < own[0] - room or over[1] > own[1] + room
 
 
 def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> LawComparison | None:
@@ -236,16 +233,28 @@ def _fitted(law: Law, problems: Sequence[Regression]) -> FittedLaw | None:
     )
 
 
-def _left_out(problems: Sequence[Regression]) -> LeftOut:
-    """Over blocks of speed."""
-    costs = [_predicted(p) for p in problems]
-    return percent_of(costs, sum(power_of(p.measured) for p in problems)), None
-
-
 def percent_of(costs: Sequence[float | None], power: float) -> float | None:
     """100 times the root of some costs over a power; None where one of them is not known."""
     known = [cost for cost in costs if cost is not None]
     return 100 * float(np.sqrt(sum(known) / power)) if power and len(known) == len(costs) else None
+
+
+def _left_out(problems: Sequence[Regression]) -> LeftOut:
+    """Over blocks of speed, each predicted from the others."""
+    total = 0.0
+    for problem in problems:
+        part, cost = parts_by_speed(problem.equation_velocity), 0.0
+        for k in range(BLOCKS):
+            rest = problem.rows(part != k)
+            if rest.torque.size <= len(rest.names) or np.linalg.matrix_rank(rest.linear) < rest.linear.shape[1]:
+                return None, None
+            low, high = default_range(rest.velocity)
+            slowest = float(np.abs(rest.velocity[rest.velocity != 0]).min())
+            if slowest < high:  # as the fit has it: without a speed below v_s a peak is invented
+                low = max(low, slowest)
+            cost += power_of(problem.rows(part == k).residuals(solve(rest, (low, high)).theta))
+        total += cost
+    return percent_of([total], sum(power_of(p.measured) for p in problems)), None
 
 
 def parts_by_speed(velocity: Array) -> NDArray[np.int_]:
@@ -253,21 +262,6 @@ def parts_by_speed(velocity: Array) -> NDArray[np.int_]:
     part = np.empty(velocity.size, dtype=int)
     part[np.argsort(np.abs(velocity), kind="stable")] = np.arange(velocity.size) * BLOCKS // velocity.size
     return part
-
-
-def _predicted(problem: Regression) -> float | None:
-    """The squared error of every block of speed, predicted from the others; None where these are too few."""
-    part, cost = parts_by_speed(problem.equation_velocity), 0.0
-    for k in range(BLOCKS):
-        rest = problem.rows(part != k)
-        if rest.torque.size <= len(rest.names) or np.linalg.matrix_rank(rest.linear) < rest.linear.shape[1]:
-            return None
-        low, high = default_range(rest.velocity)
-        slowest = float(np.abs(rest.velocity[rest.velocity != 0]).min())
-        if slowest < high:  # as the fit has it: without a speed below v_s a peak is invented
-            low = max(low, slowest)
-        cost += power_of(problem.rows(part == k).residuals(solve(rest, (low, high)).theta))
-    return cost
 
 
 def _known(problems: Sequence[Regression], solutions: Sequence[Solution]) -> Known:

@@ -101,7 +101,12 @@ def ranked(
     paper = next((k for k, x in enumerate(found) if x.name == GAUSSIAN.name), None)
     if paper is None or len(found) < 2:
         return None
-    marks = np.array([_scores(x) for x in found])
+    marks = np.zeros((len(found), 2))  # AICc, nan where there are too few independent equations, and BIC
+    for k, x in enumerate(found):
+        for solve in x.solves:
+            aicc, own = scores(*solve[:4])
+            itself = -2 * solve.effective / solve.residuals.size * solve.itself
+            marks[k] += np.nan if aicc is None else aicc + itself, own + itself
     bic = marks[:, 1] - marks[:, 1].min()
     weights = np.exp(-bic / 2) / np.exp(-bic / 2).sum()
     better = bic[paper] - bic > GAIN
@@ -132,14 +137,6 @@ def ranked(
         sentence=_sentence(rows, chosen, paper, asked=any(wanted)),
         averaged=_averaged(found, weights) if float(weights.max()) < _SPREAD else {},
     )
-
-
-def _scores(x: FittedLaw) -> tuple[float, float]:
-    """AICc, nan where there are too few independent equations, and BIC."""
-    marks = [scores(*solve[:4]) for solve in x.solves]
-    more = [-2 * solve.effective / solve.residuals.size * solve.itself for solve in x.solves]
-    aicc = sum(np.nan if aicc is None else aicc + own for (aicc, _), own in zip(marks, more, strict=True))
-    return aicc, sum(bic + own for (_, bic), own in zip(marks, more, strict=True))
 
 
 def _chosen(fitted: Sequence[FittedLaw], bic: Array, left_out: Sequence[LeftOut], paper: int) -> int:

@@ -79,7 +79,10 @@ def rank_models(
     marks = [scores(c.residuals, c.parameters, n / variance_inflation, power) for c in candidates]
     lowest_aicc = min((aicc for aicc, _ in marks if aicc is not None), default=0.0)
     lowest_bic = min(bic for _, bic in marks)
-    kept, seen = _keeps_stribeck(static, alone), alone is not None and _sees_bristle(alone)
+    # whether a fit of these data keeps a Stribeck term in any direction, and shows the bristle
+    shown = {name.name for name, e in (alone.parameters if alone else {}).items() if e.value is not None}
+    peaks = [f.parameters["alpha_1"].value for f in static.values() if "alpha_1" in f.parameters]
+    kept, seen = "alpha_1" in shown or any(x is not None for x in peaks), "sigma_0" in shown
     allowed = [k for k, c in enumerate(candidates) if (seen if c.model == LUGRE else (c.model == STRIBECK) == kept)]
     best = min(allowed, key=lambda k: marks[k][1], default=None)
     rows = tuple(
@@ -123,17 +126,6 @@ def scores(residuals: Array, parameters: int, effective: float, power: float) ->
     fit_term = effective * log(max(power_of(residuals), _EXACT * power, 1e-300) / residuals.size)
     spare = effective - k - 1
     return fit_term + 2 * k + 2 * k * (k + 1) / spare if spare > 0 else None, fit_term + k * log(effective)
-
-
-def _keeps_stribeck(static: Mapping[str, StaticFit], alone: TrackingFit | None) -> bool:
-    """Whether a fit of these data keeps a Stribeck term in any direction: the static one, or that of all parameters."""
-    estimates = [f.parameters.get("alpha_1") for f in static.values()]
-    estimates += [e for name, e in (alone.parameters if alone else {}).items() if name.name == "alpha_1"]
-    return any(e is not None and e.value is not None for e in estimates)
-
-
-def _sees_bristle(alone: TrackingFit) -> bool:
-    return any(e.value is not None for name, e in alone.parameters.items() if name.name == "sigma_0")
 
 
 def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> Finding:

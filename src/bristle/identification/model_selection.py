@@ -44,6 +44,7 @@ _WORTH = 0.05
 """Of BIC: less decides nothing about directions."""
 _DEPENDENT = 1e8
 """Condition number beyond which columns are told apart by rounding alone."""
+HELD_OUT = Finding("held-out-runs", NOTE, "Hold-out: held-out runs.")
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
 """(directions, regressors) -> the equations to fit, and those to predict."""
 
@@ -61,21 +62,13 @@ def compare_on_points(
         pose: poses the problem.
         static: what the fit found.
     """
-    candidates, left = _static_candidates(
-        experiment,
-        _variants(tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())),
-        pose,
-        press=True,
-    )
+    present = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
+    candidates, left, power = _static_candidates(experiment, _variants(present), pose, press=True)
     each = Finding("each-left-out", NOTE, "Hold-out: each point predicted from all others.")
-    held_by = _held_out_runs() if pose(("both",), ())[1] else each
+    held_by = HELD_OUT if pose(("both",), ())[1] else each
     message = "At constant velocity LuGre is its Stribeck curve, so it is not listed apart."
     left_out = (*left, Finding("lugre-is-its-curve", NOTE, message))
-    return rank_models("points", candidates, held_by, 1.0, _measured(pose), static, None, left_out)
-
-
-def _held_out_runs() -> Finding:
-    return Finding("held-out-runs", NOTE, "Hold-out: held-out runs.")
+    return rank_models("points", candidates, held_by, 1.0, power, static, None, left_out)
 
 
 def compare_on_motion(
@@ -112,14 +105,14 @@ def compare_on_motion(
         training = regression.from_records(records, *options)[0]
         return training, [regression.from_records([r], *options, training.weights)[0] for r in held]
 
-    candidates, left = _static_candidates(experiment, variants, pose, press=False)
+    candidates, left, power = _static_candidates(experiment, variants, pose, press=False)
     candidates += _lugre(experiment, records, held, alone, variants, apart)
     for directions in (c.directions for c in candidates if not c.settled):
         message = f"{LUGRE}, {directions}: the fit had not settled; its numbers can still improve."
         left = (*left, Finding("lugre-unsettled", CAUTION, message, {"model": LUGRE, "directions": directions}))
     variance_inflation = inflation(min((c.residuals for c in candidates), key=power_of, default=np.zeros(0)))
-    held_by = _held_out_runs() if held else None
-    return rank_models("moving runs", candidates, held_by, variance_inflation, _measured(pose), static, alone, left)
+    held_by = HELD_OUT if held else None
+    return rank_models("moving runs", candidates, held_by, variance_inflation, power, static, alone, left)
 
 
 def asked_regressors(experiment: Experiment, directions: tuple[str, ...], *, moving: bool) -> tuple[str, ...]:
@@ -138,19 +131,14 @@ def _variants(present: tuple[str, ...]) -> dict[str, tuple[str, ...]]:
     return {SYMMETRIC: ("both",), APART: present} if len(present) == 2 else {ONE: present}
 
 
-def _measured(pose: Pose) -> float:
-    """The power of what is to be explained, (N*m)**2."""
-    problem = pose(("both",), ())[0]
-    return power_of(problem.torque if problem.known is None else problem.torque + problem.known)
-
-
 def _static_candidates(
     experiment: Experiment, variants: Mapping[str, tuple[str, ...]], pose: Pose, *, press: bool
-) -> tuple[list[ModelCandidate], tuple[Finding, ...]]:
-    """The static models that there are equations enough for; and which there are not."""
-    candidates, few = list[ModelCandidate](), list[str]()
+) -> tuple[list[ModelCandidate], tuple[Finding, ...], float]:
+    """The static models that there are equations enough for; which there are not; and the power of what is to be explained, (N*m)**2."""
+    candidates, few, power = list[ModelCandidate](), list[str](), 0.0
     for called, directions in variants.items():
         whole, held = pose(directions, asked_regressors(experiment, directions, moving=not press))
+        power = power or power_of(whole.measured)
         for model in (COULOMB, VISCOUS, STRIBECK):
             problem = _reduced(whole, model)
             if problem.torque.size <= len(problem.names) or condition(problem.linear) > _DEPENDENT:
@@ -159,7 +147,7 @@ def _static_candidates(
             tests = [_reduced(test, model) for test in held]
             candidates.append(_solved(problem, tests, model, called, press=press))
     message = f"Too few points, or too much alike, for {'; '.join(few)}."
-    return candidates, (Finding("too-few-for-models", NOTE, message, {"models": tuple(few)}),) if few else ()
+    return candidates, (Finding("too-few-for-models", NOTE, message, {"models": tuple(few)}),) if few else (), power
 
 
 def _reduced(problem: Regression, model: str) -> Regression:
@@ -244,11 +232,13 @@ def refitted(
     It ends where the next step would lower BIC by less than `worth`.
     """
     asked, (fixed, _) = asked_regressors(experiment, directions, moving=True), inertia(experiment)
+    given = {name.name for name in alone.known} - {name.name for name in alone.names if name in alone.known}
 
     def posed(chosen: Sequence[Record]) -> DynamicProblem:
         """The problem of some records, with what the experiment fixes."""
         whole = dynamic_problem(chosen, directions, asked, experiment.fit.every, fixed, law=experiment.fit.friction)
-        return replace(whole, fixed=_held(carried(whole, alone.known), alone))
+        values = carried(whole, alone.known)  # what was given to the fit is held in other directions too
+        return replace(whole, fixed={name: x for name, x in values.items() if name.name in given})
 
     problem = posed(records)
     start = {name: value for name, value in carried(problem, alone.known).items() if name not in problem.fixed}
@@ -286,13 +276,3 @@ def bic_of_directions(
     of_each = {SYMMETRIC: (symmetric, count), APART: (apart.residuals, apart.parameters)}
     power = power_of(alone.measured)
     return {called: scores(rows, k, effective, power)[1] for called, (rows, k) in of_each.items()}, apart.values
-
-
-def _held(values: Mapping[ParameterName, float], alone: TrackingFit) -> dict[ParameterName, float]:
-    """What was fixed in the fit, by its counterparts in other directions, with the values carried over."""
-    fixed = {}
-    for name, value in values.items():
-        there = {other for other in alone.known if other.name == name.name}
-        if there and not there & set(alone.names):
-            fixed[name] = value
-    return fixed
