@@ -144,8 +144,19 @@ def _static_candidates(
             if problem.torque.size <= len(problem.names) or condition(problem.linear) > _DEPENDENT:
                 few.append(f"{model}, {called}")
                 continue
-            tests = [_reduced(test, model) for test in held]
-            candidates.append(_solved(problem, tests, model, called, press=press))
+            solution = solve(problem, default_range(problem.velocity))
+            errors = [_reduced(test, model).relative_error(solution.theta) for test in held]
+            if press and not held:
+                errors = [_left_out_error(problem, solution.residuals, solution.jacobian)]
+            candidates.append(
+                ModelCandidate(
+                    model=model,
+                    directions=called,
+                    parameters=len(problem.names),
+                    residuals=solution.residuals,
+                    hold_out=_mean(errors),
+                )
+            )
     message = f"Too few points, or too much alike, for {'; '.join(few)}."
     return candidates, (Finding("too-few-for-models", NOTE, message, {"models": tuple(few)}),) if few else (), power
 
@@ -156,23 +167,6 @@ def _reduced(problem: Regression, model: str) -> Regression:
         return problem
     lost = {name for name in problem.linear_names if model != VISCOUS and name.name == "alpha_2"}
     return replace(problem.without(lost), peaks=())
-
-
-def _solved(
-    problem: Regression, tests: Sequence[Regression], model: str, called: str, *, press: bool
-) -> ModelCandidate:
-    v_s_range = default_range(problem.velocity)
-    solution = solve(problem, v_s_range)
-    errors = [test.relative_error(solution.theta) for test in tests]
-    if press and not tests:
-        errors = [_left_out_error(problem, solution.residuals, solution.jacobian)]
-    return ModelCandidate(
-        model=model,
-        directions=called,
-        parameters=len(problem.names),
-        residuals=solution.residuals,
-        hold_out=_mean(errors),
-    )
 
 
 def _mean(errors: Sequence[float]) -> float | None:

@@ -202,7 +202,13 @@ class Batch:
         along, last = self._tables.along, self.grid - 1
         coarse = np.maximum(along, 0.0).argmax(axis=0)
         near = np.clip(coarse, 2, self.grid - 4) + _NEIGHBOURS[:, None]
-        t = _steepest(_TO_POLYNOMIAL @ np.take_along_axis(along, near, axis=0))
+        # where the polynomial of each set, > 0, is highest, by Newton's method
+        of_set = _TO_POLYNOMIAL @ np.take_along_axis(along, near, axis=0)
+        slope, bend, t = polyder(of_set), polyder(of_set, 2), np.zeros(along.shape[1])
+        for _ in range(_NEWTON):
+            curved = polyval(t, bend, tensor=False)
+            step = np.divide(-polyval(t, slope, tensor=False), curved, out=np.full_like(t, np.inf), where=curved < 0)
+            t = t + np.clip(step, -0.7, 0.7)
         inside_grid = (coarse >= 2) & (coarse <= self.grid - 4) & (t > -1.5) & (t < 2.5)
         self._x = np.clip(near[2] + t, 0.0, last)
         at = self._at(self._x[:, None])
@@ -253,14 +259,3 @@ class Batch:
         spread = lost[:, None] * lost[None]
         spread[:-1, :-1] += self._gram[..., None, None]
         return Conditional(np.moveaxis(theta, 0, -1), np.moveaxis(spread, (0, 1), (-2, -1)), self._costs(at))
-
-
-def _steepest(along: Array) -> Array:
-    """Where a polynomial along(t) > 0 is highest, by Newton's method from t = 0; coefficients (6, sets)."""
-    slope, bend = polyder(along), polyder(along, 2)
-    t = np.zeros(along.shape[1])
-    for _ in range(_NEWTON):
-        curved = polyval(t, bend, tensor=False)
-        step = np.divide(-polyval(t, slope, tensor=False), curved, out=np.full_like(t, np.inf), where=curved < 0)
-        t = t + np.clip(step, -0.7, 0.7)
-    return t

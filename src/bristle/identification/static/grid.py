@@ -21,7 +21,7 @@ from bristle.errors import InputError
 from bristle.estimation.conditional_profile import Conditional
 from bristle.estimation.linear import bounded_least_squares, least_squares, orthonormal
 from bristle.estimation.nonlinear import minimise
-from bristle.identification.static.problem import Regression, log_grid, nonlinear_problem
+from bristle.identification.static.problem import Regression, log_grid, unknowns_of
 from bristle.model.parameters import ParameterName
 
 T = TypeVar("T")
@@ -392,10 +392,15 @@ def _lowest(quartic: list[float], t: float) -> tuple[float, float]:
 
 
 def _descend(problem: Regression, v_s: list[float], v_s_range: tuple[float, float]) -> list[float]:
-    """The v_s of every direction at the continuous minimum near some of them."""
-    posed = nonlinear_problem(problem, v_s_range)
-    start = posed.unknowns.scaled(dict(zip(problem.names, solve_at(problem, v_s).theta.tolist(), strict=True)))
+    """The v_s of every direction at the continuous minimum near some of them, over all parameters at once."""
+    unknowns = unknowns_of(problem, v_s_range)
+
+    def linearised(x: Array) -> tuple[Array, Array]:
+        """Residuals, (n,), and their exact Jacobian, (n, p), at scaled parameters, (p,)."""
+        theta = unknowns.natural(x)
+        return problem.residuals(theta), -problem.jacobian(theta) * unknowns.slopes(x)
+
+    start = unknowns.scaled(dict(zip(problem.names, solve_at(problem, v_s).theta.tolist(), strict=True)))
     with suppress(InputError):  # where nothing depends on v_s, they stay
-        lower, upper = posed.unknowns.lower, posed.unknowns.upper
-        start = minimise(posed.evaluate, start, lower, upper, settled=_SETTLED).x
-    return [float(x) for x in posed.unknowns.natural(start)[len(problem.names) - len(v_s) :]]
+        start = minimise(linearised, start, unknowns.lower, unknowns.upper, settled=_SETTLED).x
+    return [float(x) for x in unknowns.natural(start)[len(problem.names) - len(v_s) :]]

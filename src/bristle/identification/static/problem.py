@@ -6,8 +6,7 @@
 with another peak and more terms where the law has them. Everything is linear but v_s, and what else the shape of a
 law's peak takes, which is held while v_s is searched (`shape`). The unknowns stand in one vector, theta = (linear...,
 alpha_1 per peak, v_s per peak), where a peak is a direction that has a Stribeck term. Moving data pass both sides
-through the same linear smoothing; points at constant velocity pass as they are. What has no use for the grid takes all parameters at once
-(`nonlinear_problem`).
+through the same linear smoothing; points at constant velocity pass as they are.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -23,7 +22,7 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.data.torque_checks import at_limits
 from bristle.estimation.linear import bounded_least_squares
-from bristle.estimation.nonlinear import LeastSquares, Unknowns
+from bristle.estimation.nonlinear import Unknowns
 from bristle.identification.load_levels import level_columns, levels_of, settled_weights
 from bristle.identification.moving_runs import decimator, extra_columns, known_torque, needed, torque_shifts
 from bristle.model.functions import linear_shapes_function, stribeck_shape_function, stribeck_shape_slope_function
@@ -193,15 +192,11 @@ class Regression:
 
     def _columns(self, function: ca.Function, v_s: Array, peak: int) -> Tables:
         direction, smooth = self.peaks[peak], self.smooth
-        return (
-            self._raw(function, v_s, direction) if smooth is None else self._smoothed(function, v_s, direction, smooth)
-        )
-
-    def _smoothed(self, function: ca.Function, v_s: Array, direction: str, smooth: sparse.csr_array) -> Tables:
+        if smooth is None:
+            return self._raw(function, v_s, direction)
         key = (function, direction, v_s.tobytes(), self.shape)
-        if (
-            key not in self.memory
-        ):  # a few values of v_s at a time: N samples times k values need not stand in memory at once
+        if key not in self.memory:
+            # a few values of v_s at a time: N samples times k values need not stand in memory at once
             parts = np.array_split(v_s, min(ceil(v_s.size * smooth.shape[1] / _AT_ONCE), v_s.size))
             by_v_s = [[np.asarray(smooth @ t) for t in self._raw(function, part, direction)] for part in parts]
             self.memory[key] = tuple(np.concatenate(columns, axis=1) for columns in zip(*by_v_s, strict=True))
@@ -276,8 +271,14 @@ def from_records(
     dropped = sum(lost for _, lost in filters)
     velocity = np.concatenate([needed(r, "velocity") for r in records])
     torque = np.concatenate([needed(r, "torque") for r in records])
+
+    def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
+        """The linear parameters, without a Stribeck term, with gravity and links that weigh so much."""
+        p = from_records(records, directions, regressors, decimation, inertia, weights=weights)[0]
+        return p.named(bounded_least_squares(p.linear, p.torque, p.lower))
+
     if weights is None:
-        weights = _own_weights(records, directions, regressors, decimation, inertia)
+        weights = settled_weights(fitted) if levels_of(regressors) else {}
     columns = [
         extra_columns(regressors, r) | level_columns(r, regressors, r.decimation(decimation), weights) for r in records
     ]
@@ -292,23 +293,6 @@ def from_records(
     has_position = all(r.position is not None for r in records)
     position = smooth @ np.concatenate([needed(r, "position") for r in records]) if has_position else np.zeros(0)
     return problem, (time, position), dropped
-
-
-def _own_weights(
-    records: Sequence[Record],
-    directions: tuple[str, ...],
-    regressors: Sequence[str],
-    decimation: int,
-    inertia: float | None,
-) -> dict[str, float]:
-    """What gravity and links are where the level rises with their load, without a Stribeck term; empty where it does not."""
-
-    def fitted(weights: Mapping[str, float]) -> Mapping[ParameterName, float]:
-        """The linear parameters."""
-        p = from_records(records, directions, regressors, decimation, inertia, weights=weights)[0]
-        return p.named(bounded_least_squares(p.linear, p.torque, p.lower))
-
-    return settled_weights(fitted) if levels_of(regressors) else {}
 
 
 def with_prior(
@@ -368,21 +352,6 @@ def _build(
 
 def _moves(velocity: Array, direction: str) -> Array:
     return np.where(velocity > 0 if direction == "+" else velocity < 0, 1.0, 0.0)
-
-
-def nonlinear_problem(problem: Regression, v_s_range: tuple[float, float]) -> LeastSquares[ParameterName]:
-    """The problem without the grid.
-
-    Residuals and their exact Jacobian by the scaled parameters, v_s within its range (rad/s).
-    """
-    unknowns = unknowns_of(problem, v_s_range)
-
-    def linearised(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and Jacobian, (n, p), at scaled parameters, (p,)."""
-        theta = unknowns.natural(x)
-        return problem.residuals(theta), -problem.jacobian(theta) * unknowns.slopes(x)
-
-    return LeastSquares(unknowns=unknowns, evaluate=linearised, priors=problem.priors)
 
 
 def unknowns_of(problem: Regression, v_s_range: tuple[float, float]) -> Unknowns[ParameterName]:
