@@ -1,5 +1,7 @@
 """Moving data in few equations: the same sums of squares."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,7 +13,6 @@ from bristle.data.record import Record
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
 from bristle.identification.static.profiles import reduced
-from bristle.model.parameters import Direction
 
 from ..names import parse
 from .conftest import GRIPPER, curve
@@ -85,10 +86,7 @@ def test_one_speed_is_enough() -> None:
     velocity = np.tile(np.repeat([0.3, -0.3], 50), 4)
     raw = from_points(velocity, curve(velocity, GRIPPER), ("both",))
     smooth = sparse.csr_array(sparse.kron(sparse.eye_array(40), np.full((1, 10), 0.1)))
-    problem = Regression(
-        directions=(Direction.BOTH,), peaks=(Direction.BOTH,), velocity=velocity, torque=smooth @ raw.torque,
-        linear=smooth @ raw.linear, linear_names=raw.linear_names, smooth=smooth,
-    )  # fmt: skip  # a list of fields
+    problem = replace(raw, torque=smooth @ raw.torque, linear=smooth @ raw.linear, smooth=smooth)
     theta = np.array([0.01, 0.02, 0.003, 0.1])
     expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, reduced(problem, (0.1, 0.3))))
     assert found == pytest.approx(expected, rel=1e-8)

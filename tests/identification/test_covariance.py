@@ -56,19 +56,6 @@ def test_profile_interval_ends_on_the_threshold(gripper: Lugre[float], speeds: A
     assert (projected.costs(np.linspace(low, high, 50)[1:-1]) < threshold).all()
 
 
-def test_profile_without_limit_is_open(gripper: Lugre[float]) -> None:
-    """Where no speed is near v_s, the interval reaches to zero or to infinity instead of ending at the grid."""
-    velocity = np.linspace(4 * gripper.v_s, 20 * gripper.v_s, 10)
-    torque = curve(velocity, gripper) + 3e-4 * np.random.default_rng(3).standard_normal(10)
-    problem = from_points(velocity, torque, ("both",))
-    solution = solve(problem, default_range(velocity))
-    threshold = profile_threshold(solution.cost, 10, 4)
-    low, high = interval_on_grid(
-        Projected(problem).costs, solution.grid, solution.profiles[0], solution.theta[-1], threshold
-    )
-    assert low == 0 or np.isinf(high)
-
-
 def test_p_value_is_uniform_where_there_is_no_peak(speeds: Array) -> None:
     """Without a Stribeck term the p-value falls below any level about that often: at 5 % and 20 %, over 400 sets, within 3 binomial deviations."""
     rng = np.random.default_rng(4)

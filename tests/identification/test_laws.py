@@ -27,6 +27,7 @@ from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
 from ..conftest import Ran, run
+from .conftest import points_file
 
 GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.072, 6.1843, 0.0184)
 WIDE = np.geomspace(0.15 * GRIPPER.v_s, 11 * GRIPPER.v_s, 40)
@@ -156,18 +157,10 @@ def test_rows_of_a_comparison_go_together() -> None:
     assert spread.interval[0] < spread.value < spread.interval[1]
 
 
-def points_file(folder: Path, p: Stribeck[float], noise: float, fit: str = "{}") -> Path:
+def both_ways(folder: Path, p: Stribeck[float], noise: float, fit: str = "{}") -> Path:
     """An experiment of 44 points in both directions."""
     v = np.concatenate([SPEEDS, -SPEEDS])
-    T = torques(p, v, noise, 7)
-    rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(v.tolist(), T.tolist(), strict=True))
-    (folder / "points.csv").write_text(f"v,tau\n{rows}")
-    path = folder / "joint.yaml"
-    path.write_text(
-        "joint: {name: gripper}\nsignals:\n  velocity: {column: v, unit: rad/s}\n  torque: {column: tau, unit: N*m}\n"
-        f"runs:\n  - {{files: points.csv, experiment: points}}\nfit: {fit}\n"
-    )
-    return path
+    return points_file(folder, v, torques(p, v, noise, 7), f"fit: {fit}\n")
 
 
 def joint_of(path: Path) -> Joint:
@@ -178,11 +171,11 @@ def joint_of(path: Path) -> Joint:
 def test_a_file_gets_the_law_that_it_asks_for(tmp_path: Path) -> None:
     """`paper` says which line the data want; `auto` and the law's name fit it, to the same numbers; results.json keeps it."""
     bent = truth_of(law_named("gaussian+quadratic"), alpha_3=-0.02)
-    paper = joint_of(points_file(tmp_path, bent, 0.002))
+    paper = joint_of(both_ways(tmp_path, bent, 0.002))
     (advice,) = [w for w in paper.warnings if w.code == "other-law"]
     assert (paper.law, advice.numbers["law"]) == (GAUSSIAN, "gaussian+quadratic")
-    auto = bristle.identify(points_file(tmp_path, bent, 0.002, "{law: auto}"))
-    named = joint_of(points_file(tmp_path, bent, 0.002, "{law: gaussian+quadratic}"))
+    auto = bristle.identify(both_ways(tmp_path, bent, 0.002, "{law: auto}"))
+    named = joint_of(both_ways(tmp_path, bent, 0.002, "{law: gaussian+quadratic}"))
     assert auto.joint().law.name == named.law.name == "gaussian+quadratic"
     assert not any(w.code in {"other-law", "lacks-a-term"} for w in named.all_warnings())
     for d in "+-":
@@ -210,7 +203,7 @@ def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
         name="flat", title="flat-top", shape=lambda v, v_s, drop: (1 + (v / v_s) ** 4) ** -drop, own=(drop,), reach=2.0
     )
     bristle.register_law(flat)
-    path = points_file(tmp_path, truth_of(law_named("flat"), drop=0.75), 0.001, "{law: auto}")
+    path = both_ways(tmp_path, truth_of(law_named("flat"), drop=0.75), 0.001, "{law: auto}")
     found = bristle.report(path, folder=tmp_path / "report").joint()
     assert found.law.name == "flat"
     assert found.laws is not None
@@ -228,7 +221,7 @@ def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
 
 def test_laws_are_printed_side_by_side(tmp_path: Path) -> None:
     """`--laws` prints a row a law, which one is fitted, which is wanted, and one sentence; so does `validate`."""
-    path = points_file(tmp_path, truth_of(law_named("lorentzian")), 0.002)
+    path = both_ways(tmp_path, truth_of(law_named("lorentzian")), 0.002)
     ran: Ran = run("identify", path, "--laws")
     assert ran.code == 0
     table = ran.out[ran.out.index("friction laws on 44 points") :]
@@ -255,7 +248,7 @@ def test_paper_is_another_name_of_the_gaussian_peak() -> None:
 )
 def test_what_is_no_law_is_refused(tmp_path: Path, fit: str, said: str) -> None:
     """A law that there is not, or a term that it has already, is one sentence with what can be written."""
-    path = points_file(tmp_path, truth_of(GAUSSIAN), 0.01, fit)
+    path = both_ways(tmp_path, truth_of(GAUSSIAN), 0.01, fit)
     with pytest.raises(InputError, match=said.replace("|", r"\|").replace("+", r"\+")):
         bristle.identify(path)
 

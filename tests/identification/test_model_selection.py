@@ -37,7 +37,7 @@ from bristle.model.rollout import rollout
 
 from ..names import parse
 from ..sameness import of_kind
-from .conftest import GRIPPER, curve
+from .conftest import GRIPPER, curve, points_file
 
 OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
 FLAT = Lugre(0.02, 0.0, 0.04, 1.0, 6.0, 0.02)
@@ -58,14 +58,7 @@ def points(folder: Path, plus: Lugre[float], minus: Lugre[float] | None, seed: i
 
 def joint_of(folder: Path, v: Array, torque: Array, fit: str = "") -> Joint:
     """The joint identified from these points."""
-    (folder / "d.csv").write_text(
-        "v,tau\n" + "".join(f"{a!r},{b!r}\n" for a, b in zip(v.tolist(), torque.tolist(), strict=True))
-    )
-    (folder / "e.yaml").write_text(
-        f"joint: {{name: x}}\n{fit}signals:\n  velocity: {{column: v, unit: rad/s}}\n  torque: {{column: tau, unit: N*m}}\n"
-        "runs:\n  - {files: d.csv, experiment: points}\n"
-    )
-    return identify_joint(measure(folder / "e.yaml"))
+    return identify_joint(measure(points_file(folder, v, torque, fit)))
 
 
 def row(compared: ModelComparison, model: str, directions: str) -> ModelRow:

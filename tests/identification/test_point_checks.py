@@ -29,6 +29,7 @@ from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.simulation.bench import steady_points
 
 from ..conftest import TRUTH, experiment, speeds
+from .conftest import points_file
 
 SPEEDS = np.geomspace(0.1, 1.0, 10) * TRUTH.v_s * 10
 NOISE = 3e-4
@@ -347,13 +348,7 @@ def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: 
 def test_a_torque_of_zero_but_for_a_stray_has_no_offset(tmp_path: Path, level: float) -> None:
     """Points without any torque, or of one whose square is none, a stray apart, are fitted without a failure, and nothing is said of an offset."""
     speeds = np.geomspace(0.01, 1.0, 12)
-    torque = {(side, k): side * level + float(side > 0 and k == 5) for side in (1, -1) for k in range(12)}
-    rows = "".join(f"{side * speeds[k]},{T}\n" for (side, k), T in torque.items())
-    (tmp_path / "points.csv").write_text("v,tau\n" + rows)
-    (tmp_path / "e.yaml").write_text(
-        "joint: {name: a}\nsignals: {velocity: {column: v, unit: rad/s}, torque: {column: tau, unit: N*m}}\n"
-        "runs: [{files: points.csv, experiment: points}]\n"
-    )
-    (joint,) = bristle.identify(tmp_path / "e.yaml").joints
+    v = np.concatenate([speeds, -speeds])
+    (joint,) = bristle.identify(points_file(tmp_path, v, np.sign(v) * level + (np.arange(24) == 5))).joints
     assert joint.static["+"].strays
     assert "offset-or-friction" not in {warning.code for warning in joint.warnings}

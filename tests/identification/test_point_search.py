@@ -15,7 +15,7 @@ from bristle.identification.fits import StaticFit
 from bristle.identification.static.points import search_points
 from bristle.simulation import edro
 
-from .conftest import GRIPPER, curve
+from .conftest import GRIPPER, curve, points_file
 
 SPEEDS = np.geomspace(0.005, 1.0, 22)
 NOISE = 0.01 * GRIPPER.alpha_0
@@ -24,19 +24,6 @@ NOISE = 0.01 * GRIPPER.alpha_0
 def torques() -> Array:
     """On the gripper's law with white noise, N*m."""
     return curve(SPEEDS, GRIPPER) + NOISE * np.random.default_rng(3).standard_normal(SPEEDS.size)
-
-
-def experiment(folder: Path, velocity: Array, torque: Array, extra: str = "") -> Path:
-    """A file of points, and an experiment file that names it."""
-    rows = "\n".join(f"{v!r},{T!r}" for v, T in zip(velocity.tolist(), torque.tolist(), strict=True))
-    (folder / "points.csv").write_text(f"v,T\n{rows}\n", encoding="utf-8")
-    path = folder / "e.yaml"
-    path.write_text(
-        "joint: {name: wrist}\nsignals: {velocity: {column: v, unit: rad/s}, torque: {column: T, unit: N*m}}\n"
-        f"runs: [{{files: points.csv, experiment: points}}]\n{extra}",
-        encoding="utf-8",
-    )
-    return path
 
 
 def static(path: Path) -> StaticFit:
@@ -54,7 +41,7 @@ ABOUT = {"strays", "strays-matter", "strays-left-out", "misfit", "resting-left-o
 
 def test_clean_points_say_nothing(tmp_path: Path) -> None:
     """Without strays there is no such warning, no other fit, and every point is fitted."""
-    fit = static(experiment(tmp_path, SPEEDS, torques()))
+    fit = static(points_file(tmp_path, SPEEDS, torques()))
     assert (of(ABOUT, fit), fit.strays, fit.other_points, fit.n) == ([], (), None, 22)
 
 
@@ -62,7 +49,7 @@ def test_a_stray_is_named_judged_and_kept_where_asked(tmp_path: Path) -> None:
     """With `set_up: as-written` every point is fitted; the stray is named by its line, the fit without it beside; one that matters is critical."""
     T = torques()
     T[20] += 20 * NOISE
-    fit = static(experiment(tmp_path, SPEEDS, T, "fit: {set_up: as-written}\n"))
+    fit = static(points_file(tmp_path, SPEEDS, T, "fit: {set_up: as-written}\n"))
     (stray,) = fit.strays
     assert (stray.file, stray.where, stray.velocity, stray.torque) == ("points.csv", "line 22", SPEEDS[20], T[20])
     assert stray.deviations == pytest.approx(20, rel=0.4)
@@ -84,7 +71,7 @@ def test_a_term_that_the_fit_lacks_comes_before_strays(tmp_path: Path) -> None:
     (tmp_path / "b").mkdir()
     for share in (0.3, 0.5):
         drag = torques() + share * GRIPPER.alpha_2 / SPEEDS.max() * SPEEDS**2
-        (joint,) = bristle.identify(experiment(tmp_path / "a", SPEEDS, drag)).joints
+        (joint,) = bristle.identify(points_file(tmp_path / "a", SPEEDS, drag)).joints
         fit = joint.static["+"]
         assert of({"strays", "strays-matter", "strays-left-out"}, fit) == []
         assert fit.n == SPEEDS.size
@@ -94,10 +81,10 @@ def test_a_term_that_the_fit_lacks_comes_before_strays(tmp_path: Path) -> None:
     T = torques()
     T[10] += 20 * NOISE
     (then,) = of(
-        {"strays", "strays-matter"}, static(experiment(tmp_path / "b", SPEEDS, T, "fit: {set_up: as-written}\n"))
+        {"strays", "strays-matter"}, static(points_file(tmp_path / "b", SPEEDS, T, "fit: {set_up: as-written}\n"))
     )
     assert "leave `set_up: as-written` out" in then.numbers["advice"]
-    assert of({"strays-left-out"}, static(experiment(tmp_path / "b", SPEEDS, T)))
+    assert of({"strays-left-out"}, static(points_file(tmp_path / "b", SPEEDS, T)))
 
 
 @pytest.mark.usefixtures("few_motions")
@@ -107,8 +94,8 @@ def test_strays_are_left_out_of_everything(tmp_path: Path) -> None:
     T[6] += 20 * NOISE
     (tmp_path / "a").mkdir()
     (tmp_path / "b").mkdir()
-    path = experiment(tmp_path / "a", SPEEDS, T)
-    bare = experiment(tmp_path / "b", np.delete(SPEEDS, 6), np.delete(T, 6))
+    path = points_file(tmp_path / "a", SPEEDS, T)
+    bare = points_file(tmp_path / "b", np.delete(SPEEDS, 6), np.delete(T, 6))
     found = [bristle.identify(x) for x in (path, bare)]
     dropped, without = (x.joints[0] for x in found)
     for name, e in without.static["+"].parameters.items():
@@ -130,7 +117,7 @@ def test_a_point_below_breakaway_is_left_out(tmp_path: Path) -> None:
     """At vanishing speed with half the friction a point did not slide: left out by default, with the reason; at ordinary speed it is a stray."""
     slow = np.concatenate([[1e-5], SPEEDS])
     T = np.concatenate([[0.5 * GRIPPER.alpha_0], torques()])
-    joint = bristle.identify(experiment(tmp_path, slow, T)).joints[0]
+    joint = bristle.identify(points_file(tmp_path, slow, T)).joints[0]
     assert [s.line for s in joint.segments if not s.accepted] == [2]
     assert joint.segments[0].reasons[0].code == "below-breakaway"
     assert [w.code for w in of(ABOUT, joint.static["+"])] == ["resting-left-out"]
@@ -140,7 +127,7 @@ def test_a_point_below_breakaway_is_left_out(tmp_path: Path) -> None:
 def test_what_is_excluded_is_not_fitted(tmp_path: Path) -> None:
     """`fit.exclude` leaves out the lines that it names and no others, and refuses to name none."""
     T = torques()
-    path = experiment(
+    path = points_file(
         tmp_path, SPEEDS, T, "fit: {exclude: [{file: points.csv, rows: 8}, {file: points.csv, rows: 10-11}]}\n"
     )
     joint = bristle.identify(path).joints[0]
@@ -148,17 +135,17 @@ def test_what_is_excluded_is_not_fitted(tmp_path: Path) -> None:
     assert {reason.code for s in joint.segments for reason in s.reasons} == {"excluded"}
     for entry in ("{file: points.csv, rows: 1}", "{file: other.csv, rows: 8}"):
         with pytest.raises(InputError, match=r"fit\.exclude: entry 1 names no point"):
-            bristle.identify(experiment(tmp_path, SPEEDS, T, f"fit: {{exclude: [{entry}]}}\n"))
+            bristle.identify(points_file(tmp_path, SPEEDS, T, f"fit: {{exclude: [{entry}]}}\n"))
     for rows in ("x", "3-2", "-1", "1.5", "[1]", "1-2-3", "true"):
         with pytest.raises(InputError, match="rows"):
             bristle.identify(
-                experiment(tmp_path, SPEEDS, T, f"fit: {{exclude: [{{file: points.csv, rows: {rows}}}]}}\n")
+                points_file(tmp_path, SPEEDS, T, f"fit: {{exclude: [{{file: points.csv, rows: {rows}}}]}}\n")
             )
 
 
 def test_minimum_velocity_holds_for_points(tmp_path: Path) -> None:
     """Points slower than `segments.minimum_velocity` are rejected, with the reason."""
-    path = experiment(tmp_path, SPEEDS, torques(), f"segments: {{minimum_velocity: {float(SPEEDS[3])!r} rad/s}}\n")
+    path = points_file(tmp_path, SPEEDS, torques(), f"segments: {{minimum_velocity: {float(SPEEDS[3])!r} rad/s}}\n")
     joint = bristle.identify(path).joints[0]
     assert [s.accepted for s in joint.segments] == [False] * 3 + [True] * 19
     assert {s.reasons[0].code for s in joint.segments[:3]} == {"point-too-slow"}
@@ -169,7 +156,7 @@ def test_a_law_that_does_not_fit_is_misfit(tmp_path: Path) -> None:
     T = torques()
     T[[3, 8, 13]] += NOISE * np.array([160, -60, 25])
     for set_up in ("as-written", "auto"):
-        fit = static(experiment(tmp_path, SPEEDS, T, f"fit: {{set_up: {set_up}}}\n"))
+        fit = static(points_file(tmp_path, SPEEDS, T, f"fit: {{set_up: {set_up}}}\n"))
         (warning,) = of(ABOUT, fit)
         assert (warning.code, warning.severity, fit.n) == ("misfit", Severity.CAUTION, 22)
         assert warning.effect["torque"] == pytest.approx(fit.rms)
@@ -194,7 +181,7 @@ def test_a_stray_among_torques_of_zero_is_named_without_a_relative_error(tmp_pat
     """Where nothing is left of the torque without the stray there is no relative error, and no warning of NumPy's."""
     T = np.zeros(SPEEDS.size)
     T[10] = 1.0
-    fit = static(experiment(tmp_path, SPEEDS, T))
+    fit = static(points_file(tmp_path, SPEEDS, T))
     assert [stray.where for stray in fit.strays] == ["line 12"]
     assert np.isnan(fit.relative_error or np.nan)
 
@@ -204,7 +191,7 @@ def test_what_an_offset_would_be_is_noted(tmp_path: Path) -> None:
     v = np.concatenate([SPEEDS, -SPEEDS])
     other = GRIPPER._replace(alpha_0=0.8 * GRIPPER.alpha_0, alpha_2=1.3 * GRIPPER.alpha_2)
     T = np.concatenate([curve(SPEEDS, GRIPPER), -curve(SPEEDS, other)])
-    joint = bristle.identify(experiment(tmp_path, v, T)).joints[0]
+    joint = bristle.identify(points_file(tmp_path, v, T)).joints[0]
     (noted,) = [w for w in joint.warnings if w.code == "offset-left-out"]
     assert noted.numbers["offset"] == pytest.approx(0.1 * GRIPPER.alpha_0, rel=1e-6)
     assert noted.numbers["common"] == pytest.approx(0.9 * GRIPPER.alpha_0, rel=1e-6)

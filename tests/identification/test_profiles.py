@@ -19,7 +19,7 @@ from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.problem import Regression, from_points, with_prior
 from bristle.identification.static.profiles import StaticProfiles, profiled
 from bristle.identification.static.uncertainty import resample
-from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.model.parameters import Lugre, ParameterName
 
 from ..names import named, parse
 from .conftest import GRIPPER, curve
@@ -104,15 +104,7 @@ def measured(truth: Lugre[float], velocity: Array, noise: float, seed: int) -> A
 
 def without_peak(velocity: Array, torque: Array, extra: dict[str, Array] | None = None) -> Regression:
     """Coulomb and viscous friction alone."""
-    problem = from_points(velocity, torque, ("both",), extra)
-    return Regression(
-        directions=(Direction.BOTH,),
-        peaks=(),
-        velocity=velocity,
-        torque=torque,
-        linear=problem.linear,
-        linear_names=problem.linear_names,
-    )
+    return replace(from_points(velocity, torque, ("both",), extra), peaks=())
 
 
 @given(seed=st.integers(0, 10**6), variance_inflation=st.floats(1.0, 3.0))
@@ -200,15 +192,7 @@ def moving_problem(seed: int = 0, samples: int = 2400) -> Regression:
     torque = curve(velocity, GRIPPER) + 0.01 * inertia + 2e-3 * rng.standard_normal(samples)
     raw = from_points(velocity, torque, ("both",), {"inertia": inertia})
     smooth = sparse.csr_array(sparse.kron(sparse.eye_array(samples // 8), np.full((1, 8), 1 / 8)))
-    return Regression(
-        directions=(Direction.BOTH,),
-        peaks=(Direction.BOTH,),
-        velocity=velocity,
-        torque=smooth @ torque,
-        linear=smooth @ raw.linear,
-        linear_names=raw.linear_names,
-        smooth=smooth,
-    )
+    return replace(raw, torque=smooth @ torque, linear=smooth @ raw.linear, smooth=smooth)
 
 
 def test_moving_data_with_every_parameter_at_its_bound_draw_none() -> None:

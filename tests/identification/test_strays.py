@@ -31,13 +31,17 @@ def test_clean_points_have_no_strays() -> None:
 
 
 @pytest.mark.slow
-def test_two_strays_are_found_wherever_they_are() -> None:
-    """Two points off by ten standard deviations, at random places and signs, are both named in at least 95 of 100 sets."""
+@pytest.mark.parametrize("neighbours", [False, True])
+def test_two_strays_are_found_wherever_they_are(*, neighbours: bool) -> None:
+    """Two points off by ten standard deviations, at random places and signs, or neighbours off to one side, which pull the law to them.
+
+    Both are named in at least 95 of 100 sets.
+    """
     found = 0
     for seed in range(100):
-        rng = np.random.default_rng([seed, 1])
-        places, T = rng.choice(22, 2, replace=False), torque(seed)
-        T[places] += 10 * NOISE * rng.choice([-1, 1], 2)
+        rng, T = np.random.default_rng([seed, 1 + neighbours]), torque(seed)
+        places = int(rng.integers(21)) + np.arange(2) if neighbours else rng.choice(22, 2, replace=False)
+        T[places] += 10 * NOISE * rng.choice([-1, 1], None if neighbours else 2)
         found += set(places.tolist()) <= set(find_strays(from_points(SPEEDS, T, ("+",))).rows)
     assert found >= 95
 
@@ -54,26 +58,6 @@ def test_the_first_stray_is_the_one_that_brute_force_names() -> None:
     costs = [refit(from_points(np.delete(SPEEDS, k), np.delete(T, k), ("+",))).cost for k in pairs]
     assert pairs[int(np.argmin(costs))] == (20, 21)
     assert set(find_strays(from_points(SPEEDS, T, ("+",))).rows) == {20, 21}
-
-
-@pytest.mark.slow
-def test_neighbours_off_to_one_side_are_found() -> None:
-    """Two neighbours off by ten standard deviations with one sign, which pull the law to them, are both named in at least 95 of 100 sets."""
-    found = 0
-    for seed in range(100):
-        rng = np.random.default_rng([seed, 2])
-        first, T = int(rng.integers(21)), torque(seed)
-        T[first : first + 2] += 10 * NOISE * rng.choice([-1, 1])
-        found += {first, first + 1} <= set(find_strays(from_points(SPEEDS, T, ("+",))).rows)
-    assert found >= 95
-
-
-def test_more_than_an_eighth_is_misfit() -> None:
-    """Of 22 points two can be strays; with a third far off it is said that the law does not fit."""
-    T = torque(1)
-    T[[3, 8, 13]] += NOISE * np.array([160, -60, 25])
-    assert find_strays(from_points(SPEEDS, T, ("+",))).misfit
-    assert not find_strays(from_points(SPEEDS, torque(1), ("+",))).misfit
 
 
 def test_three_that_hide_each_other_are_not_passed_over() -> None:
