@@ -14,7 +14,7 @@ from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.experiment_design.excitation import MEASURED
 from bristle.questions.experiment_design.loading import design_loading
 from bristle.questions.experiment_design.plan import Plan
-from bristle.questions.experiment_design.report import captions
+from bristle.questions.experiment_design.report import report
 
 from ..conftest import few_motions_tried, speeds, write
 from ..pages import assert_tables_are_named, findings, page_text
@@ -28,6 +28,11 @@ def quick() -> Iterator[None]:
     """Few motions are tried: what is tested holds for any number."""
     with few_motions_tried():
         yield
+
+
+def captions(plan: Plan) -> dict[str, str]:
+    """What the caption of each figure begins with, by the name of its file."""
+    return {figure.name: figure.caption for section in report(plan).sections for figure in section.drawings}
 
 
 def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit: str = "") -> Plan:

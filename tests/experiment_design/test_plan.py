@@ -59,7 +59,11 @@ def assert_within(frame: pd.DataFrame, position: tuple[float, float], velocity: 
 
 
 def test_now_is_what_was_identified(gripper: Plan) -> None:
-    """Standard errors before the plan are those of the joint fit, and each part of the plan makes none larger; all of it makes each smaller."""
+    """Standard errors before the plan are those of the joint fit, and each part of the plan makes none larger; all of it makes each smaller.
+
+    Its frame is the table of intervals.
+    """
+    pd.testing.assert_frame_equal(gripper.to_frame(), intervals(gripper))
     fit = gripper.joint.moving
     assert fit is not None
     said = [fit.parameters[name].standard_error for name in gripper.start.names]
@@ -84,18 +88,30 @@ def test_each_part_adds_what_it_shows(gripper: Plan) -> None:
 
 
 def test_what_it_is_worth_is_said_first(gripper: Plan) -> None:
-    """The widest interval before and after are those of the table, in percent; where the plan leaves one open, nothing is promised."""
+    """Speeds, runs, time and the intervals of alpha_0 and v_s, or of the aim, are those of the plan.
+
+    The widest interval before and after is that of the table, in percent; where the plan leaves one open, nothing is promised.
+    """
     half = 196 * np.array([gripper.standard_errors[stage] for stage in ("now", "with motion")])[:, gripper.free]
     now, then = half / np.abs(gripper.start.estimate[gripper.free])
-    worth = gripper.worth
-    assert worth is not None
+    worth, names = gripper.worth, [gripper.start.names[k].name for k in gripper.free]
     assert worth.numbers["before"] == pytest.approx(now[np.isfinite(now) & (now <= 98)].max())
     assert worth.numbers["after"] == pytest.approx(then.max())
-    assert bristle.report_of(gripper).text().splitlines()[1].startswith("  In ")
+    speeds_ = np.unique(np.abs([v for x in gripper.velocities for v in x.velocities]))
+    known = {aim: max(then[k] for k, name in enumerate(names) if name == aim) for aim in ("alpha_0", "v_s", "sigma_1")}
+    (first, second, *_) = bristle.report_of(gripper).text().splitlines()
+    assert first.startswith(
+        f"gripper rotation: measure {speeds_.size} speeds from {speeds_[0]:.3g} to {speeds_[-1]:.3g} rad/s in 24 runs, 2 slow loadings and "
+        f"a tracking motion, {gripper.duration / 60:.0f} min: predicted alpha_0 to ± {known['alpha_0']:.2g} %, v_s to ± {known['v_s']:.2g} % (95 %)."
+    )
+    assert second == "  Planned for all parameters (identified from SIMULATED data)."
+    assert f": predicted sigma_1 to ± {known['sigma_1']:.2g} % (95 %)." in replace(gripper, aim="sigma_1").worth.message
     wide = np.where(
         np.arange(len(gripper.start.names)) == gripper.free[0], np.inf, gripper.standard_errors["with motion"]
     )
-    assert replace(gripper, standard_errors={**gripper.standard_errors, "with motion": wide}).worth is None
+    opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": wide}).worth
+    assert "after" not in opened.numbers
+    assert ": predicted alpha_0 not identifiable, v_s to ± " in opened.message
 
 
 def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
@@ -380,15 +396,6 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     assert "nan" not in page.lower().replace("resonan", "")
     assert len(list((tmp_path / "page" / "figures").glob("*.png"))) == 7
     assert (tmp_path / "page" / "tables" / "intervals.csv").is_file()
-
-
-@pytest.mark.slow
-def test_a_plan_carries_itself(gripper: Plan, tmp_path: Path) -> None:
-    """Its frame is the table of intervals; written to a path or a text, its page is the same."""
-    pd.testing.assert_frame_equal(gripper.to_frame(), intervals(gripper))
-    report = bristle.report_of(gripper)
-    first, second = report.write(str(tmp_path / "one")), report.write(tmp_path / "two")
-    assert first.read_bytes() == second.read_bytes()
 
 
 @pytest.mark.slow

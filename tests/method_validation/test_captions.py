@@ -1,32 +1,15 @@
 """What the figures of `bristle validate` say first: a finding with its number, adverse ones in the same place."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bristle.model.parameters import Kind
-from bristle.questions.method_validation import run as running
-from bristle.questions.method_validation.cases import CaseSet, sweep
-from bristle.questions.method_validation.report import drawings, report, resolution_caption
+from bristle.questions.method_validation.report import drawings, resolution_caption
 from bristle.questions.method_validation.results import CaseResult, Validation
-from bristle.questions.method_validation.run import REFINED, validate
-
-from ..pages import assert_tables_are_named, findings, page_text
-
-
-@pytest.fixture(scope="module")
-def validation() -> Validation:
-    """A short validation of two cases, of which the second cannot tell v_s."""
-    cases = sweep(0.005).cases
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(running, "LOCAL_SETS", 6)
-        patch.setattr(running, "BOOTSTRAP_SETS", 12)
-        chosen = CaseSet(title="two", kind="prismatic", cases=(cases[0], cases[2]))
-        return validate(chosen, repetitions=40, starts=4)
+from bristle.questions.method_validation.run import REFINED
 
 
 def captions(result: CaseResult, kind: Kind) -> dict[str, str]:
@@ -44,18 +27,6 @@ def with_costs(result: CaseResult, costs: Mapping[str, list[float]]) -> CaseResu
         cost={name: np.array(cost) for name, cost in costs.items()},
     )  # fmt: skip  # a list of values
     return replace(result, starts=starts, declined=0.0)
-
-
-def test_every_caption_begins_with_a_number(validation: Validation, tmp_path: Path) -> None:
-    """Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there."""
-    index = report(validation).write(tmp_path / "out")
-    found = findings(page_text(index))
-    said = [text for case in validation.cases for text in captions(case, "prismatic").values()]
-    assert [
-        text[: len(first)] for first, text in zip(found, [*said, resolution_caption(validation)], strict=True)
-    ] == found
-    assert [text for text in found if not re.search(r"\d", text)] == []
-    assert_tables_are_named(index.parent)
 
 
 @pytest.mark.parametrize(
@@ -99,7 +70,7 @@ def test_where_grid_and_solvers_end(
 
 def test_v_s_that_is_not_identifiable_stands_first(validation: Validation) -> None:
     """Cost and errors of a case that cannot tell v_s begin with that, in percent of its data sets; of others they do not."""
-    known, lost = validation.cases
+    known, _, lost = validation.cases
     for name in ("cost", "methods"):
         assert captions(replace(lost, declined=0.9), "revolute")[name].startswith(
             "vₛ is not identifiable in 90 % of the data sets. The "

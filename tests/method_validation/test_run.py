@@ -1,5 +1,6 @@
 """The grid search validated: the methods agree where they must, and what is counted is what happened."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from bristle.questions.method_validation import figures
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import MOST_POINTS, CaseSet, joint_cases, sweep
+from bristle.questions.method_validation.report import resolution_caption
 from bristle.questions.method_validation.results import (
     FREE,
     MOST_DECLINED,
@@ -37,49 +39,21 @@ from bristle.simulation import edro
 from bristle.simulation.bench import steady_points
 
 from ..conftest import FEW, experiment, run, speeds, table, tree, write
-from ..pages import page_text
+from ..pages import assert_tables_are_named, findings, page_text
 from ..sameness import held, without_sentences
+from .conftest import EVEN, NONE_BELOW, WIDE, case_of, designs, quick
+from .test_captions import captions
 
 P = edro.TABLE_1["gripper rotation"].positive
 NAMES = case_names(P.law)
-WIDE, EVEN, NONE_BELOW = range(3)
 TOO_FEW = Finding("static-too-few", CRITICAL, "Too few points for the parameters; nothing is estimated.")
 NO_PEAK = Finding("static-no-stribeck", CAUTION, "Stribeck term not identifiable from these data.")
-
-
-def case_of(design: int, noise: float = 0.05, sign: float = 1.0) -> ValidationCase:
-    """Gripper rotation (+) at one of the sweep's designs."""
-    return next(
-        c
-        for c in sweep(noise).cases
-        if c.label == f"gripper rotation ({'+' if sign > 0 else '-'})" and c.design == designs()[design]
-    )
-
-
-def designs() -> list[str]:
-    """The sweep's designs, in order."""
-    return list(dict.fromkeys(c.design for c in sweep().cases))
 
 
 def torques_of(case: ValidationCase, sets: int, seed: int = 0) -> Array:
     """Simulated data sets, (n, sets)."""
     rng = np.random.default_rng(seed)
     return np.ascontiguousarray(steady_points(case.truth, case.velocity, case.noise, rng, sets).T)
-
-
-def quick(patch: pytest.MonkeyPatch) -> None:
-    """Fewer data sets for what takes long."""
-    patch.setattr(running, "LOCAL_SETS", 6)
-    patch.setattr(running, "BOOTSTRAP_SETS", 12)
-
-
-@pytest.fixture(scope="module")
-def validation() -> Validation:
-    """A short validation of three cases: all can be known, little noise; all can be known, much noise; nothing can be known."""
-    cases = (case_of(WIDE, 0.005), case_of(WIDE), case_of(NONE_BELOW, 0.005))
-    with pytest.MonkeyPatch.context() as patch:
-        quick(patch)
-        return validate(CaseSet(title="<b>three", kind="prismatic", cases=cases), repetitions=60, starts=6)
 
 
 def test_the_sweep_is_what_it_says() -> None:
@@ -479,19 +453,27 @@ def test_figures_say_what_they_show(validation: Validation) -> None:
     assert len([x for x in resolution.axes[0].lines if len(x.get_xdata()) == len(RESOLUTIONS)]) == 2  # type: ignore[arg-type]  # stubs allow scalars
 
 
-def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validation, tmp_path: Path) -> None:
+def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validation) -> None:
     """Without a case in which v_s can be known there is no such figure, and the page says so instead."""
     unknowable = replace(validation, cases=validation.cases[2:])
     assert figures.resolution_figure(unknowable) is None
-    assert "not identifiable in any case" in bristle.report_of(unknowable).write(tmp_path / "out").read_text(
-        encoding="utf-8"
-    )
+    said = [section.text for section in bristle.report_of(unknowable).sections]
+    assert "vₛ is not identifiable in any case, so the resolution does not matter." in said
 
 
 @pytest.mark.usefixtures("raster")
 def test_the_page_holds_verdict_tables_and_figures(validation: Validation, tmp_path: Path) -> None:
-    """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method."""
+    """The page says SIMULATED, escapes a hostile name, has each sentence, and its tables stand beside it as CSV, with every case and method.
+
+    Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there.
+    """
     page = page_text(bristle.report_of(validation).write(tmp_path / "out"))
+    found = findings(page)
+    said = [text for case in validation.cases for text in captions(case, "prismatic").values()]
+    said.append(resolution_caption(validation))
+    assert [text[: len(first)] for first, text in zip(found, said, strict=True)] == found
+    assert [text for text in found if not re.search(r"\d", text)] == []
+    assert_tables_are_named(tmp_path / "out")
     assert "&lt;b&gt;three" in page
     assert "<b>three" not in page
     assert "SIMULATED data." in page
@@ -517,7 +499,7 @@ def test_the_command_validates_and_writes(tmp_path: Path, monkeypatch: pytest.Mo
     assert ran.code == 0
     assert "wrist +: Grid and full nonlinear fit agree" in ran.words
     assert "wrist (-), SIMULATED, the 20 points measured" in ran.words
-    assert "none has a cost below the refined grid's" in ran.words
+    assert "The grid search holds: none of 16 IPOPT fits" in ran.words
     assert (tmp_path / "out" / "index.html").is_file()
 
 

@@ -595,7 +595,7 @@ def test_a_page_replaces_no_session(sessions: tuple[Path, Path]) -> None:
 
 
 def test_a_comparison_carries_itself(tmp_path: Path) -> None:
-    """Its report has its frame as a table, is written by a path or a text, and begins in the terminal with the joint; another result has none."""
+    """Its report has its frame as a table, is written by a path or a text, and begins in the terminal with the verdict; another result has none."""
     compared = compare(session(plain({"alpha_0": 2.0}, 0.1)), session(plain({"alpha_0": 3.0, "v_s": 1.0}, 0.1)))
     report = bristle.report_of(compared)
     pd.testing.assert_frame_equal(compared.to_frame(), report.frames["changes"])
@@ -604,8 +604,7 @@ def test_a_comparison_carries_itself(tmp_path: Path) -> None:
     assert first == tmp_path / "one" / "index.html"
     assert first.read_text(encoding="utf-8") == second.read_text(encoding="utf-8") == report.html()
     lines = report.text().splitlines()
-    assert lines[0] == "[[wrist]] revolute"
-    assert str(compared.sentence) in lines
+    assert lines[:2] == [str(compared.sentence), "[[wrist]] revolute"]
     with pytest.raises(
         bristle.InputError, match="got a Change; expected what adapt, compare, plan, sensitivity or validate gave"
     ):

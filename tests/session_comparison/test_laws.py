@@ -101,7 +101,9 @@ def test_results_files_and_the_page_say_it(tmp_path: Path) -> None:
     """Two results files of two laws give the same, and the page says that the laws differ."""
     paths = [write(tmp_path / stem, speeds(), stem=stem) for stem in ("first", "second")]
     paths[1].write_text(paths[1].read_text() + f"fit: {{law: {DRAG}}}\n")
-    files = [bristle.identify(path).write(path.parent / "report").parent / "results.json" for path in paths]
+    files = [path.parent / "results.json" for path in paths]
+    for path, file in zip(paths, files, strict=True):
+        file.write_text(bristle.identify(path).to_json(), encoding="utf-8")
     found = bristle.compare(*files)
     assert {name.rstrip("+-") for name in names(found, compared=True)} == {"breakaway"}
     assert "has the friction law gaussian" in page_text(bristle.report_of(found).write(tmp_path / "page"))

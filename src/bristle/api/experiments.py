@@ -182,8 +182,8 @@ def sensitivity(
     >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
     >>> fit = bristle.fit(v, T, directions="symmetric")
     >>> study = bristle.sensitivity(fit, samples=0)
-    >>> print(bristle.report_of(study).text()[:44])
-    joint: RMS of p dT/dp relative to the RMS of
+    >>> print(bristle.report_of(study).text()[:20])
+    alpha_2 matters most
 
     Args:
         experiment: of the joint, or what `identify` or a fit of arrays gave; None: the paper's gripper rotation (+), with the
@@ -265,8 +265,8 @@ def plan(
     >>> T = [-0.059, -0.0431, -0.0312, -0.0254, -0.0241, -0.0250, -0.0252, 0.0251, 0.0250, 0.0241, 0.0254, 0.0312, 0.0431, 0.059]
     >>> fit = bristle.fit(v, T, directions="symmetric")
     >>> plan = bristle.plan(fit, velocities=4)
-    >>> print(bristle.report_of(plan).text()[:47])
-    joint: what to measure next, for all parameters
+    >>> print(bristle.report_of(plan).text()[:48])
+    joint: measure 4 speeds from 0.02 to 1 rad/s in
 
     Args:
         experiment: with limits under `plan`, or else as far as its runs went; or what `identify` or a fit of arrays gave.

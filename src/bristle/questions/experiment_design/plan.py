@@ -82,27 +82,43 @@ class Plan:
         return sum(r.position.size for r in self.references) / self.limits.rate
 
     @property
-    def worth(self) -> Finding | None:
-        """What the plan does to the widest 95 % interval, in percent of the value; None where it leaves one open."""
+    def worth(self) -> Finding:
+        """What to measure, and how well alpha_0 and v_s, or what is aimed for, are then known.
+
+        Then what it does to the widest 95 % interval, in percent of the value, where it leaves none open.
+        """
         percent = {
             stage: [100 * NORMAL * float(errors[k] / abs(self.start.estimate[k])) for k in self.free]
             for stage, errors in self.standard_errors.items()
         }
         now, then = percent["now"], percent["with motion"]
         names, limit = [self.start.names[k] for k in self.free], 100 * NORMAL * _UNSEEN
-        known = [k for k, x in enumerate(now) if x <= limit]
-        if not known or not max(then) <= limit:
-            return None
-        opened = tuple(name for name, x in zip(names, now, strict=True) if not x <= limit)
-        widest, left = max(known, key=now.__getitem__), then.index(max(then))
-        opens = f" Now {', '.join(map(str, opened))} cannot be identified, which the plan changes." if opened else ""
-        return Finding(
-            "plan-narrows",
-            NOTE,
-            f"In {self.duration:.3g} s the plan brings the widest 95 % interval from {now[widest]:.2g} % of the value "
-            f"({names[widest]}) to {then[left]:.2g} % ({names[left]}), as predicted.{opens}",
-            {"duration": self.duration, "before": now[widest], "after": then[left], "opened": opened},
+
+        # What to run, and how well each is then known: in the direction in which it is known worse.
+        speeds = np.unique(np.concatenate([x.chosen.speeds for x in self.velocities]))
+        runs, loads = (len({r.run for r in self.references if r.kind == kind}) for kind in ("ramp", "presliding"))
+        time = f"{self.duration / 60:.0f} min" if self.duration >= 100 else f"{self.duration:.0f} s"
+        aims = ("alpha_0", "v_s") if self.aim == "all" else (self.aim,)
+        worst = {aim: max(x for name, x in zip(names, then, strict=True) if name.name == aim) for aim in aims}
+        known_to = (f"{aim} {f'to ± {x:.2g} %' if x <= limit else 'not identifiable'}" for aim, x in worst.items())
+        message = (
+            f"{self.joint.name}: measure {speeds.size} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} "
+            f"{unit('velocity', self.joint.kind)} in {runs} runs, {loads} slow loadings and a tracking motion, {time}: "
+            f"predicted {', '.join(known_to)} (95 %)."
         )
+        numbers: dict[str, object] = {"duration": self.duration, "speeds": speeds.size, "known": tuple(worst.items())}
+
+        known = [k for k, x in enumerate(now) if x <= limit]
+        if known and max(then) <= limit:
+            opened = tuple(name for name, x in zip(names, now, strict=True) if not x <= limit)
+            widest, left = max(known, key=now.__getitem__), then.index(max(then))
+            opens = f" Now {', '.join(map(str, opened))} cannot be identified." if opened else ""
+            message += (
+                f" The widest interval goes from {now[widest]:.2g} % of the value ({names[widest]}) to {then[left]:.2g} % "
+                f"({names[left]}).{opens}"
+            )
+            numbers |= {"before": now[widest], "after": then[left], "opened": opened}
+        return Finding("plan-narrows", NOTE, message, numbers)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:

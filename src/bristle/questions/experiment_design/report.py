@@ -1,7 +1,7 @@
 """The report of a plan: what it is worth, its limits, and each part of it."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -34,7 +34,7 @@ _UNITS = {
 
 
 def report(plan: Plan) -> Report:
-    """What the plan is worth, its limits, and each part of it; the terminal has the parts first, then the errors to expect."""
+    """What to measure and what it is worth, its limits, and each part of it; the terminal has the parts before the errors to expect."""
     name, kind, aim = plan.joint.name, plan.joint.kind, plan.aim
     every = (tables.velocities, tables.designs, tables.intervals, tables.loading, tables.lines, tables.motions)
     frames = {table.__name__: table(plan) for table in every}
@@ -47,20 +47,18 @@ def report(plan: Plan) -> Report:
         return Table(file, title, frames[file], part.rename(columns=headings), note)
 
     simulated = " (identified from SIMULATED data)" if plan.joint.simulated else ""
-    head = f"{name}: what to measure next, for {'all parameters' if aim == 'all' else aim}{simulated}"
-    worth = () if plan.worth is None else (plan.worth,)
-    sections = [Section("", findings=worth, lines=(head, *(f"  {x}" for x in worth)))]
+    planned_for = f"  Planned for {'all parameters' if aim == 'all' else aim}{simulated}."
+    sections = [Section("", findings=(plan.worth,), lines=(str(plan.worth), planned_for))]
     if plan.warnings:
         lines = tuple(f"  {x.coded}" for x in plan.warnings)
         sections.append(Section("What it would not show", findings=plan.warnings, lines=lines, turn=2, coded=True))
-    drawn = _drawings(plan)
     runs, assumed = max(r.run for r in plan.references), tuple(f"  assumed: {x.flagged}" for x in plan.assumptions)
     sections += [
         Section(
             "What it is worth",
             text=f"{runs} runs in {number(plan.duration, 3)} s: constant velocities, slow loading, one tracking motion. The table shows half of "
             "each 95 % interval in the parameter's unit: now, and as expected after each part of the plan.",
-            figure=drawn["intervals"],
+            figure=_intervals(plan),
             table=table(
                 "intervals",
                 "Half of each 95 % interval",
@@ -76,20 +74,15 @@ def report(plan: Plan) -> Report:
         ),
         Section("Limits", facts=_limits(plan), lines=()),
         Section("Assumed", findings=plan.assumptions, lines=assumed, turn=3, form="part"),
-        _of_velocities(plan, drawn, table("velocities", "Constant velocities to run", frames["velocities"])),
-        Section(
-            "Comparison with other designs",
-            text="Expected relative standard errors, including the information of the runs so far.",
-            table=table("designs", "Designs compared", _rounded(frames["designs"])),
-            lines=(),
-            form="part",
+        *_of_velocities(
+            plan,
+            table("velocities", "Constant velocities to run", frames["velocities"]),
+            table("designs", "Designs compared", _rounded(frames["designs"])),
         ),
-        Section("Robustness to vₛ", figure=drawn["robustness"], lines=(), form="part"),
-        _of_loading(plan, drawn, table("loading", "Slow loading", _rounded(frames["loading"]))),
+        _of_loading(plan, table("loading", "Slow loading", _rounded(frames["loading"]))),
         *_of_motion(
             plan,
             frames,
-            drawn,
             table(
                 "lines",
                 "Sines of the tracking motion",
@@ -99,7 +92,7 @@ def report(plan: Plan) -> Report:
             ),
             table("motions", "Relative standard errors after each motion, percent", _rounded(motions)),
         ),
-        Section("The whole plan, as played", figure=drawn["whole"], lines=(), id="references"),
+        Section("The whole plan, as played", figure=_whole(plan), lines=(), id="references"),
     ]
     return Report(
         f"{name}: what to measure next",
@@ -107,6 +100,44 @@ def report(plan: Plan) -> Report:
         about=f"Planned for {'all parameters' if aim == 'all' else symbol(aim)}, from the runs so far.",
         simulated="The joint was not measured but simulated." if plan.joint.simulated else "",
         seed=0,
+    )
+
+
+def _drawing(plan: Plan, draw: Callable[[Plan], Figure], label: str, caption: str, how: str) -> Drawing:
+    """A figure; its caption begins with a finding."""
+    name = draw.__name__.removesuffix("_figure")
+    return Drawing(partial(draw, plan), f"plan-{name}", label, f"{caption}.", how)
+
+
+def _intervals(plan: Plan) -> Drawing:
+    """Errors before and after: the parameter that stays widest, or those that the plan is for; which of them stay open where any does."""
+    now, then = (_relative(plan, plan.standard_errors[stage]) for stage in ("now", "with motion"))
+    largest, unseen = plan.aim == "all", [k for k in plan.aimed if not then[k] < CEILING]
+    widest = [max(plan.aimed, key=then.__getitem__)] if largest else plan.aimed
+    errors = (f"{percentage(then[k])} % of {_names(plan, [k])}, from {percentage(now[k])} % now" for k in widest)
+    found = f"{'Largest standard' if largest else 'Standard'} error expected after the plan: {'; '.join(errors)}"
+    if unseen:
+        found = f"Standard error over {CEILING:g} %, not identifiable, even after the plan: {_names(plan, unseen)}"
+    return _drawing(
+        plan,
+        figures.intervals_figure,
+        f"errors of {plan.joint.name} before and after",
+        found,
+        "Relative standard error of each parameter: now (squares), and as expected after velocities, loading and motion (circles).",
+    )
+
+
+def _whole(plan: Plan) -> Drawing:
+    """All references: how long they take, and how many runs of each kind they are."""
+    kinds = Counter(kind for kind, _ in dict.fromkeys((r.kind, r.run) for r in plan.references))
+    return _drawing(
+        plan,
+        figures.whole_figure,
+        f"all references of {plan.joint.name}",
+        f"The plan takes {number(plan.duration, 3)} s: {kinds['ramp']} runs at constant velocity, {kinds['presliding']} of slow loading, "
+        f"{counted(kinds['tracking'], 'tracking motion')}",
+        f"References at {number(plan.limits.rate)} Hz: runs at constant velocity with the moves between them, slow loading by torque, and the "
+        "tracking motion; dashed: position limits.",
     )
 
 
@@ -143,8 +174,8 @@ def _expected(plan: Plan) -> tuple[str, ...]:
     )
 
 
-def _of_velocities(plan: Plan, drawn: Mapping[str, Drawing], table: Table) -> Section:
-    """The runs at constant velocity."""
+def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]:
+    """The runs at constant velocity, beside other designs, and what they show were v_s another one."""
     static, hold = plan.velocities[0], number(plan.limits.hold, 3)
     count = {4: "four"}.get(len(static.problem.names), len(static.problem.names))
     what = "c-optimal runs for one parameter alone"
@@ -159,14 +190,44 @@ def _of_velocities(plan: Plan, drawn: Mapping[str, Drawing], table: Table) -> Se
         f"The {what}, in addition to the runs so far, found by exchange on a fine grid of speeds; near ones become one. Each is averaged over "
         f"{hold} s after a run-in of {SETTLE} s or {DEFLECTIONS:.0f} bristle deflections, whichever is longer."
     )
-    title, figure = "Constant velocities", drawn["velocities"]
-    return Section(title, text=text, figure=figure, table=table, lines=tuple(lines), id="velocities")
+    speeds, robustness, v = [], [], pretty(unit("velocity", plan.joint.kind))
+    for x in plan.velocities:
+        run = [speed for speed, _ in x.chosen.runs]
+        ends = dict.fromkeys(number(speed, 3) for speed in (run[0], run[-1]))
+        many, at = counted(len(x.velocities), "run"), counted(len(run), "speed")
+        speeds.append(f"{direction(x.direction)}: {many} at {at}, {' to '.join(ends)} {v}")
+        low, high = x.problem.nodes.min(), x.problem.nodes.max()
+        of_v_s = errors_by_v_s(x.problem, x.chosen.speeds, np.geomspace(low, high, 60))
+        between = dict.fromkeys(number(float(end), 3) for end in (low, high))
+        ends = dict.fromkeys(percentage(end) for end in (float(of_v_s.min()), float(of_v_s.max())))
+        robustness.append(
+            f"{direction(x.direction)}: {' to '.join(ends)} % for a true vₛ of {' to '.join(between)} {v}"
+        )
+    chosen = _drawing(
+        plan,
+        figures.velocities_figure,
+        f"velocities to run on {plan.joint.name}",
+        f"Constant velocities, {'; '.join(speeds)}",
+        "Friction curve at the estimate with the speeds to run and, above, how often; grey: the plausible values of vₛ, over which the design "
+        "is averaged; crosses: measured so far.",
+    )
+    robust = _drawing(
+        plan,
+        figures.robustness_figure,
+        f"error of the Stribeck velocity of {plan.joint.name}",
+        f"Expected error of vₛ, {'; '.join(robustness)}",
+        "Expected error of vₛ vs the true vₛ, including the information of the runs so far; vertical line: the estimate; grey: plausible values.",
+    )
+    yield Section("Constant velocities", text=text, figure=chosen, table=runs, lines=tuple(lines), id="velocities")
+    among = "Expected relative standard errors, including the information of the runs so far."
+    yield Section("Comparison with other designs", text=among, table=designs, lines=(), form="part")
+    yield Section("Robustness to vₛ", figure=robust, lines=(), form="part")
 
 
-def _of_loading(plan: Plan, drawn: Mapping[str, Drawing], table: Table) -> Section:
+def _of_loading(plan: Plan, table: Table) -> Section:
     """Slow loading below breakaway."""
     torque, stiffness = (unit(x, plan.joint.kind) for x in ("torque", "sigma_0"))
-    lines = []
+    lines, errors = [], []
     for load in plan.loadings:
         seen = (
             f"predicted to +/- {load.error:.2g} {stiffness} at the least (by noise {load.noise_error:.2g} {stiffness}; the estimate "
@@ -178,19 +239,31 @@ def _of_loading(plan: Plan, drawn: Mapping[str, Drawing], table: Table) -> Secti
             f"  slow loading, direction {load.direction}: to {load.peak:.3g} {torque} ({load.share:.2g} of breakaway) in {load.rise:.3g} s, twice; "
             f"sigma_0 {seen}"
         )
+        peak = f"{number(load.peak, 3)} {pretty(torque)}"
+        percent = percentage(100 * load.error / plan.start.p(load.direction).sigma_0)
+        seen = f"{percent} % with rises of {number(load.rise, 3)} s to {peak}"
+        if not np.isfinite(load.error):
+            seen = f"not identifiable, as the joint moves only {number(load.counts, 2)} encoder counts at {peak}"
+        errors.append(f"{direction(load.direction)}: {seen}")
     text = (
         "Torque rises to the peak and falls, two times, open loop, the joint at rest. Higher peaks cross more counts, but near breakaway the "
         "displacement depends on the breakaway torque, which has an error of its own. Slower loading averages more noise. Viscous share: torque "
         "of σ₁ and α₂ at the peak, which the estimate of σ₀ neglects. It counts as an error beside the noise (root of the sum of squares), in the "
         "choice of the rise and in the expected error."
     )
-    title, figure = "Slow loading below breakaway", drawn["loading"]
+    figure = _drawing(
+        plan,
+        figures.loading_figure,
+        f"error of the stiffness of {plan.joint.name} vs the peak torque",
+        f"Expected error of σ₀, {'; '.join(errors)}",
+        "Expected relative error of σ₀, including the viscous share, vs peak torque, for several rise times. σ₁ is not identifiable here ((15) "
+        "is only a prior); the tracking motion identifies it.",
+    )
+    title = "Slow loading below breakaway"
     return Section(title, text=text, figure=figure, table=table, lines=tuple(lines), id="loading")
 
 
-def _of_motion(
-    plan: Plan, frames: Mapping[str, pd.DataFrame], drawn: Mapping[str, Drawing], sines: Table, compared: Table
-) -> list[Section]:
+def _of_motion(plan: Plan, frames: Mapping[str, pd.DataFrame], sines: Table, compared: Table) -> list[Section]:
     """The tracking motion, and what others of its duration would tell."""
     left = ", ".join(f"{motion} {number(rms, 3)}" for motion, rms in frames["motions"][["motion", "rms"]].to_numpy())
     position, played = unit("position", plan.joint.kind), frames["lines"].itertuples(index=False)
@@ -199,113 +272,38 @@ def _of_motion(
         "A sum of sines within the limits, faded in and out, that minimises the relative standard errors. Their root mean square, percent: "
         f"{left}."
     )
-    lines = (f"  tracking, {plan.motions[0].duration:.3g} s: {said}",)
+    planned, *others = plan.motions
+    lines = (f"  tracking, {planned.duration:.3g} s: {said}",)
+    name, limits, run = plan.joint.name, plan.limits, plan.references[-1]
+    q, v = (pretty(unit(quantity, plan.joint.kind)) for quantity in ("position", "velocity"))
+    ends = (np.abs(run.velocity).max(), run.position.min(), run.position.max())
+    fastest, least, most = (number(float(end), 3) for end in ends)
+    motion = _drawing(
+        plan,
+        figures.motion_figure,
+        f"tracking motion of {name}",
+        f"Peak velocity {fastest} {v}, {number(limits.velocity, 3)} {v} allowed; positions {least} to {most} {q}, "
+        f"{' to '.join(number(x, 3) for x in limits.position)} {q} allowed",
+        "Position and velocity of the motion; dashed: the velocity limit.",
+    )
+    motions = _drawing(
+        plan,
+        figures.motions_figure,
+        f"errors of {name} after three motions",
+        f"Standard errors, planned motion {'; '.join(_beside(plan, planned, x) for x in others)}",
+        "Expected relative standard error after the planned motion, after a plain multisine (equal velocity amplitudes, logarithmically spaced "
+        "frequencies), and after the motion measured so far. All have the same duration and follow the rest of the plan.",
+    )
     return [
-        Section("The tracking motion", text=text, figure=drawn["motion"], table=sines, lines=lines, id="motion"),
-        Section("Comparison with other motions", figure=drawn["motions"], table=compared, lines=(), form="part"),
+        Section("The tracking motion", text=text, figure=motion, table=sines, lines=lines, id="motion"),
+        Section("Comparison with other motions", figure=motions, table=compared, lines=(), form="part"),
     ]
-
-
-def _drawings(plan: Plan) -> dict[str, Drawing]:
-    """Its figures, by what they show."""
-    name, found = plan.joint.name, captions(plan)
-    every: dict[str, tuple[Callable[[Plan], Figure], str, str]] = {
-        "velocities": (
-            figures.velocities_figure, f"velocities to run on {name}",
-            "Friction curve at the estimate with the speeds to run and, above, how often; grey: the plausible values of vₛ, over which the design "
-            "is averaged; crosses: measured so far.",
-        ),
-        "robustness": (
-            figures.robustness_figure, f"error of the Stribeck velocity of {name}",
-            "Expected error of vₛ vs the true vₛ, including the information of the runs so far; vertical line: the estimate; grey: plausible values.",
-        ),
-        "intervals": (
-            figures.intervals_figure, f"errors of {name} before and after",
-            "Relative standard error of each parameter: now (squares), and as expected after velocities, loading and motion (circles).",
-        ),
-        "loading": (
-            figures.loading_figure, f"error of the stiffness of {name} vs the peak torque",
-            "Expected relative error of σ₀, including the viscous share, vs peak torque, for several rise times. σ₁ is not identifiable here ((15) "
-            "is only a prior); the tracking motion identifies it.",
-        ),
-        "motion": (
-            figures.motion_figure, f"tracking motion of {name}",
-            "Position and velocity of the motion; dashed: the velocity limit.",
-        ),
-        "motions": (
-            figures.motions_figure, f"errors of {name} after three motions",
-            "Expected relative standard error after the planned motion, after a plain multisine (equal velocity amplitudes, logarithmically spaced "
-            "frequencies), and after the motion measured so far. All have the same duration and follow the rest of the plan.",
-        ),
-        "whole": (
-            figures.whole_figure, f"all references of {name}",
-            f"References at {number(plan.limits.rate)} Hz: runs at constant velocity with the moves between them, slow loading by torque, and the "
-            "tracking motion; dashed: position limits.",
-        ),
-    }  # fmt: skip  # a table of words
-    return {
-        what: Drawing(partial(figure, plan), f"plan-{what}", label, found[f"plan-{what}"], how)
-        for what, (figure, label, how) in every.items()
-    }
 
 
 def _rounded(frame: pd.DataFrame) -> pd.DataFrame:
     """A table with numbers to four digits, and None, not nan, where there is none."""
     rounded = frame.astype(object).map(lambda x: float(f"{x:.4g}") if isinstance(x, float) else x)
     return rounded.where(frame.notna(), None)
-
-
-def captions(plan: Plan) -> dict[str, str]:
-    """What each figure shows, in a sentence with a number: the beginning of its caption, by figure."""
-    kind, limits, played = plan.joint.kind, plan.limits, plan.references[-1]
-    q, v, T = (pretty(unit(name, kind)) for name in ("position", "velocity", "torque"))
-
-    # The parameter that stays widest, or those that the plan is for; which of them stay open where any does.
-    now, then = (_relative(plan, plan.standard_errors[stage]) for stage in ("now", "with motion"))
-    largest, unseen = plan.aim == "all", [k for k in plan.aimed if not then[k] < CEILING]
-    widest = [max(plan.aimed, key=then.__getitem__)] if largest else plan.aimed
-    errors = (f"{percentage(then[k])} % of {_names(plan, [k])}, from {percentage(now[k])} % now" for k in widest)
-    intervals = f"{'Largest standard' if largest else 'Standard'} error expected after the plan: {'; '.join(errors)}"
-    if unseen:
-        intervals = f"Standard error over {CEILING:g} %, not identifiable, even after the plan: {_names(plan, unseen)}"
-
-    velocities, robustness, loading = [], [], []
-    for x in plan.velocities:
-        speeds = [speed for speed, _ in x.chosen.runs]
-        ends = dict.fromkeys(number(speed, 3) for speed in (speeds[0], speeds[-1]))
-        runs, at = counted(len(x.velocities), "run"), counted(len(speeds), "speed")
-        velocities.append(f"{direction(x.direction)}: {runs} at {at}, {' to '.join(ends)} {v}")
-        low, high = x.problem.nodes.min(), x.problem.nodes.max()
-        of_v_s = errors_by_v_s(x.problem, x.chosen.speeds, np.geomspace(low, high, 60))
-        between = dict.fromkeys(number(float(end), 3) for end in (low, high))
-        ends = dict.fromkeys(percentage(end) for end in (float(of_v_s.min()), float(of_v_s.max())))
-        robustness.append(
-            f"{direction(x.direction)}: {' to '.join(ends)} % for a true vₛ of {' to '.join(between)} {v}"
-        )
-    for load in plan.loadings:
-        peak = f"{number(load.peak, 3)} {T}"
-        percent = percentage(100 * load.error / plan.start.p(load.direction).sigma_0)
-        seen = f"{percent} % with rises of {number(load.rise, 3)} s to {peak}"
-        if not np.isfinite(load.error):
-            seen = f"not identifiable, as the joint moves only {number(load.counts, 2)} encoder counts at {peak}"
-        loading.append(f"{direction(load.direction)}: {seen}")
-
-    ends_of = (np.abs(played.velocity).max(), played.position.min(), played.position.max())
-    fastest, least, most = (number(float(end), 3) for end in ends_of)
-    planned, *others = plan.motions
-    kinds = Counter(kind for kind, _ in dict.fromkeys((r.kind, r.run) for r in plan.references))
-    found = {
-        "intervals": intervals,
-        "velocities": f"Constant velocities, {'; '.join(velocities)}",
-        "robustness": f"Expected error of vₛ, {'; '.join(robustness)}",
-        "loading": f"Expected error of σ₀, {'; '.join(loading)}",
-        "motion": f"Peak velocity {fastest} {v}, {number(limits.velocity, 3)} {v} allowed; positions {least} to {most} {q}, "
-        f"{' to '.join(number(x, 3) for x in limits.position)} {q} allowed",
-        "motions": f"Standard errors, planned motion {'; '.join(_beside(plan, planned, x) for x in others)}",
-        "whole": f"The plan takes {number(plan.duration, 3)} s: {kinds['ramp']} runs at constant velocity, {kinds['presliding']} of slow loading, "
-        f"{counted(kinds['tracking'], 'tracking motion')}",
-    }
-    return {f"plan-{name}": f"{text}." for name, text in found.items()}
 
 
 def _beside(plan: Plan, planned: MotionDesign, other: MotionDesign) -> str:

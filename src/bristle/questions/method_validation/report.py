@@ -25,7 +25,7 @@ _WORDS = {
 
 
 def report(validation: Validation) -> Report:
-    """The claim, each case where these are few, resolution and coverage; the terminal ends with the claim."""
+    """The claim, each case where these are few, resolution and coverage."""
     case_set, claims, drawn = validation.case_set, overall(validation), validation.cases
     few = len(drawn) <= FEW
     if not few:  # those of the first set at its highest noise
@@ -38,13 +38,13 @@ def report(validation: Validation) -> Report:
         f"{validation.seed}.{'' if LMFIT else ' lmfit is not installed and was not compared.'}"
     )
     sections = [
-        Section("", findings=claims[:1], turn=1),
-        Section("Verdict", text=how, findings=claims[1:], turn=1, id="verdict"),
+        Section("", findings=claims[:1]),
+        Section("Verdict", text=how, findings=claims[1:], id="verdict"),
     ]
     if case_set.skipped:
         lines = tuple(f"{case_set.title} {direction}: {why.coded}" for direction, why in case_set.skipped.items())
         skipped = tuple(case_set.skipped.items())
-        sections.append(Section("Not validated", facts=skipped, lines=lines, turn=-1, form="part"))
+        sections.append(Section("Not validated", facts=skipped, lines=lines, form="part"))
     sections.append(Section("Assumed", findings=case_set.assumptions, lines=(), form="part"))
     names = slugs([f"{x.case.label} {x.case.design}".replace("(+)", "plus").replace("(-)", "minus") for x in drawn])
     for name, result in zip(names, drawn, strict=True):

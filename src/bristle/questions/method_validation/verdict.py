@@ -127,12 +127,15 @@ def overall(validation: Validation) -> tuple[Finding, ...]:
     tried = f"{fits} IPOPT fits from random starts within the grid's bounds ({starts} of them on the first data set of each case)"
     if deficit <= SAME_COST:
         least = max(deficit, 0.0)
-        message = f"{tried}: none has a cost below the refined grid's by more than {SAME_COST:g} relative (at most {least:.1g})."
+        message = (
+            f"The grid search holds: none of {tried} has a cost below the refined grid's by more than {SAME_COST:g} relative (at "
+            f"most {least:.1g})."
+        )
         found = [Finding("never-undercut", NOTE, message, {"fits": fits, "starts": starts, "deficit": least})]
     else:
         message = (
-            f"{tried}: the lowest cost is up to {deficit:.2g} relative below the refined grid's; do not use the grid before the "
-            "cause is known."
+            f"The grid search misses the minimum: the lowest cost of {tried} is up to {deficit:.2g} relative below the refined "
+            "grid's; do not use the grid before the cause is known."
         )
         found = [Finding("undercut", CRITICAL, message, {"fits": fits, "starts": starts, "deficit": deficit})]
     designs = dict.fromkeys(result.case.design for result in results)

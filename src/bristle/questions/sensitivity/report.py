@@ -18,7 +18,7 @@ from bristle.questions.sensitivity.study import Expected, SensitivityStudy, find
 
 
 def report(study: SensitivityStudy) -> Report:
-    """What was found, then each question of the study; the terminal has the shares, the findings and the assumptions."""
+    """What matters most, then each question of the study; the terminal has shares, other findings and assumptions after it."""
     found, map_ = findings(study), study.map
     amplitude, frequency = (x.ravel() for x in np.meshgrid(map_.amplitudes, map_.frequencies, indexing="ij"))
     shares = map_.shares.reshape(-1, len(map_.names))
@@ -28,7 +28,7 @@ def report(study: SensitivityStudy) -> Report:
     over_map["first"] = [ranked(row, map_.names)[0] for row in shares]
     over_map["claim"] = map_.claim.ravel()
     sections = [
-        Section("", findings=found[:1]),
+        Section("", findings=found[:1], turn=-2),
         Section("In short", findings=found[1:]),
         _assumed(study),
         *_along_motion(study),

@@ -16,7 +16,15 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fisher import Information, motion_information, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
-from bristle.model.parameters import Direction, Lugre, ParameterName, peak_parameters, static_estimated_of, unit
+from bristle.model.parameters import (
+    Direction,
+    Lugre,
+    ParameterName,
+    effort,
+    peak_parameters,
+    static_estimated_of,
+    unit,
+)
 from bristle.model.parameters import Kind as JointKind
 from bristle.progress import Progress, teller
 from bristle.questions.sensitivity.formulas import Formulas, formulas
@@ -244,22 +252,24 @@ def _constant_velocities_tell(joint: Joint) -> Expected | None:
 
 
 def findings(study: SensitivityStudy) -> tuple[Finding, ...]:
-    """Whether the paper's claim holds, along the motion and over the map, and what each measurement would tell."""
+    """Which parameters matter most, where the paper's claim on them holds, and what each measurement would tell."""
     total, at_fixed_z, names = study.local.shares(), study.local.shares(partial=True), study.local.names
     holds, largest, settled = claimed(total, names), _largest(total, names), _largest(study.settled, names)
     later = f" In its last period, after the bristle's first deflection: {_listed(settled)}."
+    (first, share), *others = largest.items()
     message = (
-        f"The paper's claim that alpha_0 and alpha_2 matter most {'holds' if holds else 'does not hold'} for "
-        f"{study.motion.amplitude:.3g} {unit('position', study.kind)} at {study.motion.frequency:.3g} Hz: "
-        f"RMS of p dT/dp relative to that of T: {_listed(largest)} (total).{later if list(settled) != list(largest) else ''}"
+        f"{first} matters most for {study.motion.amplitude:.3g} {unit('position', study.kind)} at "
+        f"{study.motion.frequency:.3g} Hz: its total share of the RMS {effort(study.kind)} is {share:.2g}, then "
+        f"{_listed(dict(others))}. The paper's claim that alpha_0 and alpha_2 matter most "
+        f"{'holds' if holds else 'does not hold'}.{later if list(settled) != list(largest) else ''}"
     )
     motion = {"amplitude": study.motion.amplitude, "frequency": study.motion.frequency}
     numbers = {**motion, "largest": tuple(largest.items())}
     found = [Finding("claim-holds" if holds else "claim-fails", NOTE, message, numbers)]
-    first = ranked(at_fixed_z, names)[:_NAMED]
-    if first != tuple(largest):
-        message = f"At fixed z the order would be {', '.join(first)}: the bristle's response to a parameter matters."
-        found.append(Finding("other-at-fixed-z", NOTE, message, {"names": first}))
+    fixed = ranked(at_fixed_z, names)[:_NAMED]
+    if fixed != tuple(largest):
+        message = f"At fixed z the order would be {', '.join(fixed)}: the bristle's response to a parameter matters."
+        found.append(Finding("other-at-fixed-z", NOTE, message, {"names": fixed}))
 
     # Where on the map the claim holds: at the lowest, the motion's own and the highest frequency.
     claim, amplitudes, frequencies = study.map.claim, study.map.amplitudes, study.map.frequencies

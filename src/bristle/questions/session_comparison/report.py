@@ -30,7 +30,7 @@ _BEYOND = 8.0
 
 
 def report(compared: Comparison) -> Report:
-    """The verdict, its possible causes and its limits, then each joint; the terminal begins with the joints."""
+    """The verdict, its possible causes and its limits, then each joint; the terminal has the joints after the verdict."""
     joints = list(compared.kinds)
     columns = ["joint", "source", "parameters", "F", "freedom", "p", "adjusted_p", "changed", "names"]
     sets = pd.DataFrame(
@@ -41,10 +41,10 @@ def report(compared: Comparison) -> Report:
         columns=columns,
     )  # fmt: skip  # one row, one line
     tables = {"changes": compared.to_frame(), "sets": sets}
-    sections = [Section("", findings=(compared.sentence,), lines=(str(compared.sentence),), turn=2)]
+    sections = [Section("", findings=(compared.sentence,), lines=(str(compared.sentence),), turn=-1)]
     if compared.hints:
         lines = tuple(f"perhaps: {x}" for x in compared.hints)
-        sections.append(Section("Possible causes (a guess)", findings=compared.hints, lines=lines, turn=3, form="part"))
+        sections.append(Section("Possible causes (a guess)", findings=compared.hints, lines=lines, turn=2, form="part"))
     if compared.warnings:
         lines = tuple(f"warning: {x.coded}" for x in compared.warnings)
         limits = "What limits the comparison"
