@@ -58,14 +58,16 @@ def test_a_stribeck_curve_as_good_as_lugre_is_said(compensated: Study, share: fl
     """Where the steady curve leaves an error within a tenth of LuGre's, the page says so with both."""
     rows = {row.compensator: row for row in compensated.ablation}
     lugre = rows["LuGre, reference velocity"]
-    rows["Stribeck, reference velocity"] = rows["Stribeck, reference velocity"]._replace(rms=share * lugre.rms)
+    rows["Stribeck, reference velocity"] = rows["Stribeck, reference velocity"]._replace(
+        rms_error=share * lugre.rms_error
+    )
     found = [
         x
         for section in sections(replace(compensated, ablation=tuple(rows.values())))
         for x in section.findings
         if x.code == "stribeck-as-good"
     ]
-    assert [x.numbers["stribeck"] for x in found] == ([pytest.approx(1e3 * share * lugre.rms)] if said else [])
+    assert [x.numbers["stribeck"] for x in found] == ([pytest.approx(1e3 * share * lugre.rms_error)] if said else [])
 
 
 def test_every_figure_of_a_simulation_says_so(compensated: Study) -> None:

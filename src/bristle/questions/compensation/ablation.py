@@ -48,13 +48,13 @@ class AblationRow(NamedTuple):
     """One compensator under one set of circumstances."""
 
     compensator: str
-    bits: int
+    encoder_bits: int
     delay: int
     """Control periods."""
     share: float
-    rms: float
-    """RMS error while the reference moves, rad."""
-    ratio: float
+    rms_error: float
+    """While the reference moves, rad."""
+    over_none: float
     """That over the one without friction compensation, same encoder, no delay."""
     chatter: float
     """Total variation of the torque, N*m/s, at rest."""

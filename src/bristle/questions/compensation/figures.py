@@ -196,9 +196,9 @@ def ablation_figure(study: Study) -> Figure:
     """RMS error relative to that without compensation: each compensator by share, encoder (rows of panels) and delay (columns), marked."""
     tried = [x for x in study.ablation if x.compensator != "none"]
     rows = list(dict.fromkeys(x.compensator for x in tried))
-    bits_of, delays = (list(dict.fromkeys(k)) for k in ((x.bits for x in tried), (x.delay for x in tried)))
+    bits_of, delays = (list(dict.fromkeys(k)) for k in ((x.encoder_bits for x in tried), (x.delay for x in tried)))
     shares = list(dict.fromkeys(x.share for x in tried))
-    found = {(x.compensator, x.bits, x.delay, x.share): x for x in study.ablation}
+    found = {(x.compensator, x.encoder_bits, x.delay, x.share): x for x in study.ablation}
     figure = new_figure(1.0 + 2.15 * len(bits_of), width=7.4)
     axes = figure.subplots(len(bits_of), len(delays), sharex=True, sharey=True, squeeze=False)
     figure.subplots_adjust(left=2.05 / 7.4, hspace=0.22, wspace=0.06, bottom=0.5 / (1.0 + 2.15 * len(bits_of)))
@@ -208,7 +208,7 @@ def ablation_figure(study: Study) -> Figure:
         for j, delay in enumerate(delays):
             ax = axes[i, j]
             table = [[found[row, bits, delay, share] for share in shares] for row in rows]
-            ratio = np.array([[x.ratio for x in line] for line in table])
+            ratio = np.array([[x.over_none for x in line] for line in table])
             label = f"_ratio to uncompensated, {bits} bits, delay {delay}"
             ax.imshow(ratio, aspect="auto", cmap=cmap, norm=LogNorm(0.03, 3.0, clip=True), label=label)
             ax.grid(visible=False)

@@ -87,7 +87,7 @@ class Drift(NamedTuple):
     """`known` (the model drifts with the plant), `fixed`, or the adaptation."""
     gamma: float
     """Of the first adapted parameter; nan where nothing is adapted."""
-    rms: float
+    rms_error: float
     over_known: float
     """That over the one of the known model."""
     largest_gain: float
@@ -117,7 +117,7 @@ def _drift(loop: JointLoop, shares: Sequence[float]) -> list[Drift]:
         run = simulate(options, cases, reference, loop.period, drifting)
         for f, rms, theta in zip(frequencies, run.rms_error().tolist(), run.theta, strict=True):
             gain = float(np.exp(np.abs(np.log(theta)).max())) if a else np.nan
-            known = rows[f][0].rms if rows[f] else rms
+            known = rows[f][0].rms_error if rows[f] else rms
             rows[f].append(Drift(loop.name, f, way, a.gamma[0] if a else np.nan, rms, rms / known, gain))
     return [row for f in frequencies for row in rows[f]]
 

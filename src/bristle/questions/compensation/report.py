@@ -1,6 +1,6 @@
 """The report of joints that were compensated: the paper's experiments, what goes beyond them, and replays of measured runs."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -51,8 +51,9 @@ def sections(study: Study, share: Share | None = None) -> tuple[Section, ...]:
         return Section(title, figure=begun(made, share) if share else made, table=table)
 
     ablation = _ablation(study, show)  # its figure takes longest
-    heading, *parts = *_opening(study), *_replays(study, show), *_errors(study, show), *_adaptation(study, show)
-    parts += [*_beyond(study), ablation, *_band(study, show)]
+    frames = tables.all_tables(study)
+    heading, *parts = *_opening(study), *_replays(study, frames, show), *_errors(study, show)
+    parts += [*_adaptation(study, frames, show), *_beyond(study, frames), ablation, *_band(study, show)]
     return (heading, *(replace(x, form="part") for x in parts))
 
 
@@ -87,9 +88,13 @@ def _worth(study: Study) -> Finding:
 
 def _as_good(study: Study) -> Iterator[Finding]:
     """Where the steady curve compensates as well as LuGre: the motion shows little of the bristle."""
-    finest, first = max(row.bits for row in study.ablation), study.loops[0]
-    best = (row for row in study.ablation if (row.bits, row.delay, row.share) == (finest, 0, 1.0) and not row.diverges)
-    rms = {row.compensator: row.rms for row in best}
+    finest, first = max(row.encoder_bits for row in study.ablation), study.loops[0]
+    best = (
+        row
+        for row in study.ablation
+        if (row.encoder_bits, row.delay, row.share) == (finest, 0, 1.0) and not row.diverges
+    )
+    rms = {row.compensator: row.rms_error for row in best}
     stribeck, lugre = (rms.get(f"{name}, reference velocity") for name in ("Stribeck", "LuGre"))
     if stribeck and lugre and stribeck <= WORSE * lugre:
         message = (
@@ -100,12 +105,12 @@ def _as_good(study: Study) -> Iterator[Finding]:
         yield Finding("stribeck-as-good", NOTE, message, numbers)
 
 
-def _replays(study: Study, show: _Show) -> Iterator[Section]:
+def _replays(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> Iterator[Section]:
     """Where the gains end on each measured run, and whether to switch the adaptation on."""
     if not study.replays:
         return
     started = [(x, "the identified model" if x.begun == "identified" else x.begun) for x in study.replays]
-    frame = tables.replay(study)  # with parameters as symbols; names of files stay as they are
+    frame = frames["replay"]  # with parameters as symbols; names of files stay as they are
     table = Table(
         "replay",
         "Replays of measured runs",
@@ -159,7 +164,7 @@ def _errors(study: Study, show: _Show) -> Iterator[Section]:
     yield show(title, figures.errors_figure, "errors", errors, table, data=file, paper=paper)
 
 
-def _adaptation(study: Study, show: _Show) -> Iterator[Section]:
+def _adaptation(study: Study, frames: Mapping[str, pd.DataFrame], show: _Show) -> Iterator[Section]:
     """Table 2 and Figs 9 to 12: from wrong parameters, by each law; then where a law has a gradient, and where others end."""
     loop, settled = study.adapting, paper_experiments.SETTLE
     a, q = loop.adaptation, thousandths(study)
@@ -178,7 +183,7 @@ def _adaptation(study: Study, show: _Show) -> Iterator[Section]:
             ("partial-theta", "the same by θ, its rates divided by the parameters so that it moves equally"),
             ("total", "lets z depend on the parameter as well"),
         ),
-        table=Table("table_2", "Table 2: adapted factors", part=tables.table_2(study), note=paper if study.paper else own),
+        table=Table("table_2", "Table 2: adapted factors", part=frames["table_2"], note=paper if study.paper else own),
     )  # fmt: skip  # a table
     ends = " and ".join(f"{x.final:.3f}" for x in study.adapted.factors if x.law == a.law)
     gains = (
@@ -217,26 +222,26 @@ def _adaptation(study: Study, show: _Show) -> Iterator[Section]:
     yield show(title, figures.adaptation_map_figure, "landings", landings, data="adaptation_map")
 
 
-def _beyond(study: Study) -> Iterator[Section]:
+def _beyond(study: Study, frames: Mapping[str, pd.DataFrame]) -> Iterator[Section]:
     """What no figure shows: friction that drifts, other controllers, and the sampled loop."""
     yield Section(
         "Friction that drifts",
         text="α₀ and α₂ of the plant rise by half over 30 s. Known: the model drifts with the plant, the best that adaptation can reach. "
         "Without limits the gains run away where inertia dominates the error; limits bound them, and a normalised gradient slows them. "
         "Largest gain: the largest factor from 1.",
-        table=Table("drift", "Friction that drifts", part=_part(study, tables.drift(study))),
+        table=Table("drift", "Friction that drifts", part=_part(study, frames["drift"])),
     )
     yield Section(
         "Comparison with controllers that need no model",
         text="Sliding mode may use five times the torque that the reference needs, and has no friction model. A thinner boundary layer gives "
         "a smaller error until it chatters, which loads the drive and the gear.",
-        table=Table("controllers", "Controllers", part=_part(study, tables.controllers(study))),
+        table=Table("controllers", "Controllers", part=_part(study, frames["controllers"])),
     )
     yield Section(
         "Sampled and continuous control",
         text="The paper ran continuous blocks. The table shows the largest distance between the sampled and the continuous loop over 10 s, "
         "both with LuGre feed-forward: it decreases with the control period.",
-        table=Table("sampling", "Sampled and continuous", part=_part(study, tables.sampling(study))),
+        table=Table("sampling", "Sampled and continuous", part=_part(study, frames["sampling"])),
     )
 
 

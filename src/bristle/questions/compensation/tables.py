@@ -1,9 +1,13 @@
 """The compensated joint as tables: each function makes one DataFrame, which the page shows and `tables/*.csv` holds."""
 
+from collections.abc import Sequence
+from typing import Any
+
 import pandas as pd
 
 from bristle.model.parameters import unit
-from bristle.questions.compensation.parameter_studies import Controlled, Sampled
+from bristle.questions.compensation.ablation import AblationRow
+from bristle.questions.compensation.parameter_studies import Controlled, Drift, Sampled
 from bristle.questions.compensation.study import Study
 from bristle.simulation.edro import TABLE_2_ADAPTED
 
@@ -46,29 +50,6 @@ def adaptation_map(study: Study) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["parameter", "gamma", "amplitude", "frequency", "adapted_share"])
 
 
-def drift(study: Study) -> pd.DataFrame:
-    """RMS errors while alpha_0 and alpha_2 rise by half: rad (m), and over that of the known model."""
-    columns = ["joint", "frequency", "way", "gamma", "rms_error", "over_known", "largest_gain"]
-    return pd.DataFrame(study.drifts, columns=columns)
-
-
-def ablation(study: Study) -> pd.DataFrame:
-    """Every compensator under every circumstance."""
-    ends = ["chatter", "limit_cycle", "over_compensated", "diverges"]
-    columns = ["compensator", "encoder_bits", "delay", "share", "rms_error", "over_none", *ends]
-    return pd.DataFrame(study.ablation, columns=columns)
-
-
-def controllers(study: Study) -> pd.DataFrame:
-    """PID, with feed-forward, and sliding mode: errors in rad (m), torque in N*m (N), chatter in that per second, energy in J."""
-    return pd.DataFrame(study.controllers, columns=list(Controlled._fields))
-
-
-def sampling(study: Study) -> pd.DataFrame:
-    """How far the sampled loop is from the continuous one, rad (m), by control period, s."""
-    return pd.DataFrame(study.sampling, columns=list(Sampled._fields))
-
-
 def replay(study: Study) -> pd.DataFrame:
     """One row per replayed run and start: torque left unexplained without and with adaptation, percent, where the gains end, and the verdict."""
     rows = [(x.file, x.begun, x.adaptation.law, *x.relative_errors(), x.shares, str(x.verdict)) for x in study.replays]
@@ -76,6 +57,12 @@ def replay(study: Study) -> pd.DataFrame:
 
 
 def all_tables(study: Study) -> dict[str, pd.DataFrame]:
-    """Every table by the name of its file."""
-    makers = (compensation_errors, table_2, adaptation_map, drift, ablation, controllers, sampling)
-    return {maker.__name__: maker(study) for maker in (*makers, *((replay,) if study.replays else ()))}
+    """Every table by the name of its file; errors and distances in rad (m), torques in N*m (N), periods in s, energy in J."""
+    rows: dict[str, tuple[type[Any], Sequence[Any]]] = {
+        "drift": (Drift, study.drifts), "ablation": (AblationRow, study.ablation),
+        "controllers": (Controlled, study.controllers), "sampling": (Sampled, study.sampling),
+    }  # fmt: skip  # a table
+    makers = (compensation_errors, table_2, adaptation_map)
+    frames = {maker.__name__: maker(study) for maker in makers}
+    frames |= {name: pd.DataFrame(own, columns=list(row._fields)) for name, (row, own) in rows.items()}
+    return frames | ({"replay": replay(study)} if study.replays else {})
