@@ -158,18 +158,17 @@ def test_the_refit_is_the_bounded_least_squares_of_python(true: tuple[float, ...
     rng = np.random.default_rng(1)
     v = SPEEDS[SPEEDS != 0]
     linear = evaluate(functions.linear_shapes_function(), v)
-    weight = rng.uniform(0.5, 2.0, v.size)
     for v_s in (0.01, 0.07, 0.4):
         (shape,) = evaluate(functions.stribeck_shape_function(), v, v_s)
         design = np.stack([linear[0], shape, linear[1]], axis=1)
         T = design @ np.array(true) + 1e-3 * rng.standard_normal(v.size)
-        theirs = bounded_least_squares(design * weight[:, None], T * weight, np.zeros(3))
-        got = js("refit", v, T, weight, "gaussian", {"v_s": v_s})
+        theirs = bounded_least_squares(design, T, np.zeros(3))
+        got = js("refit", v, T, "gaussian", {"v_s": v_s})
         ours = np.array([got[name] for name in ("alpha_0", "alpha_1", "alpha_2")])
         np.testing.assert_allclose(ours, theirs, rtol=1e-10, atol=1e-14)
         p = {**got, "v_s": v_s, "sigma_0": 1.0, "sigma_1": 0.0}
-        cost = float((((T - design @ ours) * weight) ** 2).sum())
-        told = js("cost", v, T, weight, {"law": "gaussian", "+": p, "-": p})
+        cost = float(((T - design @ ours) ** 2).sum())
+        told = js("cost", v, T, {"law": "gaussian", "+": p, "-": p})
         assert (got["cost"], told) == pytest.approx((cost, cost), rel=1e-12)
 
 
@@ -378,8 +377,8 @@ def test_no_extreme_makes_no_number(js: Engine) -> None:
         for other in (p, corners[rng.integers(len(corners))]):
             pair = of(Pair(p, other))
             answers = [
-                js("steady", v, pair), js("steadySlopes", v, pair), js("cost", v, v, np.ones(v.size), pair),
-                js("refit", v, v + np.sign(v), np.ones(v.size), "gaussian", p._asdict()), js("rollout", motion, 1e-3, pair),
+                js("steady", v, pair), js("steadySlopes", v, pair), js("cost", v, v, pair),
+                js("refit", v, v + np.sign(v), "gaussian", p._asdict()), js("rollout", motion, 1e-3, pair),
                 js("hysteresis", pair, 1e-3, 0.1, 1, 100), js("loading", [-0.5 * g0, 0.999999 * g0], g0, p.sigma_0),
                 js("closedLoop", {**options, "plant": pair, "model": pair, "law": laws[k % len(laws)]}),
             ]  # fmt: skip  # a list of calls

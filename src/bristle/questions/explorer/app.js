@@ -65,16 +65,16 @@ const explorer = (() => {
   const fitsOf = (d) => joint().static.filter((fit) => d === "both" || fit.direction === "both" || fit.direction === d);
   const costOf = (fit, p) => costs.ofPoints([fit])(p);
   function errorOf(fit, p) {
-    return 100 * Math.sqrt(bristle.cost(array(fit.velocity), array(fit.torque), array(fit.weight), p)) / fit.norm;
+    return 100 * Math.sqrt(bristle.cost(array(fit.velocity), array(fit.torque), p)) / fit.norm;
   }
 
   function refit() {
     const fits = fitsOf(state.direction);
-    const all = (name) => array(fits.flatMap((fit) => fit[name === "T" ? "torque" : name]));
+    const all = (name) => array(fits.flatMap((fit) => fit[name]));
     const p = state.values[state.direction];
     const { law } = joint(), { COEFFICIENTS } = bristle.laws[law];
     if (!fits.length || all("velocity").length < COEFFICIENTS.length) return say("No points of constant velocity to refit to.");
-    const found = bristle.refit(all("velocity"), all("T"), all("weight"), law, p);
+    const found = bristle.refit(all("velocity"), all("torque"), law, p);
     if (!Number.isFinite(found.cost)) return say("No fit at this value of vₛ.");
     for (const name of COEFFICIENTS) p[name] = found[name];
     if (!(p.alpha_0 > 0)) p.alpha_0 = joint().ranges.alpha_0.low;

@@ -7,10 +7,10 @@ const costs = (() => {
   const array = (x) => Float64Array.from(x);
   let latest = null;
 
-  // Pair -> the cost of fits of constant velocities: each fit's own, of its own weighted residuals.
+  // Pair -> the cost of fits of constant velocities: the sum of each fit's own.
   function ofPoints(fits) {
-    const own = fits.map((fit) => [array(fit.velocity), array(fit.torque), array(fit.weight)]);
-    return (p) => own.reduce((sum, [v, T, weight]) => sum + bristle.cost(v, T, weight, p), 0);
+    const own = fits.map((fit) => [array(fit.velocity), array(fit.torque)]);
+    return (p) => own.reduce((sum, [v, T]) => sum + bristle.cost(v, T, p), 0);
   }
 
   // The torque of a bristle, each run from one of its own.

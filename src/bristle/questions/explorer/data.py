@@ -221,7 +221,7 @@ def _truth(joint: Joint) -> dict[str, dict[str, float | None]] | None:
 
 
 def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
-    """One fit of constant velocities: its points, weights and cost, as the page computes them anew.
+    """One fit of constant velocities: its points and cost, as the page computes them anew.
 
     `torque` is friction's: what other regressors take is off it. `norm` is
     what the relative error is relative to. A cost that two directions share is taken for this direction alone, the other as it was fitted.
@@ -243,7 +243,6 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
         "direction": direction,
         "velocity": v.tolist(),
         "torque": torque.tolist(),
-        "weight": np.ones(v.size).tolist(),
         "standard_error": errors if len(errors) == v.size else None,
         "stick_slip": [bool(s.stick_slip) for s in fit.segments],
         "place": [printable(f"{s.file} {s.where}") for s in fit.segments],

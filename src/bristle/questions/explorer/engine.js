@@ -11,9 +11,9 @@
 //     are not linear; COEFFICIENTS, the linear ones, and what each may be at LEAST, 0 or -Infinity
 // bristle.steady(v, pair)                -> T: the steady torque (9) at velocities v, of the set by the sign of v
 // bristle.steadySlopes(v, pair)          -> {alpha_0, alpha_1, alpha_2, v_s, ...}: its derivatives by that set
-// bristle.refit(v, T, weight, law, p)    -> {alpha_0, alpha_1, alpha_2, ..., cost}: least squares (11)-(13), >= 0
+// bristle.refit(v, T, law, p)            -> {alpha_0, alpha_1, alpha_2, ..., cost}: least squares (11)-(13), >= 0
 //     but for those with a sign, at the v_s of p and what else shapes the peak
-// bristle.cost(v, T, weight, pair)       -> sum of the squares of weight * (T - steady torque)
+// bristle.cost(v, T, pair)               -> sum of the squares of T - steady torque
 // bristle.isPassive(p, law)              -> whether LuGre dissipates with this set, whatever the motion
 // bristle.heldFrom(p, law)               -> the speed beyond which viscous friction is held, as nobody has seen it fall
 //     further: Infinity but where a coefficient is negative
@@ -66,11 +66,11 @@ function steadySlopes(v, pair) {
   return Object.fromEntries(STATIC.map((name, i) => [name, slopes[i]]));
 }
 
-function cost(v, T, weight, pair) {
+function cost(v, T, pair) {
   const { steadyTorque } = LAWS[pair.law], q = numbers(pair);
   let sum = 0;
   for (let k = 0; k < v.length; k++) {
-    const r = (weight ? weight[k] : 1) * (T[k] - steadyTorque(v[k], q));
+    const r = T[k] - steadyTorque(v[k], q);
     sum += r * r;
   }
   return sum;
@@ -117,21 +117,19 @@ function solve(columns, b) {
 
 // Of unknowns of which some may not be negative, the least cost stands where some of these are zero and the others free:
 // where all free ones are not good, every other choice is tried.
-function refit(v, T, weight, law, p) {
+function refit(v, T, law, p) {
   const { COEFFICIENTS, LEAST, SHAPE, steadyColumns } = LAWS[law], n = v.length, shape = SHAPE.map((name) => p[name]);
-  const out = new Float64Array(LEAST.length), columns = LEAST.map(() => new Float64Array(n)), b = new Float64Array(n);
+  const out = new Float64Array(LEAST.length), columns = LEAST.map(() => new Float64Array(n));
   for (let k = 0; k < n; k++) {
-    const w = weight ? weight[k] : 1;
     steadyColumns(v[k], ...shape, out);
-    for (let j = 0; j < out.length; j++) columns[j][k] = w * out[j];
-    b[k] = w * T[k];
+    for (let j = 0; j < out.length; j++) columns[j][k] = out[j];
   }
   const all = 2 ** LEAST.length - 1, zero = Object.fromEntries(COEFFICIENTS.map((name) => [name, 0]));
   let best = { ...zero, cost: Infinity };
   for (let choice = all; choice >= 0; choice--) {
     const free = [...LEAST.keys()].filter((j) => choice & (1 << j));
     if (!LEAST.every((least, j) => least === 0 || free.includes(j))) continue; // what has a sign is always free
-    const found = solve(free.map((j) => columns[j]), b);
+    const found = solve(free.map((j) => columns[j]), T);
     if (found && found.cost < best.cost && found.x.every((x, i) => x >= LEAST[free[i]])) {
       best = { ...zero, cost: found.cost };
       free.forEach((j, i) => { best[COEFFICIENTS[j]] = found.x[i]; });

@@ -134,9 +134,9 @@ explorer.views.identifiability = (() => {
     named("threshold").visible = Boolean(fit && fit.threshold !== null);
     element("figure-profile").hidden = !fit;
     if (!fit) return;
-    const [v, T, weight] = [array(fit.velocity), array(fit.target || fit.torque), array(fit.weight)], centre = identified()[along()].v_s;
+    const [v, T] = [array(fit.velocity), array(fit.torque)], centre = identified()[along()].v_s;
     const near = fit.profile ? fit.profile.v_s : [centre / 2, 2 * centre], low = Math.min(near[0], here) / 1.2, high = 1.2 * Math.max(near[near.length - 1], here);
-    const x = Float64Array.from({ length: 81 }, (_, k) => low * (high / low) ** (k / 80)), at = (v_s) => bristle.refit(v, T, weight, now.law, { ...own, v_s }).cost;
+    const x = Float64Array.from({ length: 81 }, (_, k) => low * (high / low) ** (k / 80)), at = (v_s) => bristle.refit(v, T, now.law, { ...own, v_s }).cost;
     fill("profile.now", { x, y: x.map(at) });
     fill("profile.written", { x: fit.profile ? fit.profile.v_s : [], y: fit.profile ? fit.profile.cost : [], place: (fit.profile ? fit.profile.v_s : []).map(() => "") });
     fill("profile.here", { x: [here], y: [at(here)], place: [""] });
