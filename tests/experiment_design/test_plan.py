@@ -29,7 +29,7 @@ from bristle.questions.experiment_design.velocities import evaluate_design, spac
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
-from ..conftest import TRUTH, Ran, run, speeds, write
+from ..conftest import TRUTH, Ran, few_motions_tried, run, speeds, write
 from ..pages import page_text
 from ..sameness import held, of_kind, without_sentences
 
@@ -398,23 +398,33 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     assert (tmp_path / "page" / "tables" / "intervals.csv").is_file()
 
 
-@pytest.mark.slow
-def test_no_sentence_decides_on_a_plan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With every template replaced by its kind's name a plan comes out the same in every number and warning."""
-    path = write(tmp_path, speeds(both=False))
+def plan_of_one_direction(folder: Path) -> Plan:
+    """Of points of one direction, whose slowest constant speed is beyond v_s."""
+    path = write(folder, speeds(both=False))
     path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
-    first = bristle.plan(path, velocities=4)
+    with few_motions_tried():
+        return bristle.plan(path, velocities=4)
+
+
+@pytest.fixture(scope="module")
+def one_direction(tmp_path_factory: pytest.TempPathFactory) -> Plan:
+    """As several tests look at it."""
+    return plan_of_one_direction(tmp_path_factory.mktemp("one"))
+
+
+@pytest.mark.slow
+def test_no_sentence_decides_on_a_plan(one_direction: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every template replaced by its kind's name a plan comes out the same in every number and warning."""
     without_sentences(monkeypatch)
-    second = bristle.plan(path, velocities=4)
-    assert held(second) == held(first)
-    assert [warning.code for warning in second.warnings] == [warning.code for warning in first.warnings]
-    assert first.reference_csv() == second.reference_csv()
+    second = plan_of_one_direction(tmp_path)
+    assert held(second) == held(one_direction)
+    assert [warning.code for warning in second.warnings] == [warning.code for warning in one_direction.warnings]
+    assert one_direction.reference_csv() == second.reference_csv()
 
 
-def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
+def test_what_is_not_known_is_guessed_and_said(one_direction: Plan) -> None:
     """Points of one direction: bristle, inertia and the other direction are guesses that the plan names, never nan."""
-    path = write(tmp_path, speeds(both=False))
-    found = bristle.plan(path, velocities=4)
+    found = one_direction
     guessed = {"sigma_0+", "sigma_1+", "sigma_0-", "sigma_1-"}
     assert guessed <= set(map(str, found.start.guessed))
     (taken,) = of_kind(found.assumptions, "direction-taken")
@@ -429,12 +439,9 @@ def test_what_is_not_known_is_guessed_and_said(tmp_path: Path) -> None:
     assert all(np.isfinite(errors).all() for errors in (found.standard_errors["with motion"], found.start.estimate))
 
 
-def test_too_fast_a_slowest_speed_is_said(tmp_path: Path) -> None:
+def test_too_fast_a_slowest_speed_is_said(one_direction: Plan) -> None:
     """Where constant velocities begin above v_s, the plan says that slower ones would show more."""
-    path = write(tmp_path, speeds())
-    path.write_text(path.read_text() + "plan: {minimum_velocity: 0.1 rad/s}\n")
-    kinds = [warning.code for warning in bristle.plan(path, velocities=4).warnings]
-    assert "slowest-too-fast" in kinds
+    assert "slowest-too-fast" in [warning.code for warning in one_direction.warnings]
 
 
 @pytest.mark.parametrize(

@@ -33,8 +33,8 @@ def known() -> Iterator[None]:
 
 @pytest.fixture(scope="module", params=OWN)
 def study(request: pytest.FixtureRequest) -> SensitivityStudy:
-    """Of points and a motion."""
-    return bristle.sensitivity(motion(request.param), samples=32)
+    """Of points and a motion; fast, so that the loops of Sobol's indices are short."""
+    return bristle.sensitivity(motion(request.param), frequency=2.0, samples=32)
 
 
 @pytest.mark.slow

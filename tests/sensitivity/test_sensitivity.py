@@ -1,5 +1,6 @@
 """Local sensitivity and its map, by differences, identities and documented figures; and the command."""
 
+import re
 import sys
 from collections.abc import Mapping
 from dataclasses import replace
@@ -42,8 +43,10 @@ from bristle.simulation.edro import TABLE_1
 from ..conftest import FEW as TOO_FEW
 from ..conftest import TRUTH, run, speeds, tree, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, registered, truth_of
-from ..pages import page_text
+from ..pages import assert_tables_are_named, page_text
+from ..pages import findings as captions_of
 from ..sameness import held, of_kind, without_sentences
+from .test_captions import SOBOL, captions
 
 FEW = settings(max_examples=25, deadline=None)
 PAIR = TABLE_1["gripper rotation"]
@@ -226,20 +229,6 @@ def test_a_motion_that_is_none_is_refused(frequency: float) -> None:
         motion(1.0, frequency)
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A joint of points in both directions, with its explored page beside it."""
-    path = tmp_path_factory.mktemp("sensitivity")
-    write(path, speeds(), stem="e")
-    return path
-
-
-@pytest.fixture(scope="module")
-def known(folder: Path) -> study.SensitivityStudy:
-    """The same joint, explored without Sobol indices."""
-    return bristle.sensitivity(folder / "e.yaml", samples=0)
-
-
 def test_a_joint_of_points_has_an_assumed_bristle(known: study.SensitivityStudy) -> None:
     """Points tell nothing of the bristle: sigma_0 and sigma_1 are assumed and said to be, and have no interval.
 
@@ -367,35 +356,47 @@ def test_a_position_that_stands_still_is_refused(tmp_path: Path) -> None:
 def test_the_command_writes_a_page(
     folder: Path, known: study.SensitivityStudy, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The command prints what was found and writes index.html with a table and a figure of each kind."""
-    monkeypatch.setattr(experiments, "study_sensitivity", lambda *_: known)
+    """The command prints what was found and writes index.html with a table and a figure of each kind.
+
+    Each figure's caption begins with a sentence that holds a number, and each table has a name and a CSV file that is there.
+    """
+    whole = replace(known, sobol=SOBOL)
+    monkeypatch.setattr(experiments, "study_sensitivity", lambda *_: whole)
     ran = run("sensitivity", folder / "e.yaml", "-o", folder / "out", "--samples", 0)
     assert (ran.code, ran.said) == (0, [])
     assert "The paper's claim" in ran.out
     made = {path.relative_to(folder / "out").as_posix() for path in (folder / "out").rglob("*.*")}
-    figures = ("time", "shares", "first", "map", "correlation-1", "correlation-2")
+    figures = ("time", "shares", "first", "map", "correlation-1", "correlation-2", "sobol")
     assert {f"figures/{name}.png" for name in figures} | {"index.html"} <= made
     assert {f"tables/{name}.csv" for name in ("shares", "map", "information", "formulas")} <= made
     page = page_text(folder / "out" / "index.html")
     assert "nan" not in page.lower().replace("nanum", "")
     assert "in the friction of wrist" in page
+    said = captions_of(page)
+    assert said == list(captions(whole).values())
+    assert len(said) == len(figures)
+    assert [text for text in said if not re.search(r"\d", text)] == []
+    assert_tables_are_named(folder / "out")
 
 
-def test_without_sympy_only_the_formulas_are_left_out(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without SymPy everything else is found and written.
+def test_without_sympy_only_the_formulas_are_left_out(
+    folder: Path, known: study.SensitivityStudy, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without SymPy everything else is found and reported.
 
     The text says what is not there, with the command that installs it.
     """
+    whole = bristle.report_of(known).frames.keys()
     monkeypatch.setitem(sys.modules, "sympy", None)
-    ran = run("sensitivity", folder / "e.yaml", "-o", folder / "plain", "--samples", 0)
-    assert (ran.code, ran.said) == (0, [])
+    found = bristle.sensitivity(folder / "e.yaml", samples=0)
+    report = bristle.report_of(found)
     assert (
         "No formulas: formulas need SymPy, which is not installed; install it with pip install 'bristle[sensitivity]'."
-        in ran.words
+        in report.text()
     )
-    assert "The derivatives as formulas" not in (folder / "plain" / "index.html").read_text(encoding="utf-8")
-    assert (folder / "plain" / "tables" / "shares.csv").exists()
-    assert not (folder / "plain" / "tables" / "formulas.csv").exists()
+    assert "The derivatives as formulas" not in {section.title for section in report.sections}
+    assert report.frames.keys() == whole - {"formulas"}
+    assert held(replace(found, assumptions=())) == held(replace(known, formulas=None, assumptions=()))
 
 
 @pytest.mark.parametrize("kind", ["revolute", "prismatic"])

@@ -72,7 +72,7 @@ def report(plan: Plan) -> Report:
             turn=1,
             id="expected",
         ),
-        Section("Limits", facts=_limits(plan), lines=()),
+        Section("Limits", facts=_limits(plan)),
         Section("Assumed", findings=plan.assumptions, lines=assumed, turn=3, form="part"),
         *_of_velocities(
             plan,
@@ -92,7 +92,7 @@ def report(plan: Plan) -> Report:
             ),
             table("motions", "Relative standard errors after each motion, percent", _rounded(motions)),
         ),
-        Section("The whole plan, as played", figure=_whole(plan), lines=(), id="references"),
+        Section("The whole plan, as played", figure=_whole(plan), id="references"),
     ]
     return Report(
         f"{name}: what to measure next",
@@ -220,8 +220,8 @@ def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]
     )
     yield Section("Constant velocities", text=text, figure=chosen, table=runs, lines=tuple(lines), id="velocities")
     among = "Expected relative standard errors, including the information of the runs so far."
-    yield Section("Comparison with other designs", text=among, table=designs, lines=(), form="part")
-    yield Section("Robustness to vₛ", figure=robust, lines=(), form="part")
+    yield Section("Comparison with other designs", text=among, table=designs, form="part")
+    yield Section("Robustness to vₛ", figure=robust, form="part")
 
 
 def _of_loading(plan: Plan, table: Table) -> Section:
@@ -296,7 +296,7 @@ def _of_motion(plan: Plan, frames: Mapping[str, pd.DataFrame], sines: Table, com
     )
     return [
         Section("The tracking motion", text=text, figure=motion, table=sines, lines=lines, id="motion"),
-        Section("Comparison with other motions", figure=motions, table=compared, lines=(), form="part"),
+        Section("Comparison with other motions", figure=motions, table=compared, form="part"),
     ]
 
 
