@@ -101,7 +101,6 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
         "truth_law": truth_law and truth_law.name,
         "ranges": ranges(joint.law, shown, fastest),
         "speeds": [slowest, fastest],
-        "travel": travel,
         "static": [_static(d, fit) for d, fit in joint.static.items() if d in set(Direction) - {Direction.SHARED}],
         "other_points": _other_points(joint),
         "presliding": {d: _presliding(fit) for d, fit in (joint.presliding.fits if joint.presliding else {}).items()},
@@ -279,8 +278,7 @@ def _presliding(fit: PreslidingFit) -> dict[str, Any]:
             "edge_torque": loading.edge_torque[edges].tolist(),
         }
         loadings.append(_drawn(loading.displacement - rest, loading.torque) | of_edges)
-    open_ended = not np.isfinite(fit.level_standard_error)
-    return {"level": float(fit.level), "at_least": open_ended, "loadings": loadings}
+    return {"level": float(fit.level), "loadings": loadings}
 
 
 def _drawn(displacement: Array, torque: Array) -> dict[str, Any]:
@@ -302,7 +300,7 @@ def _loops(joint: Joint) -> list[dict[str, Any]]:
     found = []
     for loop in (joint.presliding.loops if joint.presliding else ())[:3]:
         middle = (float(loop.position.min()) + float(loop.position.max())) / 2 if loop.position.size else 0.0
-        found.append(_drawn(loop.position - middle, loop.torque) | {"file": printable(loop.file)})
+        found.append(_drawn(loop.position - middle, loop.torque))
     return found
 
 

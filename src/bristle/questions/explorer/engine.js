@@ -10,31 +10,27 @@
 // bristle.laws                           -> by name what a law is: FIELDS, its parameters; SHAPE, those of its peak that
 //     are not linear; COEFFICIENTS, the linear ones, and what each may be at LEAST, 0 or -Infinity
 // bristle.steady(v, pair)                -> T: the steady torque (9) at velocities v, of the set by the sign of v
-// bristle.steadySlopes(v, pair)          -> {alpha_0, alpha_1, alpha_2, v_s, ...}: its derivatives by that set
 // bristle.refit(v, T, law, p)            -> {alpha_0, alpha_1, alpha_2, ..., cost}: least squares (11)-(13), >= 0
 //     but for those with a sign, at the v_s of p and what else shapes the peak
 // bristle.cost(v, T, pair)               -> sum of the squares of T - steady torque
 // bristle.isPassive(p, law)              -> whether LuGre dissipates with this set, whatever the motion
 // bristle.heldFrom(p, law)               -> the speed beyond which viscous friction is held, as nobody has seen it fall
 //     further: Infinity but where a coefficient is negative
-// bristle.rollout(v, dt, pair, z0)       -> {z, torque} along a velocity that is linear between its samples; dt is a
-//     number or an array (n - 1); without z0 the bristle is steady at first
+// bristle.rollout(v, dt, pair, z0)       -> {z, torque} along a velocity that is linear between its samples, dt s apart;
+//     without z0 the bristle is steady at first
 // bristle.loading(T, g0, sigma_0)        -> displacement in slow loading from rest to torques T; NaN where abs(T) >= g0:
 //     the joint slides
 // bristle.hysteresis(pair, amplitude, rate, cycles, points) -> {y, torque}: y = amplitude sin(2 pi rate t), rate in Hz,
 //     from an unbent bristle, so many points a cycle
 // bristle.closedLoop(options)            -> {time, reference, position, velocity, deflection, error, torque, friction,
-//     compensation, factors, theta_1, theta_2, diverged, rms, ...}: the joint in its loop, from rest
+//     compensation, factors, diverged, rms}: the joint in its loop, from rest
 //   options are those of `engine.loop_options`, any number of which may be changed: law (a key of laws: none, fixed, or
 //     one that adapts), gamma (by law), start (the model begins with these shares of its parameters), amplitude,
-//     frequency (Hz), gains, period, duration, settle (s), plant and model (pairs), J. {reference: {position, velocity,
-//     acceleration}} replaces the sine: arrays with a value for every period from 0 to the duration.
+//     frequency (Hz), gains, period, duration, settle (s), plant and model (pairs), J.
 //   error is reference - position. factors has, by parameter, share of the model's own value at each period: where
-//     start is 0.3 it begins with 0.3; theta_1 and theta_2 are those of alpha_0 and alpha_2, null where they do not adapt.
-//   A loop that diverges is cut: all arrays end there, diverged is the time (else null), and an RMS is null.
-//   rms is that of the error from settle on. With {compare: true} there are beside it rmsWithout (law none), rmsFixed
-//     (the model as it is), and rmsStart (the model at its start, not adapted), which takes three more runs.
-//   The agreed `voltage` is null: the drive of a JointLoop takes a torque.
+//     start is 0.3 it begins with 0.3.
+//   A loop that diverges is cut: all arrays end there, diverged is the time (else null), and the RMS is null.
+//   rms is that of the error from settle on.
 
 // The numbers of a pair, twelve of the paper's law, the positive set first.
 function numbers(pair) {
@@ -54,16 +50,6 @@ function steady(v, pair) {
   const { steadyTorque } = LAWS[pair.law], q = numbers(pair), T = new Float64Array(v.length);
   for (let k = 0; k < T.length; k++) T[k] = steadyTorque(v[k], q);
   return T;
-}
-
-function steadySlopes(v, pair) {
-  const { STATIC, steadyJacobian } = LAWS[pair.law], q = numbers(pair), out = new Float64Array(STATIC.length);
-  const slopes = STATIC.map(() => new Float64Array(v.length));
-  for (let k = 0; k < v.length; k++) {
-    steadyJacobian(v[k], q, out);
-    for (let i = 0; i < out.length; i++) slopes[i][k] = out[i];
-  }
-  return Object.fromEntries(STATIC.map((name, i) => [name, slopes[i]]));
 }
 
 function cost(v, T, pair) {
@@ -187,11 +173,11 @@ function bristleOf(pair) {
 
 function rollout(v, dt, pair, z0) {
   const { steadyDeflection, frictionTorque } = LAWS[pair.law];
-  const n = v.length, q = numbers(pair), step = bristleOf(pair), varies = typeof dt !== "number";
+  const n = v.length, q = numbers(pair), step = bristleOf(pair);
   const z = new Float64Array(n), torque = new Float64Array(n);
   let now = z0 ?? (n ? steadyDeflection(v[0], q) : 0);
   for (let k = 0; k < n; k++) {
-    if (k) now = step(now, v[k - 1], v[k], varies ? dt[k - 1] : dt);
+    if (k) now = step(now, v[k - 1], v[k], dt);
     z[k] = now;
     torque[k] = frictionTorque(now, v[k], q);
   }
@@ -226,10 +212,7 @@ function run(options, law, start) {
   const gamma = adapts ? options.gamma[law] : [];
   const settings = Float64Array.from(SETTINGS.flatMap((name) => (name === "gamma" ? gamma : options[name])));
   const gains = GAINS.map((name) => options.gains[name]), h = options.period;
-  const n = Math.round(options.duration / h) + 1, own = options.reference;
-  const at = own
-    ? (k, out) => { out[0] = own.position[k]; out[1] = own.velocity[k]; out[2] = own.acceleration[k]; }
-    : (k, out) => sine(k * h, options.amplitude, options.frequency, out);
+  const n = Math.round(options.duration / h) + 1, at = (k, out) => sine(k * h, options.amplitude, options.frequency, out);
   const logs = Object.fromEntries(["time", "reference", ...LOGGED].map((name) => [name, new Float64Array(n)]));
   const theta = names.map(() => new Float64Array(n)), rows = LOGGED.map((name) => logs[name]);
   let memory = new Float64Array(size + rows.length + names.length), out = new Float64Array(memory.length);
@@ -279,16 +262,8 @@ function rms(trajectory, since) {
 }
 
 function closedLoop(options) {
-  const own = run(options, options.law, options.start), since = options.settle;
-  const others = options.compare
-    ? {
-        rmsWithout: rms(run(options, "none", {}), since),
-        rmsFixed: rms(run(options, "fixed", {}), since),
-        rmsStart: rms(run(options, "fixed", options.start), since),
-      }
-    : {};
-  const { alpha_0 = null, alpha_2 = null } = own.factors;
-  return { ...own, theta_1: alpha_0, theta_2: alpha_2, voltage: null, rms: rms(own, since), ...others };
+  const own = run(options, options.law, options.start);
+  return { ...own, rms: rms(own, options.settle) };
 }
 
-return { laws: LAWS, steady, steadySlopes, refit, cost, isPassive, heldFrom, rollout, loading, hysteresis, closedLoop };
+return { laws: LAWS, steady, refit, cost, isPassive, heldFrom, rollout, loading, hysteresis, closedLoop };

@@ -32,7 +32,6 @@ from bristle.model.parameters import (
     least_of,
     lugre_of,
     pair_of,
-    static_fields_of,
 )
 from bristle.questions.explorer import javascript
 from bristle.simulation.joint_loop import JointLoop
@@ -150,7 +149,7 @@ def _of_law(law: FrictionLaw, ways: tuple[Way, ...]) -> str:
     ]
     coefficients = ("alpha_0", "alpha_1", "alpha_2", *law.coefficients)
     constants = {
-        "FIELDS": fields_of(law), "STATIC": static_fields_of(law), "SHAPE": law.shape_parameters,
+        "FIELDS": fields_of(law), "SHAPE": law.shape_parameters,
         "COEFFICIENTS": coefficients, "LEAST": [least_of(name) for name in coefficients],
     }  # fmt: skip  # a list of values
     named = [*constants, "LOOPS", *(equation.name() for equation in equations)]
@@ -188,7 +187,6 @@ def _equations(law: FrictionLaw) -> list[ca.Function]:
     step = functions.step_function(law)(v0, v1, h, *acting(z, v0 + v1))
     return [
         _function("steadyTorque", [v, q], functions.steady_torque_function(law)(v, *steady.stribeck)),
-        _function("steadyJacobian", [v, q], *functions.steady_jacobian_function(law)(v, *steady.stribeck)),
         _function("steadyColumns", [v, *shape], level, peak, *viscous),
         _function("steadyDeflection", [v, q], functions.steady_deflection_function(law)(v, *steady)[0]),
         _function("frictionTorque", [z, v, q], functions.torque_function(law)(z, v, *acting(z, v))),
