@@ -183,7 +183,7 @@ def sensitivity(
     >>> fit = bristle.fit(v, T, directions="symmetric")
     >>> study = bristle.sensitivity(fit, samples=0)
     >>> print(bristle.report_of(study).text()[:20])
-    alpha_2 matters most
+    alpha_0 matters most
 
     Args:
         experiment: of the joint, or what `identify` or a fit of arrays gave; None: the paper's gripper rotation (+), with the

@@ -181,17 +181,16 @@ def _of_velocities(plan: Plan, runs: Table, designs: Table) -> Iterator[Section]
     what = "c-optimal runs for one parameter alone"
     if static.chosen.aim == "all":
         what = f"D-optimal runs: smallest volume of the joint confidence region of all {count} parameters"
-    lines = []
-    for x in plan.velocities:
-        where = "each direction" if x.direction is Direction.BOTH else f"direction {x.direction}"
-        speeds = f"{tables.listed(x.chosen, '{:.4g}')} {unit('velocity', plan.joint.kind)}"
-        lines.append(f"  constant velocities, {where}: {speeds}; each averaged over {plan.limits.hold:.3g} s")
     text = (
         f"The {what}, in addition to the runs so far, found by exchange on a fine grid of speeds; near ones become one. Each is averaged over "
         f"{hold} s after a run-in of {SETTLE} s or {DEFLECTIONS:.0f} bristle deflections, whichever is longer."
     )
-    speeds, robustness, v = [], [], pretty(unit("velocity", plan.joint.kind))
+    lines, speeds, robustness, si = [], [], [], unit("velocity", plan.joint.kind)
+    v = pretty(si)
     for x in plan.velocities:
+        where = "each direction" if x.direction is Direction.BOTH else f"direction {x.direction}"
+        listed = f"{tables.listed(x.chosen, '{:.4g}')} {si}"
+        lines.append(f"  constant velocities, {where}: {listed}; each averaged over {plan.limits.hold:.3g} s")
         run = [speed for speed, _ in x.chosen.runs]
         ends = dict.fromkeys(number(speed, 3) for speed in (run[0], run[-1]))
         many, at = counted(len(x.velocities), "run"), counted(len(run), "speed")
