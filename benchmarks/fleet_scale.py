@@ -29,7 +29,7 @@ from bristle.questions.fleet.cluster import Call, local_client, spread
 from bristle.questions.fleet.dataset import COLUMNS, OF_TASK, schema_of, task_file, write_parts
 from bristle.questions.fleet.files import write_whole
 from bristle.questions.fleet.findings import findings
-from bristle.questions.fleet.page import write_fleet
+from bristle.questions.fleet.report import report
 from bristle.simulation.fleet import FleetDesign, fleet_estimates, fleet_truth
 from bristle.workers import pin
 
@@ -156,11 +156,9 @@ def rows_of(name: str, folder: Path) -> None:
     before = peak()
     found = timed("findings", lambda: findings(read))
     print(f"  peak memory {before:.0f} MB before the findings, {peak():.0f} MB with them")
-    timed("page and tables", lambda: write_fleet(found, folder / "page"))
-    print(
-        f"  page {(folder / 'page' / 'index.html').stat().st_size / 1e6:.2f} MB, peak memory {peak():.0f} MB",
-        flush=True,
-    )
+    timed("page and tables", lambda: report(found).write(folder / "page"))
+    pages = " and ".join(f"{x.stat().st_size / 1e6:.2f}" for x in sorted((folder / "page").glob("*.html")))
+    print(f"  pages {pages} MB, peak memory {peak():.0f} MB", flush=True)
 
 
 def peak() -> float:

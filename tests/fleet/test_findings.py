@@ -10,7 +10,7 @@ import pytest
 from bristle.errors import InputError
 from bristle.questions.fleet.dataset import COLUMNS, schema_of
 from bristle.questions.fleet.findings import Findings, findings
-from bristle.questions.fleet.page import fleet_files
+from bristle.questions.fleet.report import report
 from bristle.simulation.fleet import FleetDesign, FleetTruth, fleet_estimates, fleet_truth
 
 if TYPE_CHECKING:
@@ -383,8 +383,11 @@ def test_a_fleet_may_lack_anything() -> None:
         table = pa_table(frame)
         try:
             found = findings(table.to_pandas())
-            assert found.text()
-            assert "index.html" in fleet_files(found)
+            made = report(found)
+            assert made.text()
+            assert made.html()
+            for x in (x for page in made.pages for section in page.sections for x in section.drawings):
+                x.draw()
             tables = {x: getattr(found, x) for x in ("changes", "types", "units", "quality")}
             got = {f"{x}.{column}": kind.kind for x, made in tables.items() for column, kind in made.dtypes.items()}
             types = types or got

@@ -1,12 +1,12 @@
-"""The page of a fleet: its size, what it would load, what it is told, and the tables beside it."""
+"""The pages of a fleet: what stands on them whatever names say, how large they get, their figures, and the tables beside them."""
 
-import base64
 import csv
-import hashlib
 import io
-import json
 import re
+from functools import partial
+from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,169 +14,226 @@ import pytest
 
 import bristle
 from bristle.page import output_folder
+from bristle.page.page import Drawing, drawn
+from bristle.page.report import Report
 from bristle.questions.fleet import figures, tables
+from bristle.questions.fleet import report as reports
 from bristle.questions.fleet.findings import Findings, findings
-from bristle.questions.fleet.page import fleet_files, write_fleet
+from bristle.questions.fleet.report import report
 from bristle.simulation.fleet import FleetDesign, fleet_estimates, fleet_truth
 
-from .plausible import EXOTIC, HOSTILE, empty, plausible, when
-from .reading import Parsed, told, unpacked
+from ..pages import assert_tables_are_named, page_text
+from .plausible import EXOTIC, HOSTILE, empty, plausible
 
 
 @pytest.fixture(scope="module")
 def found() -> Findings:
     """A small fleet with hostile names."""
-    return plausible(units=30, failed=45)
+    return plausible(units=8, failed=45)
 
 
 @pytest.fixture(scope="module")
-def page(found: Findings) -> bytes:
-    """Its page."""
-    commands = tables.report_commands(found.joints, "out put")
-    return fleet_files(found, reports=[("robot-006", EXOTIC)], commands=commands)["index.html"]
+def folder(found: Findings, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Its pages, with figures and tables."""
+    return report(found, "out put").write(tmp_path_factory.mktemp("fleet") / "page").parent
 
 
-def test_a_large_fleet_is_at_most_five_megabytes() -> None:
-    """1200 joints of 8 sessions and 8 parameters and directions, with reports' commands, are at most 5 MB in one file."""
-    large = plausible(200, 6, 8, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=100)
-    files = fleet_files(large, commands=tables.report_commands(large.joints, "reports/plant"))
-    assert len(files["index.html"]) <= 5e6
-    data = told(files["index.html"])
-    assert data["charted"] == 1200
-    assert len(unpacked(data["joints"]["rank"])) == 1200
-    assert len(unpacked(data["series"]["value"])) == 1200 * 8 * 8
+class Elements(HTMLParser):
+    """The elements of a page and their attributes, by name."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: set[str] = set()
+        self.attributes: set[str] = set()
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Keep it."""
+        self.tags.add(tag)
+        self.attributes |= {name for name, _ in attrs}
 
 
-def test_a_larger_fleet_says_what_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Beyond the caps tables and charts hold the first ranks, the page says so, and the CSV files are whole."""
-    some = plausible(units=30, failed=45)
-    for name, most in (("JOINTS", 12), ("UNITS", 25), ("FAILURES", 30), ("TYPES", 3)):
-        monkeypatch.setattr(tables, name, most)
-        monkeypatch.setattr("bristle.questions.fleet.page." + name, most)
-    monkeypatch.setattr(figures, "POINTS", 100)  # three joints of four blocks of eight sessions
-    files = fleet_files(some)
-    page, data = files["index.html"].decode(), told(files["index.html"])
-    assert data["charted"] == 3
-    assert "This page has the first 12 of 60 rows; tables/joints.csv has all." in page
-    assert "This page has the first 25 of 240 rows; tables/units.csv has all." in page
-    assert "This page has the first 30 of 45 rows; tables/failures.csv has all." in page
-    assert "on this page for the 3 joints ranked first of 60" in page
-    counts = {
-        "joints": unpacked(data["joints"]["rank"]),
-        "units": unpacked(data["units"]["value"]),
-        "failures": data["tables"]["failures"],
-    }
-    assert {name: len(x) for name, x in counts.items()} == {"joints": 12, "units": 25, "failures": 30}
-    assert files["tables/units.csv"].count(b"\n") == 241
-    assert set(unpacked(data["series"]["joint"])) == {0, 1, 2}
+def table_rows(page: str, title: str) -> list[list[str]]:
+    """The cells of the table of a title, as HTML."""
+    (body,) = re.findall(rf"<caption>{re.escape(title)}.*?<tbody>(.*?)</tbody>", page, re.DOTALL)
+    return [re.findall(r"<t[hd][^>]*>(.*?)</t[hd]>", row, re.DOTALL) for row in body.split("</tr>")[:-1]]
 
 
-def test_the_page_loads_nothing(page: bytes) -> None:
-    """No element names anything to fetch, styles neither; the policy allows the page's own scripts alone, by their digests."""
-    text, read = page.decode(), Parsed(page.decode())
-    for tag, given in read.elements:
-        assert not {"src", "srcset", "data", "action", "background"} & given.keys(), tag
-        assert re.match(r"data:,|#|tables/[a-z]+\.csv$", given.get("href", "#")), given
-        assert not [name for name in given if name.startswith("on")], tag
-    style = text[text.index("<style>") : text.index("</style>")]
-    assert "url(" not in style
-    assert "@import" not in style
-    (policy,) = [given["content"] for _, given in read.elements if given.get("http-equiv") == "Content-Security-Policy"]
-    assert policy.startswith("default-src 'none'; script-src 'sha256-")
-    assert "worker-src" not in policy
-    digests = re.findall(r"'sha256-([^']+)'", policy)
-    assert digests == [base64.b64encode(hashlib.sha256(x.encode()).digest()).decode() for x in read.scripts[1:]]
+def test_pages_of_a_large_fleet_are_at_most_three_megabytes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1200 joints with 8 parameters and directions, in 40 sessions, with reports' commands; a figure of 4 parameters in 10 000 sessions."""
+    monkeypatch.setattr(reports, "_DRAWN", 1)
+    monkeypatch.setattr(reports, "_TYPES_DRAWN", 1)
+    large = report(plausible(200, 6, 40, ("alpha_0", "alpha_1", "alpha_2", "v_s"), failed=3000), "reports/plant")
+    assert len(large.html()) <= 1.5e6
+    for page in large.pages:
+        assert len(report_with(large, page.sections).html()) <= 1.5e6
+    long = plausible(2, 1, 10_000, ("alpha_0",))
+    rows = long.series[(long.series["unit"] == HOSTILE) & (long.series["direction"] == "+")]
+    course = figures.Course("alpha", rows, None)
+    files = dict[str, bytes]()
+    draw = partial(figures.joint_figure, "joint", rows["session"].iloc[0], 4 * [course], simulated=True)
+    drawn({0: Drawing(draw, "figure", "a joint")}, files)
+    assert len(files["figures/figure.svg"]) <= 5e5
 
 
-def test_hostile_names_stay_text(page: bytes) -> None:
-    """A name that ends a script and loads an image begins no tag, neither in the page nor in its JSON."""
-    read = Parsed(page.decode())
-    assert not [tag for tag, _ in read.elements if tag in {"img", "b"}]
-    assert page.decode().count("</script") == len(read.scripts)
-    assert not re.search("[<>&]", read.scripts[0])
-    data = json.loads(read.scripts[0])
-    assert HOSTILE in data["joints"]["unit"]["words"]
-    assert EXOTIC in data["joints"]["joint"]["words"]
-    assert HOSTILE in [row[1] for row in read.tables["table-joints"]]
+def report_with(whole: Any, sections: Any) -> Any:
+    """A report whose first page has these sections."""
+    return Report(whole.title, sections, about="")
 
 
-def test_equal_findings_give_equal_bytes(found: Findings, page: bytes) -> None:
-    """A second call gives the same files, though Bokeh counts its models on."""
-    commands = tables.report_commands(found.joints, "out put")
-    again = fleet_files(plausible(units=30, failed=45), reports=[("robot-006", EXOTIC)], commands=commands)
-    assert again["index.html"] == page
-    assert again == fleet_files(found, reports=[("robot-006", EXOTIC)], commands=commands)
+def test_a_larger_fleet_says_what_is_left_out(found: Findings, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Beyond the caps tables and figures hold the first ranks, the page says so, and the CSV files are whole."""
+    monkeypatch.setattr(tables, "MOST", 12)
+    monkeypatch.setattr(reports, "MOST", 12)
+    monkeypatch.setattr(reports, "_DRAWN", 2)
+    report(found).write(tmp_path / "out")
+    pages = {name: page_text(tmp_path / "out" / f"{name}.html") for name in ("index", "units", "quality")}
+    for name, title, count, of in (
+        ("index", "Joints, by rank", 16, "joints"),
+        ("units", "Values of units", 64, "units"),
+        ("quality", "Sessions without a result", 45, "failures"),
+    ):
+        assert f"This page has the first 12 of {count} rows; tables/{of}.csv has all." in pages[name]
+        assert len(table_rows(pages[name], title)) == 12
+        assert (tmp_path / "out" / "tables" / f"{of}.csv").read_bytes().count(b"\n") == count + 1
+    assert "Figures show the first 2 of the 4 joints that changed" in pages["index"]
+    assert pages["index"].count("<figure") == 2
 
 
-def test_series_are_told_to_a_thousandth_of_their_range(found: Findings, page: bytes) -> None:
-    """Each packed value is that of the findings, to a ten-thousandth of its chart's range, in the session it is of."""
-    data = told(page)["series"]
-    joint, quantity, counts, low, step = (
-        unpacked(data[name]) for name in ("joint", "quantity", "counts", "low", "step")
-    )
-    sessions, names = unpacked(data["sessions"]), tables.quantities_of(found.series, found.units)
-    assert sessions[:8] == [x.timestamp() * 1000 for x in when(8)]
-    begin = 0
-    for block, (k, q) in enumerate(zip(joint, quantity, strict=True)):
-        row, own = found.joints.iloc[k], names.iloc[q]
+def test_hostile_names_stay_text(folder: Path) -> None:
+    """A name that ends a script and loads an image begins no tag, and stands in tables, headings and figures as it is."""
+    for name in ("index", "units", "quality"):
+        page = page_text(folder / f"{name}.html")
+        read = Elements(page)
+        assert not read.tags & {"img", "script", "b"}
+        assert not [name for name in read.attributes if name.startswith("on")]
+        assert "&lt;/script&gt;&lt;img src=x" in page
+    rows = table_rows(page_text(folder / "index.html"), "Joints, by rank")
+    assert [row[1] for row in rows if "&lt;img" in row[1]]
+    assert next(row[2] for row in rows if "Zelle" in row[2]).endswith("手首")
+
+
+def test_equal_findings_give_equal_bytes(folder: Path, tmp_path: Path) -> None:
+    """Written again every file is the same."""
+    again = report(plausible(units=8, failed=45), "out put").write(tmp_path / "page").parent
+    read = [{x.relative_to(top): x.read_bytes() for x in top.rglob("*") if x.is_file()} for top in (folder, again)]
+    assert read[0] == read[1]
+
+
+def test_a_joint_is_drawn_as_it_was_found(found: Findings, folder: Path) -> None:
+    """The first figure has the parameters of the first joint that changed: values, intervals, limits and adjusted ones, and the step."""
+    row = found.joints.iloc[0]
+    with (folder / "figures" / "joint-1.csv").open(encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    own = found.changes[(found.changes["unit"] == row["unit"]) & (found.changes["joint"] == row["joint"])]
+    own = own[own["changed"]].sort_values("p")
+    assert len({line["panel"] for line in lines}) == len(own) == 2
+    for k, one in enumerate(own.itertuples(), 1):
         part = found.series[
-            (found.series["unit"] == row["unit"])
-            & (found.series["joint"] == row["joint"])
-            & (found.series["parameter"] == own["parameter"])
-            & (found.series["direction"] == own["direction"])
+            (found.series["unit"] == one.unit)
+            & (found.series["joint"] == one.joint)
+            & (found.series["parameter"] == one.parameter)
+            & (found.series["direction"] == one.direction)
         ]
-        for name in figures.COLUMNS:
-            codes = unpacked(data[name])[begin : begin + counts[k]] if block < 12 else []
-            for code, value in zip(codes, part[name], strict=False):
-                assert low[block] + code * step[block] == pytest.approx(value, abs=1e-4 * 65534 * step[block])
-        begin += counts[k]
-    assert begin == len(found.series)
+        of = {
+            name: [
+                (x["x"], float(x["y"]))
+                for x in lines
+                if x["panel"].startswith(f"{k}:") and x["series"] == name and x["y"]
+            ]
+            for name in ("value", "adjusted", "95 % interval", "before", "after", "limits")
+        }
+        times = [f"{x:%Y-%m-%dT%H:%M}" for x in part["session"]]
+        assert [x for x, _ in of["value"]] == times
+        for name, wanted in (("value", part["value"]), ("adjusted", part["adjusted"])):
+            assert [y for _, y in of[name]] == pytest.approx(list(wanted), rel=1e-6)
+        ends = [y for pair in zip(part["lower"], part["upper"], strict=True) for y in pair]
+        assert [y for _, y in of["95 % interval"]] == pytest.approx(ends, rel=1e-6)
+        assert [y for _, y in of["before"]] == pytest.approx([one.before] * 2, rel=1e-6)
+        assert [y for _, y in of["after"]] == pytest.approx([one.after] * 2, rel=1e-6)
+        assert [x for x, _ in of["after"]] == [times[4], times[-1]]
+        assert min(y for _, y in of["limits"]) == pytest.approx(part["limit_low"].min(), rel=1e-6)
+    (step,) = {x["x"] for x in lines if x["series"] == "step"}
+    assert times[3] < step < times[4]
+    assert {line["panel"].partition(" vs ")[0][3:] for line in lines} == {
+        f"Coulomb friction α₀ ({d}) (N·m)" for d in "+−"
+    }
+    page = page_text(folder / "index.html")
+    verdicts = [row[-1] for row in table_rows(page[: page.index("figure-joint-2")], "All parameters of")]
+    assert verdicts == ["yes", "yes", "no", "no"]
 
 
-def test_what_is_no_number_or_open_is_told_as_such() -> None:
-    """A session without a value has a gap, an open interval ends beyond the chart, and a block of no numbers is all gaps."""
-    some = plausible(units=2, joints=1)
-    series = some.series.copy()
-    series.loc[3, ["value", "lower", "upper", "adjusted"]] = np.nan
-    series.loc[4, "upper"] = np.inf
-    series.loc[8:15, list(figures.COLUMNS)] = np.nan
-    known = tables.quantities_of(series)
-    data, most = figures.packed_series(series.drop(index=5), some.changes, some.joints, known)
-    values = np.array([unpacked(data[name]) for name in figures.COLUMNS])
-    assert most == 2
-    rank = int(some.joints.index[some.joints["unit"] == HOSTILE][0])
-    first = unpacked(data["joint"]).index(rank) * 8
-    assert (values[:4, first + 3] == 65535).all()
-    assert values[2, first + 4] == 65534
-    assert (values[:, first + 5] == 65535).all()
-    assert (values[:, first + 8 : first + 16] == 65535).all()
+def test_what_is_no_number_or_open_is_drawn_as_far_as_it_is_one(found: Findings) -> None:
+    """A session without a value, an open interval, a parameter without a test or a number: each has a figure, and no axis is infinite."""
+    rows = found.series.iloc[:8].copy()
+    rows.loc[rows.index[3], ["value", "lower", "upper", "adjusted"]] = np.nan
+    rows.loc[rows.index[4], "upper"] = np.inf
+    gone = rows.assign(**dict.fromkeys(("value", "lower", "upper", "adjusted", "limit_low", "limit_high"), np.nan))
+    courses = [
+        figures.Course("some", rows, None),
+        figures.Course("gone", gone, None),
+        figures.Course("one", rows.iloc[:1], None),
+    ]
+    figure = figures.joint_figure("joint", rows["session"].iloc[0], courses, simulated=False)
+    low, high = figure.axes[0].get_ylim()
+    assert low < rows["value"].min() < rows["value"].max() < high < 2 * rows["value"].max()
+    assert all(np.isfinite(ax.get_ylim()).all() for ax in figure.axes)
 
 
-def test_steps_and_spreads_are_those_of_the_findings(found: Findings, page: bytes) -> None:
-    """Of each block the tested step, nan where there is none; of each type and quantity the mean, and the band of 95 %."""
-    data = told(page)
-    percent = unpacked(data["series"]["steps"]["percent"])
-    assert sorted(percent) == pytest.approx(sorted(found.changes["percent"]), rel=1e-6)
-    assert sum(unpacked(data["series"]["steps"]["changed"])) == found.changes["changed"].sum()
-    for one in data["spreads"]:
-        assert one["count"] == 30
-        assert (one["low"], one["high"]) == pytest.approx((0.02 * np.exp(-0.196), 0.02 * np.exp(0.196)))
+def test_units_are_drawn_by_value(found: Findings, folder: Path) -> None:
+    """The figure of a type has each of its units once, ordered by value, those outside marked; its band holds 95 % of the units."""
+    with (folder / "figures" / "type-1.csv").open(encoding="utf-8") as file:
+        lines = list(csv.DictReader(file))
+    of = {
+        name: [float(x["y"]) for x in lines if x["series"] == name]
+        for name in ("within", "outside", "shrunken", "mean")
+    }
+    at = {float(x["x"]): float(x["y"]) for x in lines if x["series"] in {"within", "outside"}}
+    outside = found.units[found.units["outside"]]
+    row = outside[outside["type"] == sorted(found.types["type"].unique())[0]].iloc[0]
+    rows = found.units[
+        (found.units["type"] == row["type"])
+        & (found.units["parameter"] == row["parameter"])
+        & (found.units["direction"] == row["direction"])
+    ]
+    assert len(of["outside"]) == rows["outside"].sum() > 0
+    assert len(at) == 8
+    assert [at[x] for x in sorted(at)] == pytest.approx(sorted(rows["value"]), rel=1e-6)
+    assert of["mean"] == [pytest.approx(0.02)] * len(of["mean"])
+    (type_, *_) = tables.rows_of(found.types)
+    for values in (np.array([1.0, 2.0]), np.array([-1.0, 2.0])):
+        mean, low, high = figures.spread_of(type_, values)
+        far = (
+            (0.02 * np.exp(-0.196), 0.02 * np.exp(0.196)) if values[0] > 0 else (0.02 - 0.196 * 1.5, 0.02 + 0.196 * 1.5)
+        )
+        assert (mean, low, high) == pytest.approx((0.02, *far))
 
 
-def test_reports_are_commands_until_they_are_there(found: Findings, page: bytes) -> None:
-    """Each joint has the command that makes its report in a shell, and a link once the report is said to be there."""
-    data = told(page)["joints"]
-    at = next(
-        k
-        for k, x in enumerate(zip(unpacked(data["unit"]), unpacked(data["joint"]), strict=True))
-        if x == ("robot-006", EXOTIC)
-    )
-    links, commands = unpacked(data["link"]), unpacked(data["command"])
-    assert [k for k, link in enumerate(links) if link] == [at]
-    assert re.fullmatch(r"reports/[a-z0-9-]+-2026-07-20-0800/index\.html", links[at])
-    folder = links[at].removesuffix("/index.html")
-    assert commands[at] == f"bristle report 'logs/0010 ü.yaml' -o 'out put/{folder}'"
-    assert len(set(tables.report_folders(found.joints).values())) == len(found.joints)
+def test_quality_over_time_leaves_notes_out(folder: Path) -> None:
+    """The figure has cautions, critical warnings and failed sessions, and no notes; the table has all, with their entries."""
+    with (folder / "figures" / "quality.csv").open(encoding="utf-8") as file:
+        assert {line["series"] for line in csv.DictReader(file)} == {"clipped", "torque-drifts", "failed"}
+    page = page_text(folder / "quality.html")
+    assert {"too-short", "failed"} <= {re.sub("<.*?>", "", row[0]) for row in table_rows(page, "Warnings, the most")}
+    for code in ("clipped", "torque-drifts"):
+        assert f'href="#warning-{code}"' in page
+        assert f'<dt id="warning-{code}">' in page
+
+
+def test_reports_are_commands_until_they_are_there(found: Findings, tmp_path: Path) -> None:
+    """Each joint has the command that makes its report in a shell, and a link once the report stands below the page."""
+    folders = tables.report_folders(found.joints)
+    assert len(set(folders.values())) == len(found.joints)
+    slug = folders["robot-006", EXOTIC]
+    assert re.fullmatch(r"[a-z0-9-]+-2026-07-20-0800", slug)
+    rows = table_rows(report(found, str(tmp_path), "/logs").html(), "Joints, by rank")
+    (said,) = [row[-1] for row in rows if row[1] == "robot-006" and "Zelle" in row[2]]
+    assert said == f"bristle report &#39;/logs/logs/0010 ü.yaml&#39; -o {tmp_path}/reports/{slug}"
+    (tmp_path / "reports" / slug).mkdir(parents=True)
+    (tmp_path / "reports" / slug / "index.html").write_text("a report", encoding="utf-8")
+    rows = table_rows(report(found, str(tmp_path)).html(), "Joints, by rank")
+    links = [row[-1] for row in rows if not row[-1].startswith("bristle report")]
+    assert links == [f'<a href="reports/{slug}/index.html">report</a>']
 
 
 def test_commands_are_safe_in_a_shell() -> None:
@@ -199,87 +256,78 @@ def test_joints_of_one_file_share_a_report() -> None:
     assert folders["R-1", "J1"] == "r-1-j1-2026-05-04-0830"
 
 
-def test_a_report_is_linked_once_it_is_there(found: Findings, tmp_path: Path) -> None:
-    """A page that is written anew links to the reports below it; of the others it has the command for this folder."""
-    folders = tables.report_folders(found.joints)
-    first = (str(found.joints["unit"][0]), str(found.joints["joint"][0]))
-    data = told(write_fleet(found, tmp_path, base="/logs").read_bytes())["joints"]
-    assert set(unpacked(data["link"])) == {""}
-    assert unpacked(data["command"])[0].startswith("bristle report '/logs/logs/")
-    assert unpacked(data["command"])[0].endswith(f"{tmp_path}/reports/{folders[first]}")
-    made = tmp_path / "reports" / folders[first]
-    made.mkdir(parents=True)
-    (made / "index.html").write_text("a report", encoding="utf-8")
-    data = told(write_fleet(found, tmp_path).read_bytes())["joints"]
-    assert unpacked(data["link"])[:2] == [f"reports/{folders[first]}/index.html", ""]
-
-
-def test_tables_beside_the_page_are_whole(found: Findings, tmp_path: Path) -> None:
+def test_tables_beside_the_page_are_whole(found: Findings, folder: Path) -> None:
     """Each table of the findings is a CSV file of its columns and rows, in which no text is a formula."""
-    assert write_fleet(found, tmp_path / "fleet") == tmp_path / "fleet" / "index.html"
-    assert {path.name for path in (tmp_path / "fleet" / "tables").iterdir()} == {
-        f"{name}.csv" for name in ("joints", "changes", "units", "types", "quality", "warned", "failures")
-    }
-    for name, frame in tables.csv_frames(found).items():
-        text = (tmp_path / "fleet" / "tables" / f"{name}.csv").read_text(encoding="utf-8")
-        rows = list(csv.DictReader(io.StringIO(text)))
-        assert len(rows) == len(frame)
+    assert_tables_are_named(folder)
+    frames = report(found).frames
+    assert set(frames) == {"joints", "changes", "units", "types", "quality", "warned", "failures"}
+    assert {path.stem for path in (folder / "tables").iterdir()} == set(frames)
+    for name, frame in frames.items():
+        rows = list(csv.DictReader(io.StringIO((folder / "tables" / f"{name}.csv").read_text(encoding="utf-8"))))
+        assert len(rows) == len(frame) == len(getattr(found, name))
         assert list(rows[0]) == list(frame.columns)
         assert [row["joint"] for row in rows] == list(frame["joint"]) if "joint" in frame else True
     assert rows[0]["file"] == "'=cut <off>.csv"
-    written = (tmp_path / "fleet" / "tables" / "joints.csv").read_text(encoding="utf-8")
+    written = (folder / "tables" / "joints.csv").read_text(encoding="utf-8")
     assert [float(row["percent"]) for row in csv.DictReader(io.StringIO(written))] == list(found.joints["percent"])
 
 
-def test_nothing_foreign_is_replaced(found: Findings, tmp_path: Path) -> None:
+def test_nothing_foreign_is_replaced(tmp_path: Path) -> None:
     """A page is written anew in its folder, but not over a file that bristle did not make; the dataset beside it stays."""
+    made = report(empty())
     output_folder.claim(tmp_path, output_folder.FLEET)
     for folder in ("results", "tables"):
         (tmp_path / folder).mkdir()
     (tmp_path / "results" / "part-0.parquet").write_bytes(b"data")
     (tmp_path / "tables" / "joints.csv").write_text("mine", encoding="utf-8")
     with pytest.raises(bristle.InputError, match=r"tables/joints\.csv: is there already, and bristle did not make it"):
-        write_fleet(found, tmp_path)
+        made.write(tmp_path)
     (tmp_path / "tables" / "joints.csv").unlink()
-    write_fleet(found, tmp_path)
-    write_fleet(plausible(seed=2), tmp_path)
+    for _ in range(2):
+        made.write(tmp_path)
     assert (tmp_path / "results" / "part-0.parquet").read_bytes() == b"data"
 
 
-def test_what_must_be_said_stands_without_a_script(page: bytes) -> None:
-    """Headline, notes with their codes' entries, the SIMULATED badge and the top of each list stand in the HTML."""
-    text, read = page.decode(), Parsed(page.decode())
-    assert '<strong class="badge">SIMULATED</strong>' in text
-    assert "of 60 joints changed, at a false discovery rate of 5 %" in text
+def test_what_must_be_said_stands_first(folder: Path) -> None:
+    """Headline, SIMULATED, notes with their codes' entries, the ranked joints, and of the first what to think of new warnings."""
+    page = page_text(folder / "index.html")
+    assert "<strong>SIMULATED data.</strong>" in page
+    assert "of 16 joints changed, at a false discovery rate of 5 %" in page
     for code in ("warned-since", "clipped", "torque-drifts"):
-        assert f'<dt id="warning-{code}">' in text
-    assert '<a class="code" href="#warning-warned-since">' in text
-    rows = read.tables["table-joints"]
-    assert len(rows) == 1 + tables.PRINTED
-    assert rows[1][3] == "changed"
-    assert rows[1][5] in {"α₀ (+)", "α₀ (−)"}
-    assert "The first 20 of 60 rows" in text
-    assert read.tables["table-types"][1][7].startswith(("-1.", "-0.9"))
-    assert read.tables["table-quality"][0][0] == "Code"
-    assert read.tables["table-failures"][1][3] == "<i>file 0</i>: ends in line 812; log it again"
+        assert f'<dt id="warning-{code}">' in page
+    assert '<a class="code" href="#warning-warned-since">' in page
+    rows = table_rows(page, "Joints, by rank")
+    assert [row[0] for row in rows] == [str(k) for k in range(1, 17)]
+    assert rows[0][3] == "changed"
+    assert re.sub("\\s", " ", rows[0][5]) in {"α₀ (+)", "α₀ (−)"}
+    assert [row[8].count('href="#warning-') for row in rows if row[8]] == [2]
+    assert "They point at the log" in page
+    types = table_rows(page_text(folder / "units.html"), "Types, parameters and directions")
+    assert types[0][7].startswith(("-1.", "-0.9"))
+    failures = table_rows(page_text(folder / "quality.html"), "Sessions without a result")
+    assert failures[0][3] == "&lt;i&gt;file 0&lt;/i&gt;: ends in line 812; log it again"
 
 
-def test_findings_of_nothing_are_a_page() -> None:
+def test_findings_of_nothing_are_a_page(tmp_path: Path) -> None:
     """Without a joint, a value or a warning there is a page that says so."""
-    text = fleet_files(empty())["index.html"].decode()
-    assert "No joint was tested for a change" in text
-    assert "No session has a warning." in text
-    assert "None: every session was identified and used." in text
+    report(empty()).write(tmp_path / "out")
+    assert "No joint was tested for a change" in page_text(tmp_path / "out" / "index.html")
+    page = page_text(tmp_path / "out" / "quality.html")
+    assert "No session has a warning." in page
+    assert "None: every session was identified and used." in page
 
 
 def test_findings_of_a_simulated_fleet_are_a_page() -> None:
-    """What `findings` gives of estimates is what the page takes: every joint, every series, the type's coefficients."""
-    design = FleetDesign(robots=12, joints=2, sessions=5, worn=0.2, change=0.4, swing=10.0)
+    """What `findings` gives of estimates is what the page takes: every joint and type, and figures though no joint changed."""
+    design = FleetDesign(robots=12, joints=2, sessions=5, worn=0.0, swing=10.0)
     rng = np.random.default_rng(3)
     found = findings(fleet_estimates(design, fleet_truth(design, rng), rng))
-    data = told(fleet_files(found)["index.html"])
-    assert len(unpacked(data["joints"]["rank"])) == data["charted"] == 24
-    assert len(unpacked(data["series"]["value"])) == len(found.series) == 24 * 5 * 8
-    assert len(data["spreads"]) == len(found.types) == 16
-    assert np.isfinite(unpacked(data["series"]["steps"]["p"])).all()
-    assert data["quality"]["codes"] == []
+    made = report(found)
+    page = made.html()
+    assert found.changed == 0
+    assert len(table_rows(page, "Joints, by rank")) == 24
+    assert "No change is named; the most likely step is" in page
+    assert page.count("<figure") == reports._LEAST_DRAWN
+    (types,) = [x.table for x in made.pages[0].sections if x.title == "Types"]
+    assert types is not None
+    assert len(types.cells.rows) == len(found.types) == 16

@@ -7,10 +7,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from bristle.questions.fleet.findings import Findings
 from bristle.questions.fleet.notes import headline
-from bristle.questions.fleet.text import change, day, estimate, probability, text, totals
+from bristle.questions.fleet.report import report
+from bristle.questions.fleet.tables import change, day, estimate, probability, totals
 
 from .plausible import HOSTILE, empty, plausible
+
+
+def text(found: Findings) -> str:
+    """What the command prints."""
+    return report(found).text()
 
 
 def test_the_text_of_a_small_fleet() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bristle.api.exporting import explorers
+from bristle.api.fleets import Fleet
 from bristle.api.identifying import identified, identify
 from bristle.api.joints import Known, asked_joint, read_if_results
 from bristle.api.results import Results, write_results
@@ -332,7 +333,7 @@ def complete(experiment: Path | str) -> tuple[str, str]:
     return completed(Path(experiment))
 
 
-def report_of(result: Comparison | Plan | SensitivityStudy | Study | Validation) -> "Report":
+def report_of(result: Comparison | Plan | SensitivityStudy | Study | Validation | Fleet) -> "Report":
     """What was found, as sections: `text()` is what the command prints, `write(folder)` the page with its figures and tables.
 
     >>> import bristle
@@ -342,14 +343,16 @@ def report_of(result: Comparison | Plan | SensitivityStudy | Study | Validation)
     ('index.html', ['changes', 'sets'])
 
     Args:
-        result: what `adapt`, `compare`, `plan`, `sensitivity` or `validate` gave.
+        result: what `adapt`, `compare`, `fleet`, `plan`, `sensitivity` or `validate` gave.
 
     Raises InputError where it is anything else.
     """
+    if isinstance(result, Fleet):
+        return result.report()
     room = _ROOMS.get(type(result))
     if room is None:
         raise InputError(
-            f"got a {type(result).__name__}; expected what adapt, compare, plan, sensitivity or validate gave"
+            f"got a {type(result).__name__}; expected what adapt, compare, fleet, plan, sensitivity or validate gave"
         )
     made: Report = import_module(f"bristle.questions.{room}.report").report(result)
     return made

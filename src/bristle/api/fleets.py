@@ -4,6 +4,7 @@ import re
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,6 +18,7 @@ from bristle.progress import Progress, step
 if TYPE_CHECKING:
     import pandas as pd
 
+    from bristle.page.report import Report
     from bristle.questions.fleet.findings import Findings
 
 _ADDRESS = re.compile(r"([a-z]+://)?[^\s/]+:\d{1,5}")
@@ -52,28 +54,42 @@ class Fleet(NamedTuple):
         """Joints that changed."""
         return self.findings.changed
 
+    def report(self, folder: Path | str | None = None) -> "Report":
+        """What was found, as sections; with links to reports of single joints in the `folder` where it will lie, and commands for others.
+
+        None: the folder of the dataset.
+        """
+        made: Report = import_module("bristle.questions.fleet.report").report(
+            self.findings, str(folder or self.output or ""), self.base
+        )
+        return made
+
     def text(self) -> str:
-        """What was found, in lines of 80 columns."""
-        return self.findings.text()
+        """What was found, as the command prints it, in lines of any length."""
+        return self.report().text()
 
     def __str__(self) -> str:
         return self.text()
 
     def write(self, folder: Path | str) -> str:
-        """Write the page and its tables into a folder, or a URL of one; returns the place of index.html.
+        """Write the pages, figures and tables into a folder, or a URL of one; returns the place of index.html.
 
         In a folder only what bristle made there before is replaced. Raises InputError where it cannot be used, with nothing half-written.
         """
-        from bristle.page.output_folder import FLEET
-        from bristle.questions.fleet.files import claim_folder, is_remote, joined_path, write_whole
-        from bristle.questions.fleet.page import fleet_files, write_fleet
+        from bristle.page.output_folder import FLEET, MARKER
+        from bristle.questions.fleet.files import claim_folder, is_remote, joined_path, make_folder, write_whole
 
+        report = self.report(folder)
         if not is_remote(str(folder)):
-            return str(write_fleet(self.findings, Path(folder), base=self.base))
-        files = fleet_files(self.findings)
-        claim_folder(str(folder), {*files, *FLEET})
-        for name, data in files.items():
-            write_whole(joined_path(str(folder), name), data)
+            return str(report.write(folder))
+        with tempfile.TemporaryDirectory(prefix="bristle-") as place:
+            made = report.write(Path(place) / "page").parent
+            files = sorted(x.relative_to(made).as_posix() for x in made.rglob("*") if x.is_file() and x.name != MARKER)
+            claim_folder(str(folder), {*files, *FLEET})
+            for part in ("figures", "tables"):
+                make_folder(joined_path(str(folder), part))
+            for name in sorted(files, key="index.html".__eq__):  # which comes last
+                write_whole(joined_path(str(folder), name), (made / name).read_bytes())
         return joined_path(str(folder), "index.html")
 
 

@@ -5,20 +5,16 @@ connection, and every script but these, by their digests.
 """
 
 import json
-from base64 import b64encode
 from collections.abc import Iterable, Mapping
 from math import isfinite
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
 from markupsafe import Markup
 
 from bristle.page.page import digest
 
 if TYPE_CHECKING:
-    import pandas as pd
     from bokeh.models import Plot
-    from numpy.typing import NDArray
 
 TOOLS = "pan,box_zoom,wheel_zoom,reset,save"
 GREY = "#767676"
@@ -116,25 +112,3 @@ def _numbered(part: Any, numbers: dict[str, str]) -> Any:
     if isinstance(own, str):
         numbers.setdefault(own, f"p{len(numbers) + 1}")
     return {key: numbers[x] if key == "id" and isinstance(x, str) else _numbered(x, numbers) for key, x in part.items()}
-
-
-def packed_numbers(values: "NDArray[Any]", kind: str = "f4") -> dict[str, Any]:
-    """Numbers as the page's script reads them: little-endian f4, f8, u1, u2 or u4 in base64. What f4 cannot hold is infinite or zero."""
-    with np.errstate(over="ignore"):
-        data = np.ascontiguousarray(values, dtype=f"<{kind}").tobytes()
-    return {"as": kind, "data": b64encode(data).decode("ascii")}
-
-
-def packed(column: "pd.Series") -> dict[str, Any]:
-    """A column of a table: its numbers packed; of times the ms since 1970, nan where there is none; of texts each once, and their codes."""
-    import pandas as pd
-
-    if column.dtype.kind == "M":
-        ms = column.to_numpy("datetime64[ms]")
-        return packed_numbers(np.where(np.isnat(ms), np.nan, ms.astype(float)), "f8")
-    if column.dtype.kind == "b":
-        return packed_numbers(column.to_numpy(), "u1")
-    if column.dtype.kind in "iuf":
-        return packed_numbers(column.to_numpy(float))
-    codes, words = pd.factorize(column.astype(object).where(column.notna(), "").astype(str))
-    return {**packed_numbers(codes, "u4" if len(words) > 1 << 16 else "u2"), "words": [*words]}

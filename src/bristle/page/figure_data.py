@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import Collection, LineCollection, PathCollection, QuadMesh
 from matplotlib.container import BarContainer, Container
+from matplotlib.dates import DateLocator
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.lines import Line2D
@@ -27,7 +28,8 @@ def csv_of(figure: Figure) -> bytes:
     """Every line, point, bar, band and map of a figure as CSV, a row for each of its places.
 
     Columns: `panel`, counted, and what its axes carry, with units; `series`, as the legend has it or else by kind and number;
-    `x` and `y`, in the units of the axes or as its ticks name them, empty where a mark has none (a vertical line has no y);
+    `x` and `y`, in the units of the axes or as its ticks name them, an `x` of dates in UTC, empty where a mark has none (a
+    vertical line has no y);
     `value`, the number behind the colour of a map, else empty. A bar has its end, a band its outline, and pieces of one series
     are apart by an empty row. A text that a spreadsheet could run is as in `to_csv`.
     """
@@ -37,6 +39,7 @@ def csv_of(figure: Figure) -> bytes:
         axes = " vs ".join(filter(None, (_label(ax, "y"), _label(ax, "x"))))
         panel = f"{number}: {axes}".replace("\n", " ")
         across, up = (_words(axis) for axis in (ax.xaxis, ax.yaxis))
+        dated = isinstance(ax.xaxis.get_major_locator(), DateLocator)
         seen = set[str]()
         for series, places in _series(ax):
             begun = cells((panel, series))
@@ -44,7 +47,9 @@ def csv_of(figure: Figure) -> bytes:
                 lines.append(f"{begun},,,")
             seen.add(series)
             for x, y, z in places.tolist():
-                if across or up:
+                if dated:
+                    lines.append(f"{begun},{_time(x)},{y:.7g},{z:.7g}".replace("nan", ""))
+                elif across or up:
                     lines.append(f"{begun},{cells((_text(x, across), _text(y, up), _text(z, {})))}")
                 else:  # most lines: written at once, they take a seventh of the time
                     lines.append(begun + f",{x:.7g},{y:.7g},{z:.7g}".replace("nan", ""))
@@ -67,6 +72,11 @@ def _words(axis: Axis) -> dict[float, str]:
     words = dict(zip(places, axis.get_major_formatter().format_ticks(places), strict=True))
     counts = all(place.is_integer() for place in words) and any(word != f"{x:g}" for x, word in words.items())
     return words if counts else {}
+
+
+def _time(days: float) -> str:
+    """A place on an axis of dates, days since 1970, as a time in UTC to the minute; nothing where the mark has none."""
+    return "" if np.isnan(days) else str(np.datetime64(round(1440 * days), "m"))
 
 
 def _text(x: float, words: Mapping[float, str]) -> str:

@@ -3,7 +3,7 @@
 import hashlib
 import platform
 from base64 import b64encode
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cache
 from importlib import metadata, resources
 from itertools import count
@@ -25,7 +25,7 @@ from bristle.page.columns import to_csv
 from bristle.page.entries import entries_linked, flagged, warned
 from bristle.page.figure_data import csv_of
 from bristle.page.output_folder import replace_files, write_bytes, zipped
-from bristle.page.said import said, with_places
+from bristle.page.said import Link, said, with_places
 from bristle.page.style import inline, render, render_as, styled
 from bristle.page.wording import FITS, METHODS, free
 from bristle.workers import Share
@@ -87,10 +87,18 @@ Filled = tuple[str, str, str, Mapping[str, Any]]
 """The name of its file, the package whose template it is, the template, and what that names."""
 
 
-def write_pages(folder: Path, pages: Iterable[Filled], files: Mapping[str, bytes], *, mailed: bool = False) -> Path:
+def write_pages(
+    folder: Path,
+    pages: Iterable[Filled],
+    files: Mapping[str, bytes],
+    beside: Collection[str] = (),
+    *,
+    mailed: bool = False,
+) -> Path:
     """Write pages, whose figures are numbered through, and the files beside them; returns the path of index.html.
 
-    What makes the pages may add files. `mailed`: all of it as report.zip in the folder as well. Raises as `replace_files`.
+    What makes the pages may add files; what is `beside` them stays. `mailed`: all of it as report.zip in the folder as well.
+    Raises as `replace_files`.
     """
     number = count(1).__next__
     environment = cache(lambda package: _environment(package, number))  # which compiles a template once
@@ -98,7 +106,7 @@ def write_pages(folder: Path, pages: Iterable[Filled], files: Mapping[str, bytes
     for name, package, template, named in pages:
         texts[name] = encoded(environment(package).get_template(template).render(named))
     every = {**files, **texts}
-    replace_files(folder, every | {"report.zip": zipped(every)} if mailed else every)
+    replace_files(folder, every | {"report.zip": zipped(every)} if mailed else every, beside)
     return folder / "index.html"
 
 
@@ -223,15 +231,16 @@ _HEADINGS = {
 
 
 _KINDS = {
-    **dict.fromkeys(("warnings", "reasons", "notes", "verdict"), "t"),
+    **dict.fromkeys(("warnings", "reasons", "notes", "verdict", "What happened", "What it says"), "t"),
     **dict.fromkeys(
         (
             "parameter", "unit", "direction", "of", "scheme", "law", "controller", "method", "fit", "source", "stage", "stage_value",
-            "tracking_value", "joint_value", "model", "directions", "rows",
+            "tracking_value", "joint_value", "model", "directions", "rows", "Since", "Session", "Finding",
+            "Report of the latest session",
         ),
         "s",
     ),
-    "file": "f",
+    **dict.fromkeys(("file", "File"), "f"),
 }  # fmt: skip  # a table of words
 """Classes of the style sheet: long text, short text that stays on its line, and names of files."""
 
@@ -247,8 +256,8 @@ def _cell(value: Any, column: str) -> str | Markup:
         return "yes" if value else "no"
     if value is None:
         return wording.MISSING
-    if isinstance(value, tuple):
-        return Markup("<br>").join(map(flagged, value))
+    if isinstance(value, tuple | Link):
+        return Markup("<br>").join(map(said, value if isinstance(value, tuple) else (value,)))
     if isinstance(value, float):
         return wording.number(value, _DIGITS.get(column, 5))
     if column == "parameter":

@@ -1,6 +1,6 @@
 """One report of any question: the sections that it builds, as pages, as text for the terminal, and as files."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import KW_ONLY, dataclass, field
 from functools import partial
 from itertools import chain
@@ -156,6 +156,8 @@ class Report:
     """Frames that become files, and are on a page at most in part, by name."""
     files: Mapping[str, bytes] = field(default_factory=dict)
     """Others beside the pages, by relative path."""
+    beside: Collection[str] = ()
+    """What else in the folder is of the same question and stays, as the dataset of a fleet."""
 
     @property
     def frames(self) -> dict[str, pd.DataFrame]:
@@ -191,7 +193,7 @@ class Report:
         tell = teller(progress, len(drawings))
         filled = list(self._filled(self._menu, files, tell))
         step(progress, "writing the report")
-        return write_pages(Path(folder), filled, files, mailed=mailed)
+        return write_pages(Path(folder), filled, files, self.beside, mailed=mailed)
 
     @property
     def _menu(self) -> tuple[Page, ...]:

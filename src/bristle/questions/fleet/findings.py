@@ -8,7 +8,6 @@ parameters did (Benjamini and Bogomolov, 2014). docs/fleet.md has the rest of th
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -54,22 +53,6 @@ class Findings:
     def changed(self) -> int:
         """Joints that changed."""
         return int(self.joints["changed"].sum())
-
-    def text(self) -> str:
-        """As `bristle fleet` prints it."""
-        from bristle.questions.fleet.text import text
-
-        return text(self)
-
-    def write(self, folder: Path | str) -> Path:
-        """Write the page and the tables into a folder; returns the path of index.html.
-
-        Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing
-        half-written.
-        """
-        from bristle.questions.fleet.page import write_fleet
-
-        return write_fleet(self, Path(folder))
 
 
 def check_rate(rate: float, baseline: int) -> None:

@@ -1,91 +1,95 @@
-"""The tables of a fleet: as CSV files whole, and as the page has them, packed for its script and in print for who has none."""
+"""The tables of a fleet in print, as its page has them, and how a change, a probability and a time are written."""
 
 import shlex
 from collections import Counter
-from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterator, Mapping
+from math import floor, isfinite, isnan, log10
+from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from bristle.page.bokeh_page import packed
+from bristle.model.parameters import Direction, ParameterName
 from bristle.page.entries import entries
-from bristle.page.wording import MISSING, in_print, measured, number, pretty, printable, shortened, slugs, span, symbol
+from bristle.page.said import Link
+from bristle.page.wording import MISSING, in_print, measured, number, pretty, shortened, slugs, span, symbol
 from bristle.questions.fleet.files import joined_path
-from bristle.questions.fleet.text import (
-    change,
-    day,
-    estimate,
-    outside_first,
-    probability,
-    quantity,
-    rows_of,
-    totals,
-)
 
-if TYPE_CHECKING:
-    from bristle.questions.fleet.findings import Findings
-
-JOINTS, UNITS, TYPES, FAILURES = 1500, 10_000, 2000, 1000
-"""Rows of a table on the page, at most."""
-PRINTED = 20
-"""Rows that stand in the page without its script: those of one page of a table."""
+MOST = 2000
+"""Rows of a table on a page."""
 _LONG = 160
 """Characters of a text of a user on the page."""
+_LEAST = 1e-30
+"""p-values below this are shown as below it."""
 Name = tuple[str, str]
 """Unit and joint."""
 
 
-class Column(NamedTuple):
-    """One column of a table on the page."""
-
-    heading: str
-    kind: str = ""
-    """Class of the style sheet: n, a number; name, a user's; text, a sentence."""
-
-
-HEADINGS: Mapping[str, tuple[Column, ...]] = {
-    "joints": (
-        Column("Rank", "n"), Column("Unit", "name"), Column("Joint", "name"), Column("Finding", "text"), Column("Change (%) [95 %]", "n"),
-        Column("Parameter", "s"), Column("Since", "s"), Column("Adjusted p", "n"), Column("New warnings", "text"), Column("Report", "s"),
-        Column("Sessions since", "n"), Column("Type", "name"),
-    ),
-    "units": (
-        Column("Unit", "name"), Column("Joint", "name"), Column("Parameter", "s"), Column("Finding", "s"), Column("Own value", "n"),
-        Column("Shrunken value", "n"), Column("Unit of value", "s"), Column("Borrowed (%)", "n"), Column("From type (%)", "n"),
-        Column("Adjusted p", "n"), Column("Sessions", "n"), Column("Type", "name"),
-    ),
-    "types": (
-        Column("Type", "name"), Column("Parameter", "s"), Column("Joints", "n"), Column("Mean [95 %]", "n"), Column("Unit of mean", "s"),
-        Column("Between units (%)", "n"), Column("Between sessions (%)", "n"), Column("Temperature (%/K)", "n"), Column("Common shift (%)", "n"),
-        Column("Load (% per unit)", "n"), Column("Sessions", "n"),
-    ),
-    "quality": (
-        Column("Code", "s"), Column("Severity", "s"), Column("Joint-sessions", "n"), Column("of all (%)", "n"), Column("in the last period (%)", "n"),
-        Column("What it says", "text long"),
-    ),
-    "warned": (
-        Column("Unit", "name"), Column("Joint", "name"), Column("Code", "s"), Column("Severity", "s"), Column("Since", "s"),
-        Column("Sessions with it", "n"), Column("Sessions since", "n"),
-    ),
-    "failures": (
-        Column("Unit", "name"), Column("Joint", "name"), Column("Session", "s"), Column("What happened", "text long"), Column("File", "name file"),
-    ),
-}  # fmt: skip  # a table
-"""What each table on the page has, from left to right; the script fills the same columns."""
+def change(value: float, low: float, high: float) -> str:
+    """A change with its interval, to the second digit of a quarter of its width: +15.2 [12.1, 18.3]; the value alone where it has none."""
+    if not isfinite(value):
+        return MISSING
+    width = high - low
+    if not (isfinite(width) and width > 0 and max(abs(low), abs(high)) < 1e6):
+        return f"{'+' * (value > 0)}{number(value, 3)}"
+    places = min(max(1 - floor(log10(width / 4)), 0), 12)
+    return f"{value:+.{places}f} [{low:.{places}f}, {high:.{places}f}]"
 
 
-def csv_frames(found: "Findings") -> dict[str, pd.DataFrame]:
-    """Every table whole, by the name of its file."""
-    return {
-        "joints": found.joints,
-        "changes": found.changes,
-        "units": outside_first(found.units),
-        "types": found.types,
-        "quality": found.quality,
-        "warned": found.warned,
-        "failures": found.failures,
-    }
+def estimate(value: float, low: float, high: float) -> str:
+    """The same of what is no change: 3.02 [2.91, 3.14]."""
+    return change(value, low, high).removeprefix("+")
+
+
+def probability(p: float) -> str:
+    """A p-value in two digits, or as below the least that is shown."""
+    return MISSING if isnan(p) else f"< {_LEAST:g}" if p < _LEAST else number(p, 2)
+
+
+def day(time: Any) -> str:
+    """The day of a session."""
+    return MISSING if pd.isna(time) else f"{time:%Y-%m-%d}"
+
+
+def rows_of(frame: pd.DataFrame) -> Iterator[Any]:
+    """The rows of a table, each with its columns by name."""
+    yield from frame.itertuples(index=False)
+
+
+def quantity(row: Any) -> ParameterName | None:
+    """The parameter and direction of a row; None where the row is about none."""
+    if pd.isna(row.parameter):
+        return None
+    return ParameterName(str(row.parameter), Direction(str(row.direction)))
+
+
+def label(row: Any) -> str:
+    """A row's parameter as the paper writes it, with its direction; a dash where the row is about none."""
+    name = quantity(row)
+    return MISSING if name is None else symbol(name)
+
+
+def value_unit(row: Any) -> str:
+    """The unit of a row's values in print; nothing where they have none."""
+    return "" if row.value_unit == "1" else pretty(str(row.value_unit))
+
+
+def totals(quality: pd.DataFrame) -> pd.DataFrame:
+    """Per code over all periods, the most frequent first: code, severity, joint_sessions, of, percent.
+
+    `of` counts the joint-sessions of the periods that have any warning.
+    """
+    every = int(quality.drop_duplicates("period")["of"].sum())
+    whole = quality.groupby(["code", "severity"], observed=True, as_index=False)["joint_sessions"].sum()
+    whole = whole.assign(of=every, percent=100 * whole["joint_sessions"] / max(every, 1))
+    there: pd.DataFrame = whole[whole["joint_sessions"] > 0]
+    return there.sort_values(["joint_sessions", "code"], ascending=[False, True], ignore_index=True)
+
+
+def outside_first(units: pd.DataFrame) -> pd.DataFrame:
+    """The units' rows, those outside first, and the farthest from their type's mean first."""
+    far = units.assign(far=-units["z"].astype(float).abs(), within=~units["outside"].astype(bool))
+    order = ["within", "far", "unit", "joint", "parameter", "direction"]
+    return far.sort_values(order, kind="stable", ignore_index=True).drop(columns=["far", "within"])
 
 
 def report_folders(joints: pd.DataFrame) -> dict[Name, str]:
@@ -132,163 +136,78 @@ def _no_option(path: str) -> str:
     return f"./{path}" if path.startswith("-") else path
 
 
-def quantities_of(*frames: pd.DataFrame) -> pd.DataFrame:
-    """Every parameter, direction and unit of values in these tables once, sorted: parameter, direction, value_unit."""
-    names = ["parameter", "direction", "value_unit"]
-    parts = [frame[names].drop_duplicates().astype(str) for frame in frames]
-    return pd.concat(parts).drop_duplicates().sort_values(names, ignore_index=True)
+def code_link(code: str) -> str | Link:
+    """A code as a link to its entry, where it has one."""
+    return Link(code, f"#warning-{code}") if code in entries() else code
 
 
-def codes_in(frame: pd.DataFrame, known: pd.DataFrame) -> "np.ndarray[tuple[int], np.dtype[np.intp]]":
-    """Which of `quantities_of` each row of a table is about, from 0; -1: none."""
-    names = ["parameter", "direction", "value_unit"]
-    rows = pd.MultiIndex.from_frame(frame[names].astype(object).where(frame[names].notna(), "").astype(str))
-    return pd.MultiIndex.from_frame(known[names].astype(str)).get_indexer(rows).astype(np.intp)
+def in_joints(joints: pd.DataFrame, reports: Mapping[Name, str | Link]) -> pd.DataFrame:
+    """The ranked joints; `reports`: of the latest session of each a link, or the command that makes it."""
+    return _printed({
+        "Rank": row.rank, "Unit": _user(row.unit), "Joint": _user(row.joint), "Finding": _finding(row),
+        "Change (%) [95 %]": _whole(change(row.percent, row.percent_lower, row.percent_upper)), "Parameter": _whole(label(row)),
+        "Since": day(row.since), "Adjusted p": _p(row.adjusted_p), "New warnings": tuple(map(code_link, str(row.new_warnings).split())),
+        "Sessions since": None if pd.isna(row.sessions_after) else int(row.sessions_after), "Type": _user(row.type),
+        "Report of the latest session": reports.get((str(row.unit), str(row.joint)), ""),
+    } for row in rows_of(joints.head(MOST)))  # fmt: skip  # a table
 
 
-def label(row: Any) -> str:
-    """A row's parameter as the paper writes it, with its direction; a dash where the row is about none."""
-    name = quantity(row)
-    return MISSING if name is None else symbol(name)
-
-
-def packed_joints(
-    joints: pd.DataFrame, reports: Collection[Name], commands: Mapping[Name, str]
-) -> dict[str, dict[str, Any]]:
-    """The ranked joints as the page's script has them, the first of them."""
-    rows = joints.head(JOINTS)
-    names = [(str(unit), str(joint)) for unit, joint in zip(rows["unit"], rows["joint"], strict=True)]
-    made, folders = set(reports), report_folders(joints)
-    columns = {
-        **{name: _texts(rows[name]) for name in ("unit", "joint", "type", "untested")},
-        **{
-            name: rows[name].astype(float)
-            for name in (
-                "rank",
-                "sessions",
-                "adjusted_p",
-                "percent",
-                "percent_lower",
-                "percent_upper",
-                "sessions_after",
-            )
-        },
-        "changed": rows["changed"].astype(bool),
-        "outside": rows["outside"].astype(bool),
-        "label": _of([label(row) for row in rows_of(rows)]),
-        "since": rows["since"].astype("datetime64[us]"),
-        "first": rows["first"].astype("datetime64[us]"),
-        "latest": rows["latest"].astype("datetime64[us]"),
-        "warned": rows["new_warnings"],
-        "link": _of([f"reports/{folders[name]}/index.html" if name in made else "" for name in names]),
-        "command": _of([printable(commands.get(name, "")) for name in names]),
-    }
-    return {name: packed(column) for name, column in columns.items()}
-
-
-def packed_units(units: pd.DataFrame, known: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """The units' values, those outside first, as the page's script has them."""
-    rows = outside_first(units).head(UNITS)
-    numbers = (
-        "sessions",
-        "value",
-        "standard_error",
-        "percent",
-        "adjusted_p",
-        "shrunken",
-        "shrunken_error",
-        "borrowed_percent",
-    )
-    columns = {
-        **{name: _texts(rows[name]) for name in ("unit", "joint", "type")},
-        **{name: rows[name].astype(float) for name in numbers},
-        "outside": rows["outside"].astype(bool),
-        "quantity": pd.Series(codes_in(rows, known).astype(float)),
-    }
-    return {name: packed(column) for name, column in columns.items()}
-
-
-def _of(values: Sequence[Any]) -> pd.Series:
-    return pd.Series(values, dtype=object)
-
-
-def _texts(column: pd.Series, most: int = _LONG) -> pd.Series:
-    """Texts of users without control characters, and not too long for a cell."""
-    return _of([shortened(str(x), most) for x in column.astype(object).where(column.notna(), "")])
-
-
-def joint_cells(joints: pd.DataFrame, commands: Mapping[Name, str]) -> list[list[str]]:
-    """The first rows of the joints in print."""
-    return [
-        [
-            str(row.rank), shortened(str(row.unit), _LONG), shortened(str(row.joint), _LONG), finding(row),
-            change(row.percent, row.percent_lower, row.percent_upper), label(row), day(row.since), probability(row.adjusted_p),
-            str(row.new_warnings).replace(" ", ", "), printable(commands.get((str(row.unit), str(row.joint)), "")),
-            number(row.sessions_after), shortened(str(row.type), _LONG),
-        ]
-        for row in rows_of(joints.head(PRINTED))
-    ]  # fmt: skip  # a table
-
-
-def finding(row: Any) -> str:
+def _finding(row: Any) -> str:
     """What was found of a joint, in a word or two."""
     said = "changed" if row.changed else f"not tested: {row.untested}" if row.untested else "no change found"
     return f"{said}; outside its type" if row.outside else said
 
 
-def unit_cells(units: pd.DataFrame) -> list[list[str]]:
-    """The first rows of the units in print."""
-    return [
-        [
-            shortened(str(row.unit), _LONG), shortened(str(row.joint), _LONG), label(row), "outside" if row.outside else "not outside",
-            measured(row.value, row.standard_error), measured(row.shrunken, row.shrunken_error), _unit(row),
-            number(row.borrowed_percent, 3), f"{row.percent:+.3g}", probability(row.adjusted_p), str(row.sessions),
-            shortened(str(row.type), _LONG),
-        ]
-        for row in rows_of(outside_first(units).head(PRINTED))
-    ]  # fmt: skip  # a table
+def in_steps(changes: pd.DataFrame) -> pd.DataFrame:
+    """The most likely step of each parameter of a joint."""
+    return _printed({
+        "Parameter": _whole(label(row)), "Before": number(row.before), "After": number(row.after), "Unit of value": value_unit(row),
+        "Change (%) [95 %]": _whole(change(row.percent, row.percent_lower, row.percent_upper)), "Since": day(row.since), "p": _p(row.p),
+        "Changed?": bool(row.changed),
+    } for row in rows_of(changes.sort_values(["parameter", "direction"])))  # fmt: skip  # a table
 
 
-def type_cells(types: pd.DataFrame) -> list[list[str]]:
-    """The types in print, the first of them."""
-    return [
-        [
-            shortened(str(row.type), _LONG), label(row), str(row.joints), estimate(row.mean, row.mean_lower, row.mean_upper), _unit(row),
-            *(_percent(row, name) for name in ("spread", "scatter", "temperature")),
-            MISSING if pd.isna(row.shift_percent) else f"{number(row.shift_percent, 2)} (p {probability(row.shift_p)})",
-            _percent(row, "load"), str(row.sessions),
-        ]
-        for row in rows_of(types.head(TYPES))
-    ]  # fmt: skip  # a table
+def in_units(units: pd.DataFrame) -> pd.DataFrame:
+    """The units' values, those outside first."""
+    return _printed({
+        "Unit": _user(row.unit), "Joint": _user(row.joint), "Parameter": _whole(label(row)), "Finding": "outside" if row.outside else "not outside",
+        "Own value": _whole(measured(row.value, row.standard_error)), "Shrunken value": _whole(measured(row.shrunken, row.shrunken_error)),
+        "Unit of value": value_unit(row), "Borrowed (%)": number(row.borrowed_percent, 3), "From type (%)": f"{row.percent:+.3g}",
+        "Adjusted p": _p(row.adjusted_p), "Sessions": row.sessions, "Type": _user(row.type),
+    } for row in rows_of(outside_first(units).head(MOST)))  # fmt: skip  # a table
 
 
-def _unit(row: Any) -> str:
-    return "" if row.value_unit == "1" else pretty(str(row.value_unit))
+def in_types(types: pd.DataFrame) -> pd.DataFrame:
+    """The types, each parameter and direction a row."""
+    return _printed({
+        "Type": _user(row.type), "Parameter": _whole(label(row)), "Joints": row.joints,
+        "Mean [95 %]": _whole(estimate(row.mean, row.mean_lower, row.mean_upper)), "Unit of mean": value_unit(row),
+        "Between units (%)": _percent(row, "spread"), "Between sessions (%)": _percent(row, "scatter"),
+        "Temperature (%/K)": _percent(row, "temperature"),
+        "Common shift (%)": MISSING if pd.isna(row.shift_percent) else f"{number(row.shift_percent, 2)} (p {probability(row.shift_p)})",
+        "Load (% per unit)": _percent(row, "load"), "Sessions": row.sessions,
+    } for row in rows_of(types.head(MOST)))  # fmt: skip  # a table
 
 
 def _percent(row: Any, name: str) -> str:
     value, low, high = (getattr(row, f"{name}_{part}") for part in ("percent", "lower", "upper"))
     write = estimate if name in {"spread", "scatter"} else change
     text = write(value, low, high)
-    return text if text == MISSING or "[" in text or pd.isna(low) else f"{text} {span((low, high))}"
+    return _whole(text if text == MISSING or "[" in text or pd.isna(low) else f"{text} {span((low, high))}")
 
 
-def quality_cells(quality: pd.DataFrame) -> list[list[str]]:
-    """Every kind of warning over all periods, the most frequent first, in print."""
-    if quality.empty:
-        return []
+def in_quality(quality: pd.DataFrame) -> pd.DataFrame:
+    """Every kind of warning over all periods, the most frequent first."""
     last = quality[quality["period"] == quality["period"].max()]
     late = dict(zip(last["code"].astype(str), last["percent"], strict=True))
-    return [
-        [
-            str(row.code), str(row.severity), str(row.joint_sessions), number(row.percent, 2), number(late.get(str(row.code), 0.0), 2),
-            sentence_of(str(row.code)),
-        ]
-        for row in rows_of(totals(quality))
-    ]  # fmt: skip  # a table
+    return _printed({
+        "Code": code_link(str(row.code)), "Severity": str(row.severity), "Joint-sessions": row.joint_sessions,
+        "of all (%)": number(row.percent, 2), "in the last period (%)": number(late.get(str(row.code), 0.0), 2),
+        "What it says": _sentence_of(str(row.code)),
+    } for row in rows_of(totals(quality)))  # fmt: skip  # a table
 
 
-def sentence_of(code: str) -> str:
+def _sentence_of(code: str) -> str:
     """What a code says, with a dash for every number."""
     if code == "failed":
         return "The session was not identified; the reasons are listed below."
@@ -296,28 +215,37 @@ def sentence_of(code: str) -> str:
     return in_print(known.meaning) if known else ""
 
 
-def warned_cells(begun: pd.DataFrame) -> list[list[str]]:
-    """Warnings that began and stayed, in print, the first of them."""
-    return [
-        [
-            shortened(str(row.unit), _LONG), shortened(str(row.joint), _LONG), str(row.code), str(row.severity), day(row.since),
-            str(row.sessions), str(row.of),
-        ]
-        for row in rows_of(begun.head(FAILURES))
-    ]  # fmt: skip  # a table
+def in_warned(begun: pd.DataFrame) -> pd.DataFrame:
+    """Warnings that began and stayed."""
+    return _printed({
+        "Unit": _user(row.unit), "Joint": _user(row.joint), "Code": code_link(str(row.code)), "Severity": str(row.severity),
+        "Since": day(row.since), "Sessions with it": int(row.sessions), "Sessions since": int(row.of),
+    } for row in rows_of(begun.head(MOST)))  # fmt: skip  # a table
 
 
-def failure_cells(failures: pd.DataFrame) -> list[list[str]]:
-    """The failures in print, the first of them."""
-    return [
-        [
-            *(MISSING if pd.isna(x) else shortened(str(x), _LONG) for x in (row.unit, row.joint)), time(row.session),
-            shortened(str(row.failure), 2 * _LONG), shortened(str(row.file), _LONG),
-        ]
-        for row in rows_of(failures.head(FAILURES))
-    ]  # fmt: skip  # a table
+def in_failures(failures: pd.DataFrame) -> pd.DataFrame:
+    """Sessions without a result, and those left out."""
+    return _printed({
+        "Unit": _user(row.unit), "Joint": _user(row.joint),
+        "Session": MISSING if pd.isna(row.session) else f"{row.session:%Y-%m-%d %H:%M}",
+        "What happened": shortened(str(row.failure), 2 * _LONG), "File": _user(row.file),
+    } for row in rows_of(failures.head(MOST)))  # fmt: skip  # a table
 
 
-def time(session: Any) -> str:
-    """When a session was, to the minute."""
-    return MISSING if pd.isna(session) else f"{session:%Y-%m-%d %H:%M}"
+def _printed(rows: Iterator[Mapping[str, Any]]) -> pd.DataFrame:
+    return pd.DataFrame(list(rows), dtype=object)
+
+
+def _user(text: Any) -> str:
+    """A text of a user without control characters, and not too long for a cell."""
+    return MISSING if pd.isna(text) else shortened(str(text), _LONG)
+
+
+def _whole(text: str) -> str:
+    """A cell that stays on its line."""
+    return text.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def _p(p: float) -> float | str | None:
+    """A p-value as a number of two digits, or as below the least that is shown."""
+    return None if isnan(p) else probability(p) if p < _LEAST else float(f"{p:.2g}")

@@ -1,0 +1,395 @@
+"""The report of a fleet: which joints changed, which units differ from their type, and how good the data are."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from bristle.page.output_folder import FLEET
+from bristle.page.page import Drawing
+from bristle.page.plain import columns, pair
+from bristle.page.report import Page, Report, Section, Table
+from bristle.page.said import Link, Said
+from bristle.page.wording import MISSING, PARAMETERS, counted, number, shortened, two_digits
+from bristle.questions.fleet import figures
+from bristle.questions.fleet.findings import Findings
+from bristle.questions.fleet.tables import (
+    MOST,
+    Name,
+    change,
+    code_link,
+    day,
+    in_failures,
+    in_joints,
+    in_quality,
+    in_steps,
+    in_types,
+    in_units,
+    in_warned,
+    label,
+    outside_first,
+    probability,
+    quantity,
+    report_commands,
+    report_folders,
+    rows_of,
+    totals,
+    value_unit,
+)
+
+_DRAWN = 30
+"""Joints with a figure, at most: those that changed, ..."""
+_LEAST_DRAWN = 3
+"""... and as many as are ranked first, whether they did or not."""
+_PANELS = 4
+"""Parameters in it."""
+_TYPES_DRAWN = 12
+"""Types with a figure of their units."""
+_MOST_CHANGED, _MOST_OUTSIDE, _MOST_TYPES, _MOST_CODES = 20, 10, 6, 4
+"""Lines of the terminal."""
+_PER_TYPE = 3
+"""Parameters named in a type's line."""
+
+
+def report(found: Findings, output: str = "", base: str = "") -> Report:
+    """The headline, the joints that changed, then pages of units and of data quality; the terminal has the first of each list.
+
+    Args:
+        found: the findings.
+        output: the folder that the report is meant for: reports of joints that lie there are linked, and commands make the others.
+        base: the folder that the catalog's files are relative to.
+    """
+    reports = _reports(found.joints, output, base)
+    tested, outside = int(found.joints["adjusted_p"].notna().sum()), int(found.units["outside"].sum())
+    simulated = ("SIMULATED data.",) if found.simulated else ()
+    units = f"{outside} of {counted(len(found.units), 'value')} are outside their type."
+    lost = f"{counted(len(found.failures), 'session')} failed or left out."
+    warned = f"{counted(len(found.warned), 'warning')} began and stayed."
+    joints = Section(
+        "Which joints changed",
+        text=f"{found.changed} of {tested} joints that could be tested changed. Each joint is compared with its own first sessions, the "
+        f"first {found.baseline} at least. A session with the tag baseline, written in the catalog once a change is seen to, begins them "
+        f"anew. Joints are ranked by the adjusted p-value, at a false discovery rate of {100 * found.rate:g} % over all joints. "
+        "Temperature, load and shifts common to the type are taken off.",
+        table=_table("joints", "Joints, by rank", found.joints, in_joints(found.joints, reports)),
+        lines=(),
+    )
+    return Report(
+        "Friction of a fleet",
+        (
+            Section("", findings=(found.headline,), lines=(str(found.headline), *simulated)),
+            Section(
+                "In short",
+                findings=found.notes,
+                coded=True,
+                facts=(
+                    ("Units", (units, Link("Units and types", "units.html"))),
+                    ("Data", (warned, lost, Link("Data quality", "quality.html"))),
+                ),
+                lines=tuple(_lines(found)),
+            ),
+            joints,
+            *_drawn_joints(found, reports),
+        ),
+        about=f"{counted(len(found.joints), 'joint')} over their sessions.",
+        pages=(
+            Page("units.html", "Units and types", "which units differ from their type", tuple(_unit_sections(found))),
+            Page("quality.html", "Data quality", "warnings and failures over time", tuple(_quality_sections(found))),
+        ),
+        simulated="At least one session was not measured but simulated." if found.simulated else "",
+        tables={
+            "joints": found.joints, "changes": found.changes, "units": outside_first(found.units), "types": found.types,
+            "quality": found.quality, "warned": found.warned, "failures": found.failures,
+        },
+        beside=FLEET,
+    )  # fmt: skip  # a table
+
+
+def _reports(joints: pd.DataFrame, output: str, base: str) -> dict[Name, str | Link]:
+    """Of each joint's latest session the report, where it is there, or the command that makes it."""
+    if not output:
+        return {}
+    found: dict[Name, str | Link] = dict(report_commands(joints, output, base))
+    for name, slug in report_folders(joints).items():
+        if "://" not in output and (Path(output) / "reports" / slug / "index.html").is_file():
+            found[name] = Link("report", f"reports/{slug}/index.html")
+    return found
+
+
+def _table(name: str, title: str, whole: pd.DataFrame, printed: pd.DataFrame) -> Table:
+    cut = f"This page has the first {MOST} of {counted(len(whole), 'row')}; tables/{name}.csv has all." * (
+        len(whole) > MOST
+    )
+    return Table(name, title, part=printed, note=cut)
+
+
+def _drawn_joints(found: Findings, reports: Mapping[Name, str | Link]) -> Iterator[Section]:
+    """Each of the joints that changed, which are ranked first, with its figure."""
+    chosen = found.joints.head(min(max(found.changed, _LEAST_DRAWN), _DRAWN))
+    series, changes = (
+        frame[frame["unit"].isin(chosen["unit"]) & frame["joint"].isin(chosen["joint"])]
+        for frame in (found.series, found.changes)
+    )
+    of_joint = dict(list(series.groupby(["unit", "joint"], observed=True)))
+    tests = dict(list(changes.groupby(["unit", "joint"], observed=True)))
+    for row in rows_of(chosen):
+        name = str(row.unit), str(row.joint)
+        own, steps = (
+            every.get((row.unit, row.joint), frame[:0]) for every, frame in ((of_joint, series), (tests, changes))
+        )
+        yield _joint(found, row, own, steps, reports.get(name))
+    if found.changed > _DRAWN:
+        text = f"Figures show the first {_DRAWN} of the {found.changed} joints that changed; tables/changes.csv and the dataset have all."
+        yield Section("Further joints", text=text, form="part", lines=())
+
+
+def _joint(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame, made: str | Link | None) -> Section:
+    """One joint: what is said of it, its clearest parameters over its sessions, and the step of each."""
+    own_type = "" if row.type == row.joint else f" of type {row.type}"
+    anew = len(series) and series["session"].min() < row.first
+    sessions = counted(int(row.sessions), "session") + f" since its baseline began anew on {day(row.first)}" * bool(
+        anew
+    )
+    size = f"{label(row)} by {change(row.percent, row.percent_lower, row.percent_upper)} % since {day(row.since)}"
+    if row.untested:
+        said = f"{sessions}. Not tested for a change: {row.untested}."
+    elif row.changed:
+        said = f"{sessions}, {number(row.sessions_after)} of them since the change. Changed: {size}, adjusted p {probability(row.adjusted_p)}."
+    else:
+        said = (
+            f"{sessions}. No change is named; the most likely step is {size}, adjusted p {probability(row.adjusted_p)}."
+        )
+    text: tuple[Said, ...] = (said,)
+    if row.new_warnings:
+        codes = map(code_link, str(row.new_warnings).split())
+        wear = (
+            "They point at the log, its sensors or its sampling, and not at wear: look at the session's report first."
+        )
+        text = (said, "Warnings that begin with the step:", *codes, "–", wear)
+    name = f"{row.unit} {row.joint}"
+    return Section(
+        f"{shortened(str(row.unit))}, joint {shortened(str(row.joint))}{shortened(own_type)}",
+        text=text,
+        facts=((f"Report of its latest session, {day(row.latest)}", made),) if made else (),
+        figure=_course(found, row, series, steps) if len(series) else None,
+        table=Table(
+            "changes", f"All parameters of {shortened(name)}: the most likely step of each", part=in_steps(steps)
+        ),
+        form="part" if row.changed else "folded",
+        lines=(),
+    )
+
+
+def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame) -> Drawing:
+    """The figure of one joint: the parameters that changed, or else the one with the clearest step."""
+    tested = {(str(x.parameter), str(x.direction)): x for x in rows_of(steps.sort_values("p", kind="stable"))}
+    of_quantity = {
+        (str(key[0]), str(key[1])): rows.sort_values("session", kind="stable")
+        for key, rows in series.groupby(["parameter", "direction"], observed=True)
+    }
+    ranked = [key for key in tested if key in of_quantity] or list(of_quantity)[:1]
+    shown = [key for key in ranked if key in tested and tested[key].changed][:_PANELS] or ranked[:1]
+    courses = [
+        figures.Course(_axis(next(rows_of(of_quantity[key]))), of_quantity[key], tested.get(key)) for key in shown
+    ]
+    name, first = f"{row.unit} {row.joint}", tested.get(shown[0])
+    if first is None:
+        finding = f"{label(next(rows_of(of_quantity[shown[0]])))}: not tested for a change."
+    else:
+        size = change(first.percent, first.percent_lower, first.percent_upper)
+        single, verdict = probability(first.p), "changed" if first.changed else "no change found"
+        finding = f"{label(first)}: the most likely step is {size} % since {day(first.since)}, p {single} of this test alone: {verdict}."
+    thinned = (
+        f" Of {len(series['session'].unique())} sessions {figures.POINTS} are drawn."
+        if len(series["session"].unique()) > figures.POINTS
+        else ""
+    )
+    return Drawing(
+        partial(figures.joint_figure, name, row.first, courses, simulated=found.simulated),
+        f"joint-{row.rank}",
+        f"{shortened(name)} over {counted(int(row.sessions), 'session')}",
+        f"{finding}{thinned}",
+        "Circles: values with 95 % intervals; diamonds: adjusted for temperature, load and common shift; shaded: the 95 % limits for one "
+        "more session, from the sessions before the change; dashed: the level before and after the step; dotted line: the step; solid "
+        "line: where its baseline began anew.",
+        data="changes",
+        simulated=found.simulated,
+    )
+
+
+def _axis(row: Any) -> str:
+    """A parameter as an axis has it."""
+    words, unit = PARAMETERS.get(str(row.parameter), ""), value_unit(row)
+    return "\n".join(filter(None, (words, f"{label(row)} ({unit})" if unit else label(row))))
+
+
+def _unit_sections(found: Findings) -> Iterator[Section]:
+    units, types = found.units, found.types
+    drawings = list[Drawing]()
+    for _, rows in types.groupby("type", sort=True, observed=True):
+        of_type = units[units["type"] == rows["type"].iloc[0]]
+        odd = of_type[of_type["outside"].astype(bool)].groupby(["parameter", "direction"], observed=True).size()
+        for row in sorted(rows_of(rows), key=lambda row: -int(odd.get((row.parameter, row.direction), 0)))[:1]:
+            own = of_type[(of_type["parameter"] == row.parameter) & (of_type["direction"] == row.direction)]
+            if len(own):
+                drawings.append(_units_drawing(found, row, own, len(drawings) + 1))
+    cut = f" Figures show the first {_TYPES_DRAWN} of {len(drawings)} types." if len(drawings) > _TYPES_DRAWN else ""
+    yield Section(
+        "Which units differ from their type",
+        text=f"{int(units['outside'].sum())} of {len(units)} values are outside their type. The shrunken value is the own one drawn to the "
+        "type's mean as far as it is uncertain; borrowed: the share of the mean in it. Of a joint that changed, these are its sessions "
+        f"before the change. Of each type the parameter with the most units outside is drawn.{cut}",
+        figures=tuple(drawings[:_TYPES_DRAWN]),
+        table=_table("units", "Values of units, those outside their type first", units, in_units(units)),
+    )
+    yield Section(
+        "Types",
+        text="Per type, parameter and direction: the mean of its units; their scatter about it, between units; the scatter of one joint "
+        "between sessions; and what temperature and load do, each with its 95 % interval. A common shift, the largest over time, is "
+        "taken off all joints of the type.",
+        table=_table("types", "Types, parameters and directions", types, in_types(types)),
+    )
+
+
+def _units_drawing(found: Findings, row: Any, rows: pd.DataFrame, k: int) -> Drawing:
+    name, outside = f"Type {row.type}", int(rows["outside"].sum())
+    spread = figures.spread_of(row, rows["value"].to_numpy(float))
+    part = (
+        f" Drawn are the {figures.POINTS} of them that are farthest from the mean."
+        if len(rows) > figures.POINTS
+        else ""
+    )
+    return Drawing(
+        partial(
+            figures.units_figure,
+            name,
+            _axis(row).replace("\n", " "),
+            outside_first(rows),
+            spread,
+            simulated=found.simulated,
+        ),
+        f"type-{k}",
+        f"units of {shortened(name)} by value",
+        f"{shortened(name)}, {label(row)}: {outside} of {counted(len(rows), 'unit')} outside; mean {number(row.mean)} {value_unit(row)}, "
+        f"spread between units {number(row.spread_percent, 2)} %.{part}",
+        "Circles: own values with 95 % intervals; squares: outside the type; diamonds: shrunken values; dashed: the mean of the type; "
+        "shaded: where 95 % of its units are.",
+        data="units",
+        simulated=found.simulated,
+    )
+
+
+def _quality_sections(found: Findings) -> Iterator[Section]:
+    whole = totals(found.quality)
+    grave = whole[whole["severity"].isin(["caution", "critical"])]["code"].astype(str).tolist()
+    codes = [code for code in grave if code != "failed"][: figures.CODES] + [code for code in grave if code == "failed"]
+    figure = None
+    if codes:
+        most = next(rows_of(whole[whole["code"] == grave[0]]))
+        figure = Drawing(
+            partial(figures.quality_figure, found.quality, codes, simulated=found.simulated),
+            "quality",
+            "percent of joint-sessions with a warning, over time",
+            f"{grave[0]} is the most frequent: {two_digits(most.percent)} % of {most.of} joint-sessions. Cautions, critical warnings and failed "
+            "sessions in percent of each period's joint-sessions.",
+            data="quality",
+            simulated=found.simulated,
+        )
+    none = "" if len(whole) else "\n\nNo session has a warning."
+    yield Section(
+        "Data quality",
+        text="How many joint-sessions have each warning. A warning that becomes frequent points at logs and sensors, not at wear."
+        + none,
+        figure=figure,
+        table=_table("quality", "Warnings, the most frequent first", whole, in_quality(found.quality)),
+    )
+    if len(found.warned):
+        yield Section(
+            "Warnings that began and stayed",
+            text="Joints that had a warning in none of their first sessions and then in most: look at these logs and sensors first.",
+            table=_table("warned", "Warnings that began, by joint", found.warned, in_warned(found.warned)),
+        )
+    yield Section(
+        "Sessions that failed or are left out",
+        text="" if len(found.failures) else "None: every session was identified and used.",
+        table=_table(
+            "failures", "Sessions without a result in the findings", found.failures, in_failures(found.failures)
+        ),
+    )
+
+
+def _lines(found: Findings) -> Iterator[str]:
+    """What the terminal has below the headline: lists that are cut, and the notes."""
+    changed = found.joints[found.joints["changed"].astype(bool)]
+    yield from _listed(
+        "Joints that changed", "with 95 % interval and adjusted p", changed, _MOST_CHANGED,
+        lambda row: [
+            str(quantity(row) or ""), f"{change(row.percent, row.percent_lower, row.percent_upper)} %",
+            f"since {day(row.since)}{' (1 session)' * (row.sessions_after == 1)}", f"p {probability(row.adjusted_p)}",
+            *([f"new warnings: {row.new_warnings}"] if row.new_warnings else []),
+        ],
+    )  # fmt: skip  # a row
+    yield from _listed(
+        "Values outside their type", "with adjusted p", outside_first(found.units[found.units["outside"].astype(bool)]), _MOST_OUTSIDE,
+        lambda row: [
+            str(quantity(row) or ""), f"{pair(row.value, row.standard_error)} {row.value_unit}",
+            f"{row.percent:+.3g} % from type {shortened(str(row.type), 16)}", f"p {probability(row.adjusted_p)}",
+        ],
+    )  # fmt: skip  # a row
+    yield from _type_lines(found.types)
+    whole = totals(found.quality)
+    grave = whole[whole["severity"].isin(["caution", "critical"])].head(_MOST_CODES)
+    if len(grave):
+        told = ", ".join(f"{row.code} {two_digits(row.percent)} %" for row in rows_of(grave))
+        yield f"Data quality, percent of {whole['of'].iloc[0]} joint-sessions: {told}."
+    yield from _listed(
+        "Warnings that began and stayed", "", found.warned, _MOST_OUTSIDE,
+        lambda row: [row.code, f"since {day(row.since)}", f"in {row.sessions} of {counted(int(row.of), 'session')}"],
+    )  # fmt: skip  # a row
+    for first in rows_of(found.failures.head(1)):
+        when = "" if pd.isna(first.session) else f" of {day(first.session)}"
+        lost, why = counted(len(found.failures), "session"), shortened(str(first.failure), 200)
+        yield f"{lost} failed or left out; the first: {_name(first)}{when}: {why}"
+    yield from (note.coded for note in found.notes)
+    if found.notes:
+        yield "What a code in brackets means: bristle explain CODE"
+
+
+def _listed(what: str, more: str, whole: pd.DataFrame, most: int, cells: Any) -> Iterator[str]:
+    """The first rows of a list below its title; nothing where there is none. `cells`: those of a row behind its unit and joint."""
+    rows = whole.head(most)
+    if len(rows):
+        cut = "" if len(rows) == len(whole) else f", the first {len(rows)}"
+        yield f"{what} ({len(whole)}{cut}){f', {more}' if more else ''}:"
+        yield from columns([[_name(row), *cells(row)] for row in rows_of(rows)])
+
+
+def _name(row: Any) -> str:
+    return " ".join(shortened(str(x), 24) for x in (row.unit, row.joint) if not pd.isna(x)) or MISSING
+
+
+def _type_lines(types: pd.DataFrame) -> Iterator[str]:
+    """A line a type: common shifts, and the temperature coefficients that are not zero."""
+    lines = []
+    for name, rows in types.groupby("type", sort=True, observed=True):
+        shifted = rows[rows["shift_percent"].notna()].sort_values("shift_percent", ascending=False, kind="stable")
+        shifts = [f"{quantity(row)} up to {two_digits(row.shift_percent)} %" for row in rows_of(shifted)]
+        sure = rows[(rows["temperature_lower"] > 0) | (rows["temperature_upper"] < 0)]
+        sure = sure.assign(far=-sure["temperature_percent"].abs()).sort_values("far", kind="stable")
+        warm = [
+            f"{quantity(row)} {change(row.temperature_percent, row.temperature_lower, row.temperature_upper)} %/K"
+            for row in rows_of(sure)
+        ]
+        parts = [*_first("common shift", shifts), *_first("temperature", warm)]
+        if parts:
+            lines.append(f"Type {shortened(str(name), 24)}: {'; '.join(parts)}.")
+    yield from lines[:_MOST_TYPES]
+    if len(lines) > _MOST_TYPES:
+        yield f"{counted(len(lines) - _MOST_TYPES, 'further type')}: tables/types.csv."
+
+
+def _first(what: str, found: Sequence[str]) -> list[str]:
+    more = f" and {len(found) - _PER_TYPE} more" if len(found) > _PER_TYPE else ""
+    return [f"{what} {', '.join(found[:_PER_TYPE])}{more}"] if found else []
