@@ -16,8 +16,6 @@ from tests.fleet.logs import YAML, log_text, write_catalog, write_fleet_logs, wr
 import bristle
 from bristle.api import fleets
 from bristle.errors import InputError
-from bristle.identification.measured import Measured
-from bristle.identification.results import Joint
 from bristle.questions.fleet import cluster, engine, files, survey, tasks
 from bristle.questions.fleet.dataset import COLUMNS
 
@@ -30,13 +28,13 @@ IDENTIFIED: list[str] = []
 identified_joint = fleets.identified_joint
 
 
-def counted(path: Path, joint: str) -> tuple[Measured, Joint]:
+def counted(path: Path, joint: str) -> tasks.Identified:
     """Identify a joint, and remember that."""
     IDENTIFIED.append(joint)
     return identified_joint(path, joint)
 
 
-def broken(path: Path, joint: str) -> tuple[Measured, Joint]:
+def broken(path: Path, joint: str) -> tasks.Identified:
     """Fail at one joint as nothing that bristle foresees."""
     if joint == "elbow":
         raise KeyError("no such thing")
@@ -203,7 +201,7 @@ def test_a_log_that_changes_meanwhile_is_tried_again(ran: Any, tmp_path: Path, m
     """Results of a log that was changed after it was hashed are not kept under the old content."""
     write_fleet_logs(tmp_path, units=1, sessions=1)
 
-    def changing(path: Path, joint: str) -> tuple[Measured, Joint]:
+    def changing(path: Path, joint: str) -> tasks.Identified:
         """Write another log first."""
         if joint == "elbow":
             path.with_suffix(".csv").write_text(log_text(1000))

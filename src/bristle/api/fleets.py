@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bristle.api.joints import asked_joint
 from bristle.errors import InputError, short
-from bristle.identification.measured import Measured
-from bristle.identification.results import Joint
+from bristle.findings import Severity
+from bristle.identification.known_joint import chosen
+from bristle.identification.verdict import row_warnings, verdict
 from bristle.page.wording import counted
 from bristle.progress import Progress, step
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 
     from bristle.page.report import Report
     from bristle.questions.fleet.findings import Findings
+    from bristle.questions.fleet.tasks import Identified
 
 _ADDRESS = re.compile(r"([a-z]+://)?[^\s/]+:\d{1,5}")
 
@@ -176,9 +178,24 @@ def fleet_on(
     return Fleet(frame, found, run.identified, run.unchanged, run.failed, where, base)
 
 
-def identified_joint(path: Path, joint: str) -> tuple[Measured, Joint]:
+def identified_joint(path: Path, joint: str) -> "Identified":
     """Measure and identify one joint of a file, as a task of a fleet does. Raises InputError where that cannot be."""
-    return asked_joint(path, joint).identified(None)
+    from bristle.questions.fleet.tasks import Identified
+
+    _, found = asked_joint(path, joint).identified(None)
+    use, rows = verdict(found), []
+    for row in chosen(found):
+        estimate, said = row.estimate, row_warnings(found, row)
+        lower, upper = (None, None) if estimate.interval is None else estimate.interval
+        worst = next((x for x in Severity if any(x is y.severity for y in said)), "none")  # critical comes first
+        rows.append({
+            "direction": str(row.parameter.direction), "parameter": row.parameter.name, "value": estimate.value, "value_unit": estimate.unit,
+            "standard_error": estimate.standard_error, "lower": lower, "upper": upper, "source": str(row.source), "severity": str(worst),
+            "warnings": " ".join(dict.fromkeys(x.code for x in said)), "use": str(use.trust), "kind": found.kind.partition(" ")[0],
+            "simulated": found.simulated,
+        })  # fmt: skip  # a row
+    why = f"{found.name}: nothing was identified{f': {use.reason}' if use.reason else ''}"
+    return Identified(rows, {one.file: one.sha256 for one in found.inputs}, why)
 
 
 def connected(

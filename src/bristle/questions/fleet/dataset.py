@@ -7,16 +7,13 @@ nothing in it tells when it was written.
 import hashlib
 import io
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from bristle.errors import InputError, one_line
-from bristle.identification.known_joint import chosen
-from bristle.identification.results import Joint
-from bristle.identification.verdict import row_warnings, verdict
 from bristle.page.output_folder import RESULTS, TASKS
 from bristle.questions.fleet.files import joined_path, make_folder, names_in, read_bytes, remove, write_whole
 from bristle.questions.fleet.survey import SCHEMA
@@ -42,7 +39,6 @@ ORDER = ("unit", "joint", "session", "direction", "parameter", "file", "failure"
 PART = re.compile(r"part-\d{5}-[0-9a-f]{8}\.parquet")
 ROWS = 200_000
 """Of a part."""
-_SEVERITIES = ("note", "caution", "critical")
 _READERS = 16
 
 
@@ -55,23 +51,9 @@ def schema_of(columns: Sequence[str], *, coded: bool) -> "pa.Schema":
     return pa.schema([(name, types[COLUMNS[name]]) for name in columns], metadata={"bristle": SCHEMA})
 
 
-def task_bytes(key: str, joint: Joint) -> bytes:
-    """The rows of a joint that was identified, as Parquet. Raises InputError where it has none."""
-    use, rows = verdict(joint), []
-    for row in chosen(joint):
-        estimate, said = row.estimate, row_warnings(joint, row)
-        lower, upper = (None, None) if estimate.interval is None else estimate.interval
-        worst = max((_SEVERITIES.index(x.severity) for x in said), default=None)
-        rows.append({
-            "direction": str(row.parameter.direction), "parameter": row.parameter.name, "value": estimate.value, "value_unit": estimate.unit,
-            "standard_error": estimate.standard_error, "lower": lower, "upper": upper, "source": str(row.source),
-            "severity": "none" if worst is None else _SEVERITIES[worst], "warnings": " ".join(dict.fromkeys(x.code for x in said)),
-            "use": str(use.trust), "kind": joint.kind.partition(" ")[0], "simulated": joint.simulated, "key": key, "failure": None,
-        })  # fmt: skip  # a row
-    if not rows:
-        reason = f": {use.reason}" if use.reason else ""
-        raise InputError(f"{joint.name}: nothing was identified{reason}")
-    return _written(rows)
+def task_bytes(key: str, rows: Iterable[Mapping[str, Any]]) -> bytes:
+    """The rows of a joint that was identified, each with the other columns of `OF_TASK`, as Parquet."""
+    return _written([{**row, "key": key, "failure": None} for row in rows])
 
 
 def failure_bytes(key: str, failure: str) -> bytes:
@@ -190,23 +172,17 @@ def known_results(folder: str) -> "pa.Table":
 
 def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
     """The dataset: to each joint session (columns of `JointSession`) the rows of its key, or its failure; in the order of `ORDER`."""
+    import pandas as pd
     import pyarrow as pa
     import pyarrow.compute as pc
 
     results = results.cast(schema_of(OF_TASK, coded=True)).unify_dictionaries()
-    key = results["key"].cast(pa.string()).combine_chunks()
-    distinct = key.unique()
-    place = pc.index_in(key, distinct).to_numpy(zero_copy_only=False).astype(np.int64)
-    order = np.argsort(place, kind="stable")
-    counts = np.bincount(place, minlength=len(distinct)) if place.size else np.zeros(len(distinct), int)
-    starts = np.cumsum(counts) - counts
-    wanted = pa.array(sessions["key"].where(sessions["failure"] == "", "").astype(object), pa.string())
-    of = pc.fill_null(pc.index_in(wanted, distinct), -1).to_numpy(zero_copy_only=False).astype(np.int64)
-    many = np.where(of >= 0, counts[of] if counts.size else 0, 1)  # a failure is a row of its own
-    owner = np.repeat(np.arange(len(sessions)), many)
-    within = np.arange(owner.size) - np.repeat(np.cumsum(many) - many, many)
-    taken = np.where(of[owner] >= 0, (starts[of[owner]] if starts.size else 0) + within, -1)
-    rows = pa.array(np.where(taken >= 0, order[taken] if order.size else 0, 0), mask=taken < 0)
+    wanted = pa.array(sessions["key"].where(sessions["failure"] == "", None).astype(object), pa.string())
+    keys = results["key"].cast(pa.string()).combine_chunks()
+    codes = (pc.fill_null(pc.index_in(x, keys.unique()), -1).to_numpy(zero_copy_only=False) for x in (wanted, keys))
+    sought, known = (pd.DataFrame({"key": x, "row": np.arange(x.size)}) for x in codes)
+    pairs = sought.merge(known, how="left", on="key", suffixes=("", "_of_key"))  # a failure is a row of its own
+    owner, rows = pairs["row"].to_numpy(), pa.array(pairs["row_of_key"].astype("Int64"), pa.int64())
     columns = {name: results[name].take(rows) for name in OF_TASK}
     for name in (
         x for x in COLUMNS if x not in OF_TASK
@@ -217,7 +193,9 @@ def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
         else:
             column = pa.array(sessions[name].to_numpy(), from_pandas=True)
         columns[name] = pa.chunked_array([column.take(owner)])
-    own = pa.array(sessions["failure"].to_numpy(object)[owner], pa.string(), mask=of[owner] >= 0)
+    own = pa.array(
+        sessions["failure"].to_numpy(object)[owner], pa.string(), mask=pairs["row_of_key"].notna().to_numpy()
+    )
     failure = pc.coalesce(columns["failure"].cast(pa.string()).combine_chunks(), own)
     table = pa.table({name: (pa.chunked_array([failure]) if name == "failure" else columns[name]) for name in COLUMNS})
     return _coded(table.take(np.lexsort([_last(table[name]) for name in reversed(ORDER)])))

@@ -79,20 +79,8 @@ def _of_row(row: CatalogRow, files: Mapping[str, Surveyed]) -> Iterator[JointSes
 
 def _session(row: CatalogRow, name: str, key: str, failure: str) -> JointSession:
     joint = row.joint or name
-    return JointSession(
-        row.unit,
-        joint,
-        row.type or joint,
-        row.session,
-        row.temperature,
-        row.load,
-        row.tags,
-        row.file,
-        row.path,
-        name,
-        key,
-        failure,
-    )
+    own = {"joint": joint, "type": row.type or joint, "name": name, "key": key, "failure": failure}
+    return JointSession(**{**row._asdict(), **own})
 
 
 def _without_repeated(frame: "pd.DataFrame") -> "pd.DataFrame":

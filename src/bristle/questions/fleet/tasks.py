@@ -4,22 +4,32 @@ import hashlib
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from bristle import __version__
 from bristle.errors import InputError
-from bristle.identification.measured import Measured
-from bristle.identification.results import Joint
 from bristle.questions.fleet.dataset import failure_bytes, task_bytes, task_file
 from bristle.questions.fleet.files import exists, is_remote, local_path, name_of, read_bytes, stamp, write_whole
 from bristle.questions.fleet.survey import FleetInput, Surveyed, laid_out, survey, surveyed_of, without_folder
 
-Identify = Callable[[Path, str], tuple[Measured, Joint]]
+
+class Identified(NamedTuple):
+    """What was identified of a joint."""
+
+    rows: Sequence[Mapping[str, Any]]
+    """A row of the dataset for each value to use, with the columns that tell of it."""
+    inputs: Mapping[str, str]
+    """SHA-256 of each log as it was read, by name."""
+    reason: str = ""
+    """Why there is no row."""
+
+
+Identify = Callable[[Path, str], Identified]
 """Identifies the joint of a name in a file."""
 _ONE = threading.Lock()
 """CasADi's functions and NumPy's settings are of the process: threads of a worker identify one after another."""
@@ -137,9 +147,11 @@ def _rows(task: FleetTask, identify: Identify) -> bytes:
             path = laid_out(Path(folder), name_of(task.file.path), contents)
         try:
             with _ONE:
-                _, joint = identify(path, task.joint)
-            _refuse_changed(task, joint)
-            return task_bytes(task.key, joint)
+                found = identify(path, task.joint)
+            _refuse_changed(task, found.inputs)
+            if not found.rows:
+                raise InputError(found.reason)
+            return task_bytes(task.key, found.rows)
         except InputError as error:
             sentence = without_folder(str(error), task.file.path, str(path.parent), *([folder] if folder else []))
             if _may_pass(error) or _changed(task):
@@ -161,11 +173,10 @@ def _changed(task: FleetTask) -> bool:
         return True
 
 
-def _refuse_changed(task: FleetTask, joint: Joint) -> None:
+def _refuse_changed(task: FleetTask, read: Mapping[str, str]) -> None:
     """Raise InputError where a log was changed since it was surveyed, by its stamp or by what was read."""
-    read = {one.file: one.sha256 for one in joint.inputs} if not task.file.apart else {}
     for one in task.file.inputs:
-        if read.get(one.name, one.sha256) != one.sha256:
+        if not task.file.apart and read.get(one.name, one.sha256) != one.sha256:
             raise _changed_meanwhile(one)
     if _changed(task):
         raise _changed_meanwhile(task.file.inputs[0])
