@@ -606,7 +606,8 @@ def test_a_comparison_carries_itself(tmp_path: Path) -> None:
     lines = report.text().splitlines()
     assert lines[:2] == [str(compared.sentence), "[[wrist]] revolute"]
     with pytest.raises(
-        bristle.InputError, match="got a Change; expected what adapt, compare, fleet, plan, sensitivity or validate gave"
+        bristle.InputError,
+        match="got a Change; expected what adapt, compare, fleet, plan, sensitivity or validate gave",
     ):
         bristle.report_of(compared.changes[0])  # type: ignore[arg-type]
 

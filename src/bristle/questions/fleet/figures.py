@@ -19,8 +19,6 @@ POINTS = 200
 """Sessions of a panel and units of a type that are drawn, at most."""
 _BEYOND = 3.0
 """Ends of intervals and limits count for an axis up to so many times the range of the values."""
-_NAMED = 6
-"""Units outside their type whose names are drawn."""
 CODES = 5
 """Kinds of warnings drawn over time, at most, beside failed sessions."""
 _LOOKS = (
@@ -137,16 +135,6 @@ def units_figure(name: str, label: str, rows: pd.DataFrame, spread: Spread, *, s
             x[own], (value - reach)[own], (value + reach)[own], color=colour, linewidth=1.2, label=f"{what}, 95 %"
         )
         ax.plot(x[own], value[own], marker, color=colour, markersize=5, label=what)
-    for place in np.flatnonzero(outside)[np.argsort(-np.abs(value - spread.mean)[outside], kind="stable")][:_NAMED]:
-        ax.annotate(
-            shortened(str(rows["unit"].iloc[place]), 16),
-            (x[place], value[place]),
-            (-6, 0),
-            textcoords="offset points",
-            ha="right",
-            va="center",
-            fontsize=9,
-        )
     core = np.array([*value, *(x for x in spread if np.isfinite(x))])
     least, most = core.min(), core.max()
     wide = (most - least) or abs(most) or 1.0

@@ -254,26 +254,19 @@ def _unit_sections(found: Findings) -> Iterator[Section]:
 
 
 def _units_drawing(found: Findings, row: Any, rows: pd.DataFrame, k: int) -> Drawing:
-    name, outside = f"Type {row.type}", int(rows["outside"].sum())
+    name, rows = f"Type {row.type}", outside_first(rows)
     spread = figures.spread_of(row, rows["value"].to_numpy(float))
-    part = (
-        f" Drawn are the {figures.POINTS} of them that are farthest from the mean."
-        if len(rows) > figures.POINTS
-        else ""
+    far, many = next(rows_of(rows)), len(rows) > figures.POINTS
+    farthest = (
+        f", the farthest {shortened(str(far.unit), 24)}, {far.percent:+.3g} % from the mean" if far.outside else ""
     )
+    part = f" Drawn are the {figures.POINTS} of them that are farthest from the mean." if many else ""
     return Drawing(
-        partial(
-            figures.units_figure,
-            name,
-            _axis(row).replace("\n", " "),
-            outside_first(rows),
-            spread,
-            simulated=found.simulated,
-        ),
+        partial(figures.units_figure, name, _axis(row).replace("\n", " "), rows, spread, simulated=found.simulated),
         f"type-{k}",
         f"units of {shortened(name)} by value",
-        f"{shortened(name)}, {label(row)}: {outside} of {counted(len(rows), 'unit')} outside; mean {number(row.mean)} {value_unit(row)}, "
-        f"spread between units {number(row.spread_percent, 2)} %.{part}",
+        f"{shortened(name)}, {label(row)}: {int(rows['outside'].sum())} of {counted(len(rows), 'unit')} outside{farthest}; "
+        f"mean {number(row.mean)} {value_unit(row)}, spread between units {number(row.spread_percent, 2)} %.{part}",
         "Circles: own values with 95 % intervals; squares: outside the type; diamonds: shrunken values; dashed: the mean of the type; "
         "shaded: where 95 % of its units are.",
         data="units",
