@@ -16,8 +16,8 @@ from bristle.estimation.nonlinear import LeastSquares, Minimum, Name
 from bristle.progress import Progress, teller
 
 Start = TypeVar("Start")
-_STEPS, _TRIES = 60, 30
-"""Of a descent from a start, and from a random one."""
+_STEPS = 60
+"""Of a descent from a start."""
 SAME, _OF_VARIANCE = 1e-6, 1e-2
 """Two minima are the same where their costs differ by less than this share of them, or of a residual's variance: a tenth
 of a standard error, while a descent ends within a hundredth."""
@@ -46,7 +46,6 @@ class MultistartSolution(NamedTuple, Generic[Name]):
 def solve_from_starts(
     solve: Callable[[Start, int, float], tuple[LeastSquares[Name], Minimum]],
     starts: Sequence[Start],
-    random: Sequence[Start],
     finish: Callable[[LeastSquares[Name], Minimum], tuple[LeastSquares[Name], Minimum]],
     progress: Progress | None = None,
     known: tuple[LeastSquares[Name], Minimum] | None = None,
@@ -56,23 +55,19 @@ def solve_from_starts(
     Args:
         solve: poses the problem about a start, and solves it from there in so many steps at most; it may give up where
             it comes to an end that is worse than the lowest cost known, the last argument.
-        starts: each is solved to its end.
-        random: further starts; one where nothing depends on anything is passed over.
+        starts: of these, all but the first are passed over where nothing depends on anything.
         finish: what is still done at the lowest end.
         progress: told of each start.
         known: an end found before, and finished; without it there is a start.
 
-    Raises InputError as `solve` does.
+    Raises InputError as `solve` does at the first start.
     """
-    ends, count = [known] if known else [], len(starts) + len(random) + (known is not None)
-    tell = teller(progress, len(starts) + len(random))
+    ends, count = [known] if known else [], len(starts) + (known is not None)
+    tell = teller(progress, len(starts))
     for start in starts:
         tell("fitting the moving runs")
-        ends.append(solve(start, _STEPS, np.inf))
-    for start in random:
-        tell("fitting the moving runs, random starts")
-        with suppress(InputError):
-            ends.append(solve(start, _TRIES, min(end.cost for _, end in ends)))
+        with suppress(*[InputError] * bool(ends)):
+            ends.append(solve(start, _STEPS, min([end.cost for _, end in ends], default=np.inf)))
     lowest = min(ends, key=lambda end: end[1].cost)
     posed, minimum = lowest if lowest is known else finish(*lowest)
     same = minimum.cost * (1 + max(SAME, _OF_VARIANCE / minimum.residuals.size)) + _NOTHING

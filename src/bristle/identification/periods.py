@@ -14,7 +14,6 @@ from bristle.errors import InputError
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.score_test import Score, scores
 from bristle.findings import NOTE, Finding
-from bristle.identification.dynamic.fit import SEED, STARTS
 from bristle.identification.dynamic.priors import posed_and_start
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.what_is_left import columns_of, known_and_left
@@ -118,7 +117,7 @@ def _of_motion(
 ) -> tuple[Array, Array, dict[int, Array]]:
     """Of the fit of moving runs the derivatives by all parameters, (n, p), what it leaves, N*m, (n,), and columns of each order tried, (n, k)."""
     problem, start = posed_and_start(experiment, directions(experiment, records), records, {}, None)
-    solution = solve_dynamic(problem, start, STARTS, SEED)
+    solution = solve_dynamic(problem, start)
     tried = _tried(experiment, problem.position, most)
     columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
     return *known_and_left(problem, solution), columns

@@ -35,9 +35,6 @@ from bristle.identification.shared_findings import not_shown
 from bristle.model.parameters import Kind, ParameterName
 from bristle.progress import Progress
 
-SEED = 0
-STARTS = 6
-"""One from the other stages, the others at random about it."""
 _EDGE = 0.01
 """In log(v_s): this near to the end of its range is at it."""
 _TRIES = 30
@@ -65,10 +62,10 @@ def fit_tracking(
     start: Values,
     kind: Kind,
     held: Sequence[tuple[str, DynamicProblem]] = (),
-    starts: int = STARTS,
-    seed: int = SEED,
     others: Sequence[Values] = (),
     progress: Progress | None = None,
+    *,
+    search: bool = True,
 ) -> DynamicSolution:
     """All parameters of moving data with intervals and warnings.
 
@@ -77,14 +74,13 @@ def fit_tracking(
         start: LuGre parameters and extra regressors by name, from the other stages or guessed.
         kind: of the joint, for units.
         held: hold-out runs by name, posed as the problem is.
-        starts: how many, >= 1; the first is `start`, then come `others`.
-        seed: of those at random.
-        others: starts, whole, as another fit ended.
+        others: starts in its place, whole, as other fits ended.
         progress: told of each start.
+        search: whether to look for more starts.
 
     Raises InputError where a start shows no dependence on any parameter.
     """
-    problem, solution, dropped, shown = _settled(problem, start, starts, seed, others, progress)
+    problem, solution, dropped, shown = _settled(problem, start, others, progress, search=search)
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
     left = what_is_left(problem, solution, kind)
     estimates = estimates_of(problem, solution, kind, dropped, shown, left)
@@ -147,21 +143,21 @@ def fit_tracking(
 def _settled(
     problem: DynamicProblem,
     start: Values,
-    starts: int,
-    seed: int,
     others: Sequence[Values],
     progress: Progress | None,
+    *,
+    search: bool,
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
     """The problem as it is solved in the end, its solution, why Stribeck terms that are none are not in it, and which are shown to be there.
 
     It has the weights that its runs ask for, and not those terms. Of what is shown the code of what spoke against it.
     """
     if sum(m.size for m in problem.motions) < FEWEST * len(problem.names):  # of which nothing is estimated
-        starts, others = 1, ()
-    solution = solve_dynamic(problem, start, starts, seed, others, progress)
+        search, others = False, ()
+    solution = solve_dynamic(problem, start, others, progress, search=search)
     problem, changed = _weighted(problem, solution)
     if changed:
-        solution = solve_dynamic(problem, without_deflections(solution.values), starts, seed, progress=progress)
+        solution = solve_dynamic(problem, without_deflections(solution.values), progress=progress, search=search)
     dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
     while more := _not_shown(problem, solution, shown):
         held = {name: value for name, (value, _) in more.items()}
@@ -174,7 +170,7 @@ def _settled(
         kinds = {why.code for _, why in more.values()}
         again = "unseen-bend" in kinds
         try:
-            found = solve_dynamic(without, near, starts if again else 1, seed, progress=progress)
+            found = solve_dynamic(without, near, progress=progress, search=False)
         except InputError:  # nothing to start from without it
             break
         if not found.minimum.converged:
@@ -185,8 +181,7 @@ def _settled(
         if "unseen-wide" not in kinds and p < SIGNIFICANCE and (not again or ratio > _BENT):
             shown |= {name: why.code for name, (_, why) in more.items()}
             continue
-        rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
-        problem, solution = without, rest
+        problem, solution = without, found._replace(starts=solution.starts, reached=solution.reached)
         dropped |= {name: why for name, (_, why) in more.items()}
     return problem, solution, dropped, shown
 

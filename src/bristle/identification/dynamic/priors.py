@@ -19,7 +19,7 @@ from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.crosscheck import check_tracking
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
-from bristle.identification.dynamic.fit import SEED, STARTS, DynamicSolution, fit_tracking
+from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
 from bristle.identification.dynamic.starts import carried, solve_dynamic
@@ -46,10 +46,6 @@ from bristle.progress import Progress
 
 _SURER = 1.5
 """Times: one stage knows a parameter better than another if its error is smaller by this."""
-_SURE = 3
-"""Starts where other runs tell the static parameters: then the first one is near."""
-_NEAR = 2
-"""Starts where a fit of the same runs, seen otherwise, tells all of them."""
 _WORSE = 1.5
 """Times the relative error of the moving runs alone, beyond which the joint fit is doubted."""
 _BENDS = 0.01
@@ -109,14 +105,14 @@ def fit_with_priors(
     count = _count(experiment, records) if by_torque else 0.0
 
     def fitted(
-        posed: DynamicProblem, starts: int, *others: Values
+        posed: DynamicProblem, *others: Values, search: bool = False
     ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
         """The fit of a problem from some starts; its profiles, where they are asked for, may improve it."""
         refit = partial(fit_tracking, posed, start, kind, tests, progress=progress)
-        solved = refit(starts=starts, others=others)
+        solved = refit(others=others, search=search)
         if not uncertainty:
             return solved, {}
-        return profile_until_stable(solved, lambda end: refit(starts=1, others=[end]), progress)
+        return profile_until_stable(solved, lambda end: refit(others=[end], search=False), progress)
 
     def finished(solved: DynamicSolution, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
         """The fit without the bias of encoder counts, and with its intervals three ways.
@@ -130,10 +126,8 @@ def fit_with_priors(
     slow = load(static) if load and static_is_apart else None
     problem, start = posed_and_start(experiment, moving, records, static, slow)
     tests = [(r.file, pose([r], problem.fixed)) for r in held]
-    sure = _NEAR if near is not None else _SURE if static_is_apart else STARTS
-    solved, profiles = fitted(
-        problem, sure if by_torque else 1, *([] if near is None else [_from(problem, near, start)])
-    )
+    known = [] if near is None else [_from(problem, near, start)]
+    solved, profiles = fitted(problem, *known, search=by_torque and not known)
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
     fit, freedom = solved.fit, dict(zip(solved.solution.names, solved.solution.freedoms.tolist(), strict=True))
@@ -146,7 +140,7 @@ def fit_with_priors(
     if not priors:
         return DynamicStages(alone, presliding=slow)
     ended = {**solved.problem.fixed, **solved.values}
-    solved, profiles = fitted(with_priors(problem, priors, alone.rms), 1, ended)
+    solved, profiles = fitted(with_priors(problem, priors, alone.rms), ended)
     joint = finished(solved, profiles)
     joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)
     joint = with_systematic(joint, shifts_of(solved))
@@ -179,7 +173,7 @@ def posed_and_start(
     count = _count(experiment, records)
     smooth = [between_counts(r, count) for r in records] if count else records
     near = replace(_equation_error_problem(experiment, moving, smooth, fixed), fixed=fixed)
-    found = without_deflections(solve_dynamic(near, start, _SURE, SEED).values)
+    found = without_deflections(solve_dynamic(near, start).values)
     none = [d for d in whole.directions if found.get(ParameterName("alpha_1", d)) == 0]
     peak = {ParameterName(name, d) for d in none for name in peak_parameters(whole.law)} & found.keys()
     return _output_error_problem(experiment, moving, records, fixed), found | {name: start[name] for name in peak}
@@ -187,10 +181,7 @@ def posed_and_start(
 
 def _from(problem: DynamicProblem, near: TrackingFit | Values, start: Values) -> Values:
     """Where a fit of the same runs ended, and a start where it tells nothing."""
-    if isinstance(near, TrackingFit):
-        known = {name: e.value for name, e in near.parameters.items() if e.value is not None}
-    else:
-        known = without_deflections(near)
+    known = near.known if isinstance(near, TrackingFit) else without_deflections(near)
     told = {
         name: x for name, x in carried(problem, known).items() if name in start and (x or name.name not in LOGARITHMIC)
     }

@@ -1,6 +1,7 @@
-"""The fit of moving data from several starts: one from the other stages, others at random, and those that an end suggests."""
+"""The fit of moving data from several starts: one from the other stages, softnesses of the bristle, and those that an end suggests."""
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -10,13 +11,22 @@ from bristle.errors import InputError
 from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
 from bristle.identification.dynamic.left_out_peak import asked_peak
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
-from bristle.identification.dynamic.unknowns import polished, solved, with_deflections, without_deflections
+from bristle.identification.dynamic.unknowns import (
+    fit,
+    polished,
+    solved,
+    thinned,
+    with_deflections,
+    without_deflections,
+)
 from bristle.identification.moving_runs import DIRECTIONS
-from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction, of_friction
+from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction
 from bristle.progress import Progress
 
-_APART = {"sigma_0": 10.0, "sigma_1": 10.0, "v_s": 6.0}
-"""How far random starts lie from the first one, as a factor either way; 3 for the other parameters."""
+_RUNGS, _STEPS = 8, 6
+"""Deflections of the bristle that are tried, and steps of a descent at each."""
+_LOST = 10.0
+"""Times the lowest cost, from which no descent begins."""
 _OFFSET = ParameterName("offset", Direction.SHARED)
 _WINDOWS = 2  # of a simulated position, for the jackknife over them
 _WORTH = 0.1
@@ -26,17 +36,17 @@ _WORTH = 0.1
 def solve_dynamic(
     problem: DynamicProblem,
     start: Values,
-    starts: int,
-    seed: int,
     others: Sequence[Values] = (),
     progress: Progress | None = None,
+    *,
+    search: bool = True,
 ) -> MultistartSolution[Unknown]:
-    """The lowest minimum from several starts, and the covariance there.
+    """The lowest minimum from a start or from `others`, and the covariance there.
 
-    Of two directions that each have their friction, one set for both is found from several starts first, about an
-    offset: it has half the unknowns, and where it ends is a start for the two, unless `others` are known. Where a direction has no Stribeck term in
-    the end, or one within its error, and the residuals ask for one, it is given the one that they ask for: without it
-    its v_s, and so its alpha_1, has no slope to follow.
+    With `search` from softnesses of the bristle as well. Of two directions that each have their friction, one set for both is
+    searched for first, about an offset: it has half the unknowns, and where it ends is a start for the two. Where a direction
+    has no Stribeck term in the end, or one within its error, and the residuals ask for one, it is given the one that they ask
+    for: without it its v_s, and so its alpha_1, has no slope to follow.
 
     Raises InputError where there is one window alone, whose error no other one tells.
     """
@@ -45,24 +55,17 @@ def solve_dynamic(
             f"{problem.motions[0].file}: fit.predict: the moving runs make one window; expected at least {_WINDOWS}, which "
             "tell the errors by how they differ: measure longer"
         )
-    first, random = with_deflections(problem, start), list[Values]()
-    if starts > 1 and not others and len(problem.directions) == len(SIGNED) and problem.quantity == "torque":
+    begins = [*others] or [with_deflections(problem, start)]
+    if search and problem.quantity == "torque" and len(problem.directions) == len(SIGNED):
         one = _of_both(problem)
-        found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), starts, seed, progress=progress)
+        found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
         both = carried(problem, {**one.fixed, **without_deflections(found.values)})
-        random = [first]
-        first = with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed})
-    else:
-        rng = np.random.default_rng(seed)
-        reach = {n: np.log(_APART.get(n.name, 3.0)) for n in start if of_friction(n.name)}
-        for _ in range(starts - 1 - len(others)):
-            moved = {
-                n: x * float(np.exp(rng.uniform(-reach[n], reach[n]))) if n in reach else x for n, x in start.items()
-            }
-            random.append(with_deflections(problem, moved))
+        begins.append(with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed}))
+    elif search and problem.quantity == "torque":
+        begins += _by_softness(problem, start)
     solve, finish = partial(solved, problem), partial(polished, problem)
-    best = solve_from_starts(solve, (first, *others), random, finish, progress)
-    while starts > 1:
+    best = solve_from_starts(solve, begins, finish, progress)
+    while search:
         added = dict[Unknown, float]()  # the Stribeck terms that the residuals ask for
         errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
         for direction in problem.directions:
@@ -73,11 +76,38 @@ def solve_dynamic(
         if not added:
             break
         peaked = with_deflections(problem, {**without_deflections(best.values), **added})
-        again = solve_from_starts(solve, (), [peaked], finish, known=(best.posed, best.minimum))
+        again = solve_from_starts(solve, [peaked], finish, known=(best.posed, best.minimum))
         if again.minimum.cost > best.minimum.cost * (1 - SAME):
             break
         best = again._replace(starts=best.starts + 1)
     return best
+
+
+def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
+    """Starts at the deflections of the bristle that leave less than those beside them do, from a count to a third of the travel.
+
+    Each is held while all else descends a little, from where the stiffer one before ended: over sigma_0 the cost has many
+    minima, and a descent finds the next.
+    """
+    few = thinned(problem)
+    sigma_0 = [n for n in few.friction_names if n.name == "sigma_0" and n not in few.fixed and n not in few.with_prior]
+    if not sigma_0:
+        return []
+    softest = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in few.motions) / 3
+    way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step for m in problem.motions])))
+    at, ends, costs = dict(start), list[Values](), [np.inf]
+    for reach in np.geomspace(max(few.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist():
+        held = {n: 0.0 for n in at if n.name == "sigma_1"}
+        held |= {n: (at[n._replace(name="alpha_0")] + at.get(n._replace(name="alpha_1"), 0.0)) / reach for n in sigma_0}
+        rung = replace(few, fixed={**few.fixed, **held})
+        with suppress(InputError):
+            found, minimum = fit(rung, with_deflections(rung, {n: x for n, x in at.items() if n not in held}), _STEPS)
+            if minimum.cost < _LOST * min(costs):
+                at |= without_deflections(found)
+            ends.append(with_deflections(problem, at | without_deflections(found) | held))
+            costs.append(minimum.cost)
+    costs.append(np.inf)
+    return [end for k, end in enumerate(ends, 1) if costs[k] == min(costs[k - 1 : k + 2])]
 
 
 def _of_both(problem: DynamicProblem) -> DynamicProblem:

@@ -18,7 +18,7 @@ from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at, too_few
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.dynamic.fit import SEED, DynamicSolution
+from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName
@@ -56,7 +56,7 @@ def with_three_ways(solved: DynamicSolution, fit: TrackingFit, profiles: Mapping
         fit: the same, the bias of encoder counts taken off.
         profiles: by name.
     """
-    (drawn, blocks), three = bootstrap_at(solved.solution, SEED), {}
+    (drawn, blocks), three = bootstrap_at(solved.solution), {}
     for name, e in fit.parameters.items():
         if e.value is None and e.interval is None:
             three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=e.warnings)

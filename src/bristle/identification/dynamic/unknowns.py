@@ -16,7 +16,6 @@ from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknow
 from bristle.identification.dynamic.problem import (
     DynamicProblem,
     InitialState,
-    Motion,
     Unknown,
     Values,
     modelled,
@@ -63,11 +62,10 @@ def solved(
     posed = least_squares(problem, start)
     unknowns = posed.unknowns
     begin, bounds = unknowns.scaled(start), (unknowns.lower, unknowns.upper)
-    if problem.quantity == "torque" and sum(m.time.size for m in problem.motions) >= _LARGE:
-        # a quick descent over a few of many samples, if samples between those like its end better than the start
-        few, between = (
-            replace(problem, motions=tuple(_thinned(m, first) for m in problem.motions)) for first in (0, _EVERY // 2)
-        )
+    few, between = thinned(problem), thinned(problem, _EVERY // 2)
+    if (
+        few is not problem
+    ):  # a quick descent over a few of many samples, if samples between those like its end better than the start
         with suppress(InputError):
             rough = unknowns.values(minimise(_evaluation(few, unknowns), begin, *bounds, most, _NEAR).x)
             left = [np.sum((between.measured - np.concatenate(modelled(between, x))) ** 2) for x in (rough, start)]
@@ -75,17 +73,22 @@ def solved(
     return posed, minimise(posed.evaluate, begin, *bounds, most, lowest=lowest, enough=enough)
 
 
-def _thinned(motion: Motion, first: int) -> Motion:
-    """Every 8th sample of a motion from that one on, unsmoothed."""
-    names = ("time", "velocity", "torque", "extra", "measured")
-    load = motion.load and motion.load.at(slice(first, None, _EVERY))
-    return replace(
-        motion,
-        smooth=None,
-        coarsening=_ROUGH,
-        load=load,
-        **{name: getattr(motion, name)[first::_EVERY] for name in names},
+def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
+    """A predicted torque at every 8th of many samples, from that one on, unsmoothed; else the problem as it is."""
+    if problem.quantity != "torque" or sum(m.time.size for m in problem.motions) < _LARGE:
+        return problem
+    names, at = ("time", "velocity", "torque", "extra", "measured"), slice(first, None, _EVERY)
+    motions = (
+        replace(
+            m,
+            smooth=None,
+            coarsening=_ROUGH,
+            load=m.load and m.load.at(at),
+            **{name: getattr(m, name)[at] for name in names},
+        )
+        for m in problem.motions
     )
+    return replace(problem, motions=tuple(motions))
 
 
 def polished(
