@@ -35,6 +35,9 @@ errors."""
 _FLAT = 1e-6
 """Out of steps, the cost has settled if the last one lowered it by less than this share: what still moves is not seen.
 """
+_SLOW, _CREEPS = 1e-2, 3
+"""Steps end as well where so many in a row lower it by less than this share of the variance each, a tenth of a standard error: along a
+narrow bend they would go on for hundreds."""
 _HOPELESS = 4
 """Steps in a row that gain too little, after which a descent is given up:"""
 _STILL_ABOVE = 1.2
@@ -174,7 +177,7 @@ def minimise(
         raise InputError(
             f"at the start of the fit {what}; the motion shows none of the parameters, or the start is wrong"
         )
-    damping, taken, scale, converged, hopeless = _DAMPING, 0, np.zeros(x.size), False, 0
+    damping, taken, scale, converged, hopeless, slow = _DAMPING, 0, np.zeros(x.size), False, 0, 0
     gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
     for _ in range(most):
         scale = np.maximum(scale, np.sqrt(gram.diagonal()))
@@ -192,11 +195,12 @@ def minimise(
             converged = cost - new_cost <= _FLAT * cost
             little = new_cost - _PROMISED * (cost - new_cost) > _STILL_ABOVE * lowest
             hopeless = hopeless + 1 if little else 0
+            slow = slow + 1 if cost - new_cost <= max(_SLOW * cost / residuals.size, enough) else 0
             x, residuals, jacobian, cost = trial, new_residuals, new_jacobian, new_cost
             gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
             taken += 1
-            if hopeless >= _HOPELESS:
-                converged = False
+            if hopeless >= _HOPELESS or slow >= _CREEPS:
+                converged = slow >= _CREEPS
                 break
         damping = damping * (0.1 if gained > 0.75 else 1.0 if gained > 0.25 else 10.0)
         if damping > _MOST_DAMPING:

@@ -74,7 +74,7 @@ def fit_tracking(
         start: LuGre parameters and extra regressors by name, from the other stages or guessed.
         kind: of the joint, for units.
         held: hold-out runs by name, posed as the problem is.
-        others: starts in its place, whole, as other fits ended.
+        others: starts before it, whole, as other fits ended.
         progress: told of each start.
         search: whether to look for more starts.
 

@@ -55,7 +55,7 @@ def solve_dynamic(
             f"{problem.motions[0].file}: fit.predict: the moving runs make one window; expected at least {_WINDOWS}, which "
             "tell the errors by how they differ: measure longer"
         )
-    begins = [*others] or [with_deflections(problem, start)]
+    begins = [*others, with_deflections(problem, start)]
     if search and problem.quantity == "torque" and len(problem.directions) == len(SIGNED):
         one = _of_both(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
