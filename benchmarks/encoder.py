@@ -107,7 +107,7 @@ def both(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
         return dynamic_problem(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
 
-    found = fit_tracking(pose([run], {}), truth(), "revolute", starts=1)
+    found = fit_tracking(pose([run], {}), truth(), "revolute", search=False)
     return found.fit, without_count_bias(found, [run], pose, quantum)
 
 
@@ -136,10 +136,10 @@ def by_route(quantum: float, seed: int) -> tuple[TrackingFit, TrackingFit]:
     def pose(records: Sequence[Record], fixed: Mapping[ParameterName, float]) -> DynamicProblem:
         return dynamic_problem(records, ("+", "-"), ("inertia",), edro.DECIMATION, None, fixed)
 
-    found = fit_tracking(pose([run], known), start, "revolute", starts=1)
+    found = fit_tracking(pose([run], known), start, "revolute", search=False)
     whole = dynamic_problem([run], ("+", "-"), ("inertia",), 1, None, known)
     windows = simulation([run], whole, edro.motor("gripper rotation"), edro.DECIMATION, 0.5)
-    return without_count_bias(found, [run], pose, quantum), fit_tracking(windows, start, "revolute", starts=1).fit
+    return without_count_bias(found, [run], pose, quantum), fit_tracking(windows, start, "revolute", search=False).fit
 
 
 def relative(fit: TrackingFit, name: ParameterName) -> float:

@@ -90,7 +90,7 @@ def moving(truths: list[dict[ParameterName, float]], rng: np.random.Generator) -
         torque = friction + truth[INERTIA] * acceleration + NOISE * rng.standard_normal(t.size)
         records.append(Record(file=f"run {k}", time=t, velocity=v, torque=torque, acceleration=acceleration))
     problem = dynamic_problem(records, ("both",), ("inertia",), 1, None)
-    solved = fit_tracking(problem, TRUTH, "revolute", starts=1)
+    solved = fit_tracking(problem, TRUTH, "revolute", search=False)
     freedom, names = solved.solution.freedom, solved.fit.names
     scatter = clustered(*parts_of_runs(solved), solved.fit.parameters, freedom, logarithms(names))
     fit = widened(solved.fit, scatter, LOGARITHMIC)

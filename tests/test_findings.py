@@ -20,8 +20,8 @@ from .source import SOURCE, nodes, trees
 
 def test_a_finding_is_a_value() -> None:
     """Equal and of one hash where code, message and numbers are, whatever it is about; it cannot be assigned to."""
-    made, same = (Finding("few-starts", CAUTION, "1 of 4.", {"reached": 1}, subject=x) for x in ((), ("static",)))
-    other = Finding("few-starts", CAUTION, "2 of 4.", {"reached": 2})
+    made, same = (Finding("single-run", CAUTION, "1 of 4.", {"reached": 1}, subject=x) for x in ((), ("static",)))
+    other = Finding("single-run", CAUTION, "2 of 4.", {"reached": 2})
     assert made == same
     assert len({made, same, other}) == 2
     with pytest.raises(FrozenInstanceError):

@@ -40,7 +40,7 @@ def fitted(record: Record, count: float = 0.0) -> TrackingFit:
     """The fit of all parameters from near the truth."""
     problem: DynamicProblem = replace(dynamic_problem([record], ("both",), ("inertia",), 1, None), count=count)
     start = {NAMES[name]: value for name, value in TRUTH._asdict().items()} | {INERTIA: J}
-    return fit_tracking(problem, start, "revolute", starts=1).fit
+    return fit_tracking(problem, start, "revolute", search=False).fit
 
 
 def reasons(fit: TrackingFit, name: str) -> set[str]:
@@ -89,7 +89,7 @@ def test_coulomb_viscous_by_hand_has_no_peak() -> None:
     problem = dynamic_problem([record], ("both",), ("inertia",), 1, None)
     start = {NAMES[name]: value for name, value in TRUTH._asdict().items()} | {INERTIA: J}
     auto, asked = (
-        fit_tracking(replace(problem, stribeck=model), start, "revolute", starts=1).fit
+        fit_tracking(replace(problem, stribeck=model), start, "revolute", search=False).fit
         for model in ("auto", "stribeck")
     )
     assert auto.parameters[NAMES["alpha_1"]].value is None
@@ -116,7 +116,7 @@ def test_a_peak_that_is_left_out_is_taken_up(alpha_1: float) -> None:
     problem = dynamic_problem([run(1e-3, TRUTH._replace(alpha_1=alpha_1))], ("both",), ("inertia",), 1, None)
     fixed = {NAMES["alpha_1"]: 0.0, NAMES["v_s"]: 1.0}
     start = {NAMES[name]: value for name, value in TRUTH._asdict().items() if NAMES[name] not in fixed} | {INERTIA: J}
-    fit = fit_tracking(replace(problem, fixed=fixed), start, "revolute", starts=1).fit
+    fit = fit_tracking(replace(problem, fixed=fixed), start, "revolute", search=False).fit
     said = {n.name for n, e in fit.parameters.items() if "takes-up-peak" in {w.code for w in e.warnings}}
     assert ("alpha_2" in said) == bool(alpha_1)
     assert said <= {"alpha_0", "alpha_2"}
@@ -134,6 +134,6 @@ def test_a_fit_that_did_not_converge_has_no_numbers(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr("bristle.identification.dynamic.fit.solve_dynamic", unfinished)
     problem = replace(dynamic_problem([run(1e-3)], ("both",), ("inertia",), 1, None), stribeck="stribeck")
     start = {NAMES[name]: value for name, value in TRUTH._asdict().items()} | {INERTIA: J}
-    fit = fit_tracking(problem, start, "revolute", starts=1).fit
+    fit = fit_tracking(problem, start, "revolute", search=False).fit
     assert fit.outcome.code == "not-converged"
     assert {(e.value, e.standard_error, e.interval) for e in fit.parameters.values()} == {(None, None, None)}

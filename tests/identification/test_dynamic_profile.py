@@ -52,7 +52,7 @@ def record(noise: float, seed: int, speed: float = 1.0, slow: float = 0.25) -> R
 def fitted(run: Record, priors: Sequence[Prior] = ()) -> DynamicSolution:
     """The fit of one run from the truth on."""
     problem = dynamic_problem([run], ("both",), ("inertia",), 1, None)
-    return fit_tracking(with_priors(problem, priors, 3e-4), TRUTH, "revolute", starts=1)
+    return fit_tracking(with_priors(problem, priors, 3e-4), TRUTH, "revolute", search=False)
 
 
 @pytest.fixture(scope="module")
@@ -89,7 +89,7 @@ def posed(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> Dynami
 
 def solved(problem: DynamicProblem, start: Values) -> DynamicSolution:
     """The problem's minimum next to a start, with a fit that says its intervals by the covariance."""
-    solution = solve_dynamic(problem, start, 1, 0)
+    solution = solve_dynamic(problem, start, search=False)
     reach = student(solution.freedom)
     errors = solution.scaled_errors * solution.posed.unknowns.scale
     parameters = {

@@ -227,7 +227,7 @@ def fitted(
     start = {ParameterName(n, Direction(d)): x for d in directions for n, x in sets[d]._asdict().items()}
     start |= {INERTIA: J, parse("offset"): 0.0} if "offset" in asked else {INERTIA: J}
     problem, test = (dynamic_problem(r, directions, asked, experiment.fit.every, None) for r in (records, held))
-    return fit_tracking(problem, start, "revolute", [("held", test)], starts=1).fit
+    return fit_tracking(problem, start, "revolute", [("held", test)], search=False).fit
 
 
 def test_symmetric_coulomb_with_an_offset_is_coulomb_per_direction(moved: tuple[ModelComparison, TrackingFit]) -> None:

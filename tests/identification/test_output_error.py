@@ -140,7 +140,7 @@ def test_torque_in_position_out_recovers_the_truth() -> None:
     problem = replace(problem, directions=(Direction.BOTH,), fixed=fixed)
     assert len(problem.motions) == 8
     values = {n: x for n, x in named(GRIPPER._asdict() | LOADS).items() if n not in fixed}
-    found = fit_tracking(problem, {n: 1.15 * x for n, x in values.items()}, "revolute", starts=1).fit
+    found = fit_tracking(problem, {n: 1.15 * x for n, x in values.items()}, "revolute", search=False).fit
     assert found.quantity == "position"
     assert found.windows == 8
     assert found.starts_of_runs == (0,)
@@ -161,7 +161,7 @@ def test_intervals_are_those_of_the_jackknife_over_windows() -> None:
     free = named({"alpha_0": GRIPPER.alpha_0, "alpha_2": GRIPPER.alpha_2, "inertia": LOADS["inertia"]})
     fixed = {n: x for n, x in named(GRIPPER._asdict() | LOADS).items() if n not in free}
     problem = replace(problem, directions=(Direction.BOTH,), fixed=fixed)
-    whole = solve_dynamic(problem, free, 1, 0)
+    whole = solve_dynamic(problem, free, search=False)
     again = []
     for k in range(len(problem.motions)):
         rest = replace(problem, motions=(*problem.motions[:k], *problem.motions[k + 1 :]))

@@ -40,7 +40,7 @@ def test_a_poorer_law_of_the_same_runs_says_so_and_warns_of_nothing() -> None:
     """Where LuGre's fit knows friction, the static fit keeps its numbers and says which to use; beside one that knows none it is as it was."""
     run = moving(5.0)
     start = {ParameterName(n, Direction.BOTH): x for n, x in GRIPPER._asdict().items()} | {INERTIA: J}
-    lugre = fit_tracking(dynamic_problem([run], ("both",), ("inertia",), 5, None), start, "revolute", starts=1).fit
+    lugre = fit_tracking(dynamic_problem([run], ("both",), ("inertia",), 5, None), start, "revolute", search=False).fit
     problem, _, _ = from_records([run], ("both",), ("inertia",), 5)
     static, _ = fit_static(problem, FitOptions(), "revolute", PointInfo())
     fit = beside_moving(static, lugre)["both"]

@@ -37,19 +37,19 @@ def test_an_unknown_code_is_bad_input(code: str, near: str) -> None:
 
 def test_a_page_has_the_entries_that_it_links_to() -> None:
     """A finding ends with a link to its code, a note only where notes are listed; each code linked has one entry, the critical ones first."""
-    caution, note = Finding("few-starts", CAUTION, "1 of 4 <b>."), Finding("correlated", NOTE, "They are.")
+    caution, note = Finding("single-run", CAUTION, "1 of 4 <b>."), Finding("correlated", NOTE, "They are.")
     assert flagged(note) == str(note)
     assert "href" not in flagged("a text of somebody's") + warned("<b>")
     text = f'{warned(caution)} {flagged(caution)} {warned(note)} <a href="#warning-static-too-few"> <a href="#warning-none">'
-    assert [x["code"] for x in entries_linked(text)] == ["static-too-few", "few-starts", "correlated"]
+    assert [x["code"] for x in entries_linked(text)] == ["static-too-few", "single-run", "correlated"]
     assert "<b>" not in warned(caution) + warned("<b>")
 
 
 def test_the_terminal_names_the_code() -> None:
     """A message is followed by its code in brackets; of a note only where that is asked for."""
-    caution, note = Finding("few-starts", CAUTION, "1 of 4."), Finding("correlated", NOTE, "They are.")
+    caution, note = Finding("single-run", CAUTION, "1 of 4."), Finding("correlated", NOTE, "They are.")
     assert (caution.flagged, note.flagged, note.coded) == (
-        "1 of 4. [few-starts]",
+        "1 of 4. [single-run]",
         "They are.",
         "They are. [correlated]",
     )

@@ -175,10 +175,6 @@ def search_findings(
         yield Finding("out-of-steps", CRITICAL, message)
     if solution.widening > sqrt(2):
         yield correlated(rows, solution.widening)
-        if solution.reached < solution.starts / 2:  # where noise alone is left no other minimum is lower
-            reached, starts = solution.reached, solution.starts
-            message = f"Only {reached} of {starts} starts reached the lowest cost; the others ended in a worse fit."
-            yield Finding("few-starts", CAUTION, message, {"reached": reached, "starts": starts})
 
 
 def seen_parameters(solution: MultistartSolution[Unknown]) -> list[int]:
