@@ -170,7 +170,7 @@ def _settled(
         kinds = {why.code for _, why in more.values()}
         again = "unseen-bend" in kinds
         try:
-            found = solve_dynamic(without, near, progress=progress, search=False)
+            found = solve_dynamic(without, near, progress=progress, search=search and again)
         except InputError:  # nothing to start from without it
             break
         if not found.minimum.converged:
@@ -181,7 +181,8 @@ def _settled(
         if "unseen-wide" not in kinds and p < SIGNIFICANCE and (not again or ratio > _BENT):
             shown |= {name: why.code for name, (_, why) in more.items()}
             continue
-        problem, solution = without, found._replace(starts=solution.starts, reached=solution.reached)
+        rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
+        problem, solution = without, rest
         dropped |= {name: why for name, (_, why) in more.items()}
     return problem, solution, dropped, shown
 
