@@ -591,7 +591,9 @@ def test_a_noisy_run_counts_for_less() -> None:
     """Of two runs, one ten times as noisy, the fit trusts the quiet one: its errors are near those of the quiet run alone."""
     quiet, noisy = record(GRIPPER, 2e-4, seed=1), replace(record(GRIPPER, 2e-3, seed=2), file="noisy.csv")
     truth = values_of(GRIPPER)
-    both = fit_tracking(dynamic_problem([quiet, noisy], ("both",), ("inertia",), 5, None), truth, "revolute", search=False)
+    both = fit_tracking(
+        dynamic_problem([quiet, noisy], ("both",), ("inertia",), 5, None), truth, "revolute", search=False
+    )
     alone = fit_tracking(posed(quiet, decimation=5), truth, "revolute", search=False).fit
     weights = [m.weight for m in both.problem.motions]
     assert weights[0] == pytest.approx(10 * weights[1], rel=0.1)
