@@ -64,7 +64,7 @@ def solved(problem: LeastSquares[str], values: Mapping[str, float]) -> Multistar
         """The problem and its minimum."""
         return problem, minimise(problem.evaluate, own.scaled(at), own.lower, own.upper, most, settled=1e-14)
 
-    return solve_from_starts(solve, [values], [], lambda posed, minimum: (posed, minimum))
+    return solve_from_starts(solve, [values], lambda posed, minimum: (posed, minimum))
 
 
 @given(values=st.tuples(st.floats(-1e3, 1e3), st.floats(1e-6, 1e6)))
@@ -152,7 +152,7 @@ def test_blocks_that_err_together_widen_the_jackknife() -> None:
 
 
 def test_the_lowest_of_several_minima_is_kept() -> None:
-    """Of starts in three valleys the lowest end is the solution, and counted; a random start that shows nothing is passed over."""
+    """Of starts in three valleys the lowest end is the solution, and counted; a further start that shows nothing is passed over."""
     known = unknowns("a")
 
     def evaluate(x: Array) -> tuple[Array, Array]:
@@ -169,7 +169,7 @@ def test_the_lowest_of_several_minima_is_kept() -> None:
         start = known.scaled({"a": a})
         return problem, minimise(evaluate, start, known.lower, known.upper, most, lowest=lowest)
 
-    found = solve_from_starts(solve, [-1.5], [1.5, 50.0, 0.5], lambda posed, minimum: (posed, minimum))
+    found = solve_from_starts(solve, [-1.5, 1.5, 50.0, 0.5], lambda posed, minimum: (posed, minimum))
     assert found.values["a"] == pytest.approx(1.0, abs=1e-3)
     assert (found.starts, found.reached) == (4, 2)
 
@@ -183,4 +183,4 @@ def test_ends_a_tenth_of_a_standard_error_apart_are_one() -> None:
         posed = LeastSquares(unknowns=unknowns("a"), evaluate=lambda _: (np.ones(100), np.ones((100, 1))))
         return posed, Minimum(np.zeros(1), costs[start], np.full(100, 0.1), np.ones((100, 1)), 1, converged=True)
 
-    assert solve_from_starts(solve, [0.0], [1.0, 2.0], lambda posed, minimum: (posed, minimum)).reached == 2
+    assert solve_from_starts(solve, [0.0, 1.0, 2.0], lambda posed, minimum: (posed, minimum)).reached == 2

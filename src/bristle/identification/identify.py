@@ -165,19 +165,22 @@ def _law_of_motion(
 ) -> tuple[Measured, Joint, LawComparison | None, LawComparison | None]:
     """Moving runs under the law that they choose: what was measured under it, what that tells, and the laws side by side now and then."""
     under: LawComparison | None = None
-    laws = None if joint.tracking is None else laws_of_motion(measured, joint.tracking)
+    every = asked == AUTO
+    laws, ends = (None, {}) if joint.tracking is None else laws_of_motion(measured, joint.tracking, every=every)
     if laws is not None and (term := term_that_pays(measured.experiment.fit, laws)) is not None:
         more, found = with_law(measured, term), laws.under(term)
-        again = identified(more, found, near=joint.tracking)
+        again = identified(more, found, near=ends[term])
         if again.tracking is not None and _brakes(again.tracking.known):
             measured, joint, laws, under = more, again, found, found
-    for _ in range(_CHOICES if asked == AUTO else 0):
+    for _ in range(_CHOICES if every else 0):
         if laws is None or laws.chosen.in_force or joint.tracking is None:
             break
-        measured, under = with_law(measured, laws.chosen.law), laws.under(laws.chosen.law)
-        joint, laws = identified(measured, under, near=joint.tracking), under
+        law = laws.chosen.law
+        measured, under = with_law(measured, law), laws.under(law)
+        joint, laws = identified(measured, under, near=ends[law]), under
         if measured.experiment.fit.load and joint.tracking is not None:  # which peak and terms beside the load
-            laws = laws_of_motion(measured, joint.tracking) or laws
+            laws, ends = laws_of_motion(measured, joint.tracking, every=True)
+            laws = laws or under
     return measured, joint, laws, under
 
 

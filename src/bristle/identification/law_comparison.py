@@ -18,6 +18,7 @@ from bristle.data.experiment.schema import AS_WRITTEN, FitOptions
 from bristle.estimation.covariance import covariance, seen
 from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
+from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.law_ranking import GAIN, FittedLaw, Known, LeftOut, Solve, ranked
 from bristle.identification.load_levels import load_is_known
@@ -76,28 +77,36 @@ def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
     return compare_laws(pose, in_force)
 
 
-def laws_of_motion(measured: Measured, alone: TrackingFit) -> LawComparison | None:
-    """The laws on the moving runs; None where there are too few equations, or the fit of them is not about a torque.
+def laws_of_motion(
+    measured: Measured, alone: TrackingFit, *, every: bool
+) -> tuple[LawComparison | None, dict[str, Values]]:
+    """The laws on the moving runs, and where the fit of each ended, by name.
+
+    None where there are too few equations, or the fit of the runs is not about a torque.
 
     Args:
         measured: with moving runs.
         alone: their fit under the law in force.
+        every: whether laws with other peaks are compared although that fit shows no peak, of which their shapes are.
     """
     records = measured.moving(hold_out=False)
     if alone.quantity != "torque":
-        return None
+        return None, {}
     own = measured.experiment.fit.load
-    chosen = dict.fromkeys([(GAUSSIAN, ()), *((law, own) for law in laws_beside(alone.law))])
+    every = every or any(name.name == "alpha_1" and e.value for name, e in alone.parameters.items())
+    beside = [law for law in laws_beside(alone.law) if every or law.peak in (alone.law.peak, GAUSSIAN.peak)]
+    chosen = dict.fromkeys([(GAUSSIAN, ()), *((law, own) for law in beside)])
     if load_is_known(records, regressors(measured.experiment)):
         chosen |= dict.fromkeys((alone.law, load) for load in [(), *((name,) for name in LOADS)])
     found = [(load, fitted_to_motion(measured.experiment, records, alone, law, load)) for law, load in chosen]
     effective = min((x.effective for _, x in found if x is not None), default=0.0)
-    return ranked(
+    ranking = ranked(
         "moving runs",
         [None if x is None else _of_motion(x, effective, load) for load, x in found],
         "+".join((alone.law.name, *own)),
         sparing=True,
     )
+    return ranking, {"+".join((x.law.name, *load)): x.values for load, x in found if x is not None}
 
 
 def _of_motion(one: MovingLaw, effective: float, load: tuple[str, ...]) -> FittedLaw:

@@ -126,8 +126,10 @@ def fit_with_priors(
     slow = load(static) if load and static_is_apart else None
     problem, start = posed_and_start(experiment, moving, records, static, slow)
     tests = [(r.file, pose([r], problem.fixed)) for r in held]
-    known = [] if near is None else [_from(problem, near, start)]
-    solved, profiles = fitted(problem, *known, search=by_torque and not known)
+    known = [with_deflections(problem, _from(problem, near, start))] if isinstance(near, TrackingFit) else []
+    if near is not None and not known:  # values of the same problem, beside which no other start is needed
+        start = _from(problem, near, start)
+    solved, profiles = fitted(problem, *known, search=by_torque and near is None)
     if crosscheck and by_torque:
         solved = _crosschecked(solved)
     fit, freedom = solved.fit, dict(zip(solved.solution.names, solved.solution.freedoms.tolist(), strict=True))
@@ -179,13 +181,15 @@ def posed_and_start(
     return _output_error_problem(experiment, moving, records, fixed), found | {name: start[name] for name in peak}
 
 
-def _from(problem: DynamicProblem, near: TrackingFit | Values, start: Values) -> Values:
+def _from(
+    problem: DynamicProblem, near: TrackingFit | Values, start: Mapping[ParameterName, float]
+) -> dict[ParameterName, float]:
     """Where a fit of the same runs ended, and a start where it tells nothing."""
     known = near.known if isinstance(near, TrackingFit) else without_deflections(near)
     told = {
         name: x for name, x in carried(problem, known).items() if name in start and (x or name.name not in LOGARITHMIC)
     }
-    return with_deflections(problem, {**start, **told})
+    return {**start, **told}
 
 
 def _crosschecked(solved: DynamicSolution) -> DynamicSolution:
