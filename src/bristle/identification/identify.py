@@ -151,12 +151,14 @@ def _sided(
     """Moving runs with a friction for each direction, where that has a clearly better BIC, else as they were; and `bic_of_directions`."""
     if joint.tracking is None:
         return measured, joint, {}, None
-    bic, ended = bic_of_directions(measured.experiment, measured.moving(hold_out=False), joint.tracking)
+    compared = partial(bic_of_directions, measured.experiment, measured.moving(hold_out=False), joint.tracking)
+    bic, ended = compared()
     if bic and bic[APART] < bic[SYMMETRIC] - _CLEARLY:
         sided = _with_directions(measured, "separate")
         each = identified(sided, near=ended)
+        bic, _ = compared(each.tracking)
         bic[APART] = _as_two(each, bic[APART])
-        measured, joint = (sided, each) if np.isfinite(bic[APART]) else (measured, joint)
+        measured, joint = (sided, each) if bic[APART] < bic[SYMMETRIC] - _CLEARLY else (measured, joint)
     return measured, joint, bic, ended
 
 

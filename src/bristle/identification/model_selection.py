@@ -14,7 +14,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.fit import relative_error
-from bristle.identification.dynamic.problem import DynamicProblem, Values, dynamic_problem
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, dynamic_problem
 from bristle.identification.dynamic.starts import carried
 from bristle.identification.dynamic.unknowns import fit, with_deflections
 from bristle.identification.fits import StaticFit, TrackingFit
@@ -253,20 +253,26 @@ def refitted(
 
 
 def bic_of_directions(
-    experiment: Experiment, records: Sequence[Record], alone: TrackingFit
+    experiment: Experiment, records: Sequence[Record], alone: TrackingFit, each: TrackingFit | None = None
 ) -> tuple[dict[str, float], Values]:
     """BIC of LuGre with one friction for both directions, as it was fitted, and with one for each; and where this one ended.
 
-    Neither where the runs go one way, or not the torque is predicted.
+    With one for `each` as it was fitted, or else near the first. Neither where the runs go one way, or not the torque is predicted.
     """
     if alone.quantity != "torque" or len(moved_in(records)) < len(DIRECTIONS):
         return {}, {}
-    count, symmetric = len(alone.names) + len(alone.starts_of_runs), alone.residuals
-    try:
-        apart = refitted(experiment, records, (), alone, APART, tuple(DIRECTIONS), worth=_WORTH)
-    except InputError:  # a start that shows nothing is no reason to fail
-        return {}, {}
-    effective = symmetric.size / inflation(min(symmetric, apart.residuals, key=power_of))
-    of_each = {SYMMETRIC: (symmetric, count), APART: (apart.residuals, apart.parameters)}
+    of_each, ended = (
+        {SYMMETRIC: (alone.residuals, len(alone.names) + len(alone.starts_of_runs))},
+        dict[Unknown, float](),
+    )
+    if each is not None:
+        of_each[APART] = each.residuals, len(each.names) + len(each.starts_of_runs)
+    else:
+        try:
+            apart = refitted(experiment, records, (), alone, APART, tuple(DIRECTIONS), worth=_WORTH)
+        except InputError:  # a start that shows nothing is no reason to fail
+            return {}, {}
+        of_each[APART], ended = (apart.residuals, apart.parameters), {**apart.values}
+    effective = alone.residuals.size / inflation(min((rows for rows, _ in of_each.values()), key=power_of))
     power = power_of(alone.measured)
-    return {called: scores(rows, k, effective, power)[1] for called, (rows, k) in of_each.items()}, apart.values
+    return {called: scores(rows, k, effective, power)[1] for called, (rows, k) in of_each.items()}, ended
