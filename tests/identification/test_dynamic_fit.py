@@ -618,6 +618,15 @@ def test_each_direction_found_alone_leads_to_both() -> None:
         assert whole.values[name] == pytest.approx(true, rel=0.02)
 
 
+@pytest.mark.parametrize("factor", [0.01, 0.1, 1e4])
+def test_a_bristle_is_found_from_any_start(factor: float) -> None:
+    """Whether the start takes it for a hundred times softer or ten thousand times stiffer, though over sigma_0 the cost has many minima."""
+    problem, truth = posed(record(GRIPPER, 1e-5), decimation=5), values_of(GRIPPER)
+    start = {name: x * (factor if name.name == "sigma_0" else 1.0) for name, x in truth.items()}
+    found = solve_dynamic(problem, start)
+    assert found.values[parse("sigma_0")] == pytest.approx(GRIPPER.sigma_0, rel=1e-3)
+
+
 @pytest.mark.parametrize("v_s", [0.3, 0.5])
 def test_a_peak_that_the_start_lost_is_found(v_s: float) -> None:
     """From a start without Stribeck terms, whose v_s lies beyond all speeds, one descent ends without them, several find both."""
