@@ -627,6 +627,17 @@ def test_a_bristle_is_found_from_any_start(factor: float) -> None:
     assert found.values[parse("sigma_0")] == pytest.approx(GRIPPER.sigma_0, rel=1e-3)
 
 
+@pytest.mark.parametrize("fixed", [("alpha_0",), ("alpha_1", "v_s"), ("sigma_1",), ("alpha_0", "alpha_1")])
+def test_a_bristle_is_searched_for_beside_what_is_fixed(fixed: tuple[str, ...]) -> None:
+    """Whatever else is given as exact, from a start that is a fifth off sigma_0 is found, and what is given stays."""
+    problem, truth = posed(record(GRIPPER, 1e-5), decimation=5), values_of(GRIPPER)
+    given = {name: x for name, x in truth.items() if name.name in fixed}
+    start = {name: 1.2 * x for name, x in truth.items() if name not in given}
+    found = solve_dynamic(replace(problem, fixed={**problem.fixed, **given}), start)
+    assert found.values.keys().isdisjoint(given)
+    assert found.values[parse("sigma_0")] == pytest.approx(GRIPPER.sigma_0, rel=1e-3)
+
+
 @pytest.mark.parametrize("v_s", [0.3, 0.5])
 def test_a_peak_that_the_start_lost_is_found(v_s: float) -> None:
     """From a start without Stribeck terms, whose v_s lies beyond all speeds, one descent ends without them, several find both."""

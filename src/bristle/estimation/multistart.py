@@ -55,12 +55,12 @@ def solve_from_starts(
     Args:
         solve: poses the problem about a start, and solves it from there in so many steps at most; it may give up where
             it comes to an end that is worse than the lowest cost known, the last argument.
-        starts: of these, all but the first are passed over where nothing depends on anything.
+        starts: where an end is known, one where nothing depends on anything is passed over.
         finish: what is still done at the lowest end.
         progress: told of each start.
         known: an end found before, and finished; without it there is a start.
 
-    Raises InputError as `solve` does at the first start.
+    Raises InputError as `solve` does where no end is known yet.
     """
     ends, count = [known] if known else [], len(starts) + (known is not None)
     tell = teller(progress, len(starts))

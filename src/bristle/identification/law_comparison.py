@@ -100,13 +100,9 @@ def laws_of_motion(
         chosen |= dict.fromkeys((alone.law, load) for load in [(), *((name,) for name in LOADS)])
     found = [(load, fitted_to_motion(measured.experiment, records, alone, law, load)) for law, load in chosen]
     effective = min((x.effective for _, x in found if x is not None), default=0.0)
-    ranking = ranked(
-        "moving runs",
-        [None if x is None else _of_motion(x, effective, load) for load, x in found],
-        "+".join((alone.law.name, *own)),
-        sparing=True,
-    )
-    return ranking, {"+".join((x.law.name, *load)): x.values for load, x in found if x is not None}
+    fitted = [None if x is None else _of_motion(x, effective, load) for load, x in found]
+    ends = {f.name: {**x.problem.fixed, **x.values} for f, (_, x) in zip(fitted, found, strict=True) if f and x}
+    return ranked("moving runs", fitted, "+".join((alone.law.name, *own)), sparing=True), ends
 
 
 def _of_motion(one: MovingLaw, effective: float, load: tuple[str, ...]) -> FittedLaw:

@@ -41,7 +41,7 @@ def solve_dynamic(
     *,
     search: bool = True,
 ) -> MultistartSolution[Unknown]:
-    """The lowest minimum from a start or from `others`, and the covariance there.
+    """The lowest minimum from `others` and from a start, and the covariance there.
 
     With `search` from softnesses of the bristle as well. Of two directions that each have their friction, one set for both is
     searched for first, about an offset: it has half the unknowns, and where it ends is a start for the two. Where a direction
@@ -97,8 +97,9 @@ def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
     way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step for m in problem.motions])))
     at, ends, costs = dict(start), list[Values](), [np.inf]
     for reach in np.geomspace(max(few.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist():
+        known = {**few.fixed, **at}
         held = {n: 0.0 for n in at if n.name == "sigma_1"}
-        held |= {n: (at[n._replace(name="alpha_0")] + at.get(n._replace(name="alpha_1"), 0.0)) / reach for n in sigma_0}
+        held |= {n: (known[n._replace(name="alpha_0")] + known[n._replace(name="alpha_1")]) / reach for n in sigma_0}
         rung = replace(few, fixed={**few.fixed, **held})
         with suppress(InputError):
             found, minimum = fit(rung, with_deflections(rung, {n: x for n, x in at.items() if n not in held}), _STEPS)
