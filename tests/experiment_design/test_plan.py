@@ -102,16 +102,19 @@ def test_what_it_is_worth_is_said_first(gripper: Plan) -> None:
     (first, second, *_) = bristle.report_of(gripper).text().splitlines()
     assert first.startswith(
         f"gripper rotation: measure {speeds_.size} speeds from {speeds_[0]:.3g} to {speeds_[-1]:.3g} rad/s in 24 runs, 2 slow loadings and "
-        f"a tracking motion, {gripper.duration / 60:.0f} min: predicted alpha_0 to ± {known['alpha_0']:.2g} %, v_s to ± {known['v_s']:.2g} % (95 %)."
+        f"a tracking motion, {gripper.duration / 60:.0f} min: predicted alpha_0 to +/- {known['alpha_0']:.2g} %, "
+        f"v_s to +/- {known['v_s']:.2g} % (95 %)."
     )
     assert second == "  Planned for all parameters (identified from SIMULATED data)."
-    assert f": predicted sigma_1 to ± {known['sigma_1']:.2g} % (95 %)." in replace(gripper, aim="sigma_1").worth.message
+    assert (
+        f": predicted sigma_1 to +/- {known['sigma_1']:.2g} % (95 %)." in replace(gripper, aim="sigma_1").worth.message
+    )
     wide = np.where(
         np.arange(len(gripper.start.names)) == gripper.free[0], np.inf, gripper.standard_errors["with motion"]
     )
     opened = replace(gripper, standard_errors={**gripper.standard_errors, "with motion": wide}).worth
     assert "after" not in opened.numbers
-    assert ": predicted alpha_0 not identifiable, v_s to ± " in opened.message
+    assert ": predicted alpha_0 not identifiable, v_s to +/- " in opened.message
 
 
 def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:

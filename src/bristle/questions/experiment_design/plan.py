@@ -16,6 +16,7 @@ from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import own_parameter
 from bristle.model.parameters import INERTIA, SIGNED, ParameterName, Stribeck, estimated_of, static_estimated_of, unit
+from bristle.page.wording import counted
 from bristle.progress import Progress, step
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.excitation import MEASURED, MotionDesign
@@ -100,11 +101,11 @@ class Plan:
         time = f"{self.duration / 60:.0f} min" if self.duration >= 100 else f"{self.duration:.0f} s"
         aims = ("alpha_0", "v_s") if self.aim == "all" else (self.aim,)
         worst = {aim: max(x for name, x in zip(names, then, strict=True) if name.name == aim) for aim in aims}
-        known_to = (f"{aim} {f'to ± {x:.2g} %' if x <= limit else 'not identifiable'}" for aim, x in worst.items())
+        known_to = (f"{aim} {f'to +/- {x:.2g} %' if x <= limit else 'not identifiable'}" for aim, x in worst.items())
         message = (
-            f"{self.joint.name}: measure {speeds.size} speeds from {speeds[0]:.3g} to {speeds[-1]:.3g} "
-            f"{unit('velocity', self.joint.kind)} in {runs} runs, {loads} slow loadings and a tracking motion, {time}: "
-            f"predicted {', '.join(known_to)} (95 %)."
+            f"{self.joint.name}: measure {counted(speeds.size, 'speed')} from {speeds[0]:.3g} to {speeds[-1]:.3g} "
+            f"{unit('velocity', self.joint.kind)} in {counted(runs, 'run')}, {counted(loads, 'slow loading')} and a tracking motion, "
+            f"{time}: predicted {', '.join(known_to)} (95 %)."
         )
         numbers: dict[str, object] = {"duration": self.duration, "speeds": speeds.size, "known": tuple(worst.items())}
 
@@ -112,11 +113,13 @@ class Plan:
         if known and max(then) <= limit:
             opened = tuple(name for name, x in zip(names, now, strict=True) if not x <= limit)
             widest, left = max(known, key=now.__getitem__), then.index(max(then))
-            opens = f" Now {', '.join(map(str, opened))} cannot be identified." if opened else ""
-            message += (
-                f" The widest interval goes from {now[widest]:.2g} % of the value ({names[widest]}) to {then[left]:.2g} % "
-                f"({names[left]}).{opens}"
-            )
+            after = f"{then[left]:.2g} % of the value ({names[left]})"
+            if opened:
+                message += (
+                    f" Now {', '.join(map(str, opened))} cannot be identified; then the widest interval is {after}."
+                )
+            else:
+                message += f" The widest interval goes from {now[widest]:.2g} % ({names[widest]}) to {after}."
             numbers |= {"before": now[widest], "after": then[left], "opened": opened}
         return Finding("plan-narrows", NOTE, message, numbers)
 
