@@ -101,7 +101,9 @@ def laws_of_motion(
     found = [(load, fitted_to_motion(measured.experiment, records, alone, law, load)) for law, load in chosen]
     effective = min((x.effective for _, x in found if x is not None), default=0.0)
     fitted = [None if x is None else _of_motion(x, effective, load) for load, x in found]
-    ends = {f.name: {**x.problem.fixed, **x.values} for f, (_, x) in zip(fitted, found, strict=True) if f and x}
+    ends: dict[str, Values] = {
+        f.name: {**x.problem.fixed, **x.values} for f, (_, x) in zip(fitted, found, strict=True) if f and x
+    }
     return ranked("moving runs", fitted, "+".join((alone.law.name, *own)), sparing=True), ends
 
 
