@@ -26,8 +26,9 @@ _ONE = np.zeros(1, dtype=np.intp)
 _PASSES = 50
 """At most this many scans of a chunk to settle where z changes sign."""
 
-_STILL = 1e-12
-"""The signs of z have settled when z changes by at most this share of alpha_0 / sigma_0 from one scan to the next."""
+_STILL = 1e-6
+"""Where z changes sign has settled when z changes there by at most this share of alpha_0 / sigma_0 from one scan to the next, which then
+errs by about its square."""
 
 _Parameters = Lugre[float] | Pair[float]
 
@@ -314,11 +315,14 @@ def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) ->
     if isinstance(parameters, Lugre) or nodes.v.size < 2:
         return nodes, np.zeros(0)
     advance = vectorised(functions.step_function(parameters.law))
+    v0, v1, h = nodes.steps
     ahead = np.sign(nodes.heading)
-    above, below = (advance(*nodes.steps, *_acting_over(parameters, np.array(s), nodes)) for s in (1.0, -1.0))
+    above, below = (advance(v0, v1, h, *_acting_over(parameters, np.array(s), nodes)) for s in (1.0, -1.0))
     for a, b in (above, below):
         a[nodes.begins - 1], b[nodes.begins - 1] = 0.0, starts
-    first = np.union1d(np.flatnonzero(np.diff(ahead, prepend=np.nan)), nodes.begins[nodes.begins < ahead.size])
+    first = np.flatnonzero(np.diff(ahead, prepend=np.nan))
+    if nodes.begins.size:
+        first = np.union1d(first, nodes.begins[nodes.begins < ahead.size])
     lengths = np.diff(first, append=ahead.size)
     still = _STILL * min(p.alpha_0 / p.sigma_0 for p in parameters)
 
@@ -329,45 +333,52 @@ def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) ->
 
     z = scan(*steps(ahead), z0)
     for _ in range(_PASSES):
-        before, start = z, z[first]
+        start = z[first]
         side = np.repeat(np.where(start == 0, ahead[first], np.sign(start)), lengths)
         a, b = steps(side)
         apart, from_start = a.copy(), b.copy()
         apart[first[1:] - 1], from_start[first[1:] - 1] = 0.0, start[1:]
         z = scan(apart, from_start, z0)
         passed = side * z[:-1] < 0
-        crossing = np.setdiff1d(np.flatnonzero(~passed & (side * (a * z[:-1] + b) < 0)), nodes.begins - 1)
-        cut, old = inserted(nodes, crossing, _crossing_fraction(nodes, crossing, z, side, parameters))
+        crosses = ~passed & (side * (a * z[:-1] + b) < 0)
+        crosses[nodes.begins - 1] = False
+        at = np.flatnonzero(crosses)
+        share = _share_before(v0[at], v1[at], np.abs(z[at] / b[at]), 1 - a[at])
         side = np.where(passed, ahead, side)
-        signs = np.insert(side, crossing + 1, ahead[crossing])
         a, b = steps(side)
-        if crossing.size:  # what is new are the two parts of each step in which z changes sign
-            begun = crossing + np.arange(crossing.size)
-            parts = np.concatenate([begun, begun + 1])
-            v0, v1, h = cut.v[parts], cut.v[parts + 1], cut.h if isinstance(cut.h, float) else cut.h[parts]
-            risen = None if cut.level is None else cut.rise[0, parts]
-            new = advance(v0, v1, h, *_with_level(_acting(parameters, signs[parts], v0 + v1), risen))
-            a, b = (np.insert(whole, crossing + 1, 0.0) for whole in (a, b))
-            a[parts], b[parts] = new
-        z = scan(a, b, z0)[old]
-        if np.abs(z - before).max() <= still:
+        if at.size:  # a step in which z changes sign is two, one after the other
+            turn, whole = v0[at] + (v1[at] - v0[at]) * share, h if isinstance(h, float) else h[at]
+            begin, end = np.concatenate([v0[at], turn]), np.concatenate([turn, v1[at]])
+            risen = None
+            if nodes.level is not None:
+                low, high = nodes.level[0, at], nodes.level[0, at + 1]
+                between = low + (high - low) * share
+                risen = np.concatenate([low + between, between + high]) / 2
+            acting = _with_level(_acting(parameters, np.concatenate([side[at], ahead[at]]), begin + end), risen)
+            parts = advance(begin, end, np.concatenate([whole * share, whole * (1 - share)]), *acting)
+            (a_0, a_1), (b_0, b_1) = (np.split(part, 2) for part in parts)
+            a[at], b[at] = a_1 * a_0, a_1 * b_0 + b_1
+        z = scan(a, b, z0)
+        if np.abs(z[first] - start).max() <= still:
             break
-    return cut, signs
+    return inserted(nodes, at, share)[0], np.insert(side, at + 1, ahead[at])
 
 
-def _crossing_fraction(nodes: Nodes, steps: Index, z: Array, side: Array, pair: _Parameters) -> Array:
-    """The fraction of each of `steps` after which z, on that `side` of zero at its start, is zero.
+def _share_before(v0: Array, v1: Array, reached: Array, forgotten: Array) -> Array:
+    """The share of a step's duration after which z is zero, where it changes sign in it, (k,).
 
     While g is constant, z reaches zero after the share log(1 + abs(z0 / z_ss)) / (h lambda) of the way travelled, and v
     is linear in time.
+
+    Args:
+        v0: velocity where the step begins, rad/s, (k,).
+        v1: where it ends.
+        reached: abs(z0) over what the step adds to a z of zero, (k,).
+        forgotten: 1 - exp(-h lambda), (k,).
     """
-    v0, v1, h = nodes.v[steps], nodes.v[steps + 1], nodes.h if isinstance(nodes.h, float) else nodes.h[steps]
-    risen = None if nodes.level is None else nodes.rise[0, steps]
-    acting = _with_level(_acting(pair, side[steps], v0 + v1), risen)
-    a, b = evaluate(functions.step_function(pair.law), v0, v1, h, *acting)
-    forgotten = np.clip(1 - a, 1e-9, 1 - 1e-15)
+    forgotten = np.clip(forgotten, 1e-9, 1 - 1e-15)
     with np.errstate(divide="ignore"):  # a bristle that hardly moves in the step crosses at its end
-        way = np.minimum(np.log1p(np.abs(z[steps] / b) * forgotten) / -np.log1p(-forgotten), 1.0)
+        way = np.minimum(np.log1p(reached * forgotten) / -np.log1p(-forgotten), 1.0)
     slow, fast = np.abs(v0), np.abs(v1)
     fraction: Array = way * (slow + fast) / (slow + np.sqrt(slow**2 + (fast**2 - slow**2) * way))
     return fraction
