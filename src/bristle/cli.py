@@ -302,7 +302,7 @@ def validate(
         from bristle.questions.method_validation.run import check_request
 
         check_request(repetitions, starts, noise)
-    results = None
+    results, beside = None, list[str]()
     if experiment is not None:  # each fit beside a full nonlinear one on the same data
         with shown() as progress:
             from bristle.api.identifying import identified
@@ -310,13 +310,13 @@ def validate(
 
             results = identified(experiment, joint=joint, crosscheck=True, progress=progress)
             results.whole_joint()
-        _tell([*results.checks(), *law_lines(results.joints)])
+            beside = [*results.checks(), *law_lines(results.joints)]
     with shown() as progress:
         from bristle import report_of
 
         validated = run(identified=results, repetitions=repetitions, starts=starts, noise=noise, progress=progress)
         checked = report_of(validated)
-    _tell([checked.text()])
+    _tell([checked.text(), *beside])
     if validated.cases:
         print_lines([f"Page: {checked.write(folder)}"], done=True)
     if results:
