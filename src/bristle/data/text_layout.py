@@ -238,7 +238,7 @@ def _decode(file: IO[bytes]) -> tuple[str, list[str]]:
     whole = not file.read(1)
     encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
     if encoding != "utf-16" and b"\0" in sample:
-        raise InputError("is not a text file; expected CSV text, or a .mat, .npz or .parquet file")
+        raise InputError("is not a text file; expected CSV text, or a .mat, .npz, .parquet or .h5 file")
     try:
         text = sample.decode(encoding)
     except UnicodeDecodeError as error:

@@ -60,7 +60,7 @@ class RawTable:
 
 
 def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
-    """The columns `keys` of a file; its suffix says which format: .mat, .npz, .parquet, and text for any other.
+    """The columns `keys` of a file; its suffix says which format, one of `READERS`, and text for any other.
 
     A ROS bag (.mcap, .db3, .bag, or a folder with metadata.yaml) is read by topic and field; the digest of a folder is
     that of its storage files, one after another.
