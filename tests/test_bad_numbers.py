@@ -29,14 +29,6 @@ runs:
     experiment: tracking
     signals: {time: {column: t, unit: s}, position: {column: q, unit: rad}}
 """
-POSITION = """
-joint: {name: wrist}
-signals:
-  time: {column: t, unit: s}
-  position: {column: q, unit: rad}
-  torque: {column: tau, unit: N*m}
-runs: [{files: tracking.csv, experiment: tracking}]
-"""
 ASKS: tuple[tuple[str, ...], ...] = (
     *(("export", "--to", to) for to in TARGETS),
     ("explore", "-o", "x.html"), ("plan",), ("adapt", "-o", "out"), ("sensitivity", "--samples", "0", "-o", "out"),
@@ -200,21 +192,3 @@ def test_what_is_no_joint_is_refused() -> None:
     assert not {
         name: said[name] for name, (_, expected) in asks.items() if expected not in said[name] or "Error:" in said[name]
     }
-
-
-def test_options_that_cannot_be_are_refused() -> None:
-    """A delay of a flag, counts that no machine holds: one sentence each."""
-    enabled = POSITION.replace("runs:", "  enabled: {column: v, delay: 1 s}\nruns:")
-    Path("enabled.yaml").write_text(enabled, encoding="utf-8")
-    many = "9" * 20
-    cases = (
-        (("identify", "enabled.yaml"), "signals.enabled: got a unit, a scale or a delay"),
-        (("validate", "--repetitions", many, "-o", "out"), f"repetitions: got {many}; expected 20 to 100000"),
-        (("validate", "--starts", many, "-o", "out"), f"starts: got {many}; expected 1 to 100000"),
-        (("plan", "e.yaml", "--velocities", many), f"got {many} velocities; expected 4 to 1000"),
-        (("sensitivity", "e.yaml", "--samples", many, "-o", "out"), f"samples: got {many}; expected a power of two"),
-        (("report", "e.yaml", "--workers", many, "-o", "out"), "'--workers'"),
-        (("identify", "e.yaml", "--workers", many), "'--workers'"),
-        (("fleet", "points.csv", "--baseline", many, "-o", "out"), f"baseline: got {many}; expected 1 to 10000"),
-    )
-    assert not [fault for ask, says in cases if (fault := one_sentence(*ask, says=says))]
