@@ -116,21 +116,33 @@ def test_a_bad_fit_is_read_shown_and_compared() -> None:
     assert not Path("shown/explore.html").exists()
 
 
+def test_results_are_not_identified_again() -> None:
+    """`identify` of them is refused; what asks about them is answered."""
+    assert one_sentence("identify", "good.json", says="is a results file, identified already") is None
+    assert run("sensitivity", "good.json", "--samples", "0", "-o", "sensitivity").code == 0
+
+
 def test_a_validation_needs_a_law() -> None:
     """Points are simulated from no law without a Stribeck velocity."""
     with pytest.raises(InputError, match=r"wrist: got v_s\+ = 0; expected more than 0"):
         bristle.validate(spoilt("v_s", lambda _: 0.0), repetitions=20, starts=1)
 
 
-@pytest.mark.parametrize("samples", [None, {}])
-def test_results_without_samples_are_compared_and_no_more(samples: object) -> None:
-    """An older version wrote none: every question but `compare` says so in a sentence."""
-    document = json.loads(Path("good.json").read_text(encoding="utf-8"))
-    Path("old.json").write_text(json.dumps(document | {"samples": samples}), encoding="utf-8")
+@pytest.mark.parametrize("known", [{}, {"samples": None, "experiments": []}, {"samples": {}}])
+def test_results_without_samples_are_compared_and_no_more(known: dict[str, object]) -> None:
+    """An older version wrote none: comparison, table and short text take it, and every other question says so in a sentence."""
+    good = json.loads(Path("good.json").read_text(encoding="utf-8"))
+    bare = {name: held for name, held in good.items() if name not in ("samples", "experiments")}
+    Path("old.json").write_text(json.dumps((good if known else bare) | known), encoding="utf-8")
+    old, whole = bristle.read_results("old.json"), bristle.read_results("good.json")
+    assert old.to_frame().equals(whole.to_frame())
+    assert str(old) == str(whole)
+    with pytest.raises(InputError, match="an older version of bristle wrote, without samples"):
+        old.text(full=True)
     more = (("report", "-o", "out"), ("validate", "-o", "out"), ("inspect",))
     says = "an older version of bristle wrote, without samples; compare takes them"
     assert not [fault for ask in (*ASKS, *more) if (fault := one_sentence(ask[0], "old.json", *ask[1:], says=says))]
-    assert run("compare", "old.json", "good.json").code == 0
+    assert not any(change.changed for change in bristle.compare("old.json", "good.json").changes)
 
 
 def refusal(ask: Callable[[], object]) -> str:

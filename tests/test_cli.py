@@ -9,7 +9,6 @@ import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Mapping, Sequence
-from html.parser import HTMLParser
 from itertools import product
 from pathlib import Path
 
@@ -35,7 +34,7 @@ from bristle.questions.compensation import paper_experiments
 from bristle.simulation.edro import TABLE_1
 
 from .conftest import FEW, TRUTH, Ran, experiment, run, speeds, table, tree, write
-from .pages import page_text, report_text
+from .pages import Elements, page_text, report_text
 
 DOCS = Path(__file__).parents[1] / "docs"
 HOSTILE = '<script>alert("1")</script> ../../&x'
@@ -244,7 +243,8 @@ BAD = [
     ),
     *bad("long data", ALL, "data.csv: is ", patch=limited(text_table, "MAX_BYTES", 16)),
     *bad("long experiment", READ, "e.yaml: is larger than 64 bytes", patch=limited(yaml_file, "MAX_BYTES", 64)),
-    *bad("two of one name", [("report", "e.yaml", "f.yaml", "-o", "out")], "joint.name", {"f.yaml": GOOD["e.yaml"]}),
+    *bad("two of one name", [("report", "e.yaml", "f.yaml", "-o", "out")], "joint.name: 2 experiments name their joint 'wrist'", {
+        "f.yaml": GOOD["e.yaml"]}, gone=["data.csv"]),
     *bad("output below a file", [("report", "e.yaml", "-o", "data.csv/out")], "data.csv/out", patch=undrawn),
     *bad("output is a file", [("report", "e.yaml", "-o", "data.csv")], "data.csv: is a file", patch=undrawn),
     *bad(
@@ -407,25 +407,6 @@ def test_options_far_off_are_taken_without_a_warning(tmp_path: Path, options: st
     assert run("identify", placed(tmp_path, whole_joint("", f"fit: {{decimation: 2, {options}}}\n"))).code == 0
 
 
-class Page(HTMLParser):
-    """The elements of a page, and its text."""
-
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self.elements: set[str] = set()
-        self.text = ""
-        self.feed(text)
-
-    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        """Keep its name."""
-        assert not [name for name, _ in attrs if name.startswith("on")]
-        self.elements.add(tag)
-
-    def handle_data(self, data: str) -> None:
-        """Keep it."""
-        self.text += data
-
-
 @pytest.fixture(scope="module")
 def hostile(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Ran]:
     """The folder of an experiment in one direction, whose joint has a hostile name, and how its report, in `out`, ended."""
@@ -449,10 +430,10 @@ def test_html_in_a_name_stays_text(hostile: tuple[Path, Ran]) -> None:
     """A name that is HTML and a path is shown as it is, makes no element of the page, and no file outside of the report or of another name."""
     folder, ran = hostile
     text = report_text(folder / "out")
-    page = Page(text)
+    page = Elements(text)
     assert ran.code == 0
     assert "<script" not in text.lower()
-    assert "script" not in page.elements
+    assert page.runs == set()
     assert HOSTILE in page.text
     assert {p.name for p in folder.iterdir()} == {"wrist.yaml", "wrist.csv", "out"}
     figures = [p.name for p in (folder / "out" / "figures").iterdir()]
@@ -537,8 +518,8 @@ def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.
     assert ran.code == 0, ran.err
     assert "wrist, 1 Hz: RMS error" in ran.out
     assert "data.csv, partial law, initialised at the identified model: It changes nothing here" in ran.words
-    shown = Page(page_text(tmp_path / "out" / "index.html"))
-    assert not shown.elements & {"script", "link", "iframe"}
+    shown = Elements(page_text(tmp_path / "out" / "index.html"))
+    assert shown.runs == set()
     for words in ("Would adaptation help?", "Friction that drifts", "PID: default", "Learning rates:"):
         assert words in shown.text
     assert (tmp_path / "out" / "tables" / "replay.csv").is_file()
@@ -671,25 +652,20 @@ def test_version() -> None:
     assert run("--version") == Ran(0, f"{__version__}\n", "")
 
 
-def test_bristle_alone_shows_its_help() -> None:
-    """Without any argument the help is printed, as with --help, and each command shows its own."""
+def test_bristle_alone_shows_its_help(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without any argument the help is printed, as with --help, and each command shows its own; on 80 columns no summary is cut."""
+    monkeypatch.setenv("COLUMNS", "80")
     alone = run()
     assert alone == run("--help")
     assert alone.code == 0
     shown = re.findall(r"^  ([a-z]+)  +\S.*\.$", alone.out, re.MULTILINE)
     assert set(shown) == set(typer.main.get_command(cli.app).commands)  # type: ignore[attr-defined]
+    assert not [line for line in alone.out.splitlines() if line.startswith("  ") and line.endswith("...")]
+    assert max(map(len, alone.out.splitlines())) <= 80
     for name in shown:
         text = run(name, "--help").out
         assert "Usage: " in text
         assert f"Example: bristle {name}" in text
-
-
-def test_summaries_of_commands_are_whole(monkeypatch: pytest.MonkeyPatch) -> None:
-    """On a terminal of 80 columns no summary of a command is cut, and no line is longer."""
-    monkeypatch.setenv("COLUMNS", "80")
-    text = run("--help").out
-    assert not [line for line in text.splitlines() if line.startswith("  ") and line.endswith("...")]
-    assert max(map(len, text.splitlines())) <= 80
 
 
 class Tty(io.StringIO):
@@ -732,19 +708,6 @@ def test_help_waits_for_no_library() -> None:
     assert code == "0"
     assert "Usage: bristle" in done.stdout
     assert not {"numpy", "casadi", "pandas", "matplotlib", "scipy"} & set(modules)
-
-
-def test_warnings_about_signals_count(tmp_path: Path) -> None:
-    """Position and velocity that disagree by a unit are a critical warning about the joint that names the unit, and --strict exits with 3."""
-    time = np.arange(4000) / 100
-    speed = np.repeat([0.1, 0.3, 0.5, 0.8], 1000) + 1e-4 * np.random.default_rng(0).standard_normal(4000)
-    position, torque = np.cumsum(speed) / 100, 0.2 + 0.1 * speed
-    files = log("ramp", t=time, q=position, v=60 / (2 * np.pi) * speed, tau=torque)
-    ran = run("identify", placed(tmp_path, files), "--strict")
-    assert ran.code == 3
-    said = "critical [velocity-factor]: The position of data.csv moves 0.105 times as far as its logged velocity says"
-    assert said in ran.words
-    assert "`unit: rpm` under signals.velocity" in ran.words
 
 
 @pytest.mark.slow

@@ -63,15 +63,6 @@ def test_a_terminal_shows_the_step(folder: Path, command: tuple[str, ...], steps
     assert [name for name in steps if name in text] == list(steps)
 
 
-@pytest.mark.slow
-def test_nothing_changes_without_a_terminal(folder: Path) -> None:
-    """Into a pipe a command writes its result and no bar."""
-    command = [sys.executable, "-c", "from bristle.__main__ import main; main()", "identify", "e.yaml"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)  # noqa: S603  # our own command
-    assert done.stdout.startswith("wrist (revolute): ")
-    assert done.stderr == ""
-
-
 def test_steps_are_counted() -> None:
     """A teller tells each step with how many are done; a step of unknown length is told as the only one; without a listener nothing is."""
     told: list[tuple[str, int, int]] = []

@@ -155,20 +155,3 @@ def test_the_first_screen_answers(chromium: Any) -> None:
         assert "held-out torque within" in text
         assert "RMS position error" in text
     page.close()
-
-
-def test_a_table_is_sorted_filtered_and_copied(chromium: Any) -> None:
-    """A click on a heading sorts a long table, a word filters it, and its rows can be copied."""
-    page, wrong = opened(chromium, "joints.html")
-    head = "table.long thead button >> nth=3"
-    column = "[...document.querySelector('table.long').tBodies[0].rows].filter((r) => !r.hidden).map((r) => r.cells[3].innerText)"
-    page.click(head)
-    values = [float(x) for x in page.evaluate(column)]
-    assert values == sorted(values)
-    page.click(head)
-    assert [float(x) for x in page.evaluate(column)] == values[::-1]
-    page.fill("table.long caption input >> nth=0", "inertia")
-    assert len(page.evaluate(column)) == 1
-    page.click("caption button >> nth=0")
-    assert wrong == []
-    page.close()

@@ -89,6 +89,7 @@ def test_a_long_table_is_turned_over_sorted_and_filtered(opened: Open) -> None:
     assert (tab.column(title, 1), tab.column(title, 2)) == (["robot-003"], ["J2"])
     tab.page.fill("caption input >> nth=0", "no such joint")
     assert place.inner_text() == "no row of 60"
+    tab.page.click("caption button >> nth=0")  # copies it
 
 
 def test_hostile_names_run_nothing(opened: Open) -> None:
