@@ -36,8 +36,7 @@ class Opened:
         self.page.on("console", lambda m: self.wrong.append(m.text) if m.type in ("error", "warning") else None)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on(
-            "request",
-            lambda r: self.wrong.append(r.url) if not r.url.startswith((file.as_uri(), "data:")) else None,
+            "request", lambda r: self.wrong.append(r.url) if not r.url.startswith((file.as_uri(), "data:")) else None
         )
         self.page.goto(file.as_uri())
 
