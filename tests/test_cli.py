@@ -395,16 +395,20 @@ def test_units_far_off_are_fitted_without_a_word(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "options",
-    [
-        "fixed: {alpha_0: 1 N*m, alpha_1: 1 N*m, alpha_2: 1 N*m*s/rad, v_s: 1 rad/s, sigma_0: 1 N*m/rad, sigma_1: 1 N*m*s/rad, inertia: 1 kg*m**2}",
-        "fixed: {alpha_0: 1e29 N*m}",
-    ],
-)
-def test_options_far_off_are_taken_without_a_warning(tmp_path: Path, options: str) -> None:
+def test_options_far_off_are_taken_without_a_warning(tmp_path: Path) -> None:
     """Values beyond reason, and nothing left to fit, end in a result."""
-    assert run("identify", placed(tmp_path, whole_joint("", f"fit: {{decimation: 2, {options}}}\n"))).code == 0
+    every = {
+        "alpha_0": "N*m",
+        "alpha_1": "N*m",
+        "alpha_2": "N*m*s/rad",
+        "v_s": "rad/s",
+        "sigma_0": "N*m/rad",
+        "sigma_1": "N*m*s/rad",
+    }
+    nothing = ", ".join(f"{name}: 1 {unit}" for name, unit in (every | {"inertia": "kg*m**2"}).items())
+    for fixed in (nothing, "alpha_0: 1e29 N*m"):
+        files = whole_joint("", f"fit: {{decimation: 2, fixed: {{{fixed}}}}}\n")
+        assert run("identify", placed(tmp_path, files)).code == 0
 
 
 @pytest.fixture(scope="module")
@@ -710,22 +714,6 @@ def test_help_waits_for_no_library() -> None:
     assert not {"numpy", "casadi", "pandas", "matplotlib", "scipy"} & set(modules)
 
 
-@pytest.mark.slow
-def test_a_reader_that_closes_the_pipe_is_no_defect(tmp_path: Path) -> None:
-    """`bristle identify ... | head -0` ends without a word and with exit code 0, and what it was to write is written."""
-    path = write(tmp_path, FEW)
-    command = [sys.executable, "-m", "bristle", "identify", str(path), "-o", str(tmp_path / "out.json")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:  # noqa: S603 # our own command
-        assert process.stdout is not None
-        assert process.stderr is not None
-        process.stdout.close()
-        said = process.stderr.read()
-        assert process.wait() == 0
-    assert said == b""
-    assert run("identify", path, "-o", tmp_path / "other.json").code == 0
-    assert (tmp_path / "out.json").read_bytes() == (tmp_path / "other.json").read_bytes()
-
-
 def process(*arguments: object, streams: str = "", **environment: str) -> subprocess.CompletedProcess[str]:
     """Run `bristle` in a process of its own, its standard streams as a shell redirects them, with these variables."""
     line = f"{shlex.join([sys.executable, '-m', 'bristle', *map(str, arguments)])} {streams}"
@@ -764,50 +752,59 @@ def test_output_that_nobody_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.slow
-def test_a_full_output_of_the_system_is_met_as_well(tmp_path: Path) -> None:
-    """A file that takes no byte, as a full disk: exit code 2 and one sentence of every command, help and version too, and nothing is written."""
-    path = write(tmp_path, FEW)
+def test_streams_of_the_system(tmp_path: Path) -> None:
+    """Streams that nobody reads, that are full, or whose encoding lacks a letter: what is to be written is, or 2 and one sentence.
+
+    `bristle identify ... | head -0` ends without a word, with 0. A file that takes no byte, as a full disk, is a sentence of every command, help
+    and version too, and nothing is written. Letters that the terminal's encoding lacks are escaped on it, in an error as well.
+    """
+    path = write(tmp_path, FEW, joint="αρθρο")
+    command = [sys.executable, "-m", "bristle", "identify", str(path), "-o", str(tmp_path / "piped.json")]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as piped:  # noqa: S603 # our own command
+        assert piped.stdout is not None
+        assert piped.stderr is not None
+        piped.stdout.close()
+        said = piped.stderr.read()
+        assert (piped.wait(), said) == (0, b"")
     before = tree(tmp_path)
-    for command in (
-        ("identify", path, "-o", tmp_path / "out.json"),
+    for arguments in (
+        ("identify", path, "-o", tmp_path / "full.json"),
         ("--help",),
         ("--version",),
         ("identify", "--help"),
     ):
-        ran = process(*command, streams="> /dev/full")
-        assert ran.returncode == 2
-        assert len(ran.stderr.splitlines()) == 1
+        ran = process(*arguments, streams="> /dev/full")
+        assert (ran.returncode, len(ran.stderr.splitlines())) == (2, 1)
         assert ran.stderr.startswith("bristle: ")
     assert process("fit", streams="2> /dev/full").returncode == 2
     assert tree(tmp_path) == before
-
-
-@pytest.mark.parametrize(
-    "closed", [*(pytest.param(x, marks=pytest.mark.slow) for x in (">&-", "2>&-", ">&- 2>&-")), "<&- >&- 2>&-"]
-)
-def test_closed_streams_are_no_defect(tmp_path: Path, closed: str) -> None:
-    """With standard streams closed results are written, and a bad input still ends with 2; the codes are the only word left."""
-    path = write(tmp_path, FEW)
-    ran = process("identify", path, "-o", tmp_path / "out.json", streams=closed)
-    assert (ran.returncode, ran.stderr) == (0, "")
-    assert json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["joints"]
-    ran = process("identify", tmp_path / "none.yaml", streams=closed)
-    assert ran.returncode == 2
-    assert "Traceback" not in ran.stdout + ran.stderr
-
-
-@pytest.mark.slow
-def test_an_encoding_without_greek_stops_nothing(tmp_path: Path) -> None:
-    """Names that the terminal's encoding lacks are escaped on it, in an error as well; what is written is the same as ever."""
-    path = write(tmp_path, FEW, joint="αρθρο")
-    ran = process("identify", path, "-o", tmp_path / "out.json", PYTHONIOENCODING="ascii")
+    ran = process("identify", path, "-o", tmp_path / "ascii.json", PYTHONIOENCODING="ascii")
     assert (ran.returncode, ran.stderr) == (0, "")
     assert ran.stdout.startswith("\\u03b1\\u03c1")
-    assert "αρθρο" in json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))["joints"]
+    assert (tmp_path / "ascii.json").read_bytes() == (tmp_path / "piped.json").read_bytes()
+    assert "αρθρο" in json.loads((tmp_path / "piped.json").read_text(encoding="utf-8"))["joints"]
     ran = process("identify", tmp_path / "ά.yaml", PYTHONIOENCODING="ascii:strict")
     assert ran.returncode == 2
     assert ran.stderr.startswith("bristle: ")
     assert "\\u03ac.yaml: no such file" in ran.stderr
+    for streams in (">&-", "2>&-", ">&- 2>&-"):
+        assert_closed_are_no_defect(tmp_path, path, streams)
+
+
+def assert_closed_are_no_defect(folder: Path, path: Path, closed: str) -> None:
+    """With these streams closed results are written, and a bad input still ends with 2; the codes are the only word left."""
+    (folder / "out.json").unlink(missing_ok=True)
+    ran = process("identify", path, "-o", folder / "out.json", streams=closed)
+    assert (ran.returncode, ran.stderr) == (0, "")
+    assert json.loads((folder / "out.json").read_text(encoding="utf-8"))["joints"]
+    ran = process("identify", folder / "none.yaml", streams=closed)
+    assert ran.returncode == 2
+    assert "Traceback" not in ran.stdout + ran.stderr
+
+
+def test_closed_streams_are_no_defect(tmp_path: Path) -> None:
+    """With all standard streams closed nothing is missing but what they would say."""
+    assert_closed_are_no_defect(tmp_path, write(tmp_path, FEW), "<&- >&- 2>&-")
 
 
 def test_a_sentence_is_one_short_line() -> None:

@@ -138,19 +138,18 @@ ASKED: dict[str, Ask] = {
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("few_motions")
-@pytest.mark.parametrize("question", ASKED)
 def test_questions_of_what_was_read_are_answered_as_before(
-    question: str, fresh: Results, read: Results, folder: Path, monkeypatch: pytest.MonkeyPatch
+    fresh: Results, read: Results, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each question says of results that were read, and of their file, what it says of the fresh ones, and identifies nothing.
 
     Of `adapt`, whose loops take long, it is what these begin from: the joint in its loop, and the replays of its runs.
     """
     monkeypatch.setattr(experiments, "study", lambda subjects, replays, _: (subjects, replays))
-    ask = ASKED[question]
-    assert ask(read) == (answer := ask(fresh))
-    if question != "compare":
-        assert ask(str(folder / "out" / "results.json")) == answer
+    for question, ask in ASKED.items():
+        assert ask(read) == (answer := ask(fresh)), question
+        if question != "compare":
+            assert ask(str(folder / "out" / "results.json")) == answer, question
 
 
 @pytest.mark.slow

@@ -134,7 +134,6 @@ def finished(output: Path) -> int:
 
 
 @LINUX
-@pytest.mark.slow
 def test_what_is_killed_half_way_loses_nothing(
     logs: Path, alone: dict[str, bytes | None], tmp_path: Path, client: Any
 ) -> None:
@@ -172,7 +171,6 @@ def test_what_is_killed_half_way_loses_nothing(
 
 
 @LINUX
-@pytest.mark.slow
 def test_an_interrupt_leaves_what_is_finished(logs: Path, tmp_path: Path) -> None:
     """Ctrl-C, which all processes of a terminal get: exit 130 and one word; finished tasks stay, and no process is left."""
     out, rows = tmp_path / "out", pd.read_csv(logs / "catalog.csv")
@@ -210,7 +208,6 @@ def test_a_scheduler_that_says_nothing_is_no_scheduler(monkeypatch: pytest.Monke
 
 
 @LINUX
-@pytest.mark.slow
 def test_a_script_without_a_guard_says_so(logs: Path, tmp_path: Path) -> None:
     """A script that calls `bristle.fleet` at its top ends with a sentence that says what to write, and nothing is identified."""
     script = tmp_path / "watch.py"
