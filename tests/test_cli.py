@@ -787,24 +787,23 @@ def test_streams_of_the_system(tmp_path: Path) -> None:
     assert ran.returncode == 2
     assert ran.stderr.startswith("bristle: ")
     assert "\\u03ac.yaml: no such file" in ran.stderr
-    for streams in (">&-", "2>&-", ">&- 2>&-"):
-        assert_closed_are_no_defect(tmp_path, path, streams)
 
 
-def assert_closed_are_no_defect(folder: Path, path: Path, closed: str) -> None:
-    """With these streams closed results are written, and a bad input still ends with 2; the codes are the only word left."""
-    (folder / "out.json").unlink(missing_ok=True)
-    ran = process("identify", path, "-o", folder / "out.json", streams=closed)
-    assert (ran.returncode, ran.stderr) == (0, "")
-    assert json.loads((folder / "out.json").read_text(encoding="utf-8"))["joints"]
-    ran = process("identify", folder / "none.yaml", streams=closed)
-    assert ran.returncode == 2
-    assert "Traceback" not in ran.stdout + ran.stderr
-
-
-def test_closed_streams_are_no_defect(tmp_path: Path) -> None:
-    """With all standard streams closed nothing is missing but what they would say."""
-    assert_closed_are_no_defect(tmp_path, write(tmp_path, FEW), "<&- >&- 2>&-")
+@pytest.mark.parametrize(
+    "closed",
+    [pytest.param((">&-", "2>&-", ">&- 2>&-"), marks=pytest.mark.slow), ("<&- >&- 2>&-",)],
+    ids=["some", "all"],
+)
+def test_closed_streams_are_no_defect(tmp_path: Path, closed: Sequence[str]) -> None:
+    """With standard streams closed results are written, and a bad input still ends with 2; the codes are the only word left."""
+    path = write(tmp_path, FEW)
+    for k, streams in enumerate(closed):
+        ran = process("identify", path, "-o", tmp_path / f"{k}.json", streams=streams)
+        assert (ran.returncode, ran.stderr) == (0, "")
+        assert json.loads((tmp_path / f"{k}.json").read_text(encoding="utf-8"))["joints"]
+        ran = process("identify", tmp_path / "none.yaml", streams=streams)
+        assert ran.returncode == 2
+        assert "Traceback" not in ran.stdout + ran.stderr
 
 
 def test_a_sentence_is_one_short_line() -> None:

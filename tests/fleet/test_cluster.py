@@ -29,6 +29,7 @@ from bristle.questions.fleet.cluster import Reach, local_client, reach_of
 pytest.importorskip("distributed", reason="needs the extra fleet")
 pytest.importorskip("pyarrow", reason="needs the extra fleet")
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="sends signals")
+Tree = dict[str, bytes | None]
 ENOUGH = 120.0
 """Seconds after which a process is stuck."""
 
@@ -42,7 +43,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def alone(logs: Path, client: Any) -> dict[str, bytes | None]:
+def alone(logs: Path, client: Any) -> Tree:
     """The dataset that threads of this process make."""
     done = bristle.fleet(logs / "catalog.csv", logs / "alone", client=client)
     assert done.identified == 8
@@ -67,7 +68,8 @@ def test_a_call_that_no_worker_holds_is_made_again(client: Any, monkeypatch: pyt
 
 
 def test_certificates_ask_for_tls() -> None:
-    """Certificates make the connection one of TLS alone."""
+    """Certificates make the connection one of TLS alone; a size of memory is one of bytes."""
+    assert cluster._bytes_of("2 GiB") == 2**31
     security = cluster._security({"ca": "a.pem", "cert": "b.pem", "key": "c.pem"})
     assert security.require_encryption
     assert (security.tls_ca_file, security.tls_client_cert, security.tls_client_key) == ("a.pem", "b.pem", "c.pem")
@@ -134,9 +136,7 @@ def finished(output: Path) -> int:
 
 
 @LINUX
-def test_what_is_killed_half_way_loses_nothing(
-    logs: Path, alone: dict[str, bytes | None], tmp_path: Path, client: Any
-) -> None:
+def test_what_is_killed_half_way_loses_nothing(logs: Path, alone: Tree, tmp_path: Path, client: Any) -> None:
     """A worker killed half-way: the same result. The scheduler: exit 2, what is finished stays, and a rerun goes on to the same result.
 
     To another client, of which no task had begun, the same is told, without what is not there, and with nothing finished.
@@ -230,9 +230,7 @@ def two() -> Iterator[Any]:
         yield client
 
 
-def test_processes_and_a_client_that_gathers_make_the_same_bytes(
-    logs: Path, alone: dict[str, bytes | None], two: Any
-) -> None:
+def test_processes_and_a_client_that_gathers_make_the_same_bytes(logs: Path, alone: Tree, two: Any) -> None:
     """Two processes make the bytes of threads; so do processes that reach neither logs nor output, which the client sends and writes."""
     fsspec = pytest.importorskip("fsspec", reason="needs the extra fleet")
     memory = fsspec.filesystem("memory")

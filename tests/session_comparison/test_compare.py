@@ -37,6 +37,8 @@ from ..pages import Elements, assert_tables_are_named, findings, page_text
 from ..sameness import held, without_sentences
 
 SPEEDS = speeds(both=False)
+Files = tuple[Path, Path]
+"""Results files of two sessions."""
 HOSTILE = '<script>alert("1")</script> ../../&x'
 
 
@@ -438,13 +440,13 @@ def results(folder: Path, name: str, seed: int, alpha_2: float) -> Path:
 
 
 @pytest.fixture(scope="module")
-def sessions(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def sessions(tmp_path_factory: pytest.TempPathFactory) -> Files:
     """Results of a joint with a hostile name, and of the same with an eighth less viscous friction."""
     folder = tmp_path_factory.mktemp("sessions")
     return results(folder, "a.json", 0, TRUTH.alpha_2), results(folder, "b.json", 1, 0.87 * TRUTH.alpha_2)
 
 
-def test_what_was_written_is_read_back(sessions: tuple[Path, Path]) -> None:
+def test_what_was_written_is_read_back(sessions: Files) -> None:
     """Every estimate and covariance of results.json comes back to the last digit."""
     document = json.loads(sessions[0].read_text(encoding="utf-8"))["joints"][HOSTILE]["static"]
     joint = results_file.read_session(sessions[0])[HOSTILE]
@@ -459,7 +461,7 @@ def test_what_was_written_is_read_back(sessions: tuple[Path, Path]) -> None:
     assert joint.inputs
 
 
-def test_the_command_says_what_changed_and_writes_a_page(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+def test_the_command_says_what_changed_and_writes_a_page(sessions: Files, tmp_path: Path) -> None:
     """The fall of alpha_2 in both directions is named; page, figure and tables land, the same bytes twice, and a hostile name stays text."""
     ran = run("compare", *sessions, "-o", tmp_path / "out")
     assert (ran.code, ran.said) == (0, [])
@@ -484,7 +486,7 @@ def test_the_command_says_what_changed_and_writes_a_page(sessions: tuple[Path, P
     assert tree(tmp_path / "out") == first
 
 
-def test_one_file_twice_is_refused(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+def test_one_file_twice_is_refused(sessions: Files, tmp_path: Path) -> None:
     """The same file by any path: exit 2, one sentence and no page. A copy is another file, of the same data: compared, with the warning."""
     for path in (sessions[0], sessions[0].parent / "." / ".." / sessions[0].parent.name / sessions[0].name):
         ran = run("compare", sessions[0], path, "-o", tmp_path / "out")
@@ -735,7 +737,7 @@ def texts(good: Path) -> Iterator[tuple[str, str, str]]:
 
 
 def test_a_bad_file_is_one_sentence_and_nothing_is_written(
-    sessions: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    sessions: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is no results file, holds other joints, is missing, too large, a folder or a pipe: exit 2, one short line that names it, and no page."""
     (tmp_path / "binary").write_bytes(b"\xff\xfe\x00")
@@ -763,7 +765,7 @@ def test_a_bad_file_is_one_sentence_and_nothing_is_written(
     assert set(tree(tmp_path)) == {"b.json", "binary", "file", "pipe"}
 
 
-def told(what: str, sessions: tuple[Path, Path], folder: Path) -> Iterator[str]:
+def told(what: str, sessions: Files, folder: Path) -> Iterator[str]:
     """What is wrong about the answers to a document that one session, and both, are spoilt to."""
     names = []
     for k, path in enumerate(sessions):
@@ -783,7 +785,7 @@ def told(what: str, sessions: tuple[Path, Path], folder: Path) -> Iterator[str]:
 
 
 @pytest.mark.slow
-def test_any_numbers_are_compared_or_refused(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+def test_any_numbers_are_compared_or_refused(sessions: Files, tmp_path: Path) -> None:
     """Numbers beyond all measure, in one session and in both: a result (of both a page), or one short sentence; no warning."""
     wrong = [fault for what in COMPARED for fault in told(what, sessions, tmp_path)]
     for what, (spoil, named) in REFUSED.items():
@@ -803,9 +805,7 @@ def test_any_numbers_are_compared_or_refused(sessions: tuple[Path, Path], tmp_pa
 
 
 @pytest.mark.slow
-def test_a_hundred_joints_are_compared(
-    sessions: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_hundred_joints_are_compared(sessions: Files, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """As many joints as a file may have end in a page, with a figure for each of the first ones and a table for all."""
     monkeypatch.setattr("bristle.page.page.render", lambda _: (b"<svg />", b""))
     for k, path in enumerate(sessions):
@@ -820,7 +820,7 @@ def test_a_hundred_joints_are_compared(
     assert "Figures show the first 30 joints; the tables contain all." in page
 
 
-def test_older_files_without_models_are_read(sessions: tuple[Path, Path], tmp_path: Path) -> None:
+def test_older_files_without_models_are_read(sessions: Files, tmp_path: Path) -> None:
     """What a later version added is not required: files of the schema from before are compared as well."""
     whole = json.loads(sessions[0].read_text(encoding="utf-8"))
     del whole["joints"][HOSTILE]["models"]
