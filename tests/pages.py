@@ -2,6 +2,7 @@
 
 import html
 import re
+from html.parser import HTMLParser
 from importlib.resources import files
 from pathlib import Path
 
@@ -15,6 +16,31 @@ def page_text(path: Path) -> str:
     text = path.read_text(encoding="utf-8")
     assert text.count(SCRIPT) == 1
     return text.replace(SCRIPT, "")
+
+
+class Elements(HTMLParser):
+    """The elements of a page, their attributes, and its text."""
+
+    def __init__(self, page: str) -> None:
+        super().__init__()
+        self.tags: set[str] = set()
+        self.attributes: set[str] = set()
+        self.text = ""
+        self.feed(page)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Keep both names."""
+        self.tags.add(tag)
+        self.attributes |= {name for name, _ in attrs}
+
+    def handle_data(self, data: str) -> None:
+        """Keep it."""
+        self.text += data
+
+    @property
+    def runs(self) -> set[str]:
+        """What in it could run or load something: scripts, frames, links to styles, and attributes that take an event."""
+        return self.tags & {"script", "iframe", "link"} | {name for name in self.attributes if name.startswith("on")}
 
 
 def report_text(folder: Path) -> str:

@@ -40,30 +40,15 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def refused(*arguments: object, says: str) -> None:
-    """The command ends with 2 and one sentence that says this."""
-    ran = run(*arguments)
-    assert ran.code == 2, ran.err
-    assert len(ran.said) == 1
-    assert says in ran.said[0]
-
-
-@pytest.mark.parametrize(
-    "unit", ["N*m*9⁹⁹⁹⁹⁹⁹⁹⁹", "N*m*((((((((9**9)**9)**9)**9)**9)**9)**9)**9)", "N*m*9⁻⁹⁹⁹⁹", "N*m*(2**9)**9*(2**9)**9"]
-)
-def test_no_unit_takes_long(unit: str) -> None:
-    """A power of many digits, or of powers, is refused at once, however it is written; one digit raised is read."""
+def test_no_unit_takes_long() -> None:
+    """A power of many digits, or of powers, is refused at once, however it is written, and so is an error; one digit raised is read."""
     begun = time.monotonic()
-    with pytest.raises(InputError, match="is not known"):
-        to_si(f"1 {unit}", "N*m")
-    assert time.monotonic() - begun < 5
+    powers = ("9⁹⁹⁹⁹⁹⁹⁹⁹", "((((((((9**9)**9)**9)**9)**9)**9)**9)**9)", "9⁻⁹⁹⁹⁹", "(2**9)**9*(2**9)**9")
+    for unit in (*(f"N*m*{power}" for power in powers), "N*m +/- 0 N*m"):
+        with pytest.raises(InputError, match="is not known"):
+            to_si(f"1 {unit}", "N*m")
+    assert time.monotonic() - begun < 20
     assert to_si("2 kg·m²", "kg*m**2") == 2.0
-
-
-def test_a_time_column_counts_from_zero(here: Path) -> None:
-    """A negative column of time is refused as of any signal."""
-    (here / "m.yaml").write_text(MOVING.replace("{column: t,", "{column: -1,"), encoding="utf-8")
-    refused("inspect", "m.yaml", says="signals.time.column: got -1; expected a name or a number counted from 0")
 
 
 def test_a_glob_follows_no_links_in_circles(here: Path) -> None:
@@ -80,24 +65,11 @@ def test_a_glob_follows_no_links_in_circles(here: Path) -> None:
         assert ran.out.count("24 rows") == 1
 
 
-@pytest.mark.parametrize(
-    ("options", "says"),
-    [
-        ("inertia: 1e-3 +/- 1e-30 kg*m**2", "expected an error of at least 1e-09 of the inertia"),
-        ("fit: {decimation: 100000}", "fit.decimation: got 100000"),
-    ],
-)
-def test_options_beyond_reason_are_refused(here: Path, options: str, says: str) -> None:
-    """An error that drowns the data, windows shorter than their unknowns, and a grid that fills the memory have a sentence each."""
-    (here / "m.yaml").write_text(f"{MOVING}{options}\n", encoding="utf-8")
-    refused("identify", "m.yaml", says=says)
-
-
-@pytest.mark.parametrize("options", ["fit: {grid: 1000}", "fit: {fixed: {alpha_1: 1e20 N*m}}"])
-def test_options_that_are_taken_warn_of_nothing(here: Path, options: str) -> None:
+def test_options_that_are_taken_warn_of_nothing(here: Path) -> None:
     """A fine grid, and a value far off, are fitted without a word of NumPy's: warnings are errors here."""
-    (here / "m.yaml").write_text(f"{MOVING}{options}\n", encoding="utf-8")
-    assert run("identify", "m.yaml").code == 0
+    for options in ("fit: {grid: 1000}", "fit: {fixed: {alpha_1: 1e20 N*m}}"):
+        (here / "m.yaml").write_text(f"{MOVING}{options}\n", encoding="utf-8")
+        assert run("identify", "m.yaml").code == 0
 
 
 @pytest.mark.parametrize("last", [0.0, 1e-190, 1.0])
@@ -110,61 +82,13 @@ def test_a_torque_of_next_to_nothing_warns_of_nothing(here: Path, last: float) -
         assert run("identify", "m.yaml").code in (0, 2)
 
 
-@pytest.mark.usefixtures("here")
-def test_numbers_of_options_have_limits() -> None:
-    """Noise in which nothing is left, and samples that no memory holds, are refused before anything is fitted."""
-    refused(
-        "validate",
-        "e.yaml",
-        "--noise",
-        "1e160",
-        "--repetitions",
-        "20",
-        "--starts",
-        "1",
-        "-o",
-        "out",
-        says="noise: got 1e+160",
-    )
-    refused(
-        "sensitivity",
-        "m.yaml",
-        "--samples",
-        str(2**40),
-        "-o",
-        "out",
-        says=f"samples: got {2**40}; expected a power of two",
-    )
-
-
-@pytest.mark.parametrize("torque", [0.0, 1e-18])
-def test_points_without_torque_or_motion_warn_of_nothing(here: Path, torque: float) -> None:
+def test_points_without_torque_or_motion_warn_of_nothing(here: Path) -> None:
     """Points of no torque, and one whose speed is rounding, are read and fitted, or refused in a sentence; no warning, no traceback."""
-    frame = pd.DataFrame(logs()["points"])
-    frame["tau"] = torque * np.sign(frame["v"])
-    frame.loc[3, "v"] = 5e-324
-    frame.to_csv(here / "points.csv", index=False)
-    for command in (("identify", "e.yaml"), ("sensitivity", "e.yaml", "--samples", "0", "-o", "out")):
-        assert run(*command).code in {0, 2}
-    assert "1 point" not in run("inspect", "e.yaml").err
-
-
-def test_a_unit_has_no_error() -> None:
-    """`+/-` in a unit is refused; no library warns of it first."""
-    with pytest.raises(InputError, match="is not known"):
-        to_si("1 kg*m**2 +/- 0 kg*m**2", "kg*m**2")
-
-
-@pytest.mark.parametrize(
-    "options",
-    [
-        "position: [0 rad, 1e5 rad]",
-        "hold: 1e6 s, position: [-1e7 rad, 1e7 rad]",
-        "rate: 100 kHz",
-        "acceleration: 1e-6 rad/s**2, position: [-1e7 rad, 1e7 rad]",
-    ],
-)
-def test_a_plan_has_a_length_that_can_be_played(here: Path, options: str) -> None:
-    """References of more samples than are written are refused before any is sampled: a long way, long holds, a fast rate, slow starts."""
-    (here / "e.yaml").write_text(f"{POINTS}plan: {{{options}}}\n", encoding="utf-8")
-    refused("plan", "e.yaml", "-o", "next.csv", "--velocities", 4, says="a plan within these limits takes ")
+    for torque in (0.0, 1e-18):
+        frame = pd.DataFrame(logs()["points"])
+        frame["tau"] = torque * np.sign(frame["v"])
+        frame.loc[3, "v"] = 5e-324
+        frame.to_csv(here / "points.csv", index=False)
+        for command in (("identify", "e.yaml"), ("sensitivity", "e.yaml", "--samples", "0", "-o", "out")):
+            assert run(*command).code in {0, 2}
+        assert "1 point" not in run("inspect", "e.yaml").err

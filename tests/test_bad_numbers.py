@@ -29,14 +29,6 @@ runs:
     experiment: tracking
     signals: {time: {column: t, unit: s}, position: {column: q, unit: rad}}
 """
-POSITION = """
-joint: {name: wrist}
-signals:
-  time: {column: t, unit: s}
-  position: {column: q, unit: rad}
-  torque: {column: tau, unit: N*m}
-runs: [{files: tracking.csv, experiment: tracking}]
-"""
 ASKS: tuple[tuple[str, ...], ...] = (
     *(("export", "--to", to) for to in TARGETS),
     ("explore", "-o", "x.html"), ("plan",), ("adapt", "-o", "out"), ("sensitivity", "--samples", "0", "-o", "out"),
@@ -124,21 +116,33 @@ def test_a_bad_fit_is_read_shown_and_compared() -> None:
     assert not Path("shown/explore.html").exists()
 
 
+def test_results_are_not_identified_again() -> None:
+    """`identify` of them is refused; what asks about them is answered."""
+    assert one_sentence("identify", "good.json", says="is a results file, identified already") is None
+    assert run("sensitivity", "good.json", "--samples", "0", "-o", "sensitivity").code == 0
+
+
 def test_a_validation_needs_a_law() -> None:
     """Points are simulated from no law without a Stribeck velocity."""
     with pytest.raises(InputError, match=r"wrist: got v_s\+ = 0; expected more than 0"):
         bristle.validate(spoilt("v_s", lambda _: 0.0), repetitions=20, starts=1)
 
 
-@pytest.mark.parametrize("samples", [None, {}])
-def test_results_without_samples_are_compared_and_no_more(samples: object) -> None:
-    """An older version wrote none: every question but `compare` says so in a sentence."""
-    document = json.loads(Path("good.json").read_text(encoding="utf-8"))
-    Path("old.json").write_text(json.dumps(document | {"samples": samples}), encoding="utf-8")
+@pytest.mark.parametrize("known", [{}, {"samples": None, "experiments": []}, {"samples": {}}])
+def test_results_without_samples_are_compared_and_no_more(known: dict[str, object]) -> None:
+    """An older version wrote none: comparison, table and short text take it, and every other question says so in a sentence."""
+    good = json.loads(Path("good.json").read_text(encoding="utf-8"))
+    bare = {name: held for name, held in good.items() if name not in ("samples", "experiments")}
+    Path("old.json").write_text(json.dumps((good if known else bare) | known), encoding="utf-8")
+    old, whole = bristle.read_results("old.json"), bristle.read_results("good.json")
+    assert old.to_frame().equals(whole.to_frame())
+    assert str(old) == str(whole)
+    with pytest.raises(InputError, match="an older version of bristle wrote, without samples"):
+        old.text(full=True)
     more = (("report", "-o", "out"), ("validate", "-o", "out"), ("inspect",))
     says = "an older version of bristle wrote, without samples; compare takes them"
     assert not [fault for ask in (*ASKS, *more) if (fault := one_sentence(ask[0], "old.json", *ask[1:], says=says))]
-    assert run("compare", "old.json", "good.json").code == 0
+    assert not any(change.changed for change in bristle.compare("old.json", "good.json").changes)
 
 
 def refusal(ask: Callable[[], object]) -> str:
@@ -200,21 +204,3 @@ def test_what_is_no_joint_is_refused() -> None:
     assert not {
         name: said[name] for name, (_, expected) in asks.items() if expected not in said[name] or "Error:" in said[name]
     }
-
-
-def test_options_that_cannot_be_are_refused() -> None:
-    """A delay of a flag, counts that no machine holds: one sentence each."""
-    enabled = POSITION.replace("runs:", "  enabled: {column: v, delay: 1 s}\nruns:")
-    Path("enabled.yaml").write_text(enabled, encoding="utf-8")
-    many = "9" * 20
-    cases = (
-        (("identify", "enabled.yaml"), "signals.enabled: got a unit, a scale or a delay"),
-        (("validate", "--repetitions", many, "-o", "out"), f"repetitions: got {many}; expected 20 to 100000"),
-        (("validate", "--starts", many, "-o", "out"), f"starts: got {many}; expected 1 to 100000"),
-        (("plan", "e.yaml", "--velocities", many), f"got {many} velocities; expected 4 to 1000"),
-        (("sensitivity", "e.yaml", "--samples", many, "-o", "out"), f"samples: got {many}; expected a power of two"),
-        (("report", "e.yaml", "--workers", many, "-o", "out"), "'--workers'"),
-        (("identify", "e.yaml", "--workers", many), "'--workers'"),
-        (("fleet", "points.csv", "--baseline", many, "-o", "out"), f"baseline: got {many}; expected 1 to 10000"),
-    )
-    assert not [fault for ask, says in cases if (fault := one_sentence(*ask, says=says))]

@@ -13,14 +13,30 @@ from bristle.api import Results
 from bristle.identification.fits import Estimate
 from bristle.model.parameters import Direction, Lugre, ParameterName
 from bristle.questions.joint_report import results_file
+from bristle.simulation.edro import TABLE_1
 
 STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
 
 @pytest.fixture(scope="module")
-def results() -> Results:
+def told() -> list[tuple[str, int, int]]:
+    """What `results` tells of its progress."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def results(told: list[tuple[str, int, int]]) -> Results:
     """All four joints, all stages."""
-    return bristle.identify()
+    return bristle.identify(progress=lambda *step: told.append(step))
+
+
+def test_nothing_stands_for_the_embedded_joints(results: Results, told: list[tuple[str, int, int]]) -> None:
+    """Without an experiment the four joints of Ed-Ro are identified, in the order of Table 1, and progress is told of each."""
+    names = list(TABLE_1)
+    assert [joint.name for joint in results.joints] == names
+    assert [step for step in told if step[0] in {f"identifying {name}" for name in names}] == [
+        (f"identifying {name}", k, 4) for k, name in enumerate(names)
+    ]
 
 
 def holds(e: Estimate, true: float) -> bool:

@@ -130,10 +130,3 @@ def test_a_fleet_takes_nothing_of_the_user_s(folder: Path) -> None:
         own = name.removeprefix("pipe/")
         make(out / own)
         refused(folder, ("fleet", "catalog.csv", "-o", out.name), f"{out.name}/{own}: ")
-
-
-def test_a_forged_list_removes_nothing(folder: Path) -> None:
-    """A marker that names the user's own file is none of bristle's: no report holds such a name."""
-    (folder / "pg" / "notes.txt").write_bytes(b"mine")
-    (folder / "pg" / MARKER).write_text("notes.txt\n", encoding="utf-8")
-    refused(folder, ("report", "e.yaml", "-o", "pg"), f"pg/{MARKER}: is no list of files")

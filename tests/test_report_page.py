@@ -17,7 +17,18 @@ READ = [name for name in PAGES if name != "explore.html"]
 WORDS, SCREENS, BYTES, PRINTED = 6000, 12, 1_500_000, 20
 """Of a page at the most; and of the whole report with everything open:"""
 ALL_WORDS = 25_000
-COUNTED = "document.body.innerText.split(/\\s+/).filter(Boolean).length"
+ASKED = {
+    "width": "document.documentElement.scrollWidth",
+    "height": "document.documentElement.scrollHeight",
+    "words": "document.body.innerText.split(/\\s+/).filter(Boolean).length",
+    "figures": "[...document.querySelectorAll('figure')].map((f) => [f.querySelector('figcaption').innerText,"
+    " f.querySelector('svg').getAttribute('aria-describedby') === f.querySelector('figcaption').id])",
+    "unnamed": "[...document.querySelectorAll('table')].filter((t) => !t.closest('[aria-label]') && !t.caption).length",
+    "ids": "[...document.querySelectorAll('[id]')].map((e) => e.id)",
+    "numbers": "[...document.querySelectorAll('figcaption .number')].map((a) => parseInt(a.innerText.slice(7)))",
+    "order": "[...document.querySelectorAll('nav.pages a')].map((a) => a.getAttribute('href'))",
+}
+"""What each page is asked in the browser."""
 
 
 def opened(browser: Any, name: str, width: int = 1280, scheme: str = "light") -> tuple[Any, list[str]]:
@@ -32,42 +43,43 @@ def opened(browser: Any, name: str, width: int = 1280, scheme: str = "light") ->
     return page, wrong
 
 
-@pytest.mark.parametrize("name", PAGES)
-def test_a_page_loads_nothing_and_fits_the_screen(chromium: Any, name: str) -> None:
+@pytest.fixture(scope="module")
+def seen(chromium: Any) -> dict[str, dict[str, Any]]:
+    """What each page answers on a desk's screen, with its width on a phone, its sheets on paper, and its words with everything open."""
+    found = {}
+    for name in PAGES:
+        phone, wrong = opened(chromium, name, 390)
+        page, more = opened(chromium, name)
+        found[name] = {what: page.evaluate(script) for what, script in ASKED.items()}
+        found[name] |= {"phone": phone.evaluate(ASKED["width"]), "wrong": wrong + more}
+        if name in READ:
+            found[name]["sheets"] = len(
+                re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4", prefer_css_page_size=True))
+            )
+            page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+            found[name]["all"] = page.evaluate(ASKED["words"])
+        phone.close()
+        page.close()
+    return found
+
+
+def test_a_page_loads_nothing_and_fits_the_screen(seen: dict[str, dict[str, Any]]) -> None:
     """No request, no error; no page is wider than a phone or a desk's screen."""
-    for width in (390, 1280):
-        page, wrong = opened(chromium, name, width)
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        assert wrong == []
-        page.close()
+    assert not [name for name, x in seen.items() if x["wrong"] or x["phone"] > 390 or x["width"] > 1280]
 
 
-@pytest.mark.parametrize("name", READ)
-def test_a_page_is_short(chromium: Any, name: str) -> None:
-    """With its details closed a page has few words and screens, its file few bytes, and its print few sheets."""
-    page, _ = opened(chromium, name)
-    assert page.evaluate(COUNTED) <= WORDS
-    assert page.evaluate("document.documentElement.scrollHeight") <= 900 * SCREENS
-    assert (REPORT / name).stat().st_size <= BYTES
-    assert len(re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4", prefer_css_page_size=True))) <= PRINTED
-    page.close()
+def test_pages_are_short(seen: dict[str, dict[str, Any]]) -> None:
+    """With its details closed a page has few words and screens, its file few bytes, its print few sheets; all pages, open, have few words."""
+    limits = {"words": WORDS, "height": 900 * SCREENS, "sheets": PRINTED}
+    assert not [(name, x, seen[name][x]) for name in READ for x, limit in limits.items() if seen[name][x] > limit]
+    assert not [name for name in READ if (REPORT / name).stat().st_size > BYTES]
+    assert sum(seen[name]["all"] for name in READ) <= ALL_WORDS
 
 
-def test_the_whole_report_is_bounded(chromium: Any) -> None:
-    """With everything open all pages together have a bounded number of words."""
-    total = 0
-    for name in READ:
-        page, _ = opened(chromium, name)
-        page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
-        total += page.evaluate(COUNTED)
-        page.close()
-    assert total <= ALL_WORDS
-
-
-@pytest.mark.parametrize("name", READ)
-def test_a_caption_begins_with_its_finding(name: str) -> None:
+def test_a_caption_begins_with_its_finding() -> None:
     """The first sentence of each figure's caption has a number, after the figure's own and the note on simulated data."""
-    assert [text for text in findings((REPORT / name).read_text(encoding="utf-8")) if not re.search(r"\d", text)] == []
+    texts = [text for name in READ for text in findings((REPORT / name).read_text(encoding="utf-8"))]
+    assert [text for text in texts if not re.search(r"\d", text)] == []
 
 
 def test_every_figure_has_its_data() -> None:
@@ -84,35 +96,18 @@ def test_every_figure_has_its_data() -> None:
         assert any(row["y"] or row["value"] for row in rows), drawing
 
 
-@pytest.mark.parametrize("name", READ)
-def test_figures_and_tables_are_named(chromium: Any, name: str) -> None:
-    """Each figure has a caption with its number, which describes its drawing; each table a caption or a region's name; no id stands twice."""
-    page, _ = opened(chromium, name)
-    figures = page.evaluate(
-        "[...document.querySelectorAll('figure')].map((f) => [f.querySelector('figcaption').innerText,"
-        " f.querySelector('svg').getAttribute('aria-describedby') === f.querySelector('figcaption').id])"
-    )
-    assert all(re.match(r"Figure \d+\b", caption) and described for caption, described in figures)
-    unnamed = "[...document.querySelectorAll('table')].filter((t) => !t.closest('[aria-label]') && !t.caption).length"
-    assert page.evaluate(unnamed) == 0
-    ids = page.evaluate("[...document.querySelectorAll('[id]')].map((e) => e.id)")
-    assert len(ids) == len(set(ids))
-    page.close()
+def test_figures_and_tables_are_named(seen: dict[str, dict[str, Any]]) -> None:
+    """Each figure has a caption with its number, which describes its drawing; each table a caption or a region's name; no id stands twice.
 
-
-def test_figures_are_numbered_through(chromium: Any) -> None:
-    """The figures of all pages count from 1 in the order of the pages, without a gap."""
-    page, _ = opened(chromium, "index.html")
-    order = page.evaluate("[...document.querySelectorAll('nav.pages a')].map((a) => a.getAttribute('href'))")
-    page.close()
-    numbers = []
-    for name in [x for x in order if x in READ]:
-        page, _ = opened(chromium, name)
-        numbers += page.evaluate(
-            "[...document.querySelectorAll('figcaption .number')].map((a) => parseInt(a.innerText.slice(7)))"
-        )
-        page.close()
-    assert numbers == list(range(1, len(numbers) + 1))
+    The figures of all pages count from 1 in the order of the pages, without a gap.
+    """
+    for name in READ:
+        figures, ids = seen[name]["figures"], seen[name]["ids"]
+        assert all(re.match(r"Figure \d+\b", caption) and described for caption, described in figures), name
+        assert seen[name]["unnamed"] == 0, name
+        assert len(ids) == len(set(ids)), name
+    numbers = [k for name in seen["index.html"]["order"] if name in READ for k in seen[name]["numbers"]]
+    assert numbers == list(range(1, len(numbers) + 1)) != []
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -154,21 +149,4 @@ def test_the_first_screen_answers(chromium: Any) -> None:
         assert text.count("±") >= 12
         assert "held-out torque within" in text
         assert "RMS position error" in text
-    page.close()
-
-
-def test_a_table_is_sorted_filtered_and_copied(chromium: Any) -> None:
-    """A click on a heading sorts a long table, a word filters it, and its rows can be copied."""
-    page, wrong = opened(chromium, "joints.html")
-    head = "table.long thead button >> nth=3"
-    column = "[...document.querySelector('table.long').tBodies[0].rows].filter((r) => !r.hidden).map((r) => r.cells[3].innerText)"
-    page.click(head)
-    values = [float(x) for x in page.evaluate(column)]
-    assert values == sorted(values)
-    page.click(head)
-    assert [float(x) for x in page.evaluate(column)] == values[::-1]
-    page.fill("table.long caption input >> nth=0", "inertia")
-    assert len(page.evaluate(column)) == 1
-    page.click("caption button >> nth=0")
-    assert wrong == []
     page.close()

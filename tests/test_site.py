@@ -49,18 +49,8 @@ class Page(HTMLParser):
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Built by the one command, where every warning is an error."""
     folder = tmp_path_factory.mktemp("site")
-    command = [
-        sys.executable,
-        "-m",
-        "sphinx",
-        "-q",
-        "-W",
-        "--keep-going",
-        "-d",
-        str(folder / "read"),
-        "docs",
-        str(folder / "html"),
-    ]
+    folders = ("-d", str(folder / "read"), "docs", str(folder / "html"))
+    command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", *folders]
     built = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)  # noqa: S603  # our own command
     assert (built.returncode, built.stderr) == (0, "")
     return folder / "html"

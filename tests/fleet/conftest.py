@@ -1,4 +1,4 @@
-"""A Dask cluster inside this process, one for the tests of a module."""
+"""A Dask cluster inside this process, one for all tests of a run."""
 
 import logging
 from collections.abc import Iterator
@@ -17,19 +17,13 @@ def _any_dashboard() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def client() -> Iterator[Any]:
     """Two threads of this process, which share its memory."""
     distributed = pytest.importorskip("distributed", reason="needs the extra fleet")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)
-    with (
-        distributed.LocalCluster(
-            n_workers=2,
-            threads_per_worker=1,
-            processes=False,
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-        ) as cluster,
-        distributed.Client(cluster, set_as_default=False) as client,
-    ):
+    local = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, processes=False, dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL
+    )  # fmt: skip  # a call
+    with local as cluster, distributed.Client(cluster, set_as_default=False) as client:
         yield client

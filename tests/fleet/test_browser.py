@@ -36,8 +36,7 @@ class Opened:
         self.page.on("console", lambda m: self.wrong.append(m.text) if m.type in ("error", "warning") else None)
         self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
         self.page.on(
-            "request",
-            lambda r: self.wrong.append(r.url) if not r.url.startswith((file.as_uri(), "data:")) else None,
+            "request", lambda r: self.wrong.append(r.url) if not r.url.startswith((file.as_uri(), "data:")) else None
         )
         self.page.goto(file.as_uri())
 
@@ -89,6 +88,7 @@ def test_a_long_table_is_turned_over_sorted_and_filtered(opened: Open) -> None:
     assert (tab.column(title, 1), tab.column(title, 2)) == (["robot-003"], ["J2"])
     tab.page.fill("caption input >> nth=0", "no such joint")
     assert place.inner_text() == "no row of 60"
+    tab.page.click("caption button >> nth=0")  # copies it
 
 
 def test_hostile_names_run_nothing(opened: Open) -> None:

@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import re
 import string
 from datetime import datetime
 from pathlib import Path
@@ -43,12 +44,12 @@ def test_a_row_is_read_as_it_stands(tmp_path: Path) -> None:
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t"])
-def test_any_usual_separator_will_do(tmp_path: Path, separator: str) -> None:
-    """Comma, semicolon or tab: the one that the first line has most of; a mark of UTF-8 and blank lines count for nothing."""
-    text = "\ufefffile,unit,session\n\n'a,b'.yaml,r1,2026-01-01\n".replace("'a,b'", "ab").replace(",", separator)
-    (row,) = rows_of(tmp_path, text)
-    assert (row.file, row.unit, row.failure) == ("ab.yaml", "r1", "")
+def test_any_usual_separator_will_do(tmp_path: Path) -> None:
+    """Comma, semicolon or tab: the one that the first line has most of; a mark of UTF-8, blank lines and a row given again count for nothing."""
+    for separator in ",;\t":
+        text = "\ufefffile,unit,session\n\na,b.yaml,r1,2026-01-01\na,b.yaml,r1,2026-01-01\n".replace("a,b", "ab")
+        (row,) = rows_of(tmp_path, text.replace(",", separator))
+        assert (row.file, row.unit, row.failure) == ("ab.yaml", "r1", "")
 
 
 def test_a_frame_and_parquet_are_as_csv(tmp_path: Path) -> None:
@@ -64,27 +65,28 @@ def test_a_frame_and_parquet_are_as_csv(tmp_path: Path) -> None:
     assert math.isnan(expected[1].temperature)
 
 
-def test_equal_rows_count_once(tmp_path: Path) -> None:
-    """A row that stands twice is one row."""
-    assert len(rows_of(tmp_path, "file,unit,session\n" + 3 * "a.yaml,r1,2026-01-01\n")) == 1
-
-
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "has no column file"),
-        (HEAD, "holds no row"),
-        ("file,unit\na,b\n", "has no column session"),
-        ("file,unit,sesion\na,b,c\n", "got the column 'sesion'; did you mean 'session'?"),
-        ("file,unit,session,colour\na,b,c,d\n", "got the column 'colour'; expected file, unit, session, joint"),
-        ("file,unit,session,unit\na,b,c,d\n", "got the column 'unit' twice"),
-    ],
-)
-def test_a_catalog_with_wrong_columns_is_refused(tmp_path: Path, text: str, said: str) -> None:
-    """Wrong columns, or no row, end the run with one sentence that names the catalog."""
-    sentence = refusal(tmp_path, text)
-    assert said in sentence
-    assert sentence.startswith(f"{tmp_path / 'catalog.csv'}: ")
+def test_a_catalog_that_cannot_be_used_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wrong columns, no row, or a pattern that tells too little or matches nothing: one sentence that names the catalog and what is wrong."""
+    monkeypatch.chdir(tmp_path)
+    named = f"{tmp_path / 'catalog.csv'}: "
+    texts = {
+        "": "has no column file",
+        HEAD: "holds no row",
+        "file,unit\na,b\n": "has no column session",
+        "file,unit,sesion\na,b,c\n": "got the column 'sesion'; did you mean 'session'?",
+        "file,unit,session,colour\na,b,c,d\n": "got the column 'colour'; expected file, unit, session, joint",
+        "file,unit,session,unit\na,b,c,d\n": "got the column 'unit' twice",
+    }
+    said = [(text, refusal(tmp_path, text), words) for text, words in texts.items()]
+    assert not [each for each in said if each[2] not in each[1] or not each[1].startswith(named)]
+    for pattern, words in (
+        ("logs/{unit}.yaml", "has no {session}"),
+        ("logs/{unit}/{sesion}.yaml", "did you mean {session}?"),
+        ("logs/{unit}/{session}/{file}", "got {file}"),
+        ("nowhere/{unit}/{session}.yaml", "matches no file"),
+    ):
+        with pytest.raises(InputError, match=re.escape(words)):
+            read_catalog(pattern)
 
 
 def test_a_catalog_that_is_no_text_is_refused(tmp_path: Path) -> None:
@@ -92,19 +94,16 @@ def test_a_catalog_that_is_no_text_is_refused(tmp_path: Path) -> None:
     pytest.importorskip("pyarrow", reason="needs the extra fleet")
     (tmp_path / "x.csv").write_bytes(b"\xff\xfe\x00")
     (tmp_path / "x.parquet").write_bytes(b"nothing")
-    for name, said in (
-        ("x.csv", "not text"),
-        ("x.parquet", "no Parquet"),
-        ("none.csv", "No such file"),
-        (".", "folder"),
-    ):
+    bad = {"x.csv": "not text", "x.parquet": "no Parquet", "none.csv": "No such file", ".": "folder"}
+    for name, said in bad.items():
         with pytest.raises(InputError, match=said):
             read_catalog(tmp_path / name)
 
 
-@pytest.mark.parametrize(
-    ("row", "said"),
-    [
+def test_a_wrong_row_is_a_failure_of_its_own(tmp_path: Path) -> None:
+    """What is wrong in a row is said of that row; the next is read, and nothing that cannot be shown is kept."""
+    wrong = []
+    for row, said in (
         (",r1,2026-01-01,,,,,", "file: got nothing"),
         ("a,,2026-01-01,,,,,", "unit: got nothing"),
         ("a,r1,,,,,,", "session: got nothing"),
@@ -117,57 +116,24 @@ def test_a_catalog_that_is_no_text_is_refused(tmp_path: Path) -> None:
         ("a,r1,2026-01-01,,,,,x\x07y", "control character"),
         (f"a,{'r' * 500},2026-01-01,,,,,", "unit: got 500 characters"),
         ("a,r1,2026-01-01,,,,,,,,", "got 11 fields in line 2; expected 8"),
-    ],
-)
-def test_a_wrong_row_is_a_failure_of_its_own(tmp_path: Path, row: str, said: str) -> None:
-    """What is wrong in a row is said of that row; the next is read, and nothing that cannot be shown is kept."""
-    wrong, good = rows_of(tmp_path, f"{HEAD}{row}\nb.yaml,r2,2026-01-01\n")
-    assert said in wrong.failure
-    assert all(text.isprintable() and len(text) <= 450 for text in (wrong.file, wrong.unit, wrong.tags, wrong.failure))
-    assert (good.unit, good.failure) == ("r2", "")
+    ):
+        bad, good = rows_of(tmp_path, f"{HEAD}{row}\nb.yaml,r2,2026-01-01\n")
+        shown = all(x.isprintable() and len(x) <= 450 for x in (bad.file, bad.unit, bad.tags, bad.failure))
+        wrong += [] if said in bad.failure and shown and (good.unit, good.failure) == ("r2", "") else [(row, bad, good)]
+    assert wrong == []
 
 
 def test_a_pattern_gives_the_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Fields in braces match inside one part of a path, a field that is named twice must agree, `**` stands for folders."""
-    for name in (
-        "logs/r1/2026-01-01/a/r1_wrist.yaml",
-        "logs/r1/2026-01-01/r2_wrist.yaml",
-        "logs/r1/wrist.yaml",
-        "logs/r1/2026-01-02/r1_x.txt",
-    ):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).touch()
+    for name in ("2026-01-01/a/r1_wrist.yaml", "2026-01-01/r2_wrist.yaml", "wrist.yaml", "2026-01-02/r1_x.txt"):
+        (tmp_path / "logs" / "r1" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "logs" / "r1" / name).touch()
     monkeypatch.chdir(tmp_path)
     (row,) = read_catalog("logs/{unit}/{session}/**/{unit}_{type}.yaml")
-    assert row[:6] == (
-        "logs/r1/2026-01-01/a/r1_wrist.yaml",
-        str(tmp_path / row.file),
-        "r1",
-        datetime(2026, 1, 1),
-        "",
-        "wrist",
-    )
+    file = "logs/r1/2026-01-01/a/r1_wrist.yaml"
+    assert row[:6] == (file, str(tmp_path / file), "r1", datetime(2026, 1, 1), "", "wrist")
     (absolute,) = read_catalog(f"{tmp_path}/logs/{{unit}}/{{session}}/?/*_{{type}}.yaml")
     assert absolute.file == str(tmp_path / row.file)
-
-
-@pytest.mark.parametrize(
-    ("pattern", "said"),
-    [
-        ("logs/{unit}.yaml", "has no {session}"),
-        ("logs/{unit}/{sesion}.yaml", "did you mean {session}?"),
-        ("logs/{unit}/{session}/{file}", "got {file}"),
-        ("nowhere/{unit}/{session}.yaml", "matches no file"),
-    ],
-)
-def test_a_pattern_that_tells_too_little_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, pattern: str, said: str
-) -> None:
-    """A pattern needs unit and session, knows no other fields than columns, and matches something."""
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(InputError) as refused:
-        read_catalog(pattern)
-    assert said in str(refused.value)
 
 
 def test_what_a_catalog_is_called() -> None:
@@ -197,22 +163,15 @@ def test_no_text_breaks_a_catalog(tmp_path: Path, header: list[str], table: list
     assert all(row.failure or (row.file and row.unit and row.session) for row in rows)
 
 
-@given(
-    cells=st.lists(
-        st.one_of(st.none(), st.integers(), st.floats(), st.binary(max_size=5), texts, st.datetimes()),
-        min_size=5,
-        max_size=5,
-    )
-)
+CELL = st.one_of(st.none(), st.integers(), st.floats(), st.binary(max_size=5), texts, st.datetimes())
+
+
+@given(cells=st.tuples(CELL, CELL, CELL, CELL, CELL))
 @settings(max_examples=200, deadline=None)
-def test_no_cell_breaks_a_frame(cells: list[object]) -> None:
+def test_no_cell_breaks_a_frame(cells: tuple[object, ...]) -> None:
     """Whatever the cells of a DataFrame hold, they are a row, or one InputError."""
-    frame = pd.DataFrame(
-        {
-            name: pd.Series([cell], dtype=object)
-            for name, cell in zip(("file", "unit", "session", "temperature", "load"), cells, strict=True)
-        }
-    )
+    names = ("file", "unit", "session", "temperature", "load")
+    frame = pd.DataFrame({name: pd.Series([cell], dtype=object) for name, cell in zip(names, cells, strict=True)})
     (row,) = read_catalog(frame)
     assert row.failure or row.session is not None
 
@@ -232,18 +191,8 @@ def surveyed(path: str, *joints: str, robot: bool = False) -> Surveyed:
 def row(path: str, unit: str = "r1", session: str = "2026-01-01", **more: str) -> CatalogRow:
     """A row of a catalog."""
     text = {"joint": "", "type": "", "tags": "", "failure": ""} | more
-    return CatalogRow(
-        path,
-        path,
-        unit,
-        datetime.fromisoformat(session),
-        text["joint"],
-        text["type"],
-        math.nan,
-        math.nan,
-        text["tags"],
-        text["failure"],
-    )
+    nan, time = math.nan, datetime.fromisoformat(session)
+    return CatalogRow(path, path, unit, time, text["joint"], text["type"], nan, nan, text["tags"], text["failure"])
 
 
 def test_a_robot_gives_a_session_of_each_joint() -> None:
@@ -295,11 +244,11 @@ def test_a_clock_that_goes_back_is_left_out() -> None:
     )
 
 
-@pytest.mark.parametrize("numbers", [(5, 4, 3, 2, 1), (3, 1, 5, 2, 4), (2, 1), (1, 3, 2)])
-def test_another_order_is_no_clock(numbers: tuple[int, ...]) -> None:
+def test_another_order_is_no_clock() -> None:
     """A catalog that is in no order of time, or the other way round, is only that."""
-    frame = joint_sessions([*days("r1", *numbers), *days("r2", *numbers)], {"a": surveyed("a", "j")})
-    assert (frame["left_out"] == "").all()
+    for numbers in ((5, 4, 3, 2, 1), (3, 1, 5, 2, 4), (2, 1), (1, 3, 2)):
+        frame = joint_sessions([*days("r1", *numbers), *days("r2", *numbers)], {"a": surveyed("a", "j")})
+        assert (frame["left_out"] == "").all(), numbers
 
 
 def test_a_clock_that_was_reset_is_left_out_in_any_order() -> None:

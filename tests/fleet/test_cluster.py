@@ -29,6 +29,7 @@ from bristle.questions.fleet.cluster import Reach, local_client, reach_of
 pytest.importorskip("distributed", reason="needs the extra fleet")
 pytest.importorskip("pyarrow", reason="needs the extra fleet")
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="sends signals")
+Tree = dict[str, bytes | None]
 ENOUGH = 120.0
 """Seconds after which a process is stuck."""
 
@@ -42,87 +43,32 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def alone(logs: Path) -> dict[str, bytes | None]:
-    """The dataset that one worker makes."""
-    with local_client(1) as client:
-        done = bristle.fleet(logs / "catalog.csv", logs / "alone", client=client)
+def alone(logs: Path, client: Any) -> Tree:
+    """The dataset that threads of this process make."""
+    done = bristle.fleet(logs / "catalog.csv", logs / "alone", client=client)
     assert done.identified == 8
     return tree(logs / "alone" / "results")
 
 
-def test_two_workers_and_a_client_that_gathers_make_the_same_bytes(logs: Path, alone: dict[str, bytes | None]) -> None:
-    """Two processes make the bytes of one; so do processes that reach neither logs nor output, which the client sends and writes."""
-    fsspec = pytest.importorskip("fsspec", reason="needs the extra fleet")
-    memory = fsspec.filesystem("memory")
-    memory.put(str(logs / "logs"), "/far/logs", recursive=True)
-    memory.put(str(logs / "catalog.csv"), "/far/catalog.csv")
-    try:
-        with local_client(2) as client:
-            assert "127.0.0.1" in cluster.dashboard_of(client)
-            assert client.scheduler.address.startswith("tcp://127.0.0.1:")
-            assert cluster.threads_of(client) == 2
-            bristle.fleet(logs / "catalog.csv", logs / "two", client=client)
-            assert tree(logs / "two" / "results") == alone
-            inputs = ["memory://far/catalog.csv"]
-            assert reach_of(client, "memory://far", inputs) == Reach(output=False, inputs=False)
-            assert reach_of(client, str(logs), [str(logs / "catalog.csv")]) == Reach(output=True, inputs=True)
-            far = bristle.fleet("memory://far/catalog.csv", "memory://far/out", client=client)
-            assert (far.identified, far.failed) == (8, 0)
-            assert {Path(x).name: memory.cat(x) for x in memory.ls("/far/out/results", detail=False)} == alone
-    finally:
-        memory.rm("/far", recursive=True)
-
-
-def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, tmp_path: Path) -> None:
-    """Where a log ends its worker's process each time it is tried, its row says so, and it is tried again in the next run."""
-    dask = pytest.importorskip("dask", reason="needs the extra fleet")
-
-    def deadly(path: Path, joint: str) -> Any:  # sent by value
-        """End the process at one session."""
-        import os
-
-        from bristle.api.fleets import identified_joint
-
-        if "r0/2026-01-01/elbow" in str(path):
-            os._exit(1)
-        return identified_joint(path, joint)
-
-    rows = read_catalog(logs / "catalog.csv")[:4]
-    with (
-        dask.config.set({"distributed.scheduler.allowed-failures": 1}),
-        local_client(1) as client,
-        engine.held(str(tmp_path / "out")),
-    ):
-        ended = engine.run_fleet(rows, str(tmp_path / "out"), client, deadly)
-        again = engine.run_fleet(rows, str(tmp_path / "out"), client, fleets.identified_joint)
-    (failure,) = ended.table.to_pandas()["failure"].dropna()
-    assert failure == "its worker died 2 times, perhaps for want of memory; give each worker more with --memory"
-    assert (ended.identified, ended.failed, again.identified, again.failed) == (3, 1, 1, 0)
-
-
-def test_a_call_that_no_worker_holds_is_made_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_call_that_no_worker_holds_is_made_again(client: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the scheduler waits for a worker that does not come, as for one that died with what it held, the others end and so does that call."""
     monkeypatch.setattr(cluster, "_WAIT", 1.0)
-    with local_client(1) as client:
-        submit, asked = client.submit, list[str]()
+    submit, asked = client.submit, list[str]()
 
-        def astray(*arguments: Any, key: str, **options: Any) -> Any:
-            """The first call goes to a worker that is not there."""
-            asked.append(key)
-            where = {"workers": ["tcp://127.0.0.1:1"]} if len(asked) == 1 else {}
-            return submit(*arguments, key=key, **options, **where)
+    def astray(*arguments: Any, key: str, **options: Any) -> Any:
+        """The first call goes to a worker that is not there."""
+        asked.append(key)
+        where = {"workers": ["tcp://127.0.0.1:1"]} if len(asked) == 1 else {}
+        return submit(*arguments, key=key, **options, **where)
 
-        monkeypatch.setattr(client, "submit", astray)
-        calls = [cluster.Call(f"negative-{k}", operator.neg, (k,)) for k in range(4)]
-        assert sorted(x for _, x in cluster.spread(client, calls, 3)) == [-3, -2, -1, 0]
+    monkeypatch.setattr(client, "submit", astray)
+    calls = [cluster.Call(f"negative-{k}", operator.neg, (k,)) for k in range(4)]
+    assert sorted(x for _, x in cluster.spread(client, calls, 3)) == [-3, -2, -1, 0]
     assert [key.rpartition("-")[0] for key in asked].count("negative-0") == 2
 
 
-def test_memory_and_certificates_are_checked() -> None:
-    """What is no size of memory is refused; certificates make the connection one of TLS alone."""
-    for memory in ("much", "1 B", "-2 GiB", ""):
-        with pytest.raises(InputError, match=r"memory: got .* expected"):
-            cluster._bytes_of(memory)
+def test_certificates_ask_for_tls() -> None:
+    """Certificates make the connection one of TLS alone; a size of memory is one of bytes."""
     assert cluster._bytes_of("2 GiB") == 2**31
     security = cluster._security({"ca": "a.pem", "cert": "b.pem", "key": "c.pem"})
     assert security.require_encryption
@@ -170,29 +116,18 @@ def until(what: Callable[[], bool]) -> None:
 def separate(folder: Path) -> Iterator[tuple[str, Any, list[Any]]]:
     """A scheduler and two workers, each a process of its own, on loopback."""
     silent = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    told = ("--scheduler-file", str(folder / "scheduler.json"))
+    local = ("--host", "127.0.0.1", "--port", "0", "--no-dashboard")
+    options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder))
     with ExitStack() as stack:
-        file = folder / "scheduler.json"
-        told = ("--scheduler-file", str(file))
-        scheduler = stack.enter_context(
-            process(
-                "-m",
-                "distributed.cli.dask_scheduler",
-                "--host",
-                "127.0.0.1",
-                "--port",
-                "0",
-                "--no-dashboard",
-                *told,
-                **silent,
-            )
-        )
-        until(file.exists)
-        options = ("--nthreads", "1", "--no-nanny", "--no-dashboard", "--local-directory", str(folder))
-        workers = [
-            stack.enter_context(process("-m", "distributed.cli.dask_worker", *told, *options, **silent))
-            for _ in range(2)
-        ]
-        yield str(pd.read_json(file, typ="series")["address"]), scheduler, workers
+
+        def begun(what: str, *more: str) -> Any:
+            return stack.enter_context(process("-m", f"distributed.cli.dask_{what}", *told, *more, **silent))
+
+        scheduler = begun("scheduler", *local)
+        until(Path(told[1]).exists)
+        workers = [begun("worker", *options) for _ in range(2)]
+        yield str(pd.read_json(told[1], typ="series")["address"]), scheduler, workers
 
 
 def finished(output: Path) -> int:
@@ -201,44 +136,38 @@ def finished(output: Path) -> int:
 
 
 @LINUX
-@pytest.mark.parametrize("killed", ["worker", "scheduler"])
-def test_what_is_killed_half_way_loses_nothing(
-    logs: Path, alone: dict[str, bytes | None], tmp_path: Path, killed: str
-) -> None:
-    """A worker killed half-way: the same result. The scheduler: exit 2, what is finished stays, and a rerun goes on to the same result."""
+def test_what_is_killed_half_way_loses_nothing(logs: Path, alone: Tree, tmp_path: Path, client: Any) -> None:
+    """A worker killed half-way: the same result. The scheduler: exit 2, what is finished stays, and a rerun goes on to the same result.
+
+    To another client, of which no task had begun, the same is told, without what is not there, and with nothing finished.
+    """
+
+    def killed(one: Any, output: Path) -> tuple[int, str]:
+        """How a run ends of which this process is killed half-way, and what it says."""
+        command = ("-m", "bristle", "fleet", "catalog.csv", "-o", str(output), "--scheduler", address)
+        with process(*command, cwd=logs, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
+            until(lambda: finished(output) > 1 or run.poll() is not None)
+            one.kill()
+            _, said = run.communicate(timeout=ENOUGH)
+            return run.returncode, said
+
     out = tmp_path / "out"
     with separate(tmp_path) as (address, scheduler, workers):
-        command = ("-m", "bristle", "fleet", "catalog.csv", "-o", str(out), "--scheduler", address)
-        with process(*command, cwd=logs, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as run:
-            until(lambda: finished(out) > 1 or run.poll() is not None)
-            (workers[0] if killed == "worker" else scheduler).kill()
-            _, said = run.communicate(timeout=ENOUGH)
-        if killed == "scheduler":
-            assert run.returncode == 2
-            assert said.startswith(f"bristle: the scheduler {address} was lost; ")
-            assert re.search(
-                r"what is finished stays \([1-7] joint sessions? of this run\); run again to go on\n$", said
-            )
-        else:
-            assert (run.returncode, said) == (0, "")
-    if killed == "scheduler":
-        with local_client(1) as client:
-            again = bristle.fleet(logs / "catalog.csv", out, client=client)
-        assert again.identified < 8
-        assert again.identified + again.unchanged == 8
+        assert killed(workers[0], tmp_path / "first") == (0, "")
+        assert tree(tmp_path / "first" / "results") == alone
+        with cluster.remote_client(address) as idle:
+            code, said = killed(scheduler, out)
+            until(lambda: idle.status != "running")
+            lost = r"the scheduler .*was lost; what is finished stays \(0 joint sessions of this run\)"
+            with pytest.raises(OSError, match=lost):
+                bristle.fleet(logs / "catalog.csv", tmp_path / "none", client=idle)
+    assert code == 2
+    assert said.startswith(f"bristle: the scheduler {address} was lost; ")
+    assert re.search(r"what is finished stays \([1-7] joint sessions? of this run\); run again to go on\n$", said)
+    again = bristle.fleet(logs / "catalog.csv", out, client=client)
+    assert again.identified < 8
+    assert again.identified + again.unchanged == 8
     assert tree(out / "results") == alone
-
-
-def test_a_scheduler_lost_at_once_is_told_as_one_lost_later(logs: Path, tmp_path: Path) -> None:
-    """Lost before any task: the same sentence, without what is not there, and nothing finished."""
-    with separate(tmp_path) as (address, scheduler, _), cluster.remote_client(address) as client:
-        client.wait_for_workers(2)
-        scheduler.kill()
-        until(lambda: client.status != "running")
-        with pytest.raises(
-            OSError, match=r"the scheduler .*was lost; what is finished stays \(0 joint sessions of this run\)"
-        ):
-            bristle.fleet(logs / "catalog.csv", tmp_path / "out", client=client)
 
 
 @LINUX
@@ -267,7 +196,7 @@ def alive(group: int) -> bool:
     return True
 
 
-def test_a_scheduler_that_says_nothing_is_no_scheduler(logs: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_scheduler_that_says_nothing_is_no_scheduler(monkeypatch: pytest.MonkeyPatch) -> None:
     """A port that takes the call and never answers ends in one sentence, in time."""
     monkeypatch.setattr(cluster, "_WAIT", 4.0)
     with socket.socket() as one:
@@ -276,7 +205,6 @@ def test_a_scheduler_that_says_nothing_is_no_scheduler(logs: Path, monkeypatch: 
         address = f"tcp://127.0.0.1:{one.getsockname()[1]}"
         with pytest.raises(InputError, match="no Dask scheduler answers"), cluster.remote_client(address):
             pass
-    assert logs.is_dir()
 
 
 @LINUX
@@ -292,3 +220,54 @@ def test_a_script_without_a_guard_says_so(logs: Path, tmp_path: Path) -> None:
     last = ended.stderr.strip().splitlines()[-1]
     assert last.startswith("bristle.errors.InputError: the worker processes did not start")
     assert 'if __name__ == "__main__"' in last
+
+
+@pytest.fixture(scope="module")
+def two() -> Iterator[Any]:
+    """A cluster of two processes of this machine, which gives a call up once a worker died of it."""
+    with local_client(2) as client:
+        client.cluster.scheduler.allowed_failures = 0
+        yield client
+
+
+def test_processes_and_a_client_that_gathers_make_the_same_bytes(logs: Path, alone: Tree, two: Any) -> None:
+    """Two processes make the bytes of threads; so do processes that reach neither logs nor output, which the client sends and writes."""
+    fsspec = pytest.importorskip("fsspec", reason="needs the extra fleet")
+    memory = fsspec.filesystem("memory")
+    memory.put(str(logs / "logs"), "/far/logs", recursive=True)
+    memory.put(str(logs / "catalog.csv"), "/far/catalog.csv")
+    try:
+        assert "127.0.0.1" in cluster.dashboard_of(two)
+        assert two.scheduler.address.startswith("tcp://127.0.0.1:")
+        assert cluster.threads_of(two) == 2
+        bristle.fleet(logs / "catalog.csv", logs / "two", client=two)
+        assert tree(logs / "two" / "results") == alone
+        assert reach_of(two, "memory://far", ["memory://far/catalog.csv"]) == Reach(output=False, inputs=False)
+        assert reach_of(two, str(logs), [str(logs / "catalog.csv")]) == Reach(output=True, inputs=True)
+        far = bristle.fleet("memory://far/catalog.csv", "memory://far/out", client=two)
+        assert (far.identified, far.failed) == (8, 0)
+        assert {Path(x).name: memory.cat(x) for x in memory.ls("/far/out/results", detail=False)} == alone
+    finally:
+        memory.rm("/far", recursive=True)
+
+
+def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, two: Any, tmp_path: Path) -> None:
+    """Where a log ends its worker's process each time it is tried, its row says so, and it is tried again in the next run."""
+
+    def deadly(path: Path, joint: str) -> Any:  # sent by value
+        """End the process at one session."""
+        import os
+
+        from bristle.api.fleets import identified_joint
+
+        if "r0/2026-01-01/elbow" in str(path):
+            os._exit(1)
+        return identified_joint(path, joint)
+
+    rows = read_catalog(logs / "catalog.csv")[:4]
+    with cluster.quiet(), engine.held(str(tmp_path / "out")):
+        ended = engine.run_fleet(rows, str(tmp_path / "out"), two, deadly)
+        again = engine.run_fleet(rows, str(tmp_path / "out"), two, fleets.identified_joint)
+    (failure,) = ended.table.to_pandas()["failure"].dropna()
+    assert failure == "its worker died 1 times, perhaps for want of memory; give each worker more with --memory"
+    assert (ended.identified, ended.failed, again.identified, again.failed) == (3, 1, 1, 0)

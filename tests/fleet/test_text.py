@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
-import pytest
 
 from bristle.questions.fleet.findings import Findings
 from bristle.questions.fleet.notes import headline
@@ -29,17 +28,10 @@ def test_the_text_of_a_small_fleet() -> None:
     failures = found.failures.assign(unit="r0", joint="J1")
     types = found.types.assign(type="J1").head(2)
     types = types.assign(temperature_percent=[-1.1, 0.4], temperature_upper=[-0.8, 0.9], temperature_lower=[-1.4, -0.1])
-    lines = text(
-        replace(
-            found,
-            joints=joints,
-            headline=headline(joints.assign(percent=15.0), 0.05),
-            units=units,
-            types=types,
-            failures=failures,
-            warned=found.warned.assign(unit="r0", joint="J1"),
-        )
-    ).splitlines()
+    first = headline(joints.assign(percent=15.0), 0.05)
+    warned = found.warned.assign(unit="r0", joint="J1")
+    told = replace(found, joints=joints, headline=first, units=units, types=types, failures=failures, warned=warned)
+    lines = text(told).splitlines()
     assert lines[:2] == [
         "2 of 6 joints changed, at a false discovery rate of 5 %; the clearest: r0 J1, alpha_0- by +15 % since 2026-04-27; "
         "1 other changed as well.",
@@ -48,10 +40,8 @@ def test_the_text_of_a_small_fleet() -> None:
     assert lines[2] == "Joints that changed (2), with 95 % interval and adjusted p:"
     row = found.joints.iloc[0]
     size = change(row["percent"], row["percent_lower"], row["percent_upper"])
-    assert (
-        lines[3]
-        == f"  r0 J1  alpha_0{row['direction']}  {size} %  since 2026-04-27  p {probability(row['adjusted_p'])}"
-    )
+    named = f"  r0 J1  alpha_0{row['direction']}  {size} %"
+    assert lines[3] == f"{named}  since 2026-04-27  p {probability(row['adjusted_p'])}"
     assert [line for line in lines if line.startswith("      new")] == ["      new warnings: clipped torque-drifts"]
     (at,) = [k for k, line in enumerate(lines) if line.startswith("Values outside their type (2)")]
     assert all("N*m" in line and "% from type" in line and "+/-" in line for line in lines[at + 1 : at + 3])
@@ -91,20 +81,17 @@ def test_findings_of_nothing_are_a_sentence() -> None:
     assert text(empty()) == "No joint was tested for a change; the notes say why."
 
 
-@pytest.mark.parametrize(
-    ("given", "wanted"),
-    [
+def test_a_change_has_its_sign_and_interval() -> None:
+    """A change is rounded as its interval, to the second digit of a quarter of its width; an open interval is left out."""
+    cases = (
         ((15.234, 12.1, 18.3), "+15.2 [12.1, 18.3]"),
         ((-0.4, -2.2, 1.4), "-0.40 [-2.20, 1.40]"),
         ((250.3, 100.0, 400.0), "+250 [100, 400]"),
         ((12.0, -math.inf, math.inf), "+12"),
         ((math.nan, 0.0, 1.0), "–"),
-    ],
-)
-def test_a_change_has_its_sign_and_interval(given: tuple[float, float, float], wanted: str) -> None:
-    """A change is rounded as its interval, to the second digit of a quarter of its width; an open interval is left out."""
-    assert change(*given) == wanted
-    assert estimate(*given) == wanted.removeprefix("+")
+    )
+    assert [change(*given) for given, _ in cases] == [wanted for _, wanted in cases]
+    assert [estimate(*given) for given, _ in cases] == [wanted.removeprefix("+") for _, wanted in cases]
 
 
 def test_probabilities_and_days() -> None:

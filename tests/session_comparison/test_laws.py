@@ -1,6 +1,7 @@
 """Sessions under laws that are not the paper's: of one law all is compared, of two what means the same."""
 
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ def known() -> Iterator[None]:
         yield
 
 
+@cache
 def session(law: str, of: str = "", seed: int = 0, **changed: float) -> Session:
     """Points of a joint `of` a law, else that of the fit, with some of its parameters others, fitted under a law."""
     truth = truth_of(of or law)._replace(**changed)
