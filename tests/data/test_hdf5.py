@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bristle.data import isolated
 from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
 from bristle.data.experiment.draft import draft_experiment
@@ -167,24 +166,6 @@ def test_damaged_files_are_refused_in_a_sentence(tmp_path: Path, log: Path) -> N
     said = [x for x in found if isinstance(x, str)]
     assert len(said) > 20
     assert all("\n" not in x and len(x) < 500 for x in said)
-
-
-@pytest.mark.parametrize(
-    ("worker", "says"),
-    [
-        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "the HDF5 library crashed at it"),
-        ("import time; time.sleep(60)", "the HDF5 library took over 1 s"),
-        ("pass", r"is damaged, or no HDF5 file \(no answer\)"),
-    ],
-)
-def test_a_library_that_crashes_or_hangs_ends_in_a_sentence(
-    log: Path, worker: str, says: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Where the process that reads crashes, takes too long or says nothing, one sentence says so."""
-    monkeypatch.setattr(isolated, "CODE", worker)
-    monkeypatch.setattr(isolated, "SECONDS", 1.0)
-    with pytest.raises(InputError, match=says):
-        read_table(log, [Key("t")])
 
 
 def test_without_h5py_the_sentence_says_how_to_install_it(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -16,7 +16,7 @@ import scipy.sparse
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from bristle.data import text_table
+from bristle.data import isolated, text_table
 from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
 from bristle.data.mat import columns_of
@@ -375,7 +375,19 @@ def test_damaged_mat_files_neither_crash_nor_hang(tmp_path: Path) -> None:
             said = [x for x in each if isinstance(x, str)]
             assert len(said) > 20
             assert all(len(sentence) < 500 and "\n" not in sentence for sentence in said)
-        assert any("crashed at it" in str(x) for x in found) != compressed
+
+
+def test_a_library_that_crashes_or_hangs_ends_in_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the process that reads crashes, takes too long or says nothing, one sentence says so."""
+    path = _container(tmp_path, ".mat", q=np.arange(3.0))
+    monkeypatch.setattr(isolated, "SECONDS", 1.0)
+    for worker, says in {
+        "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)": "SciPy crashed at it",
+        "import time; time.sleep(60)": "SciPy took over 1 s",
+        "pass": r"is damaged, or no MAT-file of version 4 to 7 \(no answer\)",
+    }.items():
+        monkeypatch.setattr(isolated, "CODE", worker)
+        assert not refused_otherwise([(partial(_column, path, "q"), says)], str(path))
 
 
 def test_hostile_mat_files_of_version_5(tmp_path: Path) -> None:
