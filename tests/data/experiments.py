@@ -2,7 +2,6 @@
 
 import io
 import json
-import os
 import re
 import subprocess
 import sys
@@ -13,7 +12,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pandas as pd
-import pytest
 import yaml
 
 from bristle.data.columns import Key
@@ -126,11 +124,3 @@ def answers(module: str, library: str, paths: Sequence[Path], *keys: Key) -> lis
         said.append(values if "lengths" in answer else answer.get("error") or f"is damaged: {answer['damaged']}")
     assert len(said) == len(each)
     return said
-
-
-def measured(*parts: str) -> Path:
-    """A measured file; skips where there are none."""
-    folder = os.environ.get("BRISTLE_DATA")
-    if not folder:
-        pytest.skip("BRISTLE_DATA is not set: the measured logs are not part of the project")
-    return Path(folder, *parts)
