@@ -116,28 +116,33 @@ def excel() -> str:
     )
 
 
-EXPORTS: dict[str, tuple[Callable[[], str], list[int | str]]] = {
-    "Tektronix": (tektronix, ["TIME", "CH1", "CH2"]),
-    "Tektronix, beside": (tektronix_beside, [3, 4]),
-    "Keysight": (keysight, ["x-axis", "1", "2"]),
-    "PicoScope": (picoscope, ["Time", "Channel A", "Channel B"]),
-    "LeCroy": (lecroy, ["Time", "Ampl"]),
-    "TwinCAT": (twincat, [0, "Axis1.ActPos", "Axis1.ActCurrent"]),
-    "Siemens": (siemens, ["Timestamp", "actPosition", "actCurrent"]),
-    "LabVIEW": (labview, ["X_Value", "Position", "Current"]),
-    "ROS 2": (ros, [1, 5, 7]),
-    "Excel": (excel, ["Zeit", "Winkel", "Strom"]),
+EXPORTS: dict[str, tuple[Callable[[], str], list[int | str], tuple[str, ...] | None]] = {
+    "Tektronix": (tektronix, ["TIME", "CH1", "CH2"], None),
+    "Tektronix, beside": (tektronix_beside, [3, 4], None),
+    "Keysight": (keysight, ["x-axis", "1", "2"], ("second", "volt", "ampere")),
+    "PicoScope": (picoscope, ["Time", "Channel A", "Channel B"], ("ms", "V", "mA")),
+    "LeCroy": (lecroy, ["Time", "Ampl"], ("", "")),
+    "TwinCAT": (twincat, [0, "Axis1.ActPos", "Axis1.ActCurrent"], ("", "deg", "", "mA")),
+    "Siemens": (siemens, ["Timestamp", "actPosition", "actCurrent"], ("", "°", "mA")),
+    "LabVIEW": (labview, ["X_Value", "Position", "Current"], None),
+    "ROS 2": (ros, [1, 5, 7], ()),
+    "Excel": (excel, ["Zeit", "Winkel", "Strom"], ("s", "Grad", "mA")),
 }
+"""What writes each, its columns, and the units that its header states, where these are looked at."""
 MILLI = {"PicoScope", "TwinCAT"}
 """Whose time is in ms."""
 
 
 @pytest.mark.parametrize("name", EXPORTS)
 def test_exports_are_read_as_they_are(tmp_path: Path, name: str) -> None:
-    """Every number of every column comes back, from the first row to the last, by the names that the file has or by numbers."""
-    write, columns = EXPORTS[name]
+    """Every number of every column comes back, from the first row to the last, by the names that the file has or by numbers.
+
+    A row of units, in brackets or not, and a block's line of them, are the units of the columns; nothing else is.
+    """
+    write, columns, units = EXPORTS[name]
     path = tmp_path / "log.csv"
     path.write_text(write(), encoding="utf-8", newline="")
+    assert units in (None, text_layout(path).units)
     keys = [Key(c, stamps=name == "Siemens" and c == "Timestamp") for c in columns]
     time, *values = (read_table(path, [key]).columns[key] for key in keys)
     by = {**dict.fromkeys(MILLI, 1e-3), "ROS 2": 1e-9}.get(name, 1.0)
@@ -149,20 +154,6 @@ def test_exports_are_read_as_they_are(tmp_path: Path, name: str) -> None:
             assert np.isnan(current[N // 2 :]).all()
         else:
             np.testing.assert_allclose(current, I, atol=2e-3)
-
-
-@pytest.mark.parametrize(
-    ("name", "units"),
-    [
-        ("Keysight", ("second", "volt", "ampere")), ("PicoScope", ("ms", "V", "mA")), ("TwinCAT", ("", "deg", "", "mA")),
-        ("Siemens", ("", "°", "mA")), ("Excel", ("s", "Grad", "mA")), ("LeCroy", ("", "")), ("ROS 2", ()),
-    ],
-)  # fmt: skip  # a table
-def test_units_that_a_header_states(tmp_path: Path, name: str, units: tuple[str, ...]) -> None:
-    """A row of units, in brackets or not, and a block's line of them, are the units of the columns; nothing else is."""
-    path = tmp_path / "log.csv"
-    path.write_text(EXPORTS[name][0](), encoding="utf-8", newline="")
-    assert text_layout(path).units == units
 
 
 @pytest.mark.parametrize(

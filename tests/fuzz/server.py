@@ -30,9 +30,9 @@ _READERS = (
     "__main__.py",
     "cli.py",
     "terminal.py",
-    "api.py",
-    "edro.py",
+    "api/",
     "progress.py",
+    "workers.py",
 )
 """Where, below the package, an input that fails there was not yet past the reader."""
 
