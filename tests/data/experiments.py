@@ -71,8 +71,8 @@ def refusal(path: Path, keys: Sequence[Key]) -> str | None:
     return None
 
 
-def refused_otherwise(asks: Iterable[tuple[Callable[[], object], str]], opens: str = "") -> list[str]:
-    """Calls that are not refused as they should be: soon, in one short line that opens so and matches a pattern; with what they did instead."""
+def assert_refused(asks: Iterable[tuple[Callable[[], object], str]], opens: str = "") -> None:
+    """Each call is refused soon, in one short line that opens so and matches its pattern; those that are not are named, with what they did."""
     faults = []
     for ask, says in asks:
         begun, said = time.process_time(), ""
@@ -83,7 +83,7 @@ def refused_otherwise(asks: Iterable[tuple[Callable[[], object], str]], opens: s
         right = said.startswith(opens) and re.search(says, said) and 0 < len(said.removeprefix(opens)) <= 500
         if not right or "\n" in said or time.process_time() - begun > 5:
             faults.append(f"expected {says}; got {said[:600] or 'a result'}")
-    return faults
+    assert not faults, "\n".join(faults)
 
 
 _EACH = """

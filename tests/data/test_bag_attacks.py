@@ -23,7 +23,7 @@ from bristle.data.text_table import read_table
 from bristle.errors import InputError
 
 from ..bags import FORMATS, START, state, wrench, write_bag
-from .experiments import refusal, refused_otherwise
+from .experiments import assert_refused, refusal
 
 pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
 
@@ -41,9 +41,9 @@ def _refusal(path: Path, keys: list[Key] = _KEYS) -> str | None:
     return says
 
 
-def _otherwise(asked: Sequence[tuple[Path, str, Key]]) -> list[str]:
-    """Bags whose column is not refused soon, in a sentence that says so."""
-    return refused_otherwise((partial(read_table, path, [key]), re.escape(says)) for path, says, key in asked)
+def _assert_refused(asked: Sequence[tuple[Path, str, Key]]) -> None:
+    """Of each bag the column is refused soon, in a sentence that says so."""
+    assert_refused((partial(read_table, path, [key]), re.escape(says)) for path, says, key in asked)
 
 
 @pytest.fixture(scope="module", params=FORMATS)
@@ -131,7 +131,7 @@ _DATABASES = [
 
 def test_databases_that_are_no_bag(tmp_path: Path) -> None:
     """Other tables, views that compute without end, values of other types: refused, and none is run."""
-    assert not _otherwise(
+    _assert_refused(
         [(_database(tmp_path / f"{k}.db3", *made), says, _KEYS[1]) for k, (made, says) in enumerate(_DATABASES)]
     )
 
@@ -231,7 +231,7 @@ _CLAIMS = [
 
 def test_messages_that_claim_more_than_they_hold(tmp_path: Path) -> None:
     """A text, names or positions of 2^31 elements in a message of 20 bytes, and other encodings, are refused at once."""
-    assert not _otherwise(
+    _assert_refused(
         [
             (_mcap(tmp_path / f"{k}.mcap", _CHANNEL, _message(content)), says, Key("position[0]"))
             for k, (content, says) in enumerate(_CLAIMS)
@@ -266,7 +266,7 @@ _GARBAGE = [
 
 def test_definitions_that_are_garbage(tmp_path: Path) -> None:
     """Definitions that do not parse, name each other in circles, or claim fields without end are refused, soon; none is run as code."""
-    assert not _otherwise(
+    _assert_refused(
         [
             (_mcap(tmp_path / f"{k}.mcap", *_defined(text, encoding)), says, Key("/a.x"))
             for k, (text, encoding, says) in enumerate(_GARBAGE)
@@ -320,7 +320,7 @@ def test_metadata_that_harms(tmp_path: Path) -> None:
         _database(tmp_path / f"x{k}.db3", _TOPICS, _TOPIC, _MESSAGES)
         (bag / "out.db3").symlink_to(tmp_path / f"x{k}.db3")
         asked.append((bag, says, _KEYS[1]))
-    assert not _otherwise(asked)
+    _assert_refused(asked)
 
 
 def test_without_rosbags_the_sentence_says_how_to_install_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -330,7 +330,7 @@ def test_without_rosbags_the_sentence_says_how_to_install_it(tmp_path: Path, mon
     for suffix in _SUFFIX.values():
         (tmp_path / f"x{suffix}").write_bytes(b"x")
     says = "is a ROS bag, which needs rosbags; install it with pip install 'bristle[ros]'"
-    assert not _otherwise([(tmp_path / f"x{suffix}", says, _KEYS[0]) for suffix in _SUFFIX.values()])
+    _assert_refused([(tmp_path / f"x{suffix}", says, _KEYS[0]) for suffix in _SUFFIX.values()])
 
 
 def test_a_bag_has_a_largest_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

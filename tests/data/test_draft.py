@@ -9,7 +9,7 @@ from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment, to
 from bristle.data.experiment.load import Experiment, load_experiment, read_runs
 from bristle.errors import InputError
 
-from .experiments import present, refused_otherwise
+from .experiments import assert_refused, present
 
 _T = np.arange(200) * 0.01
 _Q, _TAU = np.sin(_T), np.cos(_T)
@@ -100,10 +100,10 @@ def test_what_cannot_be_guessed_is_refused(tmp_path: Path) -> None:
         "x1,q,tau": r"no column is named as the time.* --rate",
     }
     for header, told in says.items():
-        assert not refused_otherwise([(partial(_draft, _csv(tmp_path / "log.csv", header, _T, _Q, _TAU)), told)])
+        assert_refused([(partial(_draft, _csv(tmp_path / "log.csv", header, _T, _Q, _TAU)), told)])
     _draft(tmp_path / "log.csv", columns={"torque": "tau_2", "time": "x1"})
     told = "no column named 'tau_2'; there are: x1, q, tau"
-    assert not refused_otherwise([(partial(read_runs, _load(tmp_path)), told)])
+    assert_refused([(partial(read_runs, _load(tmp_path)), told)])
 
 
 def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
@@ -126,7 +126,7 @@ def test_options_name_a_signal() -> None:
     asks = [(partial(told_by, [option], "--unit"), r"--unit: got .*; expected SIGNAL=") for option in options]
     asks.append((partial(told_by, ["torque=a", "torque=b"], "--column"), "torque is told twice"))
     asks.append((partial(told_by, ["torque=a", "current=b"], "--column"), "expected one of them"))
-    assert not refused_otherwise(asks)
+    assert_refused(asks)
 
 
 def test_a_position_that_wraps_is_declared(tmp_path: Path) -> None:

@@ -16,12 +16,12 @@ from bristle.data.experiment.schema import PlusMinus
 from bristle.data.experiment.yaml_file import parse
 from bristle.errors import InputError
 
-from .experiments import experiment, refused_otherwise, signals_with
+from .experiments import assert_refused, experiment, signals_with
 
 
 def written(text: str) -> dict[str, Any]:
     """Keys of an experiment file as they are written, where `signals.torque` changes one signal of those that there are."""
-    keys = yaml.safe_load(text)
+    keys: dict[str, Any] = yaml.safe_load(text)
     signals = {key.removeprefix("signals."): keys.pop(key) for key in [*keys] if str(key).startswith("signals.")}
     return keys | ({"signals": signals_with(**signals)} if signals else {})
 
@@ -108,7 +108,7 @@ _BAD: dict[str, str] = {
 def test_bad_keys_are_refused(tmp_path: Path) -> None:
     """Each mistake in a file is one sentence that opens with the file and names the key and the fix."""
     asks = [(partial(experiment, tmp_path, **written(text)), says) for text, says in _BAD.items()]
-    assert not refused_otherwise(asks, str(tmp_path / "experiment.yaml"))
+    assert_refused(asks, str(tmp_path / "experiment.yaml"))
 
 
 _FEW = "joint: {name: a}\nruns: [{files: a, experiment: ramp}]\n"
@@ -162,7 +162,7 @@ def test_malformed_yaml_is_refused(tmp_path: Path) -> None:
     (tmp_path / "binary.yaml").write_bytes(b"\xff\x00")
     paths = {"none.yaml": "no such file", ".": "is a folder", "binary.yaml": "not text"}
     asks += [(partial(load_experiment, tmp_path / name), says) for name, says in paths.items()]
-    assert not refused_otherwise(asks, str(tmp_path))
+    assert_refused(asks, str(tmp_path))
 
 
 def test_hostile_file_names_are_refused(tmp_path: Path) -> None:
@@ -179,7 +179,7 @@ def test_hostile_file_names_are_refused(tmp_path: Path) -> None:
         "slow*": r"file name 'slow\\udcff.csv' holds U\+DCFF",
     }
     read = {files: experiment(tmp_path, runs=[{"files": files, "experiment": "tracking"}]) for files in says}
-    assert not refused_otherwise((partial(read_runs, read[files]), told) for files, told in says.items())
+    assert_refused((partial(read_runs, read[files]), told) for files, told in says.items())
 
 
 @given(st.text(max_size=2000))
@@ -244,4 +244,4 @@ def test_yaml_is_told_in_plain_words() -> None:
         (partial(parse, text, "e.yaml"), f"^{its_own}e.yaml: {at}, column .*: got .*{says}")
         for text, at, says in _SPELT
     ]
-    assert not refused_otherwise(asks)
+    assert_refused(asks)

@@ -18,7 +18,7 @@ from bristle.data.text_layout import text_layout
 from bristle.data.text_table import read_table
 from bristle.errors import InputError
 
-from .experiments import present, refusal, refused_otherwise
+from .experiments import assert_refused, present, refusal
 
 N = 60
 T = np.round(np.arange(N) * 1e-3, 6)
@@ -325,7 +325,7 @@ def test_what_cannot_be_read_is_refused(tmp_path: Path) -> None:
         path = tmp_path / f"{k}.csv"
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
         asks.append((partial(read_table, path, [key]), says))
-    assert not refused_otherwise(asks, str(tmp_path))
+    assert_refused(asks, str(tmp_path))
 
 
 _LINES = st.sampled_from(

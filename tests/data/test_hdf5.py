@@ -14,7 +14,7 @@ from bristle.data.hdf5 import columns_of
 from bristle.data.text_table import read_table
 from bristle.errors import InputError
 
-from .experiments import answers, refusal, refused_otherwise
+from .experiments import answers, assert_refused, refusal
 
 h5py = pytest.importorskip("h5py", reason="the extra `hdf5` is not installed")
 
@@ -97,11 +97,15 @@ _REFUSED: dict[Key, str] = {
 }
 
 
+def _all(path: Path, key: Key) -> list[float]:
+    (values,) = columns_of(path, [key])
+    return list(values.tolist())
+
+
 def test_a_path_reads_its_dataset_or_says_why_not(log: Path) -> None:
     """Vectors, columns of matrices, fields of tables and links inside the file are read; what is not in it as plain numbers is refused, before."""
-    assert {key: next(columns_of(log, [key])).tolist() for key in _READ} == _READ
-    asks = [(partial(list, columns_of(log, [key])), re.escape(says)) for key, says in _REFUSED.items()]
-    assert not refused_otherwise(asks)
+    assert {key: _all(log, key) for key in _READ} == _READ
+    assert_refused((partial(_all, log, key), re.escape(says)) for key, says in _REFUSED.items())
     table = read_table(log, [Key("t"), Key("/arm/q", 1)])
     assert [column.dtype for column in table.columns.values()] == [np.float64] * 2
     assert "is a group" in str(refusal(log, [Key("/arm")]))
@@ -155,10 +159,10 @@ def test_damaged_files_are_refused_in_a_sentence(tmp_path: Path, log: Path) -> N
     rng, whole = np.random.default_rng(0), log.read_bytes()
     broken = [b"", b"\x89HDF\r\n\x1a\n", rng.bytes(3000), *(whole[: int(rng.integers(len(whole)))] for _ in range(8))]
     for changed in [1, 2, 5, 20] * 16:
-        content = bytearray(whole)
+        overwritten = bytearray(whole)
         for at in rng.integers(len(whole), size=changed):
-            content[at] = rng.integers(256)
-        broken.append(bytes(content))
+            overwritten[at] = rng.integers(256)
+        broken.append(bytes(overwritten))
     paths = [tmp_path / f"broken{k}.h5" for k in range(len(broken))]
     for path, content in zip(paths, broken, strict=True):
         path.write_bytes(content)

@@ -17,7 +17,7 @@ from bristle.identification.measured import measure
 
 from ..conftest import run as bristle
 from . import experiments
-from .experiments import SIGNALS, present, refused_otherwise, signals_with, write_log
+from .experiments import SIGNALS, assert_refused, present, signals_with, write_log
 
 N = 600
 T = np.arange(N) * 1e-3
@@ -72,7 +72,7 @@ def test_parts_of_one_file_are_runs(tmp_path: Path) -> None:
         runs = [{"files": f"log.{suffix}", **part} for part in parts]
         return [x.record.rows for x in measure(experiment(tmp_path, *runs, **more)).runs]
 
-    overlap = [
+    overlap: list[tuple[list[dict[str, Any]], str]] = [
         ([{"rows": "2-200"}, {"rows": "200-400"}], "is given twice"),
         ([{"rows": "2-200"}, {}], "is given twice"),
         ([{"rows": "2-200"}, {"time": {"from": "0.1 s"}, "hold_out": True}], "is held out and fitted as well"),
@@ -80,11 +80,11 @@ def test_parts_of_one_file_are_runs(tmp_path: Path) -> None:
     for suffix in ("csv", "npz"):
         assert rows({"rows": "2-200"}, {"rows": "201-400", "hold_out": True}, suffix=suffix) == [199, 200]
         assert rows({"time": {"to": "0.2 s"}}, {"time": {"from": "0.201 s"}}, suffix=suffix) == [201, N - 201]
-        assert not refused_otherwise((partial(rows, *parts, suffix=suffix), says) for parts, says in overlap)
+        assert_refused((partial(rows, *parts, suffix=suffix), says) for parts, says in overlap)
     signals = {"time": None, "position": None, "velocity": {"column": "v", "unit": "rad/s"}}
     points = [{"rows": part, "experiment": "points"} for part in ("2-100", "101-300", "100-200")]
     assert rows(*points[:2], signals=signals) == [99, 200]
-    assert not refused_otherwise([(partial(rows, *points[::2], signals=signals), "is given twice")])
+    assert_refused([(partial(rows, *points[::2], signals=signals), "is given twice")])
 
 
 _BAD_PARTS: dict[str, str] = {
@@ -113,7 +113,7 @@ def test_bad_parts_are_refused(tmp_path: Path) -> None:
     """Ranges beyond the file, empty or turned round, and lists that are none: one sentence, with which the command ends with 2."""
     log(tmp_path)
     asks = [(partial(records, tmp_path, yaml.safe_load(part)), says) for part, says in _BAD_PARTS.items()]
-    assert not refused_otherwise(asks)
+    assert_refused(asks)
     ran = bristle("inspect", tmp_path / "experiment.yaml")
     assert (ran.code, len(ran.said)) == (2, 1)
 
@@ -165,9 +165,9 @@ def test_files_that_do_not_follow_are_refused(tmp_path: Path) -> None:
     asks = [
         (partial(records, tmp_path, {"files": files.split(), "joined": True}), told) for files, told in says.items()
     ]
-    both = [{"files": ["a.csv", "b.csv"], "joined": True}, {"files": "b.csv"}]
+    both: list[dict[str, Any]] = [{"files": ["a.csv", "b.csv"], "joined": True}, {"files": "b.csv"}]
     asks.append((partial(records, tmp_path, *both), "'b.csv' is a part of a joined run and of another"))
-    assert not refused_otherwise(asks)
+    assert_refused(asks)
 
 
 # a time of its own
@@ -260,7 +260,7 @@ def test_times_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
     pairs = {"velocity": {"column": "v", "unit": "rad/s"}, "torque": SIGNALS["torque"] | {"time": "t"}}
     says = r"points are pairs in rows, without time; leave out signals\.torque\.time"
     asks.append((partial(records, tmp_path, {"experiment": "points"}, signals=pairs), says))
-    assert not refused_otherwise(asks)
+    assert_refused(asks)
 
 
 # units that the file states

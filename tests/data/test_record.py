@@ -6,7 +6,7 @@ import pytest
 
 from bristle.data.record import Record
 
-from .experiments import present, refused_otherwise
+from .experiments import assert_refused, present
 
 
 def test_copies_and_freezes() -> None:
@@ -25,7 +25,7 @@ def test_refuses_what_is_no_time_series() -> None:
     asks = [(partial(Record, file="a.csv", time=np.array(time)), "time") for time in times]
     pair = partial(Record, file="a.csv", time=np.array([0.0, 1.0]))
     asks += [(partial(pair, velocity=np.array(v)), "velocity") for v in ([1.0], [1.0, np.inf])]
-    assert not refused_otherwise(asks, "a.csv: ")
+    assert_refused(asks, "a.csv: ")
 
 
 def test_step_is_the_median_interval() -> None:

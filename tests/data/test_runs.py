@@ -10,7 +10,7 @@ from bristle.data.experiment.load import read_runs
 from bristle.errors import InputError
 
 from ..sameness import of_kind
-from .experiments import SIGNALS, experiment, first_record, present, refused_otherwise, signals_with, write_log
+from .experiments import SIGNALS, assert_refused, experiment, first_record, present, signals_with, write_log
 
 _T = np.arange(400) * 1e-3
 
@@ -219,7 +219,7 @@ def test_useless_data_are_refused(tmp_path: Path) -> None:
         _log(tmp_path, f"log_{k}.csv", **columns)
         runs = [{"files": f"log_{k}.csv", "experiment": "tracking"}]
         asks.append((partial(first_record, tmp_path, signals=signals, runs=runs), says))
-    assert not refused_otherwise(asks, "log_")
+    assert_refused(asks, "log_")
 
 
 def test_a_place_is_told_by_the_line_of_the_file(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
@@ -90,6 +90,10 @@ def server() -> Iterator[Server]:
             process.terminate()
 
 
+class OutOfTimeError(BaseException):
+    """Ends the drawing of cases, which takes long, where none is tried any more; it is no failure that Hypothesis would make small."""
+
+
 def fuzz(running: Server, end: float, *, first: int = 0, least: int = 0, most: int = 400) -> None:
     """Try at least and at most so many cases of one seed, until `end` (by time.monotonic); what fails is made small and raised, by Hypothesis."""
     failed = False
@@ -100,14 +104,16 @@ def fuzz(running: Server, end: float, *, first: int = 0, least: int = 0, most: i
     def tried(case: Case) -> None:
         nonlocal failed
         # what failed is made small even when time is up
-        if failed or time.monotonic() < end or running.runs < least:
-            try:
-                running.check(case)
-            except AssertionError:
-                failed = True
-                raise
+        if not failed and time.monotonic() >= end and running.runs >= least:
+            raise OutOfTimeError
+        try:
+            running.check(case)
+        except AssertionError:
+            failed = True
+            raise
 
-    tried()
+    with suppress(OutOfTimeError):
+        tried()
 
 
 def _hold(case: Case, folder: Path, answer: Mapping[str, float]) -> None:

@@ -10,7 +10,7 @@ import bristle
 from bristle.simulation import arm
 
 from ..bags import START, state, write_bag
-from ..data.experiments import refused_otherwise
+from ..data.experiments import assert_refused
 from .arms import NAMES, NO_PINOCCHIO, load_robot
 
 pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
@@ -80,4 +80,4 @@ def test_what_cannot_be_drafted_is_refused(tmp_path: Path) -> None:
     log.write_text("a,b\n1,1\n2,2\n3,3\n")
     of_nothing = (partial(bristle.draft, LOGS[0], folder=tmp_path), "got a URDF alone")
     told = "no columns of torque, current or voltage are unmistakable"
-    assert not refused_otherwise([of_nothing, (partial(bristle.draft, LOGS[0], log, folder=tmp_path), told)])
+    assert_refused([of_nothing, (partial(bristle.draft, LOGS[0], log, folder=tmp_path), told)])

@@ -11,7 +11,7 @@ from bristle.data.robot.motion import read_motions, reader_of
 from bristle.data.robot.robot_file import Robot, pick
 from bristle.simulation.arm import ArmLog
 
-from ..data.experiments import refused_otherwise
+from ..data.experiments import assert_refused
 from .arms import NAMES, SIGNALS, document, load_robot, write
 
 TRACKING = {"files": "log.npz", "experiment": "tracking"}
@@ -160,4 +160,4 @@ def test_every_bad_key_is_named_in_one_sentence(tmp_path: Path) -> None:
         """The robot of a file with these keys changed."""
         return load_robot(write(tmp_path, document(**changed)))
 
-    assert not refused_otherwise(((partial(load, changed), told) for changed, told in BAD.values()), str(tmp_path))
+    assert_refused(((partial(load, changed), told) for changed, told in BAD.values()), str(tmp_path))

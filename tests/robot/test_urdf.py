@@ -15,7 +15,7 @@ from bristle.data.robot.rigid_body import rigid_body
 from bristle.data.robot.urdf import MAX_BYTES, MAX_JOINTS, read_urdf
 from bristle.errors import InputError
 
-from ..data.experiments import refused_otherwise
+from ..data.experiments import assert_refused
 from .arms import ARM, inertial, pendulum
 
 GOOD = ARM.read_text(encoding="utf-8")
@@ -104,7 +104,7 @@ def test_hostile_files_are_refused_in_one_sentence(tmp_path: Path) -> None:
         (partial(read_urdf, path), f"^{re.escape(str(path))}")
         for path in (tmp_path, tmp_path / "pipe", tmp_path / "none.urdf")
     ]
-    assert not refused_otherwise(asks)
+    assert_refused(asks)
 
 
 def test_junk_beside_the_joints_changes_nothing(tmp_path: Path) -> None:
