@@ -1,11 +1,17 @@
 """What several tests of this room begin with: an experiment file, a log, and what is surely there."""
 
-import os
-from collections.abc import Sequence
+import io
+import json
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-import pytest
+import numpy as np
+import pandas as pd
 import yaml
 
 from bristle.data.columns import Key
@@ -33,6 +39,13 @@ def signals_with(**changes: Any) -> dict[str, Any]:
     return {name: s for name, s in (SIGNALS | changes).items() if s is not None}
 
 
+def write_log(folder: Path, name: str = "log.csv", **columns: Any) -> Path:
+    """A text file of these columns, every digit of them."""
+    path = folder / name
+    pd.DataFrame(columns).to_csv(path, index=False)
+    return path
+
+
 def experiment(folder: Path, **changes: Any) -> Experiment:
     """The experiment of one tracking run of log.csv, with some keys changed."""
     base = {"joint": {"name": "wrist"}, "signals": SIGNALS, "runs": [{"files": "log.csv", "experiment": "tracking"}]}
@@ -58,9 +71,56 @@ def refusal(path: Path, keys: Sequence[Key]) -> str | None:
     return None
 
 
-def measured(*parts: str) -> Path:
-    """A measured file; skips where there are none."""
-    folder = os.environ.get("BRISTLE_DATA")
-    if not folder:
-        pytest.skip("BRISTLE_DATA is not set: the measured logs are not part of the project")
-    return Path(folder, *parts)
+def assert_refused(asks: Iterable[tuple[Callable[[], object], str]], opens: str = "") -> None:
+    """Each call is refused soon, in one short line that opens so and matches its pattern; those that are not are named, with what they did."""
+    faults = []
+    for ask, says in asks:
+        begun, said = time.process_time(), ""
+        try:
+            ask()
+        except InputError as error:
+            said = str(error)
+        right = said.startswith(opens) and re.search(says, said) and 0 < len(said.removeprefix(opens)) <= 500
+        if not right or "\n" in said or time.process_time() - begun > 5:
+            faults.append(f"expected {says}; got {said[:600] or 'a result'}")
+    assert not faults, "\n".join(faults)
+
+
+_EACH = """
+import json, mmap, os, sys
+from importlib import import_module
+from bristle.data import isolated
+asked, done = json.load(sys.stdin), mmap.mmap(-1, 8)
+import_module(asked["library"])
+while (k := int.from_bytes(done[:])) < len(asked["each"]):
+    if not (child := os.fork()):
+        for path, key in asked["each"][k:]:
+            isolated.answer({"read": [asked["module"], "columns_of"], "file": path, "keys": [key]})
+            sys.stdout.flush()
+            k += 1
+            done[:] = k.to_bytes(8)
+        os._exit(0)
+    if code := os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]):
+        print(json.dumps({"damaged": f"{asked['library']} crashed at it (exit code {code})"}), flush=True)
+        done[:] = (int.from_bytes(done[:]) + 1).to_bytes(8)
+"""
+"""Answers as the process does that bristle starts for each file, in a fork that goes on until it crashes: nothing is imported again."""
+
+
+def answers(module: str, library: str, paths: Sequence[Path], *keys: Key) -> list[list[float] | str]:
+    """What a user gets of each column of each file, which a module reads with a library: numbers, or why there are none."""
+    each = [(str(path), (key.column, key.index)) for path in paths for key in keys]
+    ran = subprocess.run(  # noqa: S603  # what bristle runs
+        [sys.executable, "-c", _EACH],
+        input=json.dumps({"module": module, "library": library, "each": each}).encode(),
+        capture_output=True,
+        timeout=300,
+        check=True,
+    )
+    out, said = io.BytesIO(ran.stdout), list[list[float] | str]()
+    while line := out.readline():
+        answer = json.loads(line)
+        values = np.frombuffer(out.read(8 * sum(answer.get("lengths", ()))), "<f8").tolist()
+        said.append(values if "lengths" in answer else answer.get("error") or f"is damaged: {answer['damaged']}")
+    assert len(said) == len(each)
+    return said

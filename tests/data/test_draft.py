@@ -1,15 +1,15 @@
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
-import scipy.io
 
 from bristle.data.experiment.column_names import guess_columns
 from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment, told_by
 from bristle.data.experiment.load import Experiment, load_experiment, read_runs
 from bristle.errors import InputError
 
-from .experiments import present
+from .experiments import assert_refused, present
 
 _T = np.arange(200) * 0.01
 _Q, _TAU = np.sin(_T), np.cos(_T)
@@ -31,60 +31,50 @@ def _csv(path: Path, header: str, *columns: np.ndarray) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    "header", ["t,q,tau", "Time,Position,Effort", "time_s,q_rad,tau_Nm", "Time [s],angle (rad),Torque [Nm]"]
-)
-def test_usual_names_need_no_help(tmp_path: Path, header: str) -> None:
-    """A log with usual names gives a draft that loads and reads as it is."""
-    _, guessed = _draft(_csv(tmp_path / "ramp.csv", header, _T, _Q, _TAU))
-    record = read_runs(_load(tmp_path))[0].record
-    np.testing.assert_allclose(present(record.torque), _TAU)
-    assert any(sentence.startswith("torque: column ") for sentence in guessed)
-
-
-def test_units_in_names_are_used(tmp_path: Path) -> None:
-    """A unit in a column's name is taken, and only a unit that is assumed is listed as such."""
+def test_usual_names_need_no_help(tmp_path: Path) -> None:
+    """A log with usual names gives a draft that loads and reads as it is; a unit in a name is taken, and one that is assumed is listed."""
+    for header in ("t,q,tau", "Time,Position,Effort", "time_s,q_rad,tau_Nm", "Time [s],angle (rad),Torque [Nm]"):
+        _, guessed = _draft(_csv(tmp_path / "ramp.csv", header, _T, _Q, _TAU))
+        np.testing.assert_allclose(present(read_runs(_load(tmp_path))[0].record.torque), _TAU)
+        assert any(sentence.startswith("torque: column ") for sentence in guessed)
     _, unknown = _draft(_csv(tmp_path / "sine.csv", "t_ms,q_deg,tau", 1000 * _T, np.degrees(_Q), _TAU))
-    run = read_runs(_load(tmp_path))[0]
-    assert run.record.position is not None
-    np.testing.assert_allclose(run.record.position, _Q, atol=1e-12)
+    np.testing.assert_allclose(present(read_runs(_load(tmp_path))[0].record.position), _Q, atol=1e-12)
     assert [u for u in unknown if u.startswith("unit of")] == ['unit of torque (column "tau"): assumed N*m']
 
 
-@pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet"])
-def test_containers(tmp_path: Path, suffix: str) -> None:
-    """MAT (with its structs), NPZ and Parquet files are drafted as CSV is."""
-    path = tmp_path / f"log{suffix}"
-    columns = {"t": _T, "q": _Q, "tau": _TAU}
-    if suffix == ".mat":
-        scipy.io.savemat(path, {"data": columns})
-    elif suffix == ".npz":
-        np.savez(path, t=_T, q=_Q, tau=_TAU)
-    else:
-        pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
-        pytest.importorskip("pandas").DataFrame(columns).to_parquet(path)
-    _draft(path)
-    assert read_runs(_load(tmp_path))[0].record.time.size == _T.size
+_NAMES: dict[str, tuple[str, str | None] | None] = {
+    "motor_current_A": ("current", "A"),
+    "joint_pos_deg": ("position", "deg"),
+    "tau_Nm": ("torque", "N*m"),
+    "dq": ("velocity", None),
+    "jointVelDeg_s": ("velocity", "deg/s"),
+    "Position (deg)": ("position", "deg"),
+    "actual_qd_0": ("velocity", None),
+    "current_position": ("position", None),
+    "v [V]": ("voltage", "V"),
+    "torque_current": ("current", None),
+    "v_mm_s": ("velocity", "mm/s"),
+    "speed_rpm": ("velocity", "rpm"),
+    "speed [1/min]": ("velocity", "rpm"),
+    "data.run{2}.qm": ("position", None),
+    "motor_torque_mNm": ("torque", "mNm"),
+    "timestamp": ("time", None),
+    "tau_cmd": ("torque", None),
+    "temperature": None,
+    "q_ref": None,
+    "position_error": None,
+    "Torque [parsec]": None,
+    "target_velocity": None,
+    "current[0] (mA)": ("current", "mA"),
+    "position[0]": ("position", None),
+    "effort[2] [Nm]": ("torque", "N*m"),
+}
 
 
-@pytest.mark.parametrize(
-    ("name", "guess"),
-    [
-        ("motor_current_A", ("current", "A")), ("joint_pos_deg", ("position", "deg")), ("tau_Nm", ("torque", "N*m")),
-        ("dq", ("velocity", None)), ("jointVelDeg_s", ("velocity", "deg/s")), ("Position (deg)", ("position", "deg")),
-        ("actual_qd_0", ("velocity", None)), ("current_position", ("position", None)), ("v [V]", ("voltage", "V")),
-        ("torque_current", ("current", None)), ("v_mm_s", ("velocity", "mm/s")), ("speed_rpm", ("velocity", "rpm")),
-        ("speed [1/min]", ("velocity", "rpm")),
-        ("data.run{2}.qm", ("position", None)), ("motor_torque_mNm", ("torque", "mNm")), ("timestamp", ("time", None)),
-        ("tau_cmd", ("torque", None)), ("temperature", None), ("q_ref", None), ("position_error", None),
-        ("Torque [parsec]", None), ("target_velocity", None),
-        ("current[0] (mA)", ("current", "mA")), ("position[0]", ("position", None)), ("effort[2] [Nm]", ("torque", "N*m")),
-    ],
-)  # fmt: skip  # a table
-def test_names_as_people_write_them(name: str, guess: tuple[str, str | None] | None) -> None:
+def test_names_as_people_write_them() -> None:
     """A signal and its unit are read off a column's name; references, errors and other quantities are no signal."""
-    found = [(signal, x.unit) for signal, x in guess_columns([name]).items()]
-    assert found == ([guess] if guess else [])
+    found = {name: [(signal, x.unit) for signal, x in guess_columns([name]).items()] for name in _NAMES}
+    assert found == {name: [guess] if guess else [] for name, guess in _NAMES.items()}
 
 
 def test_what_was_measured_is_taken_before_what_was_asked_for() -> None:
@@ -101,21 +91,19 @@ def test_v_is_a_velocity_beside_a_torque() -> None:
     assert guess_columns(["v", "dq", "tau"])["velocity"].column == "dq"
 
 
-@pytest.mark.parametrize(
-    ("header", "told", "refused"),
-    [
-        ("t,q,x1", {}, r"no column is named as a torque.* --column torque=NAME"),
-        ("t,q,v_in", {}, r"is a voltage, .* --torque-constant .* --resistance"),
-        ("t,x1,tau", {}, r"no column is named as a position or a velocity.* --column position=NAME"),
-        ("x1,q,tau", {}, r"no column is named as the time.* --rate"),
-        ("t,q,x1", {"columns": {"torque": "tau"}}, r"no column named 'tau'; there are: t, q, x1"),
-    ],
-)
-def test_what_cannot_be_guessed_is_refused(tmp_path: Path, header: str, told: dict[str, object], refused: str) -> None:
+def test_what_cannot_be_guessed_is_refused(tmp_path: Path) -> None:
     """Where torque, position or time are missing, or a motor's constants, one sentence names the option that tells it."""
-    data = _csv(tmp_path / "log.csv", header, _T, _Q, _TAU)
-    with pytest.raises(InputError, match=refused):
-        read_runs(_draft(data, **told) and _load(tmp_path))
+    says = {
+        "t,q,x1": r"no column is named as a torque.* --column torque=NAME",
+        "t,q,v_in": r"is a voltage, .* --torque-constant .* --resistance",
+        "t,x1,tau": r"no column is named as a position or a velocity.* --column position=NAME",
+        "x1,q,tau": r"no column is named as the time.* --rate",
+    }
+    for header, told in says.items():
+        assert_refused([(partial(_draft, _csv(tmp_path / "log.csv", header, _T, _Q, _TAU)), told)])
+    _draft(tmp_path / "log.csv", columns={"torque": "tau_2", "time": "x1"})
+    told = "no column named 'tau_2'; there are: x1, q, tau"
+    assert_refused([(partial(read_runs, _load(tmp_path)), told)])
 
 
 def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
@@ -132,15 +120,13 @@ def test_what_is_told_is_not_guessed(tmp_path: Path) -> None:
     assert guessed == ("joint.kind: revolute, by the units",)
 
 
-@pytest.mark.parametrize("option", ["torque", "torque=", "speed=v", "=v", ""])
-def test_options_name_a_signal(option: str) -> None:
+def test_options_name_a_signal() -> None:
     """An option without a signal, or without a value, is refused with what was expected; so are a signal told twice, and two drives."""
-    with pytest.raises(InputError, match=r"--unit: got .*; expected SIGNAL="):
-        told_by([option], "--unit")
-    with pytest.raises(InputError, match="torque is told twice"):
-        told_by(["torque=a", "torque=b"], "--column")
-    with pytest.raises(InputError, match="expected one of them"):
-        told_by(["torque=a", "current=b"], "--column")
+    options = ("torque", "torque=", "speed=v", "=v", "")
+    asks = [(partial(told_by, [option], "--unit"), r"--unit: got .*; expected SIGNAL=") for option in options]
+    asks.append((partial(told_by, ["torque=a", "torque=b"], "--column"), "torque is told twice"))
+    asks.append((partial(told_by, ["torque=a", "current=b"], "--column"), "expected one of them"))
+    assert_refused(asks)
 
 
 def test_a_position_that_wraps_is_declared(tmp_path: Path) -> None:
@@ -181,30 +167,12 @@ def test_a_file_name_with_a_line_end_is_refused(tmp_path: Path) -> None:
 
 def test_a_draft_of_very_many_columns_is_short(tmp_path: Path) -> None:
     """A wide file gives a draft that can be loaded: what was found, and the first names; a name that repeats or is very long is never guessed."""
-    names = [
-        "t [s]",
-        "q [rad]",
-        "tau [Nm]",
-        *(f"c{k}" for k in range(3000)),
-        "v" * 5000 + "[" * 5000,
-        *["dq [rad/s]"] * 3000,
-    ]
+    names = ["t [s]", "q [rad]", "tau [Nm]", *(f"c{k}" for k in range(3000))]
+    names += ["v" * 5000 + "[" * 5000, *["dq [rad/s]"] * 3000]
     path = tmp_path / "wide.csv"
-    rows = [
-        ",".join([f"{t}", f"{q}", f"{tau}", *["0"] * (len(names) - 3)])
-        for t, q, tau in zip(_T[:3], _Q[:3], _TAU[:3], strict=True)
-    ]
-    path.write_text("\n".join([",".join(names), *rows]))
+    zeros = ",0" * (len(names) - 3)
+    path.write_text("\n".join([",".join(names), *(f"{k},{k**2},{1 - k}{zeros}" for k in range(3))]))
     text, _ = _draft(path)
     assert len(text) < 10_000
     assert "velocity" not in text.split("signals:")[1]
     assert _load(tmp_path).signals.torque is not None
-
-
-def test_bad_files_are_refused(tmp_path: Path) -> None:
-    """What cannot be read cannot be drafted: one sentence."""
-    with pytest.raises(ValueError, match="no such file"):
-        draft_experiment([tmp_path / "none.csv"])
-    (tmp_path / "empty.csv").write_text("")
-    with pytest.raises(ValueError, match="empty"):
-        draft_experiment([tmp_path / "empty.csv"])

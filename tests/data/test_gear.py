@@ -1,10 +1,12 @@
 """Signals of either side of a gear: all come to the joint, where the law is."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -13,7 +15,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 
 from . import experiments
-from .experiments import present
+from .experiments import assert_refused, present, write_log
 
 K_T, R, RATIO = 0.05, 2.0, 100.0
 T = np.arange(1000) * 1e-3
@@ -34,9 +36,7 @@ def experiment(
     folder: Path, gear: Any, *, ratio: float = RATIO, kind: str = "revolute", more: Any = None, **signals: Any
 ) -> Experiment:
     """An experiment of one tracking run with these signals, each `column unit`, and this gear."""
-    logged = columns(ratio)
-    rows = np.column_stack(list(logged.values()))
-    np.savetxt(folder / "log.csv", rows, delimiter=",", header=",".join(logged), comments="", fmt="%.15g")
+    write_log(folder, "log.csv", **columns(ratio))
     named = {
         name: s if isinstance(s, dict) else dict(zip(("column", "unit"), s.split(), strict=True))
         for name, s in signals.items()
@@ -126,30 +126,19 @@ def test_the_encoder_is_on_the_side_of_the_position(tmp_path: Path) -> None:
         record(tmp_path, gear, position="turned rad", current="i A")
 
 
-@pytest.mark.parametrize(
-    "ratio", [f"{RATIO} rad/m", "100 rad/m", f"{2 * np.pi / RATIO!r} m/rev", f"{2000 * np.pi / RATIO!r} mm/rev"]
-)
-def test_a_lead(tmp_path: Path, ratio: str) -> None:
+def test_a_lead(tmp_path: Path) -> None:
     """A joint that slides has the angle of its motor per length, or its lead: m, N and kg at the joint, rad, N*m and kg*m**2 at the motor."""
-    motor = {
-        "torque_constant": f"{K_T} N*m/A",
-        "inertia": "1e-6 kg*m**2",
-        "gear": {"ratio": ratio, "position": "motor"},
-    }
-    e = experiment(
-        tmp_path,
-        None,
-        kind="prismatic",
-        more={"motor": motor, "encoder_resolution": "4096 counts/rev"},
-        position="qm rad",
-        current="i A",
-    )
-    assert e.motor is not None
-    assert (e.motor.k_t, e.motor.J) == pytest.approx((K_T * RATIO, 1e-6 * RATIO**2))
-    assert e.encoder_resolution == pytest.approx(2 * np.pi / 4096 / RATIO)
-    found = read_runs(e)[0].record
-    np.testing.assert_allclose(present(found.position), Q, rtol=1e-9)
-    np.testing.assert_allclose(present(found.torque), TAU, rtol=1e-9)
+    more: dict[str, Any] = {"encoder_resolution": "4096 counts/rev"}
+    for ratio in (f"{RATIO} rad/m", "100 rad/m", f"{2 * np.pi / RATIO!r} m/rev", f"{2000 * np.pi / RATIO!r} mm/rev"):
+        gear = {"ratio": ratio, "position": "motor"}
+        more["motor"] = {"torque_constant": f"{K_T} N*m/A", "inertia": "1e-6 kg*m**2", "gear": gear}
+        e = experiment(tmp_path, None, kind="prismatic", more=more, position="qm rad", current="i A")
+        assert e.motor is not None
+        assert (e.motor.k_t, e.motor.J) == pytest.approx((K_T * RATIO, 1e-6 * RATIO**2))
+        assert e.encoder_resolution == pytest.approx(2 * np.pi / 4096 / RATIO)
+        found = read_runs(e)[0].record
+        np.testing.assert_allclose(present(found.position), Q, rtol=1e-9)
+        np.testing.assert_allclose(present(found.torque), TAU, rtol=1e-9)
 
 
 def test_a_wrong_side_is_named(tmp_path: Path) -> None:
@@ -161,44 +150,40 @@ def test_a_wrong_side_is_named(tmp_path: Path) -> None:
     assert "the other side for velocity under motor.gear" in str(found)
 
 
-_BAD: dict[str, tuple[Any, str]] = {
-    "a bare number": (100, r"motor\.gear: got 100; expected the ratio, and for each logged signal the side"),
-    "text": ("100:1", r"motor\.gear: got '100:1'; expected the ratio"),
-    "zero": ({"ratio": 0, **MOTOR}, r"motor\.gear\.ratio: got 0; expected turns of the motor for one turn"),
-    "infinite": ({"ratio": float("inf"), **MOTOR}, r"motor\.gear\.ratio: got inf; expected turns"),
-    "no number": ({"ratio": float("nan"), **MOTOR}, r"motor\.gear\.ratio: got nan; expected turns"),
-    "vast": ({"ratio": 1e9, **MOTOR}, r"motor\.gear\.ratio: got 1000000000\.0; expected turns"),
-    "a unit": ({"ratio": "100 rad/m", **MOTOR}, r"motor\.gear\.ratio: got '100 rad/m'; expected turns"),
-    "true": ({"ratio": True, **MOTOR}, r"motor\.gear\.ratio: got True; expected turns"),
-    "no side": ({"ratio": 100}, r"runs\.0: motor\.gear does not say on which side position was logged; add position: motor, or"),
-    "no ratio": (MOTOR, r"motor\.gear\.ratio: missing"),
-    "a side that is none": ({"ratio": 100, "position": "link"}, r"motor\.gear\.position: got 'link'; expected 'motor' or 'joint'"),
-    "a current of the joint": ({"ratio": 100, "current": "joint"}, r"motor\.gear\.current: got 'joint'; expected 'motor'"),
-    "an efficiency": ({"ratio": 100, **MOTOR, "efficiency": 0.8}, r"motor\.gear: efficiency is friction that depends on load and direction"),
-}  # fmt: skip  # a table
+_BAD: dict[str, str] = {
+    "gear: 100": r"motor\.gear: got 100; expected the ratio, and for each logged signal the side",
+    "gear: 100/1": r"motor\.gear: got '100/1'; expected the ratio",
+    "gear: {ratio: 0, SIDES}": r"motor\.gear\.ratio: got 0; expected turns of the motor for one turn",
+    "gear: {ratio: .inf, SIDES}": r"motor\.gear\.ratio: got inf; expected turns",
+    "gear: {ratio: .nan, SIDES}": r"motor\.gear\.ratio: got nan; expected turns",
+    "gear: {ratio: 1.0e+9, SIDES}": r"motor\.gear\.ratio: got 1000000000\.0; expected turns",
+    "gear: {ratio: 100 rad/m, SIDES}": r"motor\.gear\.ratio: got '100 rad/m'; expected turns",
+    "gear: {ratio: true, SIDES}": r"motor\.gear\.ratio: got True; expected turns",
+    "gear: {ratio: 100}": r"runs\.0: motor\.gear does not say on which side position was logged; add position: motor, or",
+    "gear: {SIDES}": r"motor\.gear\.ratio: missing",
+    "gear: {ratio: 100, position: link}": r"motor\.gear\.position: got 'link'; expected 'motor' or 'joint'",
+    "gear: {ratio: 100, current: joint}": r"motor\.gear\.current: got 'joint'; expected 'motor'",
+    "gear: {ratio: 100, SIDES, efficiency: 0.8}": r"motor\.gear: efficiency is friction that depends on load and dir",
+    "{torque_constant: 1 N*m/A, efficiency: 0.9}": "motor: efficiency is friction .* leave it out",
+    "{torque_constant: null}": r"motor\.torque_constant: missing; add this key",
+    "{torque_constant: null, gear: {ratio: 2, position: motor}}": r"torque from current needs motor\.torque_constant",
+}
 
 
-@pytest.mark.parametrize("case", _BAD)
-def test_bad_gears_are_refused(tmp_path: Path, case: str) -> None:
-    """No ratio, one that is none, and signals of an unknown side are one sentence each."""
-    gear, says = _BAD[case]
-    with pytest.raises(InputError, match=says):
-        experiment(tmp_path, gear, position="qm rad", velocity="wm rad/s", current="i A")
+def test_bad_gears_are_refused(tmp_path: Path) -> None:
+    """No ratio, one that is none, signals of an unknown side, an efficiency, which is friction, and a current without k_t: one sentence each.
 
-
-@pytest.mark.parametrize("ratio", [100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None])
-def test_a_lead_has_a_unit(tmp_path: Path, ratio: Any) -> None:
-    """A bare ratio of a joint that slides is refused, as what has another dimension."""
-    with pytest.raises(InputError, match=r"motor\.gear\.ratio: "):
-        experiment(tmp_path, {"ratio": ratio, "position": "motor"}, kind="prismatic", position="qm rad", current="i A")
-
-
-def test_efficiency_and_missing_constants_are_refused(tmp_path: Path) -> None:
-    """An efficiency is friction, which is what is identified; a current needs k_t, and a motor without a gear is nothing without it."""
-    for motor, says in (
-        ({"torque_constant": "1 N*m/A", "efficiency": 0.9}, "motor: efficiency is friction .* leave it out"),
-        ({"resistance": "2 ohm"}, r"motor\.torque_constant: missing; add this key"),
-        ({"gear": {"ratio": 2, "position": "motor"}}, r"torque from current needs motor\.torque_constant"),
-    ):
-        with pytest.raises(InputError, match=says):
-            experiment(tmp_path, None, more={"motor": motor}, position="qm rad", current="i A")
+    Of a joint that slides a bare ratio is refused, as what has another dimension.
+    """
+    constants = {"torque_constant": f"{K_T} N*m/A", "resistance": f"{R} ohm"}
+    sides, asks = "position: motor, velocity: motor, torque: motor", []
+    current: dict[str, Any] = {"position": "qm rad", "velocity": "wm rad/s", "current": "i A"}
+    for text, says in _BAD.items():
+        motor = {
+            key: x for key, x in (constants | yaml.safe_load(text.replace("SIDES", sides))).items() if x is not None
+        }
+        asks.append((partial(experiment, tmp_path, None, more={"motor": motor}, **current), says))
+    for ratio in (100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None):
+        gear = {"ratio": ratio, "position": "motor"}
+        asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **current), r"motor\.gear\.ratio: "))
+    assert_refused(asks)

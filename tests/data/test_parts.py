@@ -1,10 +1,11 @@
 """Parts of files, runs of several files, and signals with a time of their own."""
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
+import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -12,12 +13,11 @@ from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment, read_runs
 from bristle.data.experiment.tables import brought_to
 from bristle.data.record import Record
-from bristle.errors import InputError
 from bristle.identification.measured import measure
 
 from ..conftest import run as bristle
 from . import experiments
-from .experiments import SIGNALS, present, signals_with
+from .experiments import SIGNALS, assert_refused, present, signals_with, write_log
 
 N = 600
 T = np.arange(N) * 1e-3
@@ -27,8 +27,7 @@ Q, TAU = np.sin(9 * T), np.cos(9 * T)
 def log(folder: Path, name: str = "log.csv", rows: slice = slice(None), **columns: Any) -> None:
     """Some rows of a log."""
     logged = {"t": T, "q": Q, "tau": TAU} | columns
-    lines = (",".join(map(str, row)) for row in zip(*(list(x[rows]) for x in logged.values()), strict=True))
-    (folder / name).write_text("\n".join([",".join(logged), *lines]) + "\n", encoding="utf-8")
+    write_log(folder, name, **{column: x[rows] for column, x in logged.items()})
 
 
 def experiment(folder: Path, *runs: dict[str, Any], signals: Any = None, **more: Any) -> Experiment:
@@ -49,7 +48,8 @@ def records(folder: Path, *runs: dict[str, Any], **more: Any) -> list[Record]:
 @given(st.integers(2, N - 20), st.integers(20, N))
 def test_a_part_is_its_rows(tmp_path: Path, first: int, length: int) -> None:
     """`rows` takes the lines that it names, both ends included, `time` the same samples by their stamps; both are said, and none is dropped."""
-    log(tmp_path)
+    if not (tmp_path / "log.csv").exists():
+        log(tmp_path)
     last = min(first + length - 1, N + 1)
     by_time = {"from": f"{T[first - 2]:.3f} s", "to": f"{1e3 * T[last - 2]:.0f} ms"}
     for part in ({"rows": f"{first}-{last}"}, {"time": by_time}):
@@ -62,69 +62,58 @@ def test_a_part_is_its_rows(tmp_path: Path, first: int, length: int) -> None:
         assert [n for n in found.notes if n.code == "part-taken"]
 
 
-@pytest.mark.parametrize("suffix", ["csv", "npz"])
-def test_parts_of_one_file_are_runs(tmp_path: Path, suffix: str) -> None:
+def test_parts_of_one_file_are_runs(tmp_path: Path) -> None:
     """Two parts of a file are two runs where they share no row; where they do, or one is the whole, they are refused, held out or not."""
-    log(tmp_path)
+    log(tmp_path, v=np.linspace(-1, 1, N))
     np.savez(tmp_path / "log.npz", t=T, q=Q, tau=TAU)
 
-    def measured(*parts: dict[str, Any]) -> list[int]:
+    def rows(*parts: dict[str, Any], suffix: str = "csv", **more: Any) -> list[int]:
         """Rows of each run."""
         runs = [{"files": f"log.{suffix}", **part} for part in parts]
-        return [x.record.rows for x in measure(experiment(tmp_path, *runs)).runs]
+        return [x.record.rows for x in measure(experiment(tmp_path, *runs, **more)).runs]
 
-    assert measured({"rows": "2-200"}, {"rows": "201-400", "hold_out": True}) == [199, 200]
-    assert measured({"time": {"to": "0.2 s"}}, {"time": {"from": "0.201 s"}}) == [201, N - 201]
-    for parts, says in (
+    overlap: list[tuple[list[dict[str, Any]], str]] = [
         ([{"rows": "2-200"}, {"rows": "200-400"}], "is given twice"),
         ([{"rows": "2-200"}, {}], "is given twice"),
         ([{"rows": "2-200"}, {"time": {"from": "0.1 s"}, "hold_out": True}], "is held out and fitted as well"),
-    ):
-        with pytest.raises(InputError, match=says):
-            measured(*parts)
-
-
-def test_points_by_rows(tmp_path: Path) -> None:
-    """Of given points `rows` takes a part too, and parts with a row in common are refused."""
-    log(tmp_path, v=np.linspace(-1, 1, N))
+    ]
+    for suffix in ("csv", "npz"):
+        assert rows({"rows": "2-200"}, {"rows": "201-400", "hold_out": True}, suffix=suffix) == [199, 200]
+        assert rows({"time": {"to": "0.2 s"}}, {"time": {"from": "0.201 s"}}, suffix=suffix) == [201, N - 201]
+        assert_refused((partial(rows, *parts, suffix=suffix), says) for parts, says in overlap)
     signals = {"time": None, "position": None, "velocity": {"column": "v", "unit": "rad/s"}}
-    parts = [{"rows": rows, "experiment": "points"} for rows in ("2-100", "101-300")]
-    assert [r.rows for r in records(tmp_path, *parts, signals=signals)] == [99, 200]
-    with pytest.raises(InputError, match="is given twice"):
-        measure(experiment(tmp_path, parts[0], {"rows": "100-200", "experiment": "points"}, signals=signals))
+    points = [{"rows": part, "experiment": "points"} for part in ("2-100", "101-300", "100-200")]
+    assert rows(*points[:2], signals=signals) == [99, 200]
+    assert_refused([(partial(rows, *points[::2], signals=signals), "is given twice")])
 
 
-@pytest.mark.parametrize(
-    ("part", "says"),
-    [
-        ({"rows": "100-4000"}, r"log\.csv: rows: got 100-4000; expected lines between 2 and 601"),
-        (
-            {"rows": "1-1"},
-            r"no row lies in the part lines 1-1 of the file, whose time goes from 0 s to 0\.599 s; give another range",
-        ),
-        ({"rows": "400-100"}, "the first row before the last"),
-        ({"rows": "2-3-4"}, "expected a row such as 12, or rows such as 12-40"),
-        ({"rows": -5}, "expected a row"),
-        ({"time": {"from": "5 s"}}, "no row lies in the part from 5 s of the file"),
-        ({"time": {"from": "0.0001 s", "to": "0.0002 s"}}, "no row lies in the part"),
-        ({"time": {}}, r"runs\.0\.time: expected one end at least"),
-        ({"time": {"from": "1 s", "to": "1 s"}}, "the earlier time first"),
-        ({"time": {"from": 1}}, r"runs\.0\.time\.from: got 1; expected a number with its unit"),
-        ({"time": "2 s - 30 s"}, r"runs\.0\.time: got '2 s - 30 s'; expected keys with values"),
-        ({"rows": "2-30", "time": {"to": "1 s"}}, "got rows and time; expected one of them"),
-        ({"time": {"to": "1 s"}, "experiment": "points"}, "points have no time; give rows"),
-        ({"files": []}, r"runs\.0\.files: got \[\]; expected a path or glob"),
-        ({"files": ["log.csv", 3]}, r"runs\.0\.files: got .*; expected a path or glob"),
-        ({"files": ["log.csv"] * 2000}, r"runs\.0\.files: got .* a list of at most 1000"),
-        ({"files": ["log.csv", "l*.csv"]}, "files name 'log.csv' twice"),
-        ({"joined": "yes"}, r"runs\.0\.joined: got 'yes'"),
-    ],
-)
-def test_bad_parts_are_refused(tmp_path: Path, part: dict[str, Any], says: str) -> None:
-    """Ranges beyond the file, empty or turned round, and lists that are none: one sentence, and the command ends with 2."""
+_BAD_PARTS: dict[str, str] = {
+    "{rows: 100-4000}": r"log\.csv: rows: got 100-4000; expected lines between 2 and 601",
+    "{rows: 1-1}": r"no row lies in the part lines 1-1 of the file, whose time goes from 0 s to 0\.599 s; give another",
+    "{rows: 400-100}": "the first row before the last",
+    "{rows: 2-3-4}": "expected a row such as 12, or rows such as 12-40",
+    "{rows: -5}": "expected a row",
+    "{time: {from: 5 s}}": "no row lies in the part from 5 s of the file",
+    "{time: {from: 0.0001 s, to: 0.0002 s}}": "no row lies in the part",
+    "{time: {}}": r"runs\.0\.time: expected one end at least",
+    "{time: {from: 1 s, to: 1 s}}": "the earlier time first",
+    "{time: {from: 1}}": r"runs\.0\.time\.from: got 1; expected a number with its unit",
+    "{time: 2 s - 30 s}": r"runs\.0\.time: got '2 s - 30 s'; expected keys with values",
+    "{rows: 2-30, time: {to: 1 s}}": "got rows and time; expected one of them",
+    "{time: {to: 1 s}, experiment: points}": "points have no time; give rows",
+    "{files: []}": r"runs\.0\.files: got \[\]; expected a path or glob",
+    "{files: [log.csv, 3]}": r"runs\.0\.files: got .*; expected a path or glob",
+    "{files: [" + "log.csv," * 2000 + "]}": r"runs\.0\.files: got .* a list of at most 1000",
+    "{files: [log.csv, l*.csv]}": "files name 'log.csv' twice",
+    "{joined: please}": r"runs\.0\.joined: got 'please'",
+}
+
+
+def test_bad_parts_are_refused(tmp_path: Path) -> None:
+    """Ranges beyond the file, empty or turned round, and lists that are none: one sentence, with which the command ends with 2."""
     log(tmp_path)
-    with pytest.raises(InputError, match=says):
-        records(tmp_path, part)
+    asks = [(partial(records, tmp_path, yaml.safe_load(part)), says) for part, says in _BAD_PARTS.items()]
+    assert_refused(asks)
     ran = bristle("inspect", tmp_path / "experiment.yaml")
     assert (ran.code, len(ran.said)) == (2, 1)
 
@@ -161,28 +150,24 @@ def test_dates_of_consecutive_files_go_on(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.time, T, atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("runs", "says"),
-    [
-        ([{"files": ["b.csv", "a.csv"], "joined": True}], r"b\.csv, a\.csv: the second begins before the first ends"),
-        ([{"files": ["a.csv", "c.csv"], "joined": True}], "the second begins before the first ends"),
-        ([{"files": ["a.csv", "a.csv"], "joined": True}], "files name 'a.csv' twice"),
-        (
-            [{"files": ["a.csv", "b.csv"], "joined": True}, {"files": "b.csv"}],
-            "'b.csv' is a part of a joined run and of another",
-        ),
-        ([{"files": ["a.csv", "none.csv"], "joined": True}], r"'none\.csv' is no file"),
-        ([{"files": ["a.csv", "other.csv"], "joined": True}], r"other\.csv: no column named 't'"),
-    ],
-)
-def test_files_that_do_not_follow_are_refused(tmp_path: Path, runs: list[dict[str, Any]], says: str) -> None:
+def test_files_that_do_not_follow_are_refused(tmp_path: Path) -> None:
     """Files out of order, that overlap, given twice or of other columns are no run."""
-    log(tmp_path, "a.csv", slice(0, 300))
-    log(tmp_path, "b.csv", slice(300, N))
-    log(tmp_path, "c.csv", slice(200, N))
+    for name, rows in (("a.csv", slice(0, 300)), ("b.csv", slice(300, N)), ("c.csv", slice(200, N))):
+        log(tmp_path, name, rows)
     (tmp_path / "other.csv").write_text("x,y\n1,2\n3,4\n")
-    with pytest.raises(InputError, match=says):
-        records(tmp_path, *runs)
+    says = {
+        "b.csv a.csv": r"b\.csv, a\.csv: the second begins before the first ends",
+        "a.csv c.csv": "the second begins before the first ends",
+        "a.csv a.csv": "files name 'a.csv' twice",
+        "a.csv none.csv": r"'none\.csv' is no file",
+        "a.csv other.csv": r"other\.csv: no column named 't'",
+    }
+    asks = [
+        (partial(records, tmp_path, {"files": files.split(), "joined": True}), told) for files, told in says.items()
+    ]
+    both: list[dict[str, Any]] = [{"files": ["a.csv", "b.csv"], "joined": True}, {"files": "b.csv"}]
+    asks.append((partial(records, tmp_path, *both), "'b.csv' is a part of a joined run and of another"))
+    assert_refused(asks)
 
 
 # a time of its own
@@ -242,68 +227,58 @@ def test_seconds_and_nanoseconds_are_one_time(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.time[300:], 1 + T[:300], atol=1e-9)
 
 
-@pytest.mark.parametrize(
-    ("signals", "says"),
-    [
-        ({"torque": SIGNALS["torque"] | {"file": "x.csv"}}, "signals.torque: file: a signal of another file needs a time of its own"),
-        ({"torque": SIGNALS["torque"] | {"file": "x.csv", "time": "t"}}, "'x.csv' is no file"),
-        ({"torque": SIGNALS["torque"] | {"file": "*.csv", "time": "t"}}, r"a signal of '\*.csv' goes with one file"),
-        ({"torque": SIGNALS["torque"] | {"time": "none"}}, r"log\.csv: no column named 'none'"),
-        ({"torque": SIGNALS["torque"] | {"time": {"column": "t", "unit": "iso"}}}, "and unit iso was declared"),
-        ({"torque": SIGNALS["torque"] | {"time": {"column": "t", "unit": "h"}}}, "has 1 samples in that of the run, .*; check the unit of each"),
-        ({"torque": SIGNALS["torque"] | {"time": {"column": "t", "unit": "V"}}}, "unit 'V' is no unit of s"),
-        ({"torque": SIGNALS["torque"] | {"time": "back"}}, "its own time runs backward in 1 rows"),
-        ({"torque": SIGNALS["torque"] | {"time": "late"}}, "has 0 samples in that of the run"),
-        ({"torque": SIGNALS["torque"] | {"time": "one"}}, "1 samples with a time of their own"),
-        ({"time": None, "torque": SIGNALS["torque"] | {"time": "t"}}, "no time; give a column"),
-        ({"time": None, "position": SIGNALS["position"] | {"time": "t"}}, "signals.position.time: no unit, and no other time"),
-        ({"time": {"column": "t", "unit": "iso", "plus": {"column": "late", "unit": "ns"}}}, "plus: expected it beside a column"),
-        ({"time": {"rate": "1 kHz", "plus": {"column": "late", "unit": "ns"}}}, "plus: expected it beside a column"),
-    ],
-)  # fmt: skip  # a table
-def test_times_that_do_not_go_together_are_refused(tmp_path: Path, signals: Any, says: str) -> None:
-    """A time that is missing, backward, of another unit or of another hour is one sentence."""
+_BAD_TIMES: dict[str, str] = {
+    "torque: {file: x.csv}": "signals.torque: file: a signal of another file needs a time of its own",
+    "torque: {file: x.csv, time: t}": "'x.csv' is no file",
+    "torque: {file: '*.csv', time: t}": r"a signal of '\*.csv' goes with one file",
+    "torque: {time: none}": r"log\.csv: no column named 'none'",
+    "torque: {time: {column: t, unit: iso}}": "and unit iso was declared",
+    "torque: {time: {column: t, unit: h}}": "has 1 samples in that of the run, .*; check the unit of each",
+    "torque: {time: {column: t, unit: V}}": "unit 'V' is no unit of s",
+    "torque: {time: back}": "its own time runs backward in 1 rows",
+    "torque: {time: late}": "has 0 samples in that of the run",
+    "torque: {time: one}": "1 samples with a time of their own",
+    "{time: null, torque: {time: t}}": "no time; give a column",
+    "{time: null, position: {time: t}}": "signals.position.time: no unit, and no other time",
+    "time: {unit: iso, plus: {column: late, unit: ns}}": "plus: expected it beside a column",
+    "{time: {rate: 1 kHz, column: null, unit: null, plus: {column: late, unit: ns}}}": "plus: expected it beside a column",
+}
+
+
+def test_times_that_do_not_go_together_are_refused(tmp_path: Path) -> None:
+    """A time that is missing, backward, of another unit or of another hour is one sentence; points, which are pairs, have none of their own."""
     back, one = np.where(np.arange(N) == 300, 0.0, T), np.where(np.arange(N) == 300, 0.3, np.nan)
-    log(tmp_path, back=back, late=T + 100, one=one)
+    log(tmp_path, back=back, late=T + 100, one=one, v=T)
     log(tmp_path, "log2.csv")
-    with pytest.raises(InputError, match=says):
-        records(tmp_path, signals=signals)
-
-
-def test_points_have_no_time_of_their_own(tmp_path: Path) -> None:
-    """Points are pairs in rows."""
-    log(tmp_path, v=T)
-    signals = {"velocity": {"column": "v", "unit": "rad/s"}, "torque": SIGNALS["torque"] | {"time": "t"}}
-    with pytest.raises(InputError, match=r"points are pairs in rows, without time; leave out signals\.torque\.time"):
-        records(tmp_path, {"experiment": "points"}, signals=signals)
+    asks = []
+    for text, says in _BAD_TIMES.items():
+        changes = yaml.safe_load(text)
+        signals = {
+            k: x and {key: y for key, y in (SIGNALS[k] | x).items() if y is not None} for k, x in changes.items()
+        }
+        asks.append((partial(records, tmp_path, signals=signals), says))
+    pairs = {"velocity": {"column": "v", "unit": "rad/s"}, "torque": SIGNALS["torque"] | {"time": "t"}}
+    says = r"points are pairs in rows, without time; leave out signals\.torque\.time"
+    asks.append((partial(records, tmp_path, {"experiment": "points"}, signals=pairs), says))
+    assert_refused(asks)
 
 
 # units that the file states
 
 
-@pytest.mark.parametrize(
-    ("unit", "scale", "said"),
-    [
-        ("deg", 1.0, False),
-        ("rad", 1.0, True),
-        ("rad", -1.0, True),
-        ("rad", 57.3, False),
-        ("mdeg", 1.0, True),
-        ("degree", 1.0, False),
-    ],
-)
-def test_another_unit_than_the_header_states_is_said(tmp_path: Path, unit: str, scale: float, said: bool) -> None:
+def test_another_unit_than_the_header_states_is_said(tmp_path: Path) -> None:
     """A declared unit that differs from that of the row of units, or of brackets, is a caution with the line to write, unless a scale was given."""
+    said = [("deg", 1.0, False), ("rad", 1.0, True), ("rad", -1.0, True), ("rad", 57.3, False), ("mdeg", 1.0, True)]
     for header in ("t,q,tau\ns,deg,Nm", "t [s],q [deg],tau (Nm)"):
         rows = "".join(f"{t},{q},{tau}\n" for t, q, tau in zip(T, Q, TAU, strict=True))
         (tmp_path / "log.csv").write_text(f"{header}\n{rows}", encoding="utf-8")
         names = header.splitlines()[0].split(",")
-        signals = {
-            "time": {"column": names[0], "unit": "s"},
-            "position": {"column": names[1], "unit": unit, "scale": scale},
-            "torque": {"column": names[2], "unit": "N*m"},
-        }
-        (found,) = records(tmp_path, signals=signals)
-        differing = [w for w in found.warnings if w.code == "unit-differs"]
-        assert bool(differing) == said
-        assert not said or "states deg, and " in str(differing[0])
+        for unit, scale, differs in (*said, ("degree", 1.0, False)):
+            signals = {
+                "time": {"column": names[0], "unit": "s"},
+                "position": {"column": names[1], "unit": unit, "scale": scale},
+                "torque": {"column": names[2], "unit": "N*m"},
+            }
+            (found,) = records(tmp_path, signals=signals)
+            warned = [str(w) for w in found.warnings if w.code == "unit-differs"]
+            assert ["states deg, and " in warning for warning in warned] == [True] * differs

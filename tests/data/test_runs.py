@@ -1,4 +1,5 @@
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -6,23 +7,17 @@ import numpy as np
 import pytest
 
 from bristle.data.experiment.load import read_runs
+from bristle.errors import InputError
 
 from ..sameness import of_kind
-from .experiments import SIGNALS, experiment, first_record, present, signals_with
+from .experiments import SIGNALS, assert_refused, experiment, first_record, present, signals_with, write_log
 
 _T = np.arange(400) * 1e-3
 
 
 def _log(folder: Path, name: str = "log.csv", **columns: Any) -> Path:
     given_columns = {"t": _T, "q": np.sin(9 * _T), "tau": np.cos(9 * _T), "v": 9 * np.cos(9 * _T)} | columns
-    np.savetxt(
-        folder / name,
-        np.column_stack(list(given_columns.values())),
-        delimiter=",",
-        header=",".join(given_columns),
-        comments="",
-    )
-    return folder / name
+    return write_log(folder, name, **given_columns)
 
 
 def test_runs_in_order_with_variables(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -127,28 +122,25 @@ def test_own_signals_of_a_run(tmp_path: Path) -> None:
     np.testing.assert_allclose(present(record.torque), 2 * np.cos(9 * _T), atol=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("unit", "wraps", "scale"),
-    [
-        ("rad", True, 1.0),
-        ("deg", True, 180 / np.pi),
-        ("deg", "360 deg", 180 / np.pi),
-        ("counts", True, 1000 / (2 * np.pi)),
-    ],
-)
-def test_wrapped_positions_are_unwrapped(tmp_path: Path, unit: str, wraps: bool | str, scale: float) -> None:
+def test_wrapped_positions_are_unwrapped(tmp_path: Path) -> None:
     """A position that wraps at the full turn, in any unit, comes back whole; undeclared it is refused, naming the fix."""
-    truth = 40 * _T
-    _log(tmp_path, q=np.mod(truth, 2 * np.pi) * scale)
-    position = {"column": "q", "unit": unit, "wraps": wraps}
-    record = first_record(tmp_path, signals=signals_with(position=position), encoder_resolution="1000 counts/rev")
-    np.testing.assert_allclose(present(record.position), truth, atol=1e-9)
-    (note,) = of_kind(record.notes, "unwrapped")
-    assert note.numbers["turns"] == 2
-    assert note.numbers["period"] == pytest.approx(2 * np.pi)
-    del position["wraps"]
-    with pytest.raises(ValueError, match="declare wraps: true"):
-        first_record(tmp_path, signals=signals_with(position=position), encoder_resolution="1000 counts/rev")
+    truth, degrees, counts = 40 * _T, 180 / np.pi, 1000 / (2 * np.pi)
+    for unit, wraps, scale in (
+        ("rad", True, 1.0),
+        ("deg", True, degrees),
+        ("deg", "360 deg", degrees),
+        ("counts", True, counts),
+    ):
+        _log(tmp_path, q=np.mod(truth, 2 * np.pi) * scale)
+        position = {"column": "q", "unit": unit, "wraps": wraps}
+        record = first_record(tmp_path, signals=signals_with(position=position), encoder_resolution="1000 counts/rev")
+        np.testing.assert_allclose(present(record.position), truth, atol=1e-9)
+        (note,) = of_kind(record.notes, "unwrapped")
+        assert note.numbers["turns"] == 2
+        assert note.numbers["period"] == pytest.approx(2 * np.pi)
+        del position["wraps"]
+        with pytest.raises(InputError, match="declare wraps: true"):
+            first_record(tmp_path, signals=signals_with(position=position), encoder_resolution="1000 counts/rev")
 
 
 def test_time_is_counted_and_handled_as_declared(tmp_path: Path) -> None:
@@ -211,30 +203,23 @@ def test_velocity_from_position_where_it_is_not_logged(tmp_path: Path) -> None:
     assert declared.numbers == {"rate": 1000.0}
 
 
-@pytest.mark.parametrize(
-    ("columns", "says"),
-    [
+def test_useless_data_are_refused(tmp_path: Path) -> None:
+    """All-NaN, constant and timeless logs, and one sample, are one sentence that opens with the file."""
+    cases: list[tuple[dict[str, Any], str]] = [
         ({"tau": np.full(400, np.nan)}, "torque holds no finite number"),
         ({"q": np.zeros(400)}, "position is 0 .* in all 400 rows"),
         ({"tau": np.ones(400)}, "torque is 1 .* in all 400 rows"),
         ({"v": np.full(400, 2.0)}, "velocity is 2 .* leave velocity out"),
         ({"t": np.zeros(400)}, "only 1 row left"),
         ({"t": -_T}, "time runs backward"),
-    ],
-)
-def test_useless_data_are_refused(tmp_path: Path, columns: dict[str, Any], says: str) -> None:
-    """All-NaN, constant and timeless logs are one sentence that opens with the file."""
-    _log(tmp_path, **columns)
-    with pytest.raises(ValueError, match=says) as caught:
-        first_record(tmp_path, signals=signals_with(velocity={"column": "v", "unit": "rad/s"}))
-    assert str(caught.value).startswith("log.csv: ")
-
-
-def test_one_row_is_refused(tmp_path: Path) -> None:
-    """One sample is no experiment."""
-    (tmp_path / "log.csv").write_text("t,q,tau\n0,1,2\n")
-    with pytest.raises(ValueError, match="only 1 row"):
-        first_record(tmp_path)
+        ({"t": [0], "q": [1], "tau": [2], "v": [3]}, "only 1 row"),
+    ]
+    asks, signals = [], signals_with(velocity={"column": "v", "unit": "rad/s"})
+    for k, (columns, says) in enumerate(cases):
+        _log(tmp_path, f"log_{k}.csv", **columns)
+        runs = [{"files": f"log_{k}.csv", "experiment": "tracking"}]
+        asks.append((partial(first_record, tmp_path, signals=signals, runs=runs), says))
+    assert_refused(asks, "log_")
 
 
 def test_a_place_is_told_by_the_line_of_the_file(tmp_path: Path) -> None:

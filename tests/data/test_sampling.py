@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 from bristle.questions.joint_report.brief import brief_report
 
-from .experiments import present
+from .experiments import experiment, present, write_log
 from .test_motion_checks import sampled
 from .test_signal_checks import RATE, moving
 
@@ -170,29 +171,21 @@ def test_no_more_are_made_than_can_be_held() -> None:
 def test_friction_is_what_it_was(tmp_path: Path) -> None:
     """Of a motion of which every second row or so was lost: the curve to 1 %. As written, its samples stay where they are."""
     t = np.arange(0, 12, 0.002)
-    w, size, phase = (
-        2 * np.pi * np.array([[0.23], [0.71], [1.3]]),
-        np.array([[0.5], [0.2], [0.05]]),
-        np.array([[1.0], [2.0], [3.0]]),
-    )
+    w, size, phase = (np.array([x]).T for x in ([0.23, 0.71, 1.3], [0.5, 0.2, 0.05], [1.0, 2.0, 3.0]))
+    w = 2 * np.pi * w
     x = w * t + phase
     q, v, a = (size * np.sin(x)).sum(0), (size * w * np.cos(x)).sum(0), -(size * w**2 * np.sin(x)).sum(0)
     rng = np.random.default_rng(0)
     T = rollout(v, 0.002, TRUTH).torque + INERTIA * a + 0.01 * rng.standard_normal(t.size)
-    rows = np.column_stack([t, q, T])[rng.random(t.size) > 0.5]
-    np.savetxt(tmp_path / "a.csv", rows, delimiter=",", header="t,q,T", comments="")
-    file = tmp_path / "a.yaml"
-    file.write_text(
-        "joint: {name: a, kind: revolute}\nsimulated: true\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
-        "  torque: {column: T, unit: N*m}\ncleaning: {times: auto}\nfit: {regressors: [inertia]}\n"
-        "runs: [{files: a.csv, experiment: tracking}]\n"
-    )
+    kept = rng.random(t.size) > 0.5
+    write_log(tmp_path, t=t[kept], q=q[kept], tau=T[kept])
+    keys: dict[str, Any] = {"fit": {"regressors": ["inertia"]}, "simulated": True}
+    file = experiment(tmp_path, **keys).path
     speeds = np.linspace(0.05, 2.0, 40)
     true = bristle.friction(speeds, TRUTH)
     results = bristle.identify(file)
     found = results.model().friction(speeds)
     assert "interpolated at even times (cleaning.times overrules)" in " ".join(brief_report(results.joints).split())
     assert np.linalg.norm(found - true) < 0.01 * np.linalg.norm(true)
-    file.write_text(file.read_text().replace("auto", "as-written"))
-    (run,) = measure(file).runs
+    (run,) = measure(experiment(tmp_path, cleaning={"times": "as-written"}, **keys)).runs
     assert "samples-uneven" not in {note.code for note in run.record.notes}

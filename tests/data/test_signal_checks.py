@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Thresholds, find_segments
 from bristle.data.differentiation import estimate_motion
 from bristle.data.encoder import count_mismatch
-from bristle.data.experiment.load import load_experiment, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Position, Signals
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
@@ -21,7 +21,7 @@ from bristle.findings import CAUTION, CRITICAL, Finding, Severity
 from bristle.model.functions import steady_torque_function
 from bristle.model.vectorize import evaluate
 
-from .experiments import present
+from .experiments import first_record, present, signals_with, write_log
 
 RATE = 500.0
 
@@ -252,14 +252,9 @@ def test_a_plateau_that_is_clipped_in_whole_is_rejected(limit: float) -> None:
 
 def written(folder: Path, position: str, columns: Array) -> tuple[Finding, ...]:
     """The warnings of a log with time, position and torque, where the position is declared as given."""
-    np.savetxt(folder / "log.csv", columns, delimiter=",", header="t,q,tau", comments="")
-    (folder / "e.yaml").write_text(
-        "joint: {name: wrist}\nencoder_resolution: 4096 counts/rev\nsignals:\n  time: {column: t, unit: s}\n"
-        f"  position: {{column: q, {position}}}\n  torque: {{column: tau, unit: N*m}}\n"
-        "runs: [{files: log.csv, experiment: tracking}]\n",
-        encoding="utf-8",
-    )
-    return read_runs(load_experiment(folder / "e.yaml"))[0].record.warnings
+    write_log(folder, **dict(zip(("t", "q", "tau"), columns.T, strict=True)))
+    declared = signals_with(position=yaml.safe_load(f"{{column: q, {position}}}"))
+    return first_record(folder, signals=declared, encoder_resolution="4096 counts/rev").warnings
 
 
 @pytest.mark.parametrize("counts", [3, 600])

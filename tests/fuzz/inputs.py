@@ -449,6 +449,18 @@ _COMMANDS: list[tuple[str, ...]] = (
 )
 
 
+_EXPORTS = [
+    "c.h",
+    "mujoco.xml",
+    "mujoco-frictionloss.xml",
+    "urdf.urdf",
+    "sdf.sdf",
+    "isaac.py",
+    "json.json",
+    "matlab.m",
+    "latex.tex",
+]
+"""Targets, with the suffix that each is written with."""
 _READING: list[tuple[str, ...]] = [
     ("inspect", "r.json"),
     ("report", "r.json", "-o", "out"),
@@ -456,20 +468,7 @@ _READING: list[tuple[str, ...]] = [
     ("sensitivity", "r.json", "--samples", "0", "-o", "out"),
     ("explore", "r.json", "-o", "out.html"),
     ("adapt", "r.json", "-o", "out"),
-    *(
-        ("export", "r.json", "--to", target, "-o", f"out.{kind}")
-        for target, kind in (
-            ("c", "h"),
-            ("mujoco", "xml"),
-            ("mujoco-frictionloss", "xml"),
-            ("urdf", "urdf"),
-            ("sdf", "sdf"),
-            ("isaac", "py"),
-            ("json", "json"),
-            ("matlab", "m"),
-            ("latex", "tex"),
-        )
-    ),
+    *(("export", "r.json", "--to", Path(x).stem, "-o", f"out{Path(x).suffix}") for x in _EXPORTS),
     ("validate", "r.json", "--repetitions", "20", "--starts", "2", "-o", "out"),
 ]
 

@@ -1,4 +1,4 @@
-"""A case run by `server`, and what must hold of any case whatever is in it."""
+"""Cases run by `server`, drawn from one seed until there are enough or time is up, and what must hold of any, whatever is in it."""
 
 import json
 import os
@@ -6,15 +6,18 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
 from pathlib import Path
 
+from hypothesis import HealthCheck, given, seed, settings
+
 from ..pages import page_text
-from .inputs import Case
+from .inputs import Case, cases
 from .server import BYTES, SECONDS
 
 ROOT = Path(__file__).parents[2]
@@ -28,6 +31,8 @@ class Server:
 
     process: subprocess.Popen[str]
     folder: Path
+    results: str
+    """A results file of its own joint."""
     codes: Counter[int] = field(default_factory=Counter)
     past: int = 0
     slowest: float = 0.0
@@ -79,9 +84,36 @@ def server() -> Iterator[Server]:
         ) as process,
     ):
         try:
-            yield Server(process, Path(folder))
+            assert process.stdout is not None
+            yield Server(process, Path(folder), json.loads(process.stdout.readline()))
         finally:
             process.terminate()
+
+
+class OutOfTimeError(BaseException):
+    """Ends the drawing of cases, which takes long, where none is tried any more; it is no failure that Hypothesis would make small."""
+
+
+def fuzz(running: Server, end: float, *, first: int = 0, least: int = 0, most: int = 400) -> None:
+    """Try at least and at most so many cases of one seed, until `end` (by time.monotonic); what fails is made small and raised, by Hypothesis."""
+    failed = False
+
+    @seed(first)
+    @settings(max_examples=most, deadline=None, database=None, suppress_health_check=list(HealthCheck))
+    @given(cases(running.results))
+    def tried(case: Case) -> None:
+        nonlocal failed
+        # what failed is made small even when time is up
+        if not failed and time.monotonic() >= end and running.runs >= least:
+            raise OutOfTimeError
+        try:
+            running.check(case)
+        except AssertionError:
+            failed = True
+            raise
+
+    with suppress(OutOfTimeError):
+        tried()
 
 
 def _hold(case: Case, folder: Path, answer: Mapping[str, float]) -> None:

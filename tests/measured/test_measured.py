@@ -11,6 +11,7 @@ from scipy.io import loadmat
 
 import bristle
 from bristle.control.plant import State, plant_step
+from bristle.data.constant_velocity.segments import Thresholds, find_segments
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.identification.fits import StaticFit, TrackingFit
@@ -85,9 +86,17 @@ def known(measured_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Know
     return cache(lambda text: identified(tmp_path_factory.mktemp("known"), text))
 
 
+KINOVA_SEEN = (
+    [0.041, 0.068, 0.113, 0.117, 0.319, 0.510, 0.714, 0.918, 1.310, 1.505],
+    [1.52, 1.49, 1.48, 1.43, 1.57, 1.72, 1.85, 2.01, 2.31, 2.47],
+)
+"""Mean velocity, rad/s, and torque, N*m, of the last two thirds of each run."""
+
+
 def test_kinova_is_identified_as_it_is(known: Known) -> None:
     """Ten constant-velocity runs with wrapped positions and inf rows: slow runs kept with a warning, wide intervals.
 
+    One segment of each run is accepted, with the means of its last two thirds; the two slowest stick and slip.
     The curve is that of a plain least-squares fit of (9) to the mean velocity and torque of the last two thirds of each
     run: alpha_0 1.326 N m, alpha_2 0.754 N m s/rad, 0.0115 N m rms (0.0436 without the Stribeck term).
     """
@@ -98,7 +107,10 @@ def test_kinova_is_identified_as_it_is(known: Known) -> None:
     assert fit.rms <= 0.013
     assert fit.parameters["alpha_0"].value == pytest.approx(1.325, abs=0.075)
     assert fit.parameters["alpha_2"].value == pytest.approx(0.75, abs=0.05)
-    assert any(s.stick_slip and s.accepted for s in joint.segments)
+    segments = [s for s in joint.segments if s.accepted]
+    assert [s.velocity for s in segments] == pytest.approx(KINOVA_SEEN[0], rel=0.03)
+    assert [s.torque for s in segments] == pytest.approx(KINOVA_SEEN[1], rel=0.03)
+    assert [s.stick_slip for s in segments] == [True] * 2 + [False] * 8
     assert fit.without_stick_slip
     low, high = fit.parameters["v_s"].interval or (0.0, 0.0)
     assert high > 1.5 * low
@@ -177,6 +189,19 @@ def test_emps_per_direction_gives_the_published_figures(measured_data: Path, tmp
             assert not three.warnings
     (models,) = joint.models
     assert models.sentence.numbers["model"] == "Coulomb + viscous, per direction"
+
+
+def test_emps_gives_its_three_plateaus_in_both_directions(measured_data: Path) -> None:
+    """Every accepted segment lies at 0.042, 0.083 or 0.125 m/s, each level many times and in both directions."""
+    data = loadmat(measured_data / "emps" / "DATA_EMPS.mat")
+    time, position, drive = (data[name].ravel() for name in ("t", "qm", "vir"))
+    record = estimate_motion(Record(file="EMPS", time=time, position=position, torque=35.15 * drive), 100.0)
+    v = np.array([s.velocity for s in find_segments(record, Thresholds()) if s.accepted])
+    levels = np.array([0.042, 0.083, 0.125])
+    nearest = np.argmin(np.abs(np.abs(v)[:, None] - levels), axis=1)
+    assert np.abs(v) == pytest.approx(levels[nearest], rel=0.02)
+    assert len(set(zip(nearest.tolist(), (v > 0).tolist(), strict=True))) == 6
+    assert 24 <= v.size <= 40
 
 
 def replayed(folder: Path, text: str, joint: Joint, most: float) -> None:
@@ -298,34 +323,44 @@ def test_servo_repeats(measured_data: Path, tmp_path: Path) -> None:
     assert fit.parameters[sigma_0].value is None or fit.repeats[sigma_0].widened > 1
 
 
-@pytest.mark.parametrize("text", [KINOVA, SERVO], ids=["kinova", "servo"])
-def test_no_sentence_decides_on_measured_joints(
-    known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str
-) -> None:
-    """With every template replaced by its kind's name, each measured joint comes out the same in every number, kind and severity."""
-    first = held(known(text))
+SLOW_LOADING = (
+    SERVO_SIGNALS
+    + """\
+  - {files: "${BRISTLE_DATA}/servo_lugre/Fs_*.txt", experiment: presliding}
+  - {files: "${BRISTLE_DATA}/servo_lugre/sigma0_*.txt", experiment: presliding}
+"""
+)
+
+
+def test_no_sentence_decides_on_measured_joints(known: Known, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every template replaced by its kind's name, each measured joint comes out the same in every number, kind and severity.
+
+    Velocities held and slow loading: what is decided of moving runs is seen on the embedded joints, in `test_sentences.py`.
+    """
+    first = [held(known(text)) for text in (KINOVA, SLOW_LOADING)]
     without_sentences(monkeypatch)
-    assert held(identified(tmp_path, text)) == first
+    assert [held(identified(tmp_path, text)) for text in (KINOVA, SLOW_LOADING)] == first
 
 
-@pytest.mark.parametrize(
-    ("files", "told", "kinds"),
-    [
-        ("emps/DATA_EMPS.mat", {"columns": {"torque": "vir"}, "units": {"torque": "V", "position": "m"}, "scales": {"torque": "35.15 N/V"}},
-         "tracking"),
-        ("kinova_gen3_joint7/velocity_*.csv", {"columns": {"position": "1", "velocity": "2", "current": "5"}, "rate": "999 Hz",
-         "torque_constant": "7.6 N*m/A"}, "ramp"),
-        ("servo_lugre/*_1.txt", {"columns": {"position": "0", "torque": "4"}, "rate": "1 kHz"}, "presliding tracking presliding"),
-        ("arm_static/joint_*.csv", {}, "points"),
-        ("bam_xl330/kp100_*.csv", {"columns": {"position": "1", "velocity": "2", "voltage": "3"}, "scales": {"voltage": "0.00836"},
-         "torque_constant": "0.3867 N*m/A", "resistance": "4.017 ohm"}, "tracking"),
-    ],
-)  # fmt: skip  # a table
-def test_logs_are_taken_for_what_they_are(measured_data: Path, files: str, told: dict[str, Any], kinds: str) -> None:
+def test_logs_are_taken_for_what_they_are(measured_data: Path) -> None:
     """Each measured log is drafted as the experiment that those who recorded it say it is, with units and constants told and nothing else."""
-    text, _ = bristle.draft(*sorted(measured_data.glob(files)), told=bristle.Told(**told))
-    found = re.findall(r"experiment: (\w+)\}", text)
-    assert found == (kinds.split() if " " in kinds else [kinds] * len(found))
+    emps = {"columns": {"torque": "vir"}, "units": {"torque": "V", "position": "m"}, "scales": {"torque": "35.15 N/V"}}
+    kinova = {"columns": {"position": "1", "velocity": "2", "current": "5"}, "rate": "999 Hz"}
+    servo = {"columns": {"position": "0", "torque": "4"}, "rate": "1 kHz"}
+    xl330 = {"columns": {"position": "1", "velocity": "2", "voltage": "3"}, "scales": {"voltage": "0.00836"}}
+    cases: dict[str, tuple[dict[str, Any], str]] = {
+        "emps/DATA_EMPS.mat": (emps, "tracking"),
+        "kinova_gen3_joint7/velocity_*.csv": ({**kinova, "torque_constant": "7.6 N*m/A"}, "ramp"),
+        "servo_lugre/*_1.txt": (servo, "presliding tracking presliding"),
+        "arm_static/joint_*.csv": ({}, "points"),
+        "bam_xl330/kp100_*.csv": ({**xl330, "torque_constant": "0.3867 N*m/A", "resistance": "4.017 ohm"}, "tracking"),
+    }
+    taken, meant = {}, {}
+    for files, (told, kinds) in cases.items():
+        text, _ = bristle.draft(*sorted(measured_data.glob(files)), told=bristle.Told(**told))
+        taken[files] = re.findall(r"experiment: (\w+)\}", text)
+        meant[files] = kinds.split() if " " in kinds else [kinds] * len(taken[files])
+    assert taken == meant
 
 
 def test_a_draft_of_the_arm_has_gravity(measured_data: Path, tmp_path: Path) -> None:

@@ -1,15 +1,16 @@
 """The draft of a robot's file: from names of columns, from columns that are told, and what is refused."""
 
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 import pytest
 
 import bristle
-from bristle.errors import InputError
 from bristle.simulation import arm
 
 from ..bags import START, state, write_bag
+from ..data.experiments import assert_refused
 from .arms import NAMES, NO_PINOCCHIO, load_robot
 
 pytest.importorskip("pinocchio", reason=NO_PINOCCHIO)
@@ -35,7 +36,7 @@ def test_names_of_columns_are_enough(tmp_path: Path) -> None:
 def test_an_empty_velocity_of_a_bag_is_left_out(tmp_path: Path) -> None:
     """Of joint states without velocities the draft names position and effort, and not what the bag has not."""
     pytest.importorskip("rosbags", reason="the extra `ros` is not installed")
-    log = pd.read_csv(FOLDER / "motion.csv")
+    log = pd.read_csv(LOGS[2])
     position = log[[f"q_{name}" for name in NAMES]].to_numpy()
     current = log[[f"i_{name}" for name in NAMES]].to_numpy()
     states = [
@@ -50,7 +51,7 @@ def test_an_empty_velocity_of_a_bag_is_left_out(tmp_path: Path) -> None:
 
 def test_numbered_columns_are_found(tmp_path: Path) -> None:
     """Columns q0 ... q5 beside one another are the joints' in the order of the URDF; a torque is no current, so that no constant is asked for."""
-    frame = pd.read_csv(LOGS[1])
+    frame = pd.read_csv(LOGS[2])
     numbered = {f"q_{name}": f"position[{k}]" for k, name in enumerate(NAMES)}
     numbered |= {f"i_{name}": f"effort[{k}]" for k, name in enumerate(NAMES)}
     log = tmp_path / "log.csv"
@@ -64,7 +65,7 @@ def test_numbered_columns_are_found(tmp_path: Path) -> None:
 
 def test_a_swapped_log_is_told_at_once(tmp_path: Path) -> None:
     """Where the columns of two joints are exchanged the draft says so, before anything is identified."""
-    frame = pd.read_csv(LOGS[1])
+    frame = pd.read_csv(LOGS[2])
     swap = {"shoulder": "elbow", "elbow": "shoulder"}
     names = {f"{s}_{a}": f"{s}_{b}" for a, b in swap.items() for s in "qi"}
     log = tmp_path / "log.csv"
@@ -73,15 +74,10 @@ def test_a_swapped_log_is_told_at_once(tmp_path: Path) -> None:
     assert any("shoulder takes the columns of elbow" in sentence for sentence in said)
 
 
-@pytest.mark.parametrize(
-    ("columns", "told"),
-    [(None, "got a URDF alone"), (["a", "b"], "no columns of torque, current or voltage are unmistakable")],
-)
-def test_what_cannot_be_drafted_is_refused(tmp_path: Path, columns: list[str] | None, told: str) -> None:
+def test_what_cannot_be_drafted_is_refused(tmp_path: Path) -> None:
     """In one sentence that says what to add."""
-    logs = []
-    if columns is not None:
-        logs = [tmp_path / "log.csv"]
-        pd.DataFrame({name: [1.0, 2.0, 3.0] for name in columns}).to_csv(logs[0], index=False)
-    with pytest.raises(InputError, match=told):
-        bristle.draft(LOGS[0], *logs, folder=tmp_path)
+    log = tmp_path / "log.csv"
+    log.write_text("a,b\n1,1\n2,2\n3,3\n")
+    of_nothing = (partial(bristle.draft, LOGS[0], folder=tmp_path), "got a URDF alone")
+    told = "no columns of torque, current or voltage are unmistakable"
+    assert_refused([of_nothing, (partial(bristle.draft, LOGS[0], log, folder=tmp_path), told)])

@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
+from bristle.data.robot.robot_file import Robot
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
-from bristle.identification.measured import Measured
-from bristle.identification.robot.measured import measure_robot
+from bristle.identification.robot.measured import against_urdf, measure_robot
 from bristle.simulation import arm
 from bristle.simulation.arm import ArmLog, simulate_arm
 
@@ -27,9 +27,20 @@ def log() -> ArmLog:
     return simulate_arm(SEED, held_out=True)
 
 
-def measured(folder: Path, log: ArmLog, **changed: Any) -> tuple[Measured, ...]:
-    """What the joints of the arm measured, with some keys of its file changed."""
-    return measure_robot(load_robot(write(folder, document(**{**PLAIN, **changed}), log)))
+def robot_of(folder: Path, log: ArmLog, *replaced: tuple[str, Any], **changed: Any) -> Robot:
+    """The arm with its log, some keys of its file changed, and and what matches some patterns in its URDF."""
+    path = write(folder, document(**{**PLAIN, **changed}), log)
+    urdf = folder / "arm.urdf"
+    text = urdf.read_text(encoding="utf-8")
+    for pattern, new in replaced:
+        text = re.sub(pattern, new, text)
+    urdf.write_text(text, encoding="utf-8")
+    return load_robot(path)
+
+
+def codes(robot: Robot) -> dict[str, set[str]]:
+    """By joint, what the log says against the URDF."""
+    return {name: {w.code for w in found} for name, found in against_urdf(robot).items()}
 
 
 def only(name: str, **own: Any) -> list[dict[str, Any]]:
@@ -53,52 +64,38 @@ def known(name: str) -> arm.ArmJoint:
 
 def test_the_right_order_gives_no_warning(tmp_path: Path, log: ArmLog) -> None:
     """Nothing is said of order, gravity, limits or scale where all is as declared; what the links have to be accelerated with is known."""
-    found = measured(tmp_path, log)
+    found = measure_robot(robot_of(tmp_path, log))
     assert [m.experiment.joint.name for m in found] == list(NAMES)
     assert all(m.findings == () for m in found)
     inertia = {m.experiment.joint.name: m.link_inertia or 0.0 for m in found}
     assert inertia["shoulder"] > inertia["elbow"] > inertia["wrist_pitch"] > inertia["flange"] > 0
 
 
-@pytest.mark.parametrize(
-    ("label", "kind", "changed"),
-    [
-        ("reversed", "joint-order", {"signals": in_order(NAMES[::-1])}),
-        ("2 and 3 swapped", "joint-order", {"signals": in_order((NAMES[0], NAMES[2], NAMES[1], *NAMES[3:]))}),
-        (
-            "currents alone swapped",
-            "joint-order",
-            {
-                "signals": {
-                    **SIGNALS,
-                    "current": {**in_order((NAMES[0], NAMES[2], NAMES[1], *NAMES[3:]))["current"]},
-                }
-            },
-        ),
-        ("upside down", "gravity-direction", {"robot": {"urdf": "arm.urdf", "gravity": [0, 0, 9.81]}}),
-    ],
-)
-def test_what_is_not_as_declared_is_critical(
-    tmp_path: Path, log: ArmLog, label: str, kind: str, changed: dict[str, Any]
-) -> None:
+def test_what_is_not_as_declared_is_critical(tmp_path: Path, log: ArmLog) -> None:
     """A wrong order of columns, and gravity upside down, are said of every joint, with what would be right."""
-    found = measured(tmp_path, log, **changed)
-    for m in found:
-        (warning,) = (w for w in m.findings if w.code in {"joint-order", "gravity-direction"})
-        assert (warning.code, warning.severity) == (kind, Severity.CRITICAL), label
-    if kind == "gravity-direction":
-        assert warning.numbers["better"] == (0.0, 0.0, -9.81)
-    elif label == "currents alone swapped":
-        assert "shoulder takes the torque or current of elbow" in warning.numbers["swaps"]
-    elif label == "2 and 3 swapped":
-        assert set(warning.numbers["swaps"]) == {
-            "shoulder takes the columns of elbow", "elbow takes the columns of shoulder",
-        }  # fmt: skip  # a list of values
+    swapped = in_order((NAMES[0], NAMES[2], NAMES[1], *NAMES[3:]))
+    pair = {"shoulder takes the columns of elbow", "elbow takes the columns of shoulder"}
+    currents = {"shoulder takes the torque or current of elbow", "elbow takes the torque or current of shoulder"}
+    cases: list[tuple[dict[str, Any], str, Any]] = [
+        ({"signals": in_order(NAMES[::-1])}, "joint-order", None),
+        ({"signals": swapped}, "joint-order", pair),
+        ({"signals": {**SIGNALS, "current": swapped["current"]}}, "joint-order", currents),
+        ({"robot": {"urdf": "arm.urdf", "gravity": [0, 0, 9.81]}}, "gravity-direction", (0.0, 0.0, -9.81)),
+    ]
+    for changed, code, right in cases:
+        for found in against_urdf(robot_of(tmp_path, log, **changed)).values():
+            (warning,) = (w for w in found if w.code in {"joint-order", "gravity-direction"})
+            assert (warning.code, warning.severity) == (code, Severity.CRITICAL)
+            if code == "gravity-direction":
+                assert warning.numbers["better"] == right
+            else:
+                assert right is None or set(warning.numbers["swaps"]) == right
 
 
 def test_a_free_torque_constant_is_found(tmp_path: Path, log: ArmLog) -> None:
     """It lies in its own interval, which is narrower than 1 %, and the torque is the current times it."""
-    (elbow,) = measured(tmp_path, log, joints=only("elbow", torque_constant="free"), fit=document()["fit"])
+    joints = only("elbow", torque_constant="free")
+    (elbow,) = measure_robot(robot_of(tmp_path, log, joints=joints, fit=document()["fit"]))
     constant, true = elbow.torque_constant, known("elbow").torque_constant
     assert constant is not None
     assert constant.interval is not None
@@ -113,13 +110,8 @@ def test_a_free_torque_constant_is_found(tmp_path: Path, log: ArmLog) -> None:
 def test_masses_that_one_joint_doubts_are_doubted_where_a_constant_rests_on_them(tmp_path: Path, log: ArmLog) -> None:
     """With every mass a fifth too small, the shoulder with its known constant says so, and the elbow's free constant is cautioned."""
     free = [{**x, **({"torque_constant": "free"} if x["name"] == "elbow" else {})} for x in document()["joints"]]
-    path = write(tmp_path, document(**PLAIN, joints=free), log)
-    urdf = tmp_path / "arm.urdf"
-    lighter = re.sub(
-        r'mass value="([0-9.]+)"', lambda m: f'mass value="{0.8 * float(m[1])}"', urdf.read_text(encoding="utf-8")
-    )
-    urdf.write_text(lighter, encoding="utf-8")
-    found = {m.experiment.joint.name: m.findings for m in measure_robot(load_robot(path))}
+    lighter = (r'mass value="([0-9.]+)"', lambda mass: f'mass value="{0.8 * float(mass[1])}"')
+    found = {m.experiment.joint.name: m.findings for m in measure_robot(robot_of(tmp_path, log, lighter, joints=free))}
     assert "links-scale" in [w.code for w in found["shoulder"]]
     (doubt,) = (w for w in found["elbow"] if w.code == "constant-by-masses")
     assert doubt.numbers["scale"] == pytest.approx(1.25, rel=0.1)
@@ -127,12 +119,8 @@ def test_masses_that_one_joint_doubts_are_doubted_where_a_constant_rests_on_them
 
 def test_links_that_weigh_nothing_tell_no_constant(tmp_path: Path, log: ArmLog) -> None:
     """Then the constant is not identifiable, and friction is a number of amperes."""
-    folder = tmp_path / "light"
-    folder.mkdir()
-    path = write(folder, document(**PLAIN, joints=only("flange", torque_constant="free")), log)
-    urdf = folder / "arm.urdf"
-    urdf.write_text(urdf.read_text(encoding="utf-8").replace('mass value="0.4"', 'mass value="1e-6"'), encoding="utf-8")
-    (flange,) = measure_robot(load_robot(path))
+    joints = only("flange", torque_constant="free")
+    (flange,) = measure_robot(robot_of(tmp_path, log, (r'mass value="0\.4"', 'mass value="1e-6"'), joints=joints))
     assert flange.torque_constant is not None
     assert flange.torque_constant.value is None
     assert [w.code for w in flange.findings] == ["constant-unseen"]
@@ -145,36 +133,24 @@ def test_links_that_weigh_nothing_tell_no_constant(tmp_path: Path, log: ArmLog) 
 
 def test_without_a_urdf_the_links_stay(tmp_path: Path, log: ArmLog) -> None:
     """A critical warning says so of each joint that bears others, with how much of its torque it may be."""
-    found = {m.experiment.joint.name: m.findings for m in measured(tmp_path, log, robot=None)}
+    found = against_urdf(robot_of(tmp_path, log, robot=None))
     for name in ("shoulder", "elbow", "wrist_pitch"):
         (warning,) = found[name]
         assert (warning.code, warning.severity) == ("links-not-removed", Severity.CRITICAL)
     assert found["shoulder"][0].numbers["share"] > 20
 
 
-def test_a_torque_that_no_drive_has_is_said(tmp_path: Path, log: ArmLog) -> None:
-    """A torque within the effort of the URDF is not mentioned, one of twice it is a caution, and one far beyond, as of mA read as A, critical."""
-    path = write(tmp_path, document(**PLAIN), log)
-    urdf = tmp_path / "arm.urdf"
-    whole, most = urdf.read_text(encoding="utf-8"), 0.0
-    for effort, kind in (("35", None), ("1e-3", "effort-far-beyond"), ("half", "effort-beyond")):
-        allowed = repr(most / 2) if effort == "half" else effort
-        urdf.write_text(whole.replace('effort="35"', f'effort="{allowed}"'), encoding="utf-8")
-        (elbow,) = (m for m in measure_robot(load_robot(path)) if m.experiment.joint.name == "elbow")
-        said = [w for w in elbow.findings if w.code in {"effort-beyond", "effort-far-beyond"}]
-        assert [w.code for w in said] == [kind] * (kind is not None)
-        most = said[0].numbers["most"] if said else most
-
-
 def test_what_the_urdf_does_not_allow_is_said(tmp_path: Path, log: ArmLog) -> None:
-    """Positions beyond a joint's limits, and links of another mass, are named for the joints that show them."""
-    folder = tmp_path / "other"
-    folder.mkdir()
-    path = write(folder, document(**PLAIN), log)
-    urdf = folder / "arm.urdf"
-    text = urdf.read_text(encoding="utf-8").replace('lower="-2.6" upper="2.6"', 'lower="-0.2" upper="0.5"')
-    urdf.write_text(text.replace('mass value="2.3"', 'mass value="5.3"'), encoding="utf-8")
-    found = {m.experiment.joint.name: {w.code for w in m.findings} for m in measure_robot(load_robot(path))}
-    assert "beyond-urdf" in found["elbow"]
+    """Positions beyond a joint's limits, and links of another mass, are named for the joints that show them.
+
+    A torque within the effort of the URDF is not mentioned, one of twice it is a caution, and one far beyond, as of mA read as A, critical.
+    """
+    limits, mass = ('lower="-2.6" upper="2.6"', 'lower="-0.2" upper="0.5"'), ('mass value="2.3"', 'mass value="5.3"')
+    found = codes(robot_of(tmp_path, log, limits, mass))
+    assert {"beyond-urdf", "links-scale"} <= found["elbow"]
     assert "beyond-urdf" not in found["shoulder"]
-    assert "links-scale" in found["elbow"]
+    assert not {"effort-beyond", "effort-far-beyond"} & found["elbow"]
+    (far,) = against_urdf(robot_of(tmp_path, log, ('effort="35"', 'effort="1e-3"'), joints=only("elbow")))["elbow"]
+    assert (far.code, far.severity) == ("effort-far-beyond", Severity.CRITICAL)
+    half = f'effort="{far.numbers["most"] / 2!r}"'
+    assert codes(robot_of(tmp_path, log, ('effort="35"', half), joints=only("elbow"))) == {"elbow": {"effort-beyond"}}
