@@ -31,6 +31,7 @@ SIGNALS = {
     "q": "position: {column: q, unit: rad}",
     "v": "velocity: {column: v, unit: rad/s}",
     "T": "torque: {column: T, unit: N*m}",
+    "driven": "enabled: driven",
 }
 """What an experiment file says of a column."""
 

@@ -548,7 +548,7 @@ SIZES = {
     "lacks-a-term": lambda d: next(x for x in re.findall(r"regressors: \[inertia, \w+\]", str(d))),
     "torque-drifts-in-runs": lambda d: (d.numbers["how"], pytest.approx(d.numbers["by"], rel=0.1)),
     "inertia-below-zero": lambda d: d.severity,
-    "friction-by-load": lambda d: pytest.approx(d.numbers["by"], rel=0.2),
+    "friction-by-load": lambda d: "law: gaussian+link-load" in str(d) and pytest.approx(d.numbers["by"], rel=0.2),
     "offset-or-friction": lambda d: pytest.approx(d.numbers["offset"], rel=0.2),
 }
 """Of each of these findings, what tells how much it is."""

@@ -230,13 +230,6 @@ def test_laws_are_printed_side_by_side(tmp_path: Path) -> None:
     assert "The data want lorentzian: its BIC is" in " ".join(table.split())
 
 
-def test_paper_is_another_name_of_the_gaussian_peak() -> None:
-    """Alone, with a term, and with a load."""
-    assert FitOptions(law="paper+quadratic").friction == FitOptions(law="gaussian+quadratic").friction
-    assert FitOptions(law="paper+quadratic+gear-load").load == ("gear-load",)
-    assert law_named("paper") == GAUSSIAN
-
-
 @pytest.mark.parametrize(
     ("fit", "said"),
     [
