@@ -9,11 +9,12 @@ import pytest
 
 from bristle.arrays import Array, Interval
 from bristle.data.record import Record
-from bristle.findings import Finding
+from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
 from bristle.identification.fits import Estimate, TrackingFit
-from bristle.model.functions import steady_torque_function
+from bristle.identification.presliding.stiffness import KnownValue
+from bristle.model.functions import loading_displacement_function, steady_torque_function
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
@@ -22,6 +23,9 @@ GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
 """Gripper rotation (+) of Table 1."""
 OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
 """Gripper rotation (-)."""
+G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
+"""Its breakaway torque, N*m, at vanishing speed."""
+SOURCE = Finding("of-static-fit", NOTE, "the static fit")
 J = 1.27e-3
 """Its inertia, kg*m**2."""
 TONES = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0), (0.01, 12.0))
@@ -51,6 +55,16 @@ def speeds() -> Array:
 def curve(velocity: Array, p: Lugre[float]) -> Array:
     """Equation (9)."""
     return evaluate(steady_torque_function(), velocity, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)[0]
+
+
+def bent(torque: Array, level: float = G0) -> Array:
+    """How far the gripper's bristle bends under a slow torque, (n,), where it holds that level."""
+    return evaluate(loading_displacement_function(), torque, level, GRIPPER.sigma_0)[0]
+
+
+def known(level: float, error: float) -> KnownValue:
+    """A g0 that the static fit knows so well, N*m."""
+    return KnownValue(level, error, SOURCE)
 
 
 def white(size: int, deviation: float, seed: int = 0) -> Array:

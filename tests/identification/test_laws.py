@@ -72,18 +72,19 @@ def test_without_noise_the_truth_is_found(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["exponential", "lorentzian+quadratic", "free-exponent"])
-def test_intervals_hold_the_truth(name: str) -> None:
+def test_intervals_hold_the_truth() -> None:
     """Of 40 noisy sets a law's 95 % intervals hold the truth in 85 to 100 %, parameter by parameter (of 400: benchmarks/laws.py)."""
-    law, rng = law_named(name), np.random.default_rng(0)
-    p, inside = truth_of(law, v_end=float(WIDE.max())), dict[str, list[bool]]()
-    for _ in range(40):
-        problem = from_points(WIDE, torques(p, WIDE, 0.005, rng), ("both",), law=law)
-        for parameter, e in estimate_static(problem, FitOptions(law=name, set_up="as-written"), "revolute").items():
-            if e.interval is not None:
-                inside.setdefault(parameter, []).append(holds(e.interval, getattr(p, parameter)))
-    assert set(inside) == set(static_fields_of(law)) - {FASTEST}
-    assert all(np.mean(held) >= 0.85 for held in inside.values()), {k: np.mean(held) for k, held in inside.items()}
+    for name in ("exponential", "lorentzian+quadratic", "free-exponent"):
+        law, rng = law_named(name), np.random.default_rng(0)
+        p, inside = truth_of(law, v_end=float(WIDE.max())), dict[str, list[bool]]()
+        for _ in range(40):
+            problem = from_points(WIDE, torques(p, WIDE, 0.005, rng), ("both",), law=law)
+            for parameter, e in estimate_static(problem, FitOptions(law=name, set_up="as-written"), "revolute").items():
+                if e.interval is not None:
+                    inside.setdefault(parameter, []).append(holds(e.interval, getattr(p, parameter)))
+        assert set(inside) == set(static_fields_of(law)) - {FASTEST}
+        shares = {k: np.mean(held) for k, held in inside.items()}
+        assert min(shares.values()) >= 0.85, (name, shares)
 
 
 @pytest.mark.parametrize("name", LAWS)
@@ -240,8 +241,8 @@ def moving(law: Law) -> dict[str, Any]:
     """A motion of a joint of a law with an inertia, slow reversals and noise."""
     values = {**GRIPPER._asdict(), "alpha_3": -0.012, "delta": 1.4, FASTEST: 10.0}
     p = lugre_of(law)(**{name: values[name] for name in lugre_of(law)._fields})
-    h, rng = 1e-3, np.random.default_rng(0)
-    t = np.arange(20_000) * h
+    h, rng = 2e-3, np.random.default_rng(0)
+    t = np.arange(10_000) * h
     v = 0.5 * np.sin(2 * np.pi * 0.31 * t) + 0.25 * np.sin(2 * np.pi * 0.9 * t + 1) + 0.05 * np.sin(2 * np.pi * 3.1 * t)
     T = rollout(v, h, p).torque + 2e-3 * np.gradient(v, h) + 2e-4 * rng.standard_normal(t.size)
     return {"t": t, "position": np.cumsum(v) * h, "torque": T, "velocity": v, "directions": "symmetric"}
