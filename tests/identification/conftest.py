@@ -1,34 +1,43 @@
-"""Static problems to fit: the paper's Table 1 and the points one would measure."""
+"""What several files need: the paper's Table 1, points and motions of it, fits of them, experiment files, and what an estimate must have."""
 
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from bristle.arrays import Array
-from bristle.model.functions import steady_torque_function
-from bristle.model.parameters import Lugre
+from bristle.arrays import Array, Interval
+from bristle.data.record import Record
+from bristle.findings import NOTE, Finding
+from bristle.identification.dynamic.fit import fit_tracking
+from bristle.identification.dynamic.problem import DynamicProblem, dynamic_problem
+from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.presliding.stiffness import KnownValue
+from bristle.model.functions import loading_displacement_function, steady_torque_function
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName
+from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
 GRIPPER = Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184)
-
-
-def curve(velocity: Array, p: Lugre[float]) -> Array:
-    """Equation (9)."""
-    return evaluate(steady_torque_function(), velocity, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)[0]
-
-
-def points_file(folder: Path, velocity: Array, torque: Array, more: str = "") -> Path:
-    """An experiment of given points, rad/s and N*m, (n,), with the file that holds them; `more` is what else the experiment says."""
-    rows = "".join(f"{v!r},{T!r}\n" for v, T in zip(velocity.tolist(), torque.tolist(), strict=True))
-    (folder / "points.csv").write_text(f"v,T\n{rows}", encoding="utf-8")
-    path = folder / "joint.yaml"
-    path.write_text(
-        "joint: {name: wrist}\nsignals: {velocity: {column: v, unit: rad/s}, torque: {column: T, unit: N*m}}\n"
-        f"runs: [{{files: points.csv, experiment: points}}]\n{more}",
-        encoding="utf-8",
-    )
-    return path
+"""Gripper rotation (+) of Table 1."""
+OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
+"""Gripper rotation (-)."""
+G0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
+"""Its breakaway torque, N*m, at vanishing speed."""
+SOURCE = Finding("of-static-fit", NOTE, "the static fit")
+J = 1.27e-3
+"""Its inertia, kg*m**2."""
+TONES = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0), (0.01, 12.0))
+"""Amplitudes of velocity, rad/s, at frequencies, Hz, that show all parameters of `GRIPPER`."""
+SIGNALS = {
+    "t": "time: {column: t, unit: s}",
+    "q": "position: {column: q, unit: rad}",
+    "v": "velocity: {column: v, unit: rad/s}",
+    "T": "torque: {column: T, unit: N*m}",
+    "driven": "enabled: driven",
+}
+"""What an experiment file says of a column."""
 
 
 @pytest.fixture
@@ -41,3 +50,139 @@ def gripper() -> Lugre[float]:
 def speeds() -> Array:
     """A design that sees the Stribeck region: 16 speeds from 0.15 v_s to 11 v_s."""
     return np.geomspace(0.15 * GRIPPER.v_s, 0.8, 16)
+
+
+def curve(velocity: Array, p: Lugre[float]) -> Array:
+    """Equation (9)."""
+    return evaluate(steady_torque_function(), velocity, p.alpha_0, p.alpha_1, p.alpha_2, p.v_s)[0]
+
+
+def bent(torque: Array, level: float = G0) -> Array:
+    """How far the gripper's bristle bends under a slow torque, (n,), where it holds that level."""
+    return evaluate(loading_displacement_function(), torque, level, GRIPPER.sigma_0)[0]
+
+
+def known(level: float, error: float) -> KnownValue:
+    """A g0 that the static fit knows so well, N*m."""
+    return KnownValue(level, error, SOURCE)
+
+
+def white(size: int, deviation: float, seed: int = 0) -> Array:
+    """Noise, (n,)."""
+    return deviation * np.random.default_rng(seed).standard_normal(size)
+
+
+def tones(t: Array, lines: Iterable[tuple[float, float]] = TONES) -> Array:
+    """A sum of sines of these amplitudes and frequencies, the k-th by k radians ahead, (n,)."""
+    total: Array = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0)
+    return total
+
+
+def way(v: Array, step: float) -> Array:
+    """The position that a velocity leads to from zero, (n,)."""
+    return np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2 * step)])
+
+
+def moved(
+    v: Array,
+    step: float,
+    p: Lugre[float] | Pair[float] = GRIPPER,
+    noise: float = 0.0,
+    *,
+    seed: int = 0,
+    z0: float | None = None,
+    inertia: float = J,
+    file: str = "run.csv",
+) -> Record:
+    """A run at this velocity, (n,): torque of LuGre and of an inertia, with white noise."""
+    t = np.arange(v.size) * step
+    a = np.gradient(v, t)
+    torque = rollout(v, step, p, z0).torque + inertia * a + white(v.size, noise, seed)
+    return Record(file=file, time=t, velocity=v, acceleration=a, torque=torque)
+
+
+def torque_of(run: Record) -> Array:
+    """That of a record that has one."""
+    assert run.torque is not None
+    return run.torque
+
+
+def velocity_of(run: Record) -> Array:
+    """The same."""
+    assert run.velocity is not None
+    return run.velocity
+
+
+def with_torque(run: Record, change: Callable[[Array], Array]) -> Record:
+    """The run with another torque, made of its own."""
+    return replace(run, torque=change(torque_of(run)))
+
+
+def sides(p: Lugre[float] | Pair[float]) -> tuple[str, ...]:
+    """The directions of one set, or of a pair."""
+    return ("both",) if isinstance(p, Lugre) else ("+", "-")
+
+
+def by_name(p: Lugre[float] | Pair[float], inertia: float | None = J) -> dict[ParameterName, float]:
+    """Parameters by name, with the inertia."""
+    sets = {Direction.BOTH: p} if isinstance(p, Lugre) else dict(zip(SIGNED, p, strict=True))
+    every = {ParameterName(name, d): value for d, own in sets.items() for name, value in own._asdict().items()}
+    return every if inertia is None else every | {INERTIA: inertia}
+
+
+def posed(run: Record, directions: tuple[str, ...] = ("both",), decimation: int = 1) -> DynamicProblem:
+    """The problem of one run with its inertia."""
+    return dynamic_problem([run], directions, ("inertia",), decimation, None)
+
+
+def fitted(problem: DynamicProblem, start: Mapping[ParameterName, float] | None = None) -> TrackingFit:
+    """The fit from one start, the gripper itself if none is given."""
+    return fit_tracking(problem, by_name(GRIPPER) if start is None else start, "revolute", search=False).fit
+
+
+def value_of(e: Estimate) -> float:
+    """That of an estimate which has one."""
+    assert e.value is not None, e.warnings
+    return e.value
+
+
+def error_of(e: Estimate) -> float:
+    """The standard error of an estimate which has one."""
+    assert e.standard_error is not None, e.warnings
+    return e.standard_error
+
+
+def ends_of(interval: Interval | None) -> Interval:
+    """Those of an interval that is there."""
+    assert interval is not None
+    return interval
+
+
+def holds(interval: Interval | None, truth: float) -> bool:
+    """Whether there is an interval, and the truth is in it."""
+    return interval is not None and interval[0] <= truth <= interval[1]
+
+
+def codes(findings: Iterable[Finding]) -> list[str]:
+    """Of findings, in their order."""
+    return [x.code for x in findings]
+
+
+def experiment_file(
+    folder: Path, columns: Mapping[str, Array], kind: str = "tracking", fit: str = "", more: str = "", file: str = "log"
+) -> Path:
+    """A log of columns, each (n,) under a name of `SIGNALS`, and its experiment; `fit` and `more` are what else that says."""
+    log = folder / f"{file}.csv"
+    np.savetxt(log, np.column_stack([*columns.values()]), "%.17g", ",", header=",".join(columns), comments="")
+    path = folder / "joint.yaml"
+    path.write_text(
+        f"joint: {{name: wrist}}\nsignals: {{{', '.join(SIGNALS[name] for name in columns)}}}\n"
+        f"runs: [{{files: {log.name}, experiment: {kind}}}]\nfit: {{{fit}}}\n{more}",
+        encoding="utf-8",
+    )
+    return path
+
+
+def points_file(folder: Path, velocity: Array, torque: Array, fit: str = "", more: str = "") -> Path:
+    """An experiment of given points, rad/s and N*m, (n,), with the file that holds them."""
+    return experiment_file(folder, {"v": velocity, "T": torque}, "points", fit, more, "points")

@@ -8,37 +8,51 @@ import pytest
 import bristle
 from bristle.arrays import Array
 from bristle.identification.curve import known_curve
+from bristle.identification.fits import Estimate
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import Lugre, ParameterName
+
+from .conftest import codes, experiment_file, holds, white
 
 TRUTH = Lugre(0.8, 0.3, 0.5, 0.06, 2000.0, 5.0)
 INERTIA, RATE = 0.05, 500.0
 
 
-def motion(seconds: float = 15.0) -> tuple[Array, Array, Array, Array]:
-    """Time, position, velocity and acceleration of four sines, in SI, (n,)."""
-    t = np.arange(int(seconds * RATE)) / RATE
-    sines = [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0), (0.05, 1.3, 0.4)]
-    w = [(a, 2 * np.pi * f, phase) for a, f, phase in sines]
+def sines(rate: float, seconds: float, lines: list[tuple[float, float, float]]) -> tuple[Array, Array, Array, Array]:
+    """Time, position, velocity and acceleration of sines of an amplitude, a frequency and a phase, in SI, (n,)."""
+    t = np.arange(int(seconds * rate)) / rate
+    w = [(a, 2 * np.pi * f, phase) for a, f, phase in lines]
     q = sum((a * np.sin(k * t + p) for a, k, p in w), np.zeros(t.size))
     v = sum((a * k * np.cos(k * t + p) for a, k, p in w), np.zeros(t.size))
     return t, q, v, sum((-a * k**2 * np.sin(k * t + p) for a, k, p in w), np.zeros(t.size))
 
 
+def motion(seconds: float = 15.0) -> tuple[Array, Array, Array, Array]:
+    """The same of four sines."""
+    return sines(RATE, seconds, [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0), (0.05, 1.3, 0.4)])
+
+
 def log(folder: Path, torque: Array, fit: str = "", limit: float = np.inf) -> Path:
     """An experiment of one moving run with this torque, (n,), and white noise of 10 mN m, cut off at a limit."""
     t, q, _, _ = motion()
-    noisy = np.clip(torque + 0.01 * np.random.default_rng(0).standard_normal(t.size), -limit, limit)
-    np.savetxt(
-        folder / "log.csv", np.column_stack([t, q, noisy]), delimiter=",", header="t,q,tau", comments="", fmt="%.9g"
-    )
-    text = (
-        "joint: {name: wrist}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
-        f"  torque: {{column: tau, unit: N*m}}\nruns:\n  - {{files: log.csv, experiment: tracking}}\nfit: {{directions: symmetric{fit}}}\n"
-    )
+    noisy = np.clip(torque + white(t.size, 0.01), -limit, limit)
+    return experiment_file(folder, {"t": t, "q": q, "T": noisy}, fit=f"directions: symmetric{fit}")
+
+
+def tracked(joint: Joint) -> dict[str, Estimate]:
+    """What its moving runs give, by name."""
+    assert joint.tracking is not None
+    return {name.name: e for name, e in joint.tracking.parameters.items()}
+
+
+def drafted(folder: Path, t: Array, q: Array, torque: Array) -> Joint:
+    """What is identified of a log as it is drafted, with no more than its columns told."""
+    np.savetxt(folder / "log.csv", np.stack([t, q, torque], axis=1), "%.9g", ",", header="t,q,tau", comments="")
+    text, _ = bristle.draft(folder / "log.csv")
     (folder / "log.yaml").write_text(text, encoding="utf-8")
-    return folder / "log.yaml"
+    (joint,) = bristle.identify(folder / "log.yaml").joints
+    return joint
 
 
 def clean() -> Array:
@@ -49,10 +63,10 @@ def clean() -> Array:
 
 def near(joint: Joint, errors: float = 4.0, **truth: float) -> None:
     """Each of some parameters of the moving runs is within so many of its errors, or a hundredth."""
-    assert joint.tracking is not None
+    found = tracked(joint)
     for name, value in truth.items():
-        e = next(x for key, x in joint.tracking.parameters.items() if key.name == name)
-        assert e.value == pytest.approx(value, abs=max(errors * (e.standard_error or 0.0), 0.01 * value)), name
+        error = max(errors * (found[name].standard_error or 0.0), 0.01 * value)
+        assert found[name].value == pytest.approx(value, abs=error), name
 
 
 @pytest.mark.slow
@@ -75,7 +89,7 @@ def test_a_delay_is_left_as_written(tmp_path: Path) -> None:
     joint = bristle.identify(log(tmp_path, np.interp(t - 0.02, t, clean()), ", set_up: as-written")).joint()
     assert "chosen delay" not in joint.settings
     assert joint.tracking is not None
-    assert "torque-delayed" in {w.code for w in joint.tracking.warnings}
+    assert "torque-delayed" in codes(joint.tracking.warnings)
 
 
 @pytest.mark.slow
@@ -94,7 +108,7 @@ def test_clipped_samples_of_a_motion_are_left_out(tmp_path: Path) -> None:
     """A torque cut off at seven tenths of its largest: the samples there are named and left out, and the joint comes back."""
     torque = clean()
     joint = bristle.identify(log(tmp_path, torque, limit=0.7 * float(np.abs(torque).max()))).joint()
-    assert "clipped-left-out" in {w.code for w in joint.warnings}
+    assert "clipped-left-out" in codes(joint.warnings)
     near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
@@ -108,16 +122,14 @@ def test_points_at_rest_and_points_that_are_clipped_are_left_out() -> None:
     assert reasons.count("below-breakaway") == int(np.sum(np.abs(v) < 0.006))
     assert reasons.count("saturated") == int(np.sum(np.abs(T) == 1.1))
     for name in ("alpha_0", "alpha_1", "alpha_2", "v_s"):
-        low, high = fit.joint.static["both"].parameters[name].interval or (0.0, 0.0)
-        assert low < getattr(TRUTH, name) < high
+        assert holds(fit.joint.static["both"].parameters[name].interval, getattr(TRUTH, name)), name
 
 
 @pytest.mark.slow
 def test_points_that_are_all_at_a_limit_state_no_error(tmp_path: Path) -> None:
     """What is beyond the limit nobody knows: no error is stated, the limit is the reason, and figures are drawn all the same."""
     v = np.concatenate([x * np.geomspace(0.02, 1.0, 14) for x in (1, -1)])
-    noise = 1e-3 * np.random.default_rng(0).standard_normal(v.size)
-    rows = np.column_stack([v, np.clip(bristle.friction(v, TRUTH) + noise, -0.55, 0.55)])
+    rows = np.column_stack([v, np.clip(bristle.friction(v, TRUTH) + white(v.size, 1e-3), -0.55, 0.55)])
     np.savetxt(tmp_path / "p.csv", rows, delimiter=",", header="v [rad/s],tau [N*m]", comments="", fmt="%.9g")
     (tmp_path / "p.yaml").write_text(bristle.draft(tmp_path / "p.csv")[0], encoding="utf-8")
     results = bristle.identify(tmp_path / "p.yaml")
@@ -142,7 +154,7 @@ def test_of_one_speed_the_sum_is_known() -> None:
     assert fit.friction(0.4) == pytest.approx(whole, abs=3e-3)
     assert found["alpha_0"].interval == pytest.approx((0.0, whole), abs=3e-3)
     assert found["alpha_2"].interval == pytest.approx((0.0, whole / 0.4), abs=0.02)
-    assert all("one-speed-only" in {w.code for w in found[name].warnings} for name in ("alpha_0", "alpha_2"))
+    assert all("one-speed-only" in codes(found[name].warnings) for name in ("alpha_0", "alpha_2"))
     assert ParameterName.parse("alpha_2") not in fit.joint.crosscheck["both"].parameters
     assert fit.joint.accuracy is not None
     assert fit.joint.accuracy.band < 1
@@ -153,7 +165,7 @@ def test_a_time_without_a_unit_has_many_samples_a_second(tmp_path: Path, unit: s
     """Stamps in ms, us or ns that no name tells of are taken for that, and it is said."""
     t, q, _, _ = motion(8.0)
     columns = np.column_stack([1e9 + np.arange(t.size) * step, q, clean()[: t.size]])
-    np.savetxt(tmp_path / "log.csv", columns, delimiter=",", header="stamp,q,tau", comments="", fmt="%.17g")
+    np.savetxt(tmp_path / "log.csv", columns, "%.17g", ",", header="stamp,q,tau", comments="")
     text, said = bristle.draft(tmp_path / "log.csv", folder=tmp_path, told=bristle.Told(columns={"time": "stamp"}))
     assert f'unit: "{unit}"' in text
     assert any(f"{unit}, for a log has many samples a second" in x for x in said)
@@ -162,11 +174,10 @@ def test_a_time_without_a_unit_has_many_samples_a_second(tmp_path: Path, unit: s
 def test_a_current_without_a_constant_is_friction_in_amperes(tmp_path: Path) -> None:
     """A current that nothing tells the torque of: friction is in A, as much as the torque has over the constant, and it is said how to get N m."""
     path = log(tmp_path, clean())
-    path.write_text(
-        path.read_text().replace("torque: {column: tau, unit: N*m}", "current: {column: tau, unit: mA, scale: 4000}")
-    )
+    told = "current: {column: T, unit: mA, scale: 4000}"
+    path.write_text(path.read_text().replace("torque: {column: T, unit: N*m}", told))
     joint = bristle.identify(path).joint()
-    assert (joint.kind, "in-amperes" in {w.code for w in joint.warnings}) == ("revolute in A", True)
+    assert (joint.kind, "in-amperes" in codes(joint.warnings)) == ("revolute in A", True)
     near(joint, alpha_0=4 * 0.8, alpha_2=4 * 0.5, inertia=4 * INERTIA)
     path.write_text(path.read_text() + "motor: {torque_constant: 0.25 N*m/A}\n")
     near(bristle.identify(path).joint(), alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
@@ -175,11 +186,7 @@ def test_a_current_without_a_constant_is_friction_in_amperes(tmp_path: Path) -> 
 @pytest.mark.slow
 def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
     """Friction without a bristle, with a peak that counts of 14 bits hide: the true curve is within the stated band of the one without it."""
-    t = np.arange(12_000) / 200
-    sines = [(0.6, 2 * np.pi * 0.15), (0.12, 2 * np.pi * 0.73)]
-    q = sum((a * np.sin(w * t) for a, w in sines), np.zeros(t.size))
-    v = sum((a * w * np.cos(w * t) for a, w in sines), np.zeros(t.size))
-    acceleration = sum((-a * w**2 * np.sin(w * t) for a, w in sines), np.zeros(t.size))
+    t, q, v, acceleration = sines(200.0, 60.0, [(0.6, 0.15, 0.0), (0.12, 0.73, 0.0)])
 
     def friction(v: Array) -> Array:
         """N*m."""
@@ -188,11 +195,7 @@ def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
 
     torque, count = friction(v) + 0.05 * acceleration, 2 * np.pi / 2**14
     torque += 0.02 * np.sqrt(np.mean(torque**2)) * np.random.default_rng(3).standard_normal(t.size)
-    table = np.column_stack([t, count * np.round(q / count), torque])
-    np.savetxt(tmp_path / "log.csv", table, "%.9g", ",", header="t,q,tau", comments="")
-    text, _ = bristle.draft(tmp_path / "log.csv")
-    (tmp_path / "log.yaml").write_text(text, encoding="utf-8")
-    (joint,) = bristle.identify(tmp_path / "log.yaml").joints
+    joint = drafted(tmp_path, t, count * np.round(q / count), torque)
     known = joint.accuracy
     assert known is not None
     speeds = np.linspace(known.slowest, known.fastest, 60)
@@ -201,33 +204,21 @@ def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
     assert off < known.band < 10
 
 
-def drafted(folder: Path, t: Array, q: Array, torque: Array) -> Joint:
-    """What is identified of a log as it is drafted, with no more than its columns told."""
-    np.savetxt(folder / "log.csv", np.stack([t, q, torque], axis=1), "%.9g", ",", header="t,q,tau", comments="")
-    text, _ = bristle.draft(folder / "log.csv")
-    (folder / "log.yaml").write_text(text, encoding="utf-8")
-    (joint,) = bristle.identify(folder / "log.yaml").joints
-    return joint
-
-
 def test_a_stroke_too_slow_for_v_s_gives_its_curve_and_no_peak(tmp_path: Path) -> None:
     """A sine of 20 mrad that goes half as fast as v_s: the curve is right to 5 %; alpha_1 and v_s are not claimed, nor an inertia below zero."""
     t, size, w = np.arange(0, 20, 1 / 2000), 0.01, 2 * np.pi * 0.5
     v = size * w * np.cos(w * t)
     torque = bristle.simulate(v, 1 / 2000, TRUTH) - INERTIA * size * w**2 * np.sin(w * t)
     q = np.floor(size * np.sin(w * t) * 2**18 / (2 * np.pi)) * 2 * np.pi / 2**18
-    noise = 0.005 * np.random.default_rng(0).standard_normal(t.size)
-    joint = drafted(tmp_path, t[::4], q[::4], (torque + noise)[::4])
+    joint = drafted(tmp_path, t[::4], q[::4], (torque + white(t.size, 0.005))[::4])
     assert verdict(joint).trust is Trust.USE
     speeds = np.linspace(0.1, 1, 30) * size * w
     found, _ = known_curve(joint, speeds)
     true = TRUTH.alpha_0 + TRUTH.alpha_1 * np.exp(-((speeds / TRUTH.v_s) ** 2)) + TRUTH.alpha_2 * speeds
     assert np.sqrt(np.mean((found - true) ** 2)) < 0.05 * np.sqrt(np.mean(true**2))
-    assert joint.tracking is not None
-    by_name = {name.name: e for name, e in joint.tracking.parameters.items()}
+    by_name = tracked(joint)
     for name in ("alpha_1", "v_s"):
-        assert by_name[name].value is None
-        assert [why.code for why in by_name[name].warnings] == ["unseen-shape"]
+        assert (by_name[name].value, codes(by_name[name].warnings)) == (None, ["unseen-shape"])
     assert by_name["inertia"].value is None or by_name["inertia"].value > 0
 
 
@@ -236,8 +227,7 @@ def test_two_velocities_are_a_motion(tmp_path: Path) -> None:
     t, speed = np.arange(0, 24, 1 / RATE), 0.02
     v = speed * np.tanh(40 * np.sin(2 * np.pi * t / 12))
     torque = bristle.simulate(v, 1 / RATE, TRUTH) + INERTIA * np.gradient(v, t)
-    noise = 0.005 * np.random.default_rng(0).standard_normal(t.size)
-    joint = drafted(tmp_path, t, np.cumsum(v) / RATE, torque + noise)
+    joint = drafted(tmp_path, t, np.cumsum(v) / RATE, torque + white(t.size, 0.005))
     found, _ = known_curve(joint, np.array([speed, -speed]))
     true = TRUTH.alpha_0 + TRUTH.alpha_1 * np.exp(-((speed / TRUTH.v_s) ** 2)) + TRUTH.alpha_2 * speed
     assert np.abs(found) == pytest.approx([true, true], rel=0.02)

@@ -7,61 +7,41 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from bristle.arrays import Array
-from bristle.data.record import Record
+from bristle.arrays import Array, Interval
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profiles
 from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
-from bristle.identification.dynamic.problem import (
-    DynamicProblem,
-    Motion,
-    Prior,
-    Unknown,
-    Values,
-    dynamic_problem,
-    with_priors,
-)
+from bristle.identification.dynamic.problem import DynamicProblem, Motion, Prior, Unknown, Values, with_priors
 from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
 from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import Estimate, TrackingFit
-from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
-from bristle.model.rollout import rollout
+from bristle.model.parameters import Direction, Lugre, ParameterName
 
 from ..names import named, parse
-from .conftest import GRIPPER
+from .conftest import GRIPPER, TONES, by_name, codes, ends_of, error_of, holds, moved, posed, tones, value_of
 
-STEP, J = 2e-3, 1.27e-3
-TRUTH = named(GRIPPER._asdict()) | {INERTIA: J}
+STEP = 2e-3
+TRUTH = by_name(GRIPPER)
 LUGRE = named(dict.fromkeys(Lugre._fields, 1.0))
 A, B, C = map(parse, "abc")
 
 
-def record(noise: float, seed: int, speed: float = 1.0, slow: float = 0.25) -> Record:
-    """A run of the gripper, 4 s, slow and fast, with white noise on the torque."""
-    t = np.arange(0, 4, STEP)
-    lines = ((slow, 0.5), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0), (0.01, 12.0))
-    v = speed * np.asarray(np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0))
-    acceleration = np.gradient(v, t)
-    torque = rollout(v, STEP, GRIPPER).torque + J * acceleration
-    torque = torque + noise * np.random.default_rng(seed).standard_normal(t.size)
-    return Record(file="run.csv", time=t, velocity=v, torque=torque, acceleration=acceleration)
-
-
-def fitted(run: Record, priors: Sequence[Prior] = ()) -> DynamicSolution:
-    """The fit of one run from the truth on."""
-    problem = dynamic_problem([run], ("both",), ("inertia",), 1, None)
-    return fit_tracking(with_priors(problem, priors, 3e-4), TRUTH, "revolute", search=False)
+def fitted(noise: float, seed: int, priors: Sequence[Prior] = (), slow: float = 0.25) -> DynamicSolution:
+    """The fit, from the truth on, of a run of the gripper, 4 s, slow and fast, with white noise on the torque."""
+    v = tones(np.arange(0, 4, STEP), ((slow, 0.5), *TONES[1:]))
+    problem = with_priors(posed(moved(v, STEP, noise=noise, seed=seed)), priors, 3e-4)
+    return fit_tracking(problem, TRUTH, "revolute", search=False)
 
 
 @pytest.fixture(scope="module")
 def gripper() -> DynamicSolution:
     """A fit that sees all parameters."""
-    return fitted(record(3e-4, 0))
+    return fitted(3e-4, 0)
 
 
-def posed(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> DynamicProblem:
+def linear(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> DynamicProblem:
     """A problem with a column for each of a, b and so on, and nothing else that is free."""
     names = (A, B, C)[: columns.shape[1]]
     t = np.arange(torque.size, dtype=np.float64)
@@ -69,7 +49,7 @@ def posed(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> Dynami
         file="x", time=t, velocity=np.ones(t.size), torque=torque, extra=columns, smooth=None, measured=torque
     )
 
-    def linear(
+    def equations(
         _: DynamicProblem, known: Values, __: Sequence[dict[Unknown, Array]]
     ) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
         """What the columns leave, and the columns."""
@@ -81,7 +61,7 @@ def posed(columns: Array, torque: Array, priors: Sequence[Prior] = ()) -> Dynami
         extra_names=names,
         fixed=LUGRE,
         initial_states=(),
-        equations=linear,
+        equations=equations,
         priors=tuple(priors),
         sigma=1.0,
     )
@@ -109,11 +89,10 @@ def solved(problem: DynamicProblem, start: Values) -> DynamicSolution:
     return DynamicSolution(found, problem, solution.values, solution)
 
 
-def close(one: tuple[float, float] | None, other: tuple[float, float] | None, share: float) -> None:
+def close(one: Interval | None, other: Interval | None, share: float) -> None:
     """Both ends agree to a share of the width."""
-    assert one is not None
-    assert other is not None
-    assert np.abs(np.subtract(one, other)).max() <= share * (other[1] - other[0])
+    low, high = ends_of(other)
+    assert ends_of(one) == pytest.approx((low, high), abs=share * (high - low))
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.9])
@@ -126,7 +105,7 @@ def test_in_a_linear_problem_all_three_coincide(rho: float, told: bool) -> None:
     priors = [Prior("static", (A,), np.array([1.1]), np.array([[1 / 0.1]]))] if told else []
     rows = np.vstack([columns, [[10.0 * told, 0.0, 0.0]]])
     exact = np.linalg.lstsq(rows, np.append(torque, 11.0 * told))[0]
-    found = solved(posed(columns, torque, priors), dict(zip((A, B, C), exact.tolist(), strict=True)))
+    found = solved(linear(columns, torque, priors), dict(zip((A, B, C), exact.tolist(), strict=True)))
     seen, better = profiles(found.solution)
     assert better is None
     three = with_three_ways(found, found.fit, seen).uncertainty
@@ -184,7 +163,7 @@ def test_few_evaluations_suffice(gripper: DynamicSolution) -> None:
 
 def two_minima(k: float = 1.0, tilt: float = 0.2) -> DynamicProblem:
     """A cost with a minimum near a = -1 and a lower one at a = 1: k**2 (a**2 - 1)**2 + tilt**2 (a - 1)**2, and noise that a does not touch."""
-    problem = posed(np.ones((60, 1)), np.ones(60))
+    problem = linear(np.ones((60, 1)), np.ones(60))
     noise = np.random.default_rng(0).standard_normal(60)
     noise[:2] = 0.0
 
@@ -208,7 +187,7 @@ def test_a_profile_that_finds_a_better_optimum_restarts_the_fit() -> None:
     assert profiles(first.solution)[1] is not None
     again, seen = profile_until_stable(first, lambda end: solved(problem, {A: end[A]}))
     assert again.values[A] == pytest.approx(1.0, abs=1e-3)
-    assert any(warning.code == "refitted" for warning in again.fit.warnings)
+    assert "refitted" in codes(again.fit.warnings)
     assert seen[A].interval[0] < 1 < seen[A].interval[1]
 
 
@@ -216,7 +195,7 @@ def test_a_fit_that_does_not_follow_is_distrusted() -> None:
     """Where the new fit ends in the old minimum each time, the search stops after three, says it, and still gives an interval."""
     first = solved(two_minima(), {A: -1.0})
     again, seen = profile_until_stable(first, lambda _: first)
-    assert any(warning.code == "still-lower" for warning in again.fit.warnings)
+    assert "still-lower" in codes(again.fit.warnings)
     assert np.isfinite(seen[A].interval).all()
 
 
@@ -234,21 +213,21 @@ def test_a_fit_in_its_only_minimum_is_left_alone(gripper: DynamicSolution) -> No
 
 def test_what_the_motion_does_not_show_is_open_and_never_nan() -> None:
     """A run that is fast throughout: what is not identifiable has open or one-sided profiles with the reason, and nothing is NaN."""
-    found = fitted(record(3e-3, 1, slow=2.0))
+    found = fitted(3e-3, 1, slow=2.0)
     unseen = {name for name, e in found.fit.parameters.items() if e.value is None}
     assert {parse("alpha_1"), parse("v_s")} <= unseen
-    found, seen = profile_until_stable(found, lambda _: fitted(record(3e-3, 1, slow=2.0)))
+    found, seen = profile_until_stable(found, lambda _: fitted(3e-3, 1, slow=2.0))
     fit_ = with_three_ways(found, found.fit, seen)
     assert set(fit_.uncertainty) == set(fit_.parameters)
     for name, three in fit_.uncertainty.items():
         for interval in (three.covariance, three.profile, three.bootstrap):
-            assert interval is None or (interval[0] <= interval[1] and not np.isnan(interval).any())
+            assert interval is None or interval[0] <= interval[1]  # nor is an end nan
         assert np.isfinite(three.curve).all()
         assert np.isfinite(three.draws).all()
         is_open = three.profile is None or not np.isfinite(three.profile).all() or three.profile[0] == 0
         assert not is_open or three.warnings or fit_.parameters[name].warnings
         if name in TRUTH and three.profile is not None:
-            assert three.profile[0] <= TRUTH[name] <= three.profile[1]
+            assert holds(three.profile, TRUTH[name])
     assert fit_.uncertainty[parse("alpha_1")].profile is None
 
 
@@ -261,20 +240,19 @@ def test_the_bias_of_counts_moves_all_three_alike(gripper: DynamicSolution) -> N
 
     def moved(e: Estimate) -> Estimate:
         """Off by half an error, and surer by none."""
-        assert e.value is not None
-        assert e.standard_error is not None
-        return replace(e, value=e.value + 0.5 * e.standard_error, standard_error=1.5 * e.standard_error)
+        error = error_of(e)
+        return replace(e, value=value_of(e) + 0.5 * error, standard_error=1.5 * error)
 
     shifted = replace(gripper.fit, parameters={n: moved(e) for n, e in gripper.fit.parameters.items()})
     three = with_three_ways(gripper, shifted, seen).uncertainty
     for name, e in gripper.fit.parameters.items():
-        assert e.value is not None
+        value, error = value_of(e), error_of(e)
         for way in ("profile", "bootstrap"):
             own, old = getattr(three[name], way), getattr(plain[name], way)
             if way == "profile" and name == alpha_1:
                 assert own == (0.0, np.inf)
             else:
-                expected = e.value + 0.5 * (e.standard_error or 0.0) + 1.5 * (np.array(old) - e.value)
+                expected = value + 0.5 * error + 1.5 * (np.array(old) - value)
                 np.testing.assert_allclose(own, np.maximum(expected, 0.0), rtol=1e-9)
         assert three[name].draws.std() == pytest.approx(1.5 * plain[name].draws.std(), rel=1e-3)
 
@@ -290,14 +268,13 @@ def test_intervals_hold_the_truth_and_agree() -> None:
             Prior("static", (n,), np.array([TRUTH[n] + s * rng.standard_normal()]), np.array([[1 / s]]))
             for n, s in errors.items()
         ]
-        found = fitted(record(3e-4, seed), priors)
+        found = fitted(3e-4, seed, priors)
         seen, better = profiles(found.solution)
         assert better is None
         three = with_three_ways(found, found.fit, seen).uncertainty
         for name, truth in TRUTH.items():
             for way in held:
-                low, high = getattr(three[name], way)
-                held[way] += low <= truth <= high
+                held[way] += holds(getattr(three[name], way), truth)
     assert all(0.89 * 140 <= hits <= 140 for hits in held.values()), held
 
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import bristle
-from bristle.api.results import Results
 from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator
@@ -21,7 +20,7 @@ from bristle.control.control_period import LoopOptions
 from bristle.control.running import RunningCompensator
 from bristle.data.experiment.schema import FitOptions
 from bristle.errors import InputError
-from bristle.identification.fits import Estimate
+from bristle.identification.fits import Estimate, TrackingFit
 from bristle.identification.known_joint import without_load
 from bristle.identification.measured import measure
 from bristle.identification.repeats import clustered
@@ -35,6 +34,8 @@ from bristle.questions.compensation.replay import replays
 from bristle.questions.joint_report.brief import brief_report
 from bristle.questions.joint_report.text import fit_report
 from bristle.simulation.joint_loop import Carried, of_experiment
+
+from .conftest import experiment_file, holds
 
 P = Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0)
 J, G, STEP = 0.08, 6.0, 0.004
@@ -79,9 +80,8 @@ def test_derivatives_by_a_level_are_those_of_differences(p: Lugre[float] | Pair[
         assert rows[count + k] == pytest.approx(by_difference, abs=near * np.abs(by_difference).max())
 
 
-@cache
-def geared_results(law: str, rises: float, supply: tuple[float, ...]) -> tuple[Path, Results]:
-    """A weight swung about four angles, a log each, with friction that rises with gravity's torque: its file, and what it is identified as."""
+def geared_file(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> Path:
+    """The experiment of a weight swung about four angles, a log each, with friction that rises with gravity's torque."""
     folder = Path(mkdtemp(prefix="bristle-geared-"))
     atexit.register(rmtree, folder, ignore_errors=True)
     rng = np.random.default_rng(1)
@@ -91,72 +91,55 @@ def geared_results(law: str, rises: float, supply: tuple[float, ...]) -> tuple[P
         q, v, a = angle + (size * np.sin(x)).sum(0), (size * w * np.cos(x)).sum(0), -(size * w**2 * np.sin(x)).sum(0)
         T = rollout(v, STEP, P, level=rises * np.abs(G * np.sin(q))).torque + J * a + G * np.sin(q)
         T = (1 + off) * T + 0.02 * rng.standard_normal(t.size)
-        rows = np.column_stack([t, q, v, T])
-        np.savetxt(folder / f"{k}.csv", rows, delimiter=",", header="t,q,v,T", comments="")
-    file = folder / "geared.yaml"
-    file.write_text(
-        "joint: {name: geared, kind: revolute}\nsimulated: true\n"
-        "signals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
-        "  velocity: {column: v, unit: rad/s}\n  torque: {column: T, unit: N*m}\n"
-        f"fit: {{directions: symmetric, regressors: [inertia, gravity]{law and f', law: {law}'}}}\n"
-        "runs: [{files: [0.csv, 1.csv, 2.csv, 3.csv], experiment: tracking}]\n"
-    )
-    return file, bristle.identify(file)
+        fit = f"directions: symmetric, regressors: [inertia, gravity]{law and f', law: {law}'}"
+        file = experiment_file(folder, {"t": t, "q": q, "v": v, "T": T}, fit=fit, file=str(k))
+    file.write_text(file.read_text().replace("files: 3.csv", "files: [0.csv, 1.csv, 2.csv, 3.csv]"))
+    return file
 
 
-def geared(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> tuple[Path, Joint]:
-    """The file, and the joint alone."""
-    file, results = geared_results(law, rises, supply)
-    return file, results.joint()
+@cache
+def geared(law: str, rises: float, supply: tuple[float, ...]) -> tuple[Path, Joint]:
+    """The file, and the joint that it is identified as."""
+    file = geared_file(law, rises, supply)
+    return file, bristle.identify(file).joint()
+
+
+def tracked(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> TrackingFit:
+    """What its moving runs give."""
+    fit = geared(law, rises, supply)[1].tracking
+    assert fit is not None
+    return fit
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("supply", [EXACT, (0.02, -0.02, 0.015, -0.01)])
 def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None:
     """0.100 within 0.005, and within its interval, with a supply that errs by 2 % in each log too."""
-    joint = geared("paper+link-load", supply=supply)[1]
-    tracking = joint.tracking
-    assert joint.settings["law"].startswith("gaussian+link-load: Gaussian peak")
-    assert tracking is not None
-    e = tracking.parameters[LINK_LOAD]
-    assert e.value == pytest.approx(0.1, abs=0.005)
-    assert e.interval is not None
-    assert e.interval[0] <= 0.1 <= e.interval[1]
-    assert tracking.load.size == tracking.friction.size == tracking.n
+    fit = tracked("paper+link-load", supply=supply)
+    assert fit.parameters[LINK_LOAD].value == pytest.approx(0.1, abs=0.005)
+    assert holds(fit.parameters[LINK_LOAD].interval, 0.1)
+    assert fit.load.size == fit.friction.size == fit.n
 
 
 @pytest.mark.slow
 def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
-    """`auto` takes link-load where friction rises with gravity's torque; without a load it keeps the paper's law."""
-    (_, loaded), (_, bare) = geared("auto"), geared("auto", rises=0.0)
-    assert loaded.laws is not None
-    assert loaded.laws.chosen.law == "gaussian+link-load"
-    assert loaded.tracking is not None
-    assert LINK_LOAD in loaded.tracking.parameters
-    assert bare.laws is not None
-    assert bare.laws.chosen.law == "gaussian"
-    assert {f"gaussian+{name}" for name in LOADS} <= {row.law for row in bare.laws.rows}
+    """`auto` takes link-load where friction rises with gravity's torque; without a load it keeps the paper's law.
 
-
-@pytest.mark.slow
-def test_a_load_is_found_where_no_law_is_written() -> None:
-    """Without a word of a law friction gets the rise with load that is there, and none where there is none; `law: paper` overrules."""
-    for rises, found in ((0.1, {"link_load": pytest.approx(0.1, abs=0.005)}), (0.0, {})):
-        tracking = geared("", rises)[1].tracking
-        assert tracking is not None
-        assert {n.name: e.value for n, e in tracking.parameters.items() if of_load(n.name)} == found
-    plain = geared("paper")[1].tracking
-    assert plain is not None
-    assert not any(of_load(name.name) for name in plain.parameters)
-
-
-@pytest.mark.slow
-def test_under_the_papers_law_a_caution_has_the_line_to_write() -> None:
-    """A load that the law does not have is named, with a law that has it."""
-    tracking = geared("paper")[1].tracking
-    assert tracking is not None
-    (told,) = (w for w in tracking.warnings if w.code == "friction-by-load")
-    assert "law: gaussian+link-load" in str(told)
+    Without a word of a law friction gets the same; `law: paper` overrules.
+    """
+    loaded, bare = (geared("auto", rises, EXACT)[1].laws for rises in (0.1, 0.0))
+    assert loaded is not None
+    assert bare is not None
+    assert (loaded.chosen.law, bare.chosen.law) == ("gaussian+link-load", "gaussian")
+    assert {f"gaussian+{name}" for name in LOADS} <= {row.law for row in bare.rows}
+    assert LINK_LOAD in tracked("auto").parameters
+    for name, rises, found in (
+        ("", 0.1, {"link_load": pytest.approx(0.1, abs=0.005)}),
+        ("", 0.0, {}),
+        ("paper", 0.1, {}),
+    ):
+        own = tracked(name, rises).parameters
+        assert {n.name: e.value for n, e in own.items() if of_load(n.name)} == found
 
 
 def test_names_of_loads() -> None:
@@ -165,6 +148,8 @@ def test_names_of_loads() -> None:
         assert apart(f"lorentzian+quadratic+{name}") == ("lorentzian+quadratic", (name,))
         asked = FitOptions(law=f"paper+{name}")
         assert (asked.friction, asked.load) == (GAUSSIAN, (name,))
+    assert FitOptions(law="paper+quadratic").friction == FitOptions(law="gaussian+quadratic").friction
+    assert FitOptions(law="paper+quadratic+gear-load").load == ("gear-load",)
     for wrong in ("link-load", "gaussian+link-load+gear-load", "gaussian+heavy-load", "auto+link-load"):
         with pytest.raises(ValueError, match="expected"):
             FitOptions(law=wrong)
@@ -185,13 +170,10 @@ def test_a_load_needs_a_motion() -> None:
         FitOptions(law="paper+gear-load", predict="position")
 
 
-@pytest.mark.slow
 def test_a_load_that_nothing_tells_is_refused() -> None:
     """Without gravity among the regressors nobody knows what the links bring: one sentence."""
-    whole, _ = geared("paper")
-    told = whole.read_text().replace("[inertia, gravity], law: paper", "[inertia], law: paper+gear-load")
-    file = whole.with_name("untold.yaml")
-    file.write_text(told)
+    file = geared_file("paper+gear-load")
+    file.write_text(file.read_text().replace("[inertia, gravity]", "[inertia]"))
     with pytest.raises(InputError, match="gear-load needs what gravity does"):
         bristle.identify(file)
 
@@ -215,12 +197,8 @@ def test_rows_with_the_drive_off_are_left_out(tmp_path: Path) -> None:
     t = np.arange(0, 10, 0.01)
     q, on = np.sin(t), ((t < 4) | (t > 4.03)).astype(int)
     T = 0.1 * np.sign(np.cos(t)) + 0.02 * np.cos(t)
-    np.savetxt(tmp_path / "a.csv", np.column_stack([t, q, T, on]), delimiter=",", header="t,q,T,driven", comments="")
-    (tmp_path / "a.yaml").write_text(
-        "joint: {name: a, kind: revolute}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
-        "  torque: {column: T, unit: N*m}\n  enabled: driven\nruns: [{files: a.csv, experiment: tracking}]\n"
-    )
-    (run,) = measure(tmp_path / "a.yaml").runs
+    path = experiment_file(tmp_path, {"t": t, "q": q, "T": T, "driven": on})
+    (run,) = measure(path).runs
     off = int((on == 0).sum())
     assert run.record.dropped == off
     assert run.record.starts == (0, int(np.flatnonzero(on == 0)[0]))
@@ -234,7 +212,7 @@ def test_compensation_sees_the_load() -> None:
 
     Without it the replay leaves four times as much, and the joint gains nothing by adaptation that it has not by the load.
     """
-    file, found = geared("paper+link-load")
+    file, found = geared("paper+link-load", 0.1, EXACT)
     measured = measure(file)
     loop = of_experiment(measured.experiment, found)
     reference = loop.sine(0.5, 2.0, amplitude=0.5)
@@ -243,10 +221,8 @@ def test_compensation_sees_the_load() -> None:
     assert there.level == pytest.approx(0.1 * np.abs(G * np.sin(1.2 + reference.position)), abs=0.01)
     assert any(w.code == "load-of-reference" for w in loop.assumptions)
     assert not any(w.code == "load-left-out" for w in loop.assumptions)
-    run = simulate(LoopOptions(compensator=loop.compensator), [loop.case()], reference, loop.period)
-    bare = simulate(
-        LoopOptions(compensator=loop.compensator), [loop.case()], reference._replace(level=0.0), loop.period
-    )
+    options = LoopOptions(compensator=loop.compensator)
+    run, bare = (simulate(options, [loop.case()], r, loop.period) for r in (reference, reference._replace(level=0.0)))
     assert np.ptp(run.friction) > np.ptp(bare.friction) + 0.1
     assert run.rms_error()[0] == pytest.approx(bare.rms_error()[0], rel=0.2)
     first = replays(loop, found, measured)[0]
@@ -259,17 +235,13 @@ def test_compensation_sees_the_load() -> None:
 @pytest.mark.slow
 def test_friction_that_is_part_of_its_load() -> None:
     """A level that rises with the motor's torque, friction included, is the one at which both agree; at a coefficient of 1 there is none."""
-    file, plain = geared("paper")
-    loop = of_experiment(measure(file).experiment, plain)
+    file, fitted = geared("paper+link-load", 0.1, EXACT)
+    loop = of_experiment(measure(file).experiment, fitted)
     loaded = replace(loop, carried=Carried({"gear_load": 0.2}, {"gravity_sin": G}))
     r = loaded.sine(0.5, 2.0)
     sets = [loop.model.positive if v > 0 else loop.model.negative for v in r.velocity]
-    T = np.array(
-        [
-            float(ca.DM(law.steady_torque(v, law.loaded(p, x))))
-            for v, p, x in zip(r.velocity, sets, r.level, strict=True)
-        ]
-    )
+    each = zip(r.velocity, sets, r.level, strict=True)
+    T = np.array([float(ca.DM(law.steady_torque(v, law.loaded(p, x)))) for v, p, x in each])
     assert r.level == pytest.approx(0.2 * np.abs(loop.J * r.acceleration + 2 * G * np.sin(r.position) + T), rel=1e-7)
     with pytest.raises(InputError, match="no torque moves the joint"):
         replace(loop, carried=Carried({"gear_load": 1.0}, {"gravity_sin": G})).sine(0.5, 2.0)
@@ -289,30 +261,6 @@ def test_a_running_compensator_is_told_its_load() -> None:
         run.step(1e-3, (0.0, 0.3), 0.0, load=(np.nan, 0.0))
 
 
-SPOILT: list[tuple[dict[str, float], str]] = [
-    ({}, "has none as coefficients"),
-    ({"foo_load": 0.1}, "has none as coefficients"),
-    ({"gear_load_squared": 0.1}, "has gear_load_squared as coefficients"),
-    ({"link_load": 0.1, "motor_load": 0.1}, "expected those of one of link-load, motor-load"),
-]
-"""Coefficients in the place of those that were fitted, and what is said of them."""
-
-
-@pytest.mark.slow
-def test_results_with_another_load_are_refused(tmp_path: Path) -> None:
-    """Coefficients that were edited into those of no load, or of two: one sentence, not a page without them."""
-    _, results = geared_results("paper+link-load", 0.1, EXACT)
-    document = json.loads(results.to_json())
-    parameters = document["joints"]["geared"]["tracking"]["parameters"]
-    known, path = parameters.pop("link_load"), tmp_path / "results.json"
-    for wrong, said in SPOILT:
-        own = parameters | {name: {**known, "value": value} for name, value in wrong.items()}
-        document["joints"]["geared"]["tracking"]["parameters"] = own
-        path.write_text(json.dumps(document))
-        with pytest.raises(InputError, match=said):
-            bristle.read_results(path)
-
-
 @pytest.fixture(scope="module")
 def embedded() -> tuple[Joint, Joint]:
     """A joint of the embedded report, and one like it whose friction rises with load by a tenth."""
@@ -320,16 +268,37 @@ def embedded() -> tuple[Joint, Joint]:
     assert plain.joint_fit is not None
     known = plain.joint_fit.parameters
     row = replace(known[ParameterName("alpha_0", Direction.POSITIVE)], value=0.1, interval=(0.09, 0.11), unit="1")
-    fit = replace(plain.joint_fit, parameters={**known, LINK_LOAD: row})
+    fit = replace(plain.joint_fit, parameters={**known, LINK_LOAD: row}, load=np.zeros(plain.joint_fit.n))
     return plain, replace(plain, joint_fit=fit, settings={"law": "gaussian+link-load: Gaussian peak"})
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({}, "has none as coefficients"),
+        ({"foo_load": 0.1}, "has none as coefficients"),
+        ({"gear_load_squared": 0.1}, "has gear_load_squared as coefficients"),
+        ({"link_load": 0.1, "motor_load": 0.1}, "expected those of one of link-load, motor-load"),
+    ],
+)
+def test_results_with_another_load_are_refused(
+    embedded: tuple[Joint, Joint], tmp_path: Path, wrong: dict[str, float], said: str
+) -> None:
+    """Coefficients that were edited into those of no load, or of two: one sentence, not a page without them."""
+    document = json.loads(bristle.Results(joints=embedded[1:]).to_json())
+    fit = document["joints"]["wrist pitch"]["joint_fit"]
+    known, path = fit["parameters"].pop("link_load"), tmp_path / "results.json"
+    fit["parameters"] |= {name: {**known, "value": value} for name, value in wrong.items()}
+    path.write_text(json.dumps(document))
+    with pytest.raises(InputError, match=said):
+        bristle.read_results(path)
 
 
 def test_who_takes_the_joint_without_load_says_so(embedded: tuple[Joint, Joint]) -> None:
     """What is left out is named with how much it is; a joint without a load has nothing to say."""
     plain, loaded = embedded
     (told,) = without_load(loaded)
-    assert told.numbers["names"] == ("link_load",)
-    assert told.numbers["rise"] == 0.1
+    assert (told.numbers["names"], told.numbers["rise"]) == (("link_load",), 0.1)
     assert not without_load(plain)
 
 
@@ -343,13 +312,11 @@ def test_who_takes_the_joint_without_load_says_so(embedded: tuple[Joint, Joint])
 )
 def test_a_flag_that_is_none_is_refused(tmp_path: Path, enabled: str, wrong: str) -> None:
     """A flag with a unit, without a column, or of a drive that was never on: one sentence."""
-    (tmp_path / "a.csv").write_text("t,q,T,driven\n0,0,1,0\n0.1,0.2,2,0\n0.2,0.3,1,0\n")
-    (tmp_path / "a.yaml").write_text(
-        "joint: {name: a, kind: revolute}\nsignals:\n  time: {column: t, unit: s}\n  position: {column: q, unit: rad}\n"
-        f"  torque: {{column: T, unit: N*m}}\n  enabled: {enabled}\nruns: [{{files: a.csv, experiment: tracking}}]\n"
-    )
+    t = np.array([0.0, 0.1, 0.2])
+    path = experiment_file(tmp_path, {"t": t, "q": 2 * t, "T": t + 1, "driven": 0 * t})
+    path.write_text(path.read_text().replace("enabled: driven", f"enabled: {enabled}"))
     with pytest.raises(InputError, match=wrong):
-        measure(tmp_path / "a.yaml")
+        measure(path)
 
 
 def test_the_load_is_named_where_the_joint_is_shown(embedded: tuple[Joint, Joint]) -> None:

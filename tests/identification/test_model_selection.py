@@ -32,20 +32,17 @@ from bristle.identification.model_criteria import (
 from bristle.identification.model_criteria import rank_models as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow
 from bristle.identification.static.runs import fit_moving
-from bristle.model.parameters import INERTIA, Direction, Lugre, Pair, ParameterName
-from bristle.model.rollout import rollout
+from bristle.model.parameters import Lugre, Pair
 
 from ..names import parse
 from ..sameness import of_kind
-from .conftest import GRIPPER, curve, points_file
+from .conftest import GRIPPER, OTHER, TONES, by_name, curve, experiment_file, moved, points_file, tones
 
-OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
 FLAT = Lugre(0.02, 0.0, 0.04, 1.0, 6.0, 0.02)
 SPEEDS = np.geomspace(0.015, 0.8, 12)
 NOISE = 2e-4
 WOBBLE = np.array([1e-4, -1e-4, 1e-4])
 STEP = 2e-3
-J = 1.3e-3
 
 
 def points(folder: Path, plus: Lugre[float], minus: Lugre[float] | None, seed: int = 0, fit: str = "") -> Joint:
@@ -98,7 +95,10 @@ def designs(v: Array) -> dict[tuple[str, str], Array]:
 def test_linear_models_are_least_squares_with_the_criteria_and_leave_one_out_by_their_definitions(
     tmp_path: Path, seed: int
 ) -> None:
-    """For each linear model: rms by lstsq, AICc and BIC from the maximised Gaussian likelihood, hold-out from refits without each point."""
+    """For each linear model: rms by lstsq, AICc and BIC from the maximised Gaussian likelihood, hold-out from refits without each point.
+
+    A model with more terms leaves no more: Coulomb within Coulomb + viscous within Stribeck, each symmetric one within that per direction.
+    """
     joint = points(tmp_path, GRIPPER, OTHER, seed)
     (compared,) = joint.models
     v = np.concatenate([SPEEDS, -SPEEDS])
@@ -125,12 +125,6 @@ def test_linear_models_are_least_squares_with_the_criteria_and_leave_one_out_by_
         assert own.bic - first.bic == pytest.approx(bic - scores[first][1], abs=1e-6)
     assert min(r.bic for r in compared.rows) == 0
     assert compared.effective == compared.n == n
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_a_model_with_more_terms_leaves_no_more(tmp_path: Path, seed: int) -> None:
-    """Coulomb within Coulomb + viscous within the Stribeck curve, and each symmetric one within that per direction."""
-    (compared,) = points(tmp_path, GRIPPER, OTHER, seed).models
     for directions in (SYMMETRIC, APART):
         left = [row(compared, m, directions).rms for m in (COULOMB, VISCOUS, STRIBECK)]
         assert left == sorted(left, reverse=True)
@@ -188,51 +182,44 @@ def test_too_few_points_are_said(tmp_path: Path) -> None:
     assert [r.model for x in found for r in x.rows] == [COULOMB]
 
 
-def run(p: Lugre[float] | Pair[float], offset: float = 0.0, seed: int = 0) -> Record:
-    """A moving run of LuGre, an inertia and an offset, with noise."""
-    t = np.arange(0.0, 6.0, STEP)
-    lines = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0))
-    v = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0)
-    acceleration = np.gradient(v, t)
-    noise = 2e-5 * np.random.default_rng(seed).standard_normal(t.size)
-    torque = rollout(v, STEP, p).torque + J * acceleration + offset + noise
-    return Record(file=f"run{seed}.csv", time=t, velocity=v, torque=torque, acceleration=acceleration)
+def run(seed: int) -> Record:
+    """A moving run of a joint that differs between directions, with noise."""
+    v = tones(np.arange(0.0, 6.0, STEP), TONES[:4])
+    return moved(v, STEP, Pair(GRIPPER, OTHER), 2e-5, seed=seed, file=f"run{seed}.csv")
 
 
 @pytest.fixture(scope="module", params=["separate", "symmetric"])
-def moved(
+def on_motion(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[ModelComparison, TrackingFit]:
     """The comparison on a moving run of a joint that differs between directions, and its fit, per direction or symmetric."""
-    path = tmp_path_factory.mktemp("moving") / "e.yaml"
-    path.write_text(
-        f"joint: {{name: x}}\nfit: {{directions: {request.param}, decimation: 2}}\nsignals:\n  time: {{column: t, unit: s}}\n"
-        "  velocity: {column: v, unit: rad/s}\n  torque: {column: tau, unit: N*m}\nruns:\n  - {files: d.csv, experiment: tracking}\n"
-    )
-    experiment, records, held = load_experiment(path), [run(Pair(GRIPPER, OTHER))], [run(Pair(GRIPPER, OTHER), seed=1)]
-    alone = fitted(experiment, records, held, ("+", "-") if request.param == "separate" else ("both",))
-    compared = model_selection.compare_on_motion(
-        experiment, records, held, fit_moving(experiment, records, [], None)[0], alone
-    )
+    records, held = [run(0)], [run(1)]
+    v = np.zeros(2)
+    fit = f"directions: {request.param}, decimation: 2"
+    experiment = load_experiment(experiment_file(tmp_path_factory.mktemp("moving"), {"t": v, "v": v, "T": v}, fit=fit))
+    alone = whole(experiment, records, held, ("+", "-") if request.param == "separate" else ("both",))
+    static = fit_moving(experiment, records, [], None)[0]
+    compared = model_selection.compare_on_motion(experiment, records, held, static, alone)
     assert compared is not None
     return compared, alone
 
 
-def fitted(
+def whole(
     experiment: Experiment, records: list[Record], held: list[Record], directions: tuple[str, ...]
 ) -> TrackingFit:
     """All parameters of moving runs, from near the truth."""
-    sets = {"both": GRIPPER, "+": GRIPPER, "-": OTHER}
     asked = model_selection.asked_regressors(experiment, directions, moving=True)
-    start = {ParameterName(n, Direction(d)): x for d in directions for n, x in sets[d]._asdict().items()}
-    start |= {INERTIA: J, parse("offset"): 0.0} if "offset" in asked else {INERTIA: J}
+    start = by_name(GRIPPER if directions == ("both",) else Pair(GRIPPER, OTHER))
+    start |= {parse("offset"): 0.0} if "offset" in asked else {}
     problem, test = (dynamic_problem(r, directions, asked, experiment.fit.every, None) for r in (records, held))
     return fit_tracking(problem, start, "revolute", [("held", test)], search=False).fit
 
 
-def test_symmetric_coulomb_with_an_offset_is_coulomb_per_direction(moved: tuple[ModelComparison, TrackingFit]) -> None:
+def test_symmetric_coulomb_with_an_offset_is_coulomb_per_direction(
+    on_motion: tuple[ModelComparison, TrackingFit],
+) -> None:
     """On moving runs the two are one model: the same residuals, parameters, criteria and hold-out error."""
-    compared, _ = moved
+    compared, _ = on_motion
     one, two = row(compared, COULOMB, SYMMETRIC), row(compared, COULOMB, APART)
     assert one.parameters == two.parameters
     assert one.rms == pytest.approx(two.rms, rel=1e-9)
@@ -240,9 +227,9 @@ def test_symmetric_coulomb_with_an_offset_is_coulomb_per_direction(moved: tuple[
     assert one.hold_out == pytest.approx(two.hold_out, rel=1e-9)
 
 
-def test_moving_runs_compare_lugre_with_the_static_models(moved: tuple[ModelComparison, TrackingFit]) -> None:
+def test_moving_runs_compare_lugre_with_the_static_models(on_motion: tuple[ModelComparison, TrackingFit]) -> None:
     """LuGre made the run, per direction: it is advised so, whichever fit was asked for; the fit that was done is not done again."""
-    compared, alone = moved
+    compared, alone = on_motion
     best = used(compared)
     assert (best.model, best.directions) == (LUGRE, APART)
     done = row(compared, LUGRE, APART if parse("alpha_0+") in alone.parameters else SYMMETRIC)
@@ -258,9 +245,9 @@ def test_moving_runs_compare_lugre_with_the_static_models(moved: tuple[ModelComp
         assert compared.effective == pytest.approx(compared.n / inflation(alone.residuals))
 
 
-def test_correlated_residuals_count_for_fewer(moved: tuple[ModelComparison, TrackingFit]) -> None:
+def test_correlated_residuals_count_for_fewer(on_motion: tuple[ModelComparison, TrackingFit]) -> None:
     """The criteria of two models differ by n' times the logarithm of their residuals' ratio, plus the terms of their parameters; n' = effective."""
-    compared, _ = moved
+    compared, _ = on_motion
     a, b = row(compared, VISCOUS, SYMMETRIC), row(compared, STRIBECK, SYMMETRIC)
     n = compared.effective
     assert b.bic - a.bic == pytest.approx(
@@ -268,9 +255,9 @@ def test_correlated_residuals_count_for_fewer(moved: tuple[ModelComparison, Trac
     )
 
 
-def test_a_bristle_that_the_motion_does_not_show_is_not_advised(moved: tuple[ModelComparison, TrackingFit]) -> None:
+def test_a_bristle_that_the_motion_does_not_show_is_not_advised(on_motion: tuple[ModelComparison, TrackingFit]) -> None:
     """Without any sigma_0 LuGre is no candidate, however low its BIC, and the sentence says why."""
-    compared, alone = moved
+    compared, alone = on_motion
     blind = {n: replace(e, value=None) if n.name == "sigma_0" else e for n, e in alone.parameters.items()}
     found = [
         ModelCandidate(

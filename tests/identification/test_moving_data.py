@@ -24,7 +24,7 @@ from bristle.model.rollout import rollout
 from bristle.questions.joint_report.static_figures import curves_to_use
 
 from ..names import parse
-from .conftest import curve
+from .conftest import curve, experiment_file, holds, way, white
 
 STRONG = Lugre(0.02, 0.03, 0.04, 0.15, 1.0, 0.0)
 INERTIA = 0.004
@@ -38,14 +38,9 @@ def moving(seed: int = 0, starts: tuple[int, ...] = (0,), noise: float = 2e-4) -
     w1, w2 = 2 * np.pi * 0.4, 2 * np.pi * 1.1
     velocity = 0.6 * np.sin(w1 * time) + 0.3 * np.sin(w2 * time)
     acceleration = 0.6 * w1 * np.cos(w1 * time) + 0.3 * w2 * np.cos(w2 * time)
-    torque = (
-        curve(velocity, STRONG)
-        + INERTIA * acceleration
-        + noise * np.random.default_rng(seed).standard_normal(time.size)
-    )
-    return Record(
-        file="motion.csv", time=time, velocity=velocity, acceleration=acceleration, torque=torque, starts=starts
-    )
+    torque = curve(velocity, STRONG) + INERTIA * acceleration + white(time.size, noise, seed)
+    signals = {"velocity": velocity, "acceleration": acceleration, "torque": torque}
+    return Record(file="motion.csv", time=time, starts=starts, **signals)
 
 
 def values(
@@ -130,11 +125,7 @@ def test_smoothing_keeps_constants_and_never_crosses_a_gap() -> None:
 
 def test_too_short_a_segment_names_the_length_it_needs() -> None:
     """A record shorter than the filter's transient is refused with the number of samples that it takes."""
-    whole = moving()
-    few = slice(0, 100)
-    assert whole.velocity is not None
-    assert whole.torque is not None
-    short = Record(file="short.csv", time=whole.time[few], velocity=whole.velocity[few], torque=whole.torque[few])
+    short = thinned(moving(), slice(0, 100), "short.csv")
     with pytest.raises(ValueError, match=r"short\.csv: no segment between gaps is longer than \d+ samples"):
         from_records([short], ("both",), ("offset",), 10)
 
@@ -149,31 +140,26 @@ def test_the_decimation_is_the_largest_that_a_run_is_long_enough_for(samples: in
             assert decimator([np.array([samples])], found + 1, "a.csv")[1] > samples / 5
 
 
-def moving_file(folder: Path, fit: str = "") -> Path:
-    """Two tracking runs with presliding, of 20 s and of 0.3 s: SIMULATED."""
+def moving_file(folder: Path, fit: str = "", *, short: bool = False) -> Path:
+    """A tracking run of 20 s with presliding, SIMULATED; besides one of 0.3 s if need be."""
     t = np.arange(0, 20, 2e-3)
     v = np.sum([a * np.sin(2 * np.pi * f * t + a) for a, f in ((0.3, 0.3), (0.1, 1.3), (0.05, 3.1))], axis=0)
-    T = rollout(v, 2e-3, Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0)).torque
-    rows = np.column_stack([t, v, T + 0.005 * np.random.default_rng(0).standard_normal(t.size)])
-    for name, own in (("long.csv", rows), ("short.csv", rows[:150])):
-        np.savetxt(folder / name, own, delimiter=",", header="t,v,T", comments="")
-    file = folder / "a.yaml"
-    file.write_text(
-        "joint: {name: a, kind: revolute}\nsimulated: true\nsignals:\n  time: {column: t, unit: s}\n"
-        "  velocity: {column: v, unit: rad/s}\n  torque: {column: T, unit: N*m}\n"
-        f"fit: {{directions: symmetric{fit}}}\n"
-        "runs: [{files: [long.csv, short.csv], experiment: tracking}]\n"
-    )
+    T = rollout(v, 2e-3, Lugre(0.25, 0.08, 0.4, 0.05, 400.0, 1.0)).torque + white(t.size, 0.005)
+    columns = {"t": t, "v": v, "T": T}
+    if short:
+        experiment_file(folder, {name: x[:150] for name, x in columns.items()}, file="short")
+    file = experiment_file(folder, columns, fit=f"directions: symmetric{fit}", file="long")
+    file.write_text(file.read_text().replace("long.csv", "[long.csv, short.csv]" if short else "long.csv"))
     return file
 
 
 def test_a_short_run_is_fitted_with_what_it_has(tmp_path: Path) -> None:
     """With one run of 150 samples no filter is longer than leaves something of it; a decimation that was asked for stays, and is refused."""
-    measured = measure(moving_file(tmp_path))
+    measured = measure(moving_file(tmp_path, short=True))
     every = measured.experiment.fit.every
     assert every <= longest_decimation(100, 150)
     with pytest.raises(InputError, match=r"short.csv: no segment .* below 10"):
-        identify_joint(measure(moving_file(tmp_path, ", decimation: 10")))
+        identify_joint(measure(moving_file(tmp_path, ", decimation: 10", short=True)))
 
 
 def test_a_shape_that_motion_does_not_show_is_assumed_and_said(tmp_path: Path) -> None:
@@ -190,8 +176,7 @@ def test_a_shape_that_motion_does_not_show_is_assumed_and_said(tmp_path: Path) -
 
 def test_missing_acceleration_is_named() -> None:
     """A regressor whose signal the run does not have is refused, naming the file and the signal."""
-    whole = moving()
-    bare = Record(file="bare.csv", time=whole.time, velocity=whole.velocity, torque=whole.torque)
+    bare = replace(moving(), file="bare.csv", acceleration=None)
     with pytest.raises(ValueError, match=r"bare\.csv: the fit needs acceleration"):
         from_records([bare], ("both",), ("inertia",), 10)
 
@@ -225,7 +210,7 @@ def test_a_low_pass_that_takes_motion_is_widened(monkeypatch: pytest.MonkeyPatch
     """Where spectra would cut the motion off, the fit goes through the widest filter that leaves no more, and is right; a good one stays."""
     t = np.arange(0, 12, 0.002)
     v = 0.6 * np.sin(2.0 * t) + 0.4 * np.sin(5.3 * t) + 0.2 * np.sin(13.0 * t)
-    q = np.concatenate([[0.0], np.cumsum((v[1:] + v[:-1]) / 2)]) * 0.002
+    q = way(v, 0.002)
     law = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
     T = bristle.simulate(v, 0.002, law) + 0.001 * np.gradient(v, t)
     T = T + 1e-4 * np.random.default_rng(0).standard_normal(t.size)
@@ -244,11 +229,10 @@ def test_a_low_pass_that_takes_motion_is_widened(monkeypatch: pytest.MonkeyPatch
 def test_short_stretches_between_gaps_are_left_out(tmp_path: Path) -> None:
     """A run of which rows are lost is fitted by the stretches that its filter fits into, the others counted, and finds the friction."""
     file = moving_file(tmp_path)
-    file.write_text(file.read_text().replace("long.csv, short.csv", "long.csv"))
     rows = np.loadtxt(tmp_path / "long.csv", delimiter=",", skiprows=1)
     lost = np.r_[3000:3100, 3120:3200, 6000:6050, 6200:6300]
     np.savetxt(tmp_path / "long.csv", np.delete(rows, lost, axis=0), delimiter=",", header="t,v,T", comments="")
     joint = identify_joint(measure(file))
     assert joint.inputs[0].dropped == 20 + 150
-    low, high = joint.tracking.parameters[ParameterName.parse("alpha_0")].interval  # type: ignore[union-attr, misc]
-    assert low < 0.25 < high
+    assert joint.tracking is not None
+    assert holds(joint.tracking.parameters[parse("alpha_0")].interval, 0.25)

@@ -22,33 +22,25 @@ from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
 from bristle.identification.results import Joint
 from bristle.model import law, motor
-from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Motor, Pair, ParameterName
+from bristle.model.parameters import INERTIA, Direction, Lugre, Motor, Pair, ParameterName
 from bristle.simulation import edro
 
 from ..names import named
-from .conftest import GRIPPER
+from .conftest import GRIPPER, OTHER, J, by_name, holds, tones, value_of
 
-OTHER = Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
-MOTOR = Motor(0.35, 2.1, 0.0, 1.27e-3)
-LOADS = {"inertia": 1.27e-3, "offset": 0.004, "gravity_sin": 0.01, "gravity_cos": -0.006}
+MOTOR = Motor(0.35, 2.1, 0.0, J)
+LOADS = {"inertia": J, "offset": 0.004, "gravity_sin": 0.01, "gravity_cos": -0.006}
 STEP = 2e-3
 
 
 def drive(t: Array) -> Array:
     """A voltage that reverses, and slows down where friction holds."""
-    lines = ((0.35, 0.4), (0.2, 1.7), (0.1, 4.3))
-    total: Array = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0)
-    return total
+    return tones(t, ((0.35, 0.4), (0.2, 1.7), (0.1, 4.3)))
 
 
-def friction(pair: Pair[float]) -> dict[ParameterName, float]:
-    """Both sets by name."""
-    return {ParameterName(n, d): x for d, p in zip(SIGNED, pair, strict=True) for n, x in p._asdict().items()}
-
-
-def values_of(pair: Pair[float]) -> dict[ParameterName, float]:
-    """Both sets and the loads by name."""
-    return friction(pair) | named(LOADS)
+def values_of(p: Lugre[float] | Pair[float]) -> dict[ParameterName, float]:
+    """The sets and the loads by name."""
+    return by_name(p) | named(LOADS)
 
 
 @lru_cache
@@ -139,13 +131,13 @@ def test_torque_in_position_out_recovers_the_truth() -> None:
     fixed = named({"alpha_1": GRIPPER.alpha_1, "v_s": GRIPPER.v_s})
     problem = replace(problem, directions=(Direction.BOTH,), fixed=fixed)
     assert len(problem.motions) == 8
-    values = {n: x for n, x in named(GRIPPER._asdict() | LOADS).items() if n not in fixed}
+    values = {n: x for n, x in values_of(GRIPPER).items() if n not in fixed}
     found = fit_tracking(problem, {n: 1.15 * x for n, x in values.items()}, "revolute", search=False).fit
     assert found.quantity == "position"
     assert found.windows == 8
     assert found.starts_of_runs == (0,)
     assert found.rms < quantum
-    missed = [n for n, e in found.parameters.items() if e.interval and not e.interval[0] <= values[n] <= e.interval[1]]
+    missed = [n for n, e in found.parameters.items() if e.interval and not holds(e.interval, values[n])]
     assert len(missed) <= 1
     assert found.parameters[INERTIA].value == pytest.approx(LOADS["inertia"], rel=0.01)
 
@@ -159,7 +151,7 @@ def test_intervals_are_those_of_the_jackknife_over_windows() -> None:
     # noise of the logged voltage adds up in a simulated position: correlated inside a window, independent between windows
     problem = posed(t, V + 0.02 * rng.standard_normal(t.size), position, 0.5, decimation=5)
     free = named({"alpha_0": GRIPPER.alpha_0, "alpha_2": GRIPPER.alpha_2, "inertia": LOADS["inertia"]})
-    fixed = {n: x for n, x in named(GRIPPER._asdict() | LOADS).items() if n not in free}
+    fixed = {n: x for n, x in values_of(GRIPPER).items() if n not in free}
     problem = replace(problem, directions=(Direction.BOTH,), fixed=fixed)
     whole = solve_dynamic(problem, free, search=False)
     again = []
@@ -217,27 +209,23 @@ def coarse(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Joint]:
 
 @pytest.mark.slow
 def test_behind_a_coarse_encoder_the_simulated_motor_sees_more(coarse: dict[str, Joint]) -> None:
-    """At 12 bits the estimated velocity loses a tenth of the inertia, which is found; the simulated motor keeps it within 2 %, and intervals hold."""
-    truth, J = edro.TABLE_1["gripper rotation"], edro.inertia(edro.TABLE_1["gripper rotation"])
+    """At 12 bits the estimated velocity loses a tenth of the inertia, which is found; the simulated motor keeps it within 2 %, and intervals hold.
+
+    Where the velocity is not to be trusted no static fit is made of it; the other way it is.
+    """
+    truth, inertia = edro.TABLE_1["gripper rotation"], edro.inertia(edro.TABLE_1["gripper rotation"])
     by_torque, by_position = coarse["torque"].tracking, coarse["position"].tracking
     assert by_torque is not None
     assert by_position is not None
     corrected = by_torque.parameters[INERTIA]
-    assert corrected.value is not None
-    assert corrected.interval is not None
-    assert abs((corrected.value + by_torque.count_bias[INERTIA]) / J - 1) > 0.1
-    assert corrected.interval[0] <= J <= corrected.interval[1]
-    assert by_position.parameters[INERTIA].value == pytest.approx(J, rel=0.02)
-    true = friction(truth) | {INERTIA: J}
+    assert abs((value_of(corrected) + by_torque.count_bias[INERTIA]) / inertia - 1) > 0.1
+    assert holds(corrected.interval, inertia)
+    assert by_position.parameters[INERTIA].value == pytest.approx(inertia, rel=0.02)
+    true = by_name(truth, inertia)
     seen = {n: e for n, e in by_position.parameters.items() if e.value is not None and e.interval is not None}
     assert len(seen) == 9
-    assert sum(e.interval[0] <= true[n] <= e.interval[1] for n, e in seen.items() if e.interval) >= 7
+    assert sum(holds(e.interval, true[n]) for n, e in seen.items()) >= 7
     assert by_position.hold_out[0].relative_error < 1.0
-
-
-@pytest.mark.slow
-def test_a_fit_of_the_position_has_no_static_stage_of_its_own(coarse: dict[str, Joint]) -> None:
-    """Where the velocity is not to be trusted no static fit is made of it; the other way it is."""
     assert coarse["torque"].static
     assert not coarse["position"].static
 

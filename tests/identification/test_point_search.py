@@ -49,7 +49,7 @@ def test_a_stray_is_named_judged_and_kept_where_asked(tmp_path: Path) -> None:
     """With `set_up: as-written` every point is fitted; the stray is named by its line, the fit without it beside; one that matters is critical."""
     T = torques()
     T[20] += 20 * NOISE
-    fit = static(points_file(tmp_path, SPEEDS, T, "fit: {set_up: as-written}\n"))
+    fit = static(points_file(tmp_path, SPEEDS, T, "set_up: as-written"))
     (stray,) = fit.strays
     assert (stray.file, stray.where, stray.velocity, stray.torque) == ("points.csv", "line 22", SPEEDS[20], T[20])
     assert stray.deviations == pytest.approx(20, rel=0.4)
@@ -80,9 +80,7 @@ def test_a_term_that_the_fit_lacks_comes_before_strays(tmp_path: Path) -> None:
         assert low < share * GRIPPER.alpha_2 / SPEEDS.max() < high
     T = torques()
     T[10] += 20 * NOISE
-    (then,) = of(
-        {"strays", "strays-matter"}, static(points_file(tmp_path / "b", SPEEDS, T, "fit: {set_up: as-written}\n"))
-    )
+    (then,) = of({"strays", "strays-matter"}, static(points_file(tmp_path / "b", SPEEDS, T, "set_up: as-written")))
     assert "leave `set_up: as-written` out" in then.numbers["advice"]
     assert of({"strays-left-out"}, static(points_file(tmp_path / "b", SPEEDS, T)))
 
@@ -127,25 +125,23 @@ def test_a_point_below_breakaway_is_left_out(tmp_path: Path) -> None:
 def test_what_is_excluded_is_not_fitted(tmp_path: Path) -> None:
     """`fit.exclude` leaves out the lines that it names and no others, and refuses to name none."""
     T = torques()
-    path = points_file(
-        tmp_path, SPEEDS, T, "fit: {exclude: [{file: points.csv, rows: 8}, {file: points.csv, rows: 10-11}]}\n"
-    )
+    path = points_file(tmp_path, SPEEDS, T, "exclude: [{file: points.csv, rows: 8}, {file: points.csv, rows: 10-11}]")
     joint = bristle.identify(path).joints[0]
     assert [s.line for s in joint.segments if not s.accepted] == [8, 10, 11]
     assert {reason.code for s in joint.segments for reason in s.reasons} == {"excluded"}
     for entry in ("{file: points.csv, rows: 1}", "{file: other.csv, rows: 8}"):
         with pytest.raises(InputError, match=r"fit\.exclude: entry 1 names no point"):
-            bristle.identify(points_file(tmp_path, SPEEDS, T, f"fit: {{exclude: [{entry}]}}\n"))
+            bristle.identify(points_file(tmp_path, SPEEDS, T, f"exclude: [{entry}]"))
     for rows in ("x", "3-2", "-1", "1.5", "[1]", "1-2-3", "true"):
         with pytest.raises(InputError, match="rows"):
-            bristle.identify(
-                points_file(tmp_path, SPEEDS, T, f"fit: {{exclude: [{{file: points.csv, rows: {rows}}}]}}\n")
-            )
+            bristle.identify(points_file(tmp_path, SPEEDS, T, f"exclude: [{{file: points.csv, rows: {rows}}}]"))
 
 
 def test_minimum_velocity_holds_for_points(tmp_path: Path) -> None:
     """Points slower than `segments.minimum_velocity` are rejected, with the reason."""
-    path = points_file(tmp_path, SPEEDS, torques(), f"segments: {{minimum_velocity: {float(SPEEDS[3])!r} rad/s}}\n")
+    path = points_file(
+        tmp_path, SPEEDS, torques(), more=f"segments: {{minimum_velocity: {float(SPEEDS[3])!r} rad/s}}\n"
+    )
     joint = bristle.identify(path).joints[0]
     assert [s.accepted for s in joint.segments] == [False] * 3 + [True] * 19
     assert {s.reasons[0].code for s in joint.segments[:3]} == {"point-too-slow"}
@@ -156,7 +152,7 @@ def test_a_law_that_does_not_fit_is_misfit(tmp_path: Path) -> None:
     T = torques()
     T[[3, 8, 13]] += NOISE * np.array([160, -60, 25])
     for set_up in ("as-written", "auto"):
-        fit = static(points_file(tmp_path, SPEEDS, T, f"fit: {{set_up: {set_up}}}\n"))
+        fit = static(points_file(tmp_path, SPEEDS, T, f"set_up: {set_up}"))
         (warning,) = of(ABOUT, fit)
         assert (warning.code, warning.severity, fit.n) == ("misfit", Severity.CAUTION, 22)
         assert warning.effect["torque"] == pytest.approx(fit.rms)

@@ -12,6 +12,8 @@ from bristle.identification.results import Joint
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 
+from .conftest import ends_of, experiment_file, holds
+
 SOFT = Lugre(0.8, 0.35, 0.6, 0.05, 60.0, 1.0)
 """Its bristle bends by 19 mrad."""
 NOISE = 0.02
@@ -23,8 +25,8 @@ def logs(folder: Path, count: float = 0.0, deflections: float = 5.0) -> Path:
     rng, bend = np.random.default_rng(0), (SOFT.alpha_0 + SOFT.alpha_1) / SOFT.sigma_0
     speeds = np.geomspace(0.012, 0.6, 9)
     way = np.maximum(1.2 * speeds, deflections * bend)  # rad
-    holds = [np.full(int(RATE * x / s), sign * s) for s, x in zip(speeds, way, strict=True) for sign in (1, -1)]
-    v = np.concatenate(holds)
+    held = [np.full(int(RATE * x / s), sign * s) for s, x in zip(speeds, way, strict=True) for sign in (1, -1)]
+    v = np.concatenate(held)
     torque = rollout(v, 1 / RATE, SOFT).torque + NOISE * rng.standard_normal(v.size)
     g0 = SOFT.alpha_0 + SOFT.alpha_1
     load = 0.8 * g0 * np.interp(np.arange(int(16 * RATE)) / RATE, [0, 4, 8, 12, 16], [0, 1, 0, -1, 0])
@@ -33,16 +35,14 @@ def logs(folder: Path, count: float = 0.0, deflections: float = 5.0) -> Path:
         s * g0 / SOFT.sigma_0 * (np.log1p(-s * before / g0) - np.log1p(-s * load / g0))
     )  # (4) under a slow torque
     load = load + NOISE / 10 * rng.standard_normal(load.size)
-    for name, position, T in (("holds", np.cumsum(v) / RATE, torque), ("slow", q, load)):
-        seen = count * np.round(position / count) if count and name == "holds" else position
-        rows = np.column_stack([np.arange(T.size) / RATE, seen, T])
-        np.savetxt(folder / f"{name}.csv", rows, delimiter=",", header="t,q,T", comments="")
-    file = folder / "soft.yaml"
-    file.write_text(
-        "joint: {name: soft, kind: revolute}\nsimulated: true\nsignals:\n  time: {column: t, unit: s}\n"
-        "  position: {column: q, unit: rad}\n  torque: {column: T, unit: N*m}\nfit: {directions: symmetric}\n"
-        "runs:\n  - {files: holds.csv, experiment: ramp}\n  - {files: slow.csv, experiment: presliding}\n"
+    steps = [np.arange(x.size) / RATE for x in (torque, load)]
+    seen = np.cumsum(v) / RATE
+    seen = count * np.round(seen / count) if count else seen
+    experiment_file(folder, {"t": steps[1], "q": q, "T": load}, file="slow")
+    file = experiment_file(
+        folder, {"t": steps[0], "q": seen, "T": torque}, "ramp", "directions: symmetric", file="holds"
     )
+    file.write_text(file.read_text().replace("ramp}]", "ramp}, {files: slow.csv, experiment: presliding}]"))
     return file
 
 
@@ -57,24 +57,17 @@ def test_what_holds_had_not_settled_is_taken_off(tmp_path: Path, monkeypatch: py
     file = logs(tmp_path)
     joint = bristle.identify(file).joints[0]
     for name in ("alpha_0", "alpha_1", "alpha_2"):
-        interval = of(joint).parameters[name].interval
-        assert interval is not None
-        assert interval[0] < getattr(SOFT, name) < interval[1], name
+        assert holds(of(joint).parameters[name].interval, getattr(SOFT, name)), name
     assert of(joint).parameters["v_s"].value == pytest.approx(SOFT.v_s, rel=0.02)
     assert joint.presliding is not None
     for fit in joint.presliding.fits.values():
-        assert fit.sigma_0.interval is not None
-        assert fit.sigma_0.interval[0] < SOFT.sigma_0 < fit.sigma_0.interval[1]
+        assert holds(fit.sigma_0.interval, SOFT.sigma_0)
     monkeypatch.setattr(identify, "without_settling", lambda *_: None)
-    low = of(bristle.identify(file).joints[0]).parameters["alpha_1"].interval
-    assert low is not None
-    assert low[1] < SOFT.alpha_1
+    assert ends_of(of(bristle.identify(file).joints[0]).parameters["alpha_1"].interval)[1] < SOFT.alpha_1
 
 
 def test_a_coarse_encoder_makes_no_settling(tmp_path: Path) -> None:
     """Holds of ten deflections have settled, also where counts make the estimated velocity change its sign: alpha_1 is within its interval."""
     joint = bristle.identify(logs(tmp_path, 2 * np.pi / 2**12, 10.0)).joints[0]
-    interval = of(joint).parameters["alpha_1"].interval
-    assert interval is not None
-    assert interval[0] < SOFT.alpha_1 < interval[1]
-    assert interval[1] - interval[0] < 0.1 * SOFT.alpha_1
+    low, high = ends_of(of(joint).parameters["alpha_1"].interval)
+    assert low < SOFT.alpha_1 < high < low + 0.1 * SOFT.alpha_1

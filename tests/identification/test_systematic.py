@@ -13,13 +13,11 @@ import yaml
 import bristle
 from bristle.arrays import Interval
 from bristle.data.experiment.schema import FitOptions
-from bristle.findings import NOTE, Finding
 from bristle.identification.curve import band
 from bristle.identification.dynamic.output_error import Window, with_more_torque
 from bristle.identification.dynamic.problem import InitialState, residuals
-from bristle.identification.fits import Estimate, StaticFit
+from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.presliding.fit import fit_presliding
-from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
@@ -28,16 +26,17 @@ from bristle.model.parameters import INERTIA, Lugre, Pair, ParameterName, least_
 from bristle.questions.joint_report.results_file import to_frame
 from bristle.simulation.bench import steady_points
 
-from .conftest import GRIPPER, curve
-from .test_output_error import MOTOR, OTHER, STEP, drive, posed, values_of
+from .conftest import G0, GRIPPER, OTHER, codes, curve, ends_of, error_of, holds, known, value_of
+from .test_output_error import MOTOR, STEP, drive, posed, values_of
 from .test_repeats import loading
-from .test_softening import G0, SOURCE, loadings, maxwell_slip
+from .test_softening import loadings, maxwell_slip
 
 K, SHARE = 0.35, 0.05
 SPEEDS = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 20)
 NOISE = 0.01 * GRIPPER.alpha_0
 STEPPED = 0.01
 """Of a standard error: how far K is moved for a refit."""
+WAYS = ("covariance", "profile", "bootstrap")
 EDRO = Path(__file__).parents[2] / "datasets" / "edro"
 
 
@@ -72,6 +71,23 @@ def every(fits: Mapping[str, StaticFit]) -> list[tuple[str, str, Estimate]]:
     return [(d, name, e) for d, fit in fits.items() for name, e in fit.parameters.items()]
 
 
+def tracked(joint: Joint) -> TrackingFit:
+    """The fit of its moving runs alone."""
+    assert joint.tracking is not None
+    return joint.tracking
+
+
+def of_stages(joint: Joint) -> list[tuple[str, str, str, Estimate]]:
+    """Stage, direction, name and estimate of each parameter of static, presliding, moving and all runs."""
+    assert joint.presliding is not None
+    assert joint.joint_fit is not None
+    found = [("static", d, name, e) for d, name, e in every(joint.static)]
+    found += [("presliding", d, "sigma_0", fit.sigma_0) for d, fit in joint.presliding.fits.items()]
+    for stage, whole in (("tracking", tracked(joint)), ("joint", joint.joint_fit)):
+        found += [(stage, str(n.direction), n.name, e) for n, e in whole.parameters.items()]
+    return found
+
+
 @pytest.mark.slow
 def test_intervals_cover_the_truth_where_the_torque_constant_is_off() -> None:
     """With 5 % of error in K, new in each of 400 sets, 92 to 98 % of the intervals hold the truth; without its part under half of alpha_0's."""
@@ -83,10 +99,8 @@ def test_intervals_cover_the_truth_where_the_torque_constant_is_off() -> None:
         T = steady_points(GRIPPER, SPEEDS, NOISE, rng, 1)[0] * K / true_K  # a current times the K that is believed
         found = estimate_static(from_points(SPEEDS, T, ("+",), shifts={"K": SHARE * T}), FitOptions(), "revolute")
         for name, value in truth.items():
-            low, high = found[name].interval or (np.nan, np.nan)
-            inside[name] += low <= value <= high
-        low, high = statistical(found["alpha_0"]) or (np.nan, np.nan)
-        without += low <= GRIPPER.alpha_0 <= high
+            inside[name] += holds(found[name].interval, value)
+        without += holds(statistical(found["alpha_0"]), GRIPPER.alpha_0)
     assert all(0.92 <= count / 400 <= 0.98 for count in inside.values()), inside
     assert without / 400 < 0.5
 
@@ -97,9 +111,8 @@ def test_a_common_factor_is_one_of_every_parameter_but_v_s(tmp_path: Path) -> No
     constant = f"scale of torque {K:g} +/- {SHARE * K:g} N*m/A"
     for _, name, e in every(joint.static):
         factor = 0.0 if name == "v_s" else SHARE
-        assert e.value is not None
-        assert e.systematic == pytest.approx(abs(e.value) * factor, rel=1e-9, abs=0)
-        assert e.shifts == pytest.approx({constant: e.value * factor}, rel=1e-9, abs=0)
+        assert e.systematic == pytest.approx(abs(value_of(e)) * factor, rel=1e-9, abs=0)
+        assert e.shifts == pytest.approx({constant: value_of(e) * factor}, rel=1e-9, abs=0)
 
 
 def test_without_an_error_nothing_changes(tmp_path: Path) -> None:
@@ -109,19 +122,15 @@ def test_without_an_error_nothing_changes(tmp_path: Path) -> None:
     for (_, _, e), (d, name, s) in zip(every(exact.static), every(uncertain.static), strict=True):
         assert (e.value, e.standard_error, e.systematic, e.shifts) == (s.value, s.standard_error, None, {})
         assert e.warnings == s.warnings
-        assert e.value is not None
-        assert e.interval is not None
-        ways = (uncertain.static[d].uncertainty[name], exact.static[d].uncertainty[name])
-        for wide, narrow in (
-            (s.interval, e.interval), *((getattr(ways[0], x), getattr(ways[1], x)) for x in ("covariance", "profile", "bootstrap")),
-        ):  # fmt: skip  # pairs
-            below, above = (hypot(end - e.value, NORMAL * (s.systematic or 0.0)) for end in narrow)
-            assert wide == pytest.approx((max(e.value - below, 0.0), e.value + above), rel=1e-12)
+        intervals = [(s.interval, e.interval)]
+        ways = [x.static[d].uncertainty[name] for x in (uncertain, exact)]
+        intervals += [(getattr(ways[0], way), getattr(ways[1], way)) for way in WAYS]
+        for wide, narrow in intervals:
+            below, above = (hypot(end - value_of(e), NORMAL * (s.systematic or 0.0)) for end in ends_of(narrow))
+            assert wide == pytest.approx((max(value_of(e) - below, 0.0), value_of(e) + above), rel=1e-12)
         assert statistical(s) == pytest.approx(e.interval, rel=1e-9)
-    assert [list(to_frame([joint]).columns)[5:7] for joint in (exact, uncertain)] == [
-        ["standard_error", "lower"],
-        ["standard_error", "systematic"],
-    ]
+    for joint, after in ((exact, "lower"), (uncertain, "systematic")):
+        assert list(to_frame([joint]).columns)[5:7] == ["standard_error", after]
 
 
 def test_an_end_that_is_open_or_a_bound_stays() -> None:
@@ -137,8 +146,7 @@ def assert_combined(wide: Interval | None, narrow: Interval | None, e: Estimate)
     """One interval is the other with the systematic error of an estimate in quadrature; neither exists without the other."""
     assert (wide is None) == (narrow is None)
     if wide is not None and narrow is not None:
-        assert e.value is not None
-        assert wide == pytest.approx(combined(narrow, e.value, e.systematic or 0.0), rel=1e-12)
+        assert wide == pytest.approx(combined(narrow, value_of(e), e.systematic or 0.0), rel=1e-12)
 
 
 def test_runs_that_scatter_widen_the_statistical_part_alone() -> None:
@@ -163,7 +171,7 @@ def test_runs_that_scatter_widen_the_statistical_part_alone() -> None:
         s = uncertain.parameters[name]
         assert (s.value, s.standard_error, s.warnings) == (e.value, e.standard_error, e.warnings)
         assert_combined(s.interval, e.interval, s)
-        for way in ("covariance", "profile", "bootstrap"):
+        for way in WAYS:
             assert_combined(getattr(uncertain.uncertainty[name], way), getattr(exact.uncertainty[name], way), s)
 
 
@@ -174,23 +182,23 @@ def test_loadings_that_soften_or_scatter_widen_the_statistical_part_alone(*, sof
     stiff = GRIPPER.sigma_0 * np.array([1.0, 1.1, 0.9, 1.05])
     differ = [loading(x, f"run {k}", 2e-5, k) for k, x in enumerate(stiff.tolist())]
     own = loadings(maxwell_slip, 0.0, 4, 1) if softens else differ
-    level = KnownValue(max(x.held for x in own), np.inf, SOURCE) if bound else KnownValue(G0, 1e-4, SOURCE)
-    J = KnownValue(0.01, 0.0, Finding("of-experiment-file", NOTE, "the experiment file"))
+    level = known(max(x.held for x in own), np.inf) if bound else known(G0, 1e-4)
+    J = known(0.01, 0.0)
     exact = fit_presliding(own, level, J, "revolute")
     shifts = {} if bound else {"K": SHARE * G0}
     off = [replace(x, shares={"K": SHARE}) for x in own]
     uncertain = fit_presliding(off, level._replace(shifts=shifts), J, "revolute")
     assert uncertain.repeats == exact.repeats
     assert softens or bound or exact.repeats["sigma_0"].widened > 1
-    assert ("softens" in {w.code for w in exact.warnings}) == softens
+    assert ("softens" in codes(exact.warnings)) == softens
     e, s = exact.sigma_0, uncertain.sigma_0
     assert (s.value, s.standard_error, s.warnings) == (e.value, e.standard_error, e.warnings)
-    assert s.systematic == pytest.approx(SHARE * (e.value or 0.0), rel=1e-12)
+    assert s.systematic == pytest.approx(SHARE * value_of(e), rel=1e-12)
     assert_combined(s.interval, e.interval, s)
-    for way in ("covariance", "profile", "bootstrap"):
+    for way in WAYS:
         assert_combined(getattr(uncertain.uncertainty["sigma_0"], way), getattr(exact.uncertainty["sigma_0"], way), s)
     assert uncertain.sigma_1.standard_error is None
-    assert uncertain.sigma_1.shifts == pytest.approx({"K": SHARE / 2 * (exact.sigma_1.value or 0.0)})
+    assert uncertain.sigma_1.shifts == pytest.approx({"K": SHARE / 2 * value_of(exact.sigma_1)})
 
 
 @pytest.mark.parametrize(
@@ -243,30 +251,18 @@ def test_of_a_voltage_every_stage_moves_as_a_refit_does(tmp_path: Path) -> None:
     """
     kinds = ("ramp", "presliding", "tracking")
     joint, other = (wrist(tmp_path, f"{x} N*m/A", kinds) for x in (f"{K} +/- {SHARE * K}", K * (1 + STEPPED * SHARE)))
-    static = [(name, e, other.static[d].parameters[name]) for d, name, e in every(joint.static)]
-    assert joint.tracking is not None
-    assert joint.joint_fit is not None
-    assert other.tracking is not None
-    assert other.joint_fit is not None
-    alone, both = (
-        [(name.name, e, fit.parameters[name]) for name, e in own.parameters.items()]
-        for own, fit in ((joint.tracking, other.tracking), (joint.joint_fit, other.joint_fit))
-    )
-    assert joint.presliding is not None
-    assert other.presliding is not None
-    slow = [
-        ("sigma_0", joint.presliding.fits[d].sigma_0, other.presliding.fits[d].sigma_0) for d in joint.presliding.fits
-    ]
-    for name, e, moved in (*static, *slow, *alone, *both):
+    after = {(stage, d, name): e for stage, d, name, e in of_stages(other)}
+    for stage, d, name, e in of_stages(joint):
+        moved = after[stage, d, name]
         if e.value is None or moved.value is None:
             continue
         (shift,) = e.shifts.values()
         if name == "v_s":
-            assert abs(shift) < 0.1 * (e.standard_error or 0.0)
+            assert abs(shift) < 0.1 * error_of(e)
             continue
         assert shift == pytest.approx((moved.value - e.value) / STEPPED, rel=0.02)
         viscous = K * SHARE * K / 2.1 if name == "alpha_2" else 0.0
-        hundredth = 0.01 * (e.standard_error or 0.0)  # what counts add, and is subtracted, is not linear in K
+        hundredth = 0.01 * error_of(e)  # what counts add, and is subtracted, is not linear in K
         assert shift == pytest.approx(SHARE * e.value - viscous, rel=0.01, abs=hundredth), name
         assert e.systematic == abs(shift)
 
@@ -281,14 +277,12 @@ def test_a_given_inertia_breaks_the_common_factor(tmp_path: Path) -> None:
         after = other.static[d].parameters[name].value
         if e.value is not None and after is not None:
             assert list(e.shifts.values()) == pytest.approx([(after - e.value) / STEPPED], rel=2e-3)
-    assert joint.tracking is not None
-    assert other.tracking is not None
-    assert INERTIA not in joint.tracking.parameters
+    assert INERTIA not in tracked(joint).parameters
     for parameter in map(ParameterName.parse, ("alpha_2+", "sigma_0-", "sigma_1+", "sigma_1-")):
-        e, after = joint.tracking.parameters[parameter], other.tracking.parameters[parameter].value
+        e, moves = tracked(joint).parameters[parameter], tracked(other).parameters[parameter]
         (shift,) = e.shifts.values()
-        assert shift == pytest.approx(((after or 0.0) - (e.value or 0.0)) / STEPPED, rel=0.15)
-        assert parameter.name != "sigma_1" or shift > 3 * SHARE * (e.value or 0.0)
+        assert shift == pytest.approx((value_of(moves) - value_of(e)) / STEPPED, rel=0.15)
+        assert parameter.name != "sigma_1" or shift > 3 * SHARE * value_of(e)
 
 
 @pytest.mark.parametrize("torque", [True, False])
