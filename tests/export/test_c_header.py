@@ -375,6 +375,7 @@ def test_the_gradient_is_casadis(handed: Handed, built: Build) -> None:
     np.testing.assert_allclose(state[:2], [z, v], rtol=1e-14)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(name=st.text(max_size=60) | st.sampled_from([*HOSTILE, "???/", "????"]))
 def test_no_name_leaves_its_comment(handed: Handed, name: str) -> None:

@@ -96,8 +96,12 @@ def outside(old: bytes, new: bytes) -> tuple[bytes, bytes]:
 
 @pytest.mark.parametrize("name", JOINTS)
 def test_the_values_are_the_best_and_the_losses_are_those_of_the_formula(handed: Handed, name: str) -> None:
-    """No other Coulomb and viscous friction loses less along the declared motion, and the loss is rms error by rms torque, in percent."""
-    (found,) = best_values([handed(name)], Request(amplitude=0.3, frequency=0.7), "urdf")
+    """No other Coulomb and viscous friction loses less along the declared motion, and the loss is rms error by rms torque, in percent.
+
+    What is lost of is all of the joint's friction, a term v abs(v) too.
+    """
+    joint = beside(handed(name), quadratic=0.05 if name == "wrist pitch" else 0.0)
+    (found,) = best_values([joint], Request(amplitude=0.3, frequency=0.7), "urdf")
     assert [x.motion.name for x in found.losses] == ["fitted", "medium", "slow", "presliding"]
     assert found.motion[1:] == (0.3, 0.7)
 
