@@ -26,23 +26,16 @@ def test_window_lies_about_the_hardest_reversal_within_one_stretch() -> None:
     assert fit.time[own.stop - 1] - fit.time[own.start] <= dynamic_figures.SPAN + 1e-9
 
 
-@pytest.mark.parametrize("seconds", [0.5, 2.0, 30.0])
-def test_window_of_a_stretch_without_reversals_begins_with_it(seconds: float) -> None:
-    """A joint that never turns, and a stretch that is shorter than SPAN, are shown from their start."""
-    t = np.linspace(0.0, seconds, 301)
-    fit = tracked(time=t, velocity=np.ones(301), measured=t, residuals=0 * t, starts_of_runs=(0,))
-    own = dynamic_figures.window(fit)
-    assert own.start == 0
-    assert t[own.stop - 1] == pytest.approx(min(seconds, dynamic_figures.SPAN), abs=seconds / 300)
-
-
-def test_window_near_the_end_keeps_its_length() -> None:
-    """A reversal in the last moment of a stretch is shown with what came before it."""
-    t = np.arange(1000) / 100
-    fit = tracked(time=t, velocity=np.where(t < 9.9, 1.0, -1.0), measured=t, residuals=0 * t, starts_of_runs=(0,))
-    own = dynamic_figures.window(fit)
-    assert own.stop == 1000
-    assert t[own.stop - 1] - t[own.start] == pytest.approx(dynamic_figures.SPAN, abs=0.011)
+def test_window_has_its_length_where_it_can() -> None:
+    """A joint that never turns, and a stretch shorter than SPAN, are shown from their start; a reversal at the end with what came before."""
+    for seconds, turn in ((0.5, np.inf), (2.0, np.inf), (30.0, np.inf), (10.0, 9.9)):
+        t = np.linspace(0.0, seconds, 1001)
+        fit = tracked(time=t, velocity=np.where(t < turn, 1.0, -1.0), measured=t, residuals=0 * t, starts_of_runs=(0,))
+        own = dynamic_figures.window(fit)
+        assert (own.start == 0) == (turn > seconds)
+        assert turn > seconds or own.stop == t.size
+        length = t[own.stop - 1] - t[own.start]
+        assert length == pytest.approx(min(seconds, dynamic_figures.SPAN), abs=1.1 * seconds / 1000)
 
 
 def test_no_line_crosses_a_boundary() -> None:
