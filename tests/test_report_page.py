@@ -5,7 +5,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import pytest
 from tests.pages import findings
 
 from bristle.page.style import DIRECTION
@@ -17,23 +16,32 @@ READ = [name for name in PAGES if name != "explore.html"]
 WORDS, SCREENS, BYTES, PRINTED = 6000, 12, 1_500_000, 20
 """Of a page at the most; and of the whole report with everything open:"""
 ALL_WORDS = 25_000
-ASKED = {
-    "width": "document.documentElement.scrollWidth",
-    "height": "document.documentElement.scrollHeight",
-    "words": "document.body.innerText.split(/\\s+/).filter(Boolean).length",
-    "figures": "[...document.querySelectorAll('figure')].map((f) => [f.querySelector('figcaption').innerText,"
-    " f.querySelector('svg').getAttribute('aria-describedby') === f.querySelector('figcaption').id])",
-    "unnamed": "[...document.querySelectorAll('table')].filter((t) => !t.closest('[aria-label]') && !t.caption).length",
-    "ids": "[...document.querySelectorAll('[id]')].map((e) => e.id)",
-    "numbers": "[...document.querySelectorAll('figcaption .number')].map((a) => parseInt(a.innerText.slice(7)))",
-    "order": "[...document.querySelectorAll('nav.pages a')].map((a) => a.getAttribute('href'))",
-}
-"""What each page is asked in the browser."""
 
 
-def opened(browser: Any, name: str, width: int = 1280, scheme: str = "light") -> tuple[Any, list[str]]:
-    """A page of the report at a width, and what went wrong in it: requests beyond its file, and errors."""
-    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
+MEASURED = """() => {
+  const every = (selector, of) => [...document.querySelectorAll(selector)].map(of), ids = every("[id]", (e) => e.id);
+  return {
+    words: document.body.innerText.split(/\\s+/).filter(Boolean).length,
+    height: document.documentElement.scrollHeight,
+    unnumbered: every("figcaption", (c) => c.innerText).filter((text) => !/^Figure \\d+\\b/.test(text)),
+    undescribed: every("figure", (f) => f).filter(
+      (f) => f.querySelector("svg").getAttribute("aria-describedby") !== f.querySelector("figcaption").id).length,
+    unnamed: every("table", (t) => t).filter((t) => !t.closest("[aria-label]") && !t.caption).length,
+    twice: ids.filter((id, k) => ids.indexOf(id) !== k),
+    numbers: every("figcaption .number", (a) => parseInt(a.innerText.slice(7))),
+  };
+}"""
+"""What is seen of a page with its details closed."""
+OPENED = """() => {
+  document.querySelectorAll("details").forEach((d) => { d.open = true; });
+  return document.body.innerText.split(/\\s+/).filter(Boolean).length;
+}"""
+"""Its words with everything open."""
+
+
+def opened(browser: Any, name: str) -> tuple[Any, list[str]]:
+    """A page of the report on a desk's screen, and what went wrong in it: requests beyond its file, and errors."""
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
     wrong: list[str] = []
     page.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
@@ -43,43 +51,45 @@ def opened(browser: Any, name: str, width: int = 1280, scheme: str = "light") ->
     return page, wrong
 
 
-@pytest.fixture(scope="module")
-def seen(chromium: Any) -> dict[str, dict[str, Any]]:
-    """What each page answers on a desk's screen, with its width on a phone, its sheets on paper, and its words with everything open."""
-    found = {}
+def test_every_page_is_short_and_named_and_loads_nothing(chromium: Any) -> None:
+    """No request, no error; no page is wider than a phone or a desk's screen, and with details closed none is long, its print neither.
+
+    Each figure has a caption with its number, which describes its drawing, and they count from 1 in the order of the pages; each table a
+    caption or a region's name; no id stands twice. With everything open all pages together have a bounded number of words.
+    """
+    failed: list[tuple[str, object]] = []
+    numbers, total = {}, 0
     for name in PAGES:
-        phone, wrong = opened(chromium, name, 390)
-        page, more = opened(chromium, name)
-        found[name] = {what: page.evaluate(script) for what, script in ASKED.items()}
-        found[name] |= {"phone": phone.evaluate(ASKED["width"]), "wrong": wrong + more}
+        page, wrong = opened(chromium, name)
         if name in READ:
-            found[name]["sheets"] = len(
-                re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4", prefer_css_page_size=True))
-            )
-            page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
-            found[name]["all"] = page.evaluate(ASKED["words"])
-        phone.close()
+            seen = page.evaluate(MEASURED)
+            limits = {"words": WORDS, "height": 900 * SCREENS, "unnamed": 0, "undescribed": 0}
+            failed += [(name, (key, seen[key])) for key, most in limits.items() if seen[key] > most]
+            failed += [(name, (key, seen[key])) for key in ("unnumbered", "twice") if seen[key]]
+            sheets = len(re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4", prefer_css_page_size=True)))
+            size = (REPORT / name).stat().st_size
+            failed += [(name, (sheets, size))] * (sheets > PRINTED or size > BYTES)
+            numbers[name] = seen["numbers"]
+        if name == "index.html":
+            order = page.evaluate("[...document.querySelectorAll('nav.pages a')].map((a) => a.getAttribute('href'))")
+        for width in (1280, 390):
+            page.set_viewport_size({"width": width, "height": 900})
+            wide = page.evaluate("document.documentElement.scrollWidth")
+            failed += [(name, (width, wide))] * (wide > width)
+        total += page.evaluate(OPENED) if name in READ else 0
+        failed += [(name, x) for x in wrong]
         page.close()
-    return found
-
-
-def test_a_page_loads_nothing_and_fits_the_screen(seen: dict[str, dict[str, Any]]) -> None:
-    """No request, no error; no page is wider than a phone or a desk's screen."""
-    assert not [name for name, x in seen.items() if x["wrong"] or x["phone"] > 390 or x["width"] > 1280]
-
-
-def test_pages_are_short(seen: dict[str, dict[str, Any]]) -> None:
-    """With its details closed a page has few words and screens, its file few bytes, its print few sheets; all pages, open, have few words."""
-    limits = {"words": WORDS, "height": 900 * SCREENS, "sheets": PRINTED}
-    assert not [(name, x, seen[name][x]) for name in READ for x, limit in limits.items() if seen[name][x] > limit]
-    assert not [name for name in READ if (REPORT / name).stat().st_size > BYTES]
-    assert sum(seen[name]["all"] for name in READ) <= ALL_WORDS
+    assert failed == []
+    assert total <= ALL_WORDS
+    through = [k for name in order if name in READ for k in numbers[name]]
+    assert through == list(range(1, len(through) + 1))
+    assert len(through) > 20
 
 
 def test_a_caption_begins_with_its_finding() -> None:
     """The first sentence of each figure's caption has a number, after the figure's own and the note on simulated data."""
-    texts = [text for name in READ for text in findings((REPORT / name).read_text(encoding="utf-8"))]
-    assert [text for text in texts if not re.search(r"\d", text)] == []
+    said = [(name, text) for name in READ for text in findings((REPORT / name).read_text(encoding="utf-8"))]
+    assert [x for x in said if not re.search(r"\d", x[1])] == []
 
 
 def test_every_figure_has_its_data() -> None:
@@ -96,32 +106,20 @@ def test_every_figure_has_its_data() -> None:
         assert any(row["y"] or row["value"] for row in rows), drawing
 
 
-def test_figures_and_tables_are_named(seen: dict[str, dict[str, Any]]) -> None:
-    """Each figure has a caption with its number, which describes its drawing; each table a caption or a region's name; no id stands twice.
-
-    The figures of all pages count from 1 in the order of the pages, without a gap.
-    """
-    for name in READ:
-        figures, ids = seen[name]["figures"], seen[name]["ids"]
-        assert all(re.match(r"Figure \d+\b", caption) and described for caption, described in figures), name
-        assert seen[name]["unnamed"] == 0, name
-        assert len(ids) == len(set(ids)), name
-    numbers = [k for name in seen["index.html"]["order"] if name in READ for k in seen[name]["numbers"]]
-    assert numbers == list(range(1, len(numbers) + 1)) != []
-
-
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_and_marks_stand_out(chromium: Any, scheme: str) -> None:
+def test_text_and_marks_stand_out(chromium: Any) -> None:
     """On a light page and a dark one text has a contrast of 4.5 at least, and the marks of both directions 3."""
-    page, _ = opened(chromium, "index.html", scheme=scheme)
+    page, _ = opened(chromium, "index.html")
     names = ("paper", "ink", "quiet", "link", "warn", "bad", "good")
     script = "(names) => names.map((n) => getComputedStyle(document.documentElement).getPropertyValue('--' + n).trim())"
-    colours = dict(zip(names, page.evaluate(script, names), strict=True))
+    papers = set()
+    for scheme in ("light", "dark"):
+        page.emulate_media(color_scheme=scheme)
+        paper, *inks = page.evaluate(script, names)
+        papers.add(paper)
+        assert [name for name, ink in zip(names[1:], inks, strict=True) if contrast(ink, paper) < 4.5] == []
+        assert all(contrast(look.colour, paper) >= 3 for look in DIRECTION.values())
+    assert len(papers) == 2
     page.close()
-    for name in names[1:]:
-        assert contrast(colours[name], colours["paper"]) >= 4.5, name
-    for look in DIRECTION.values():
-        assert contrast(look.colour, colours["paper"]) >= 3
 
 
 def contrast(one: str, other: str) -> float:
@@ -149,4 +147,21 @@ def test_the_first_screen_answers(chromium: Any) -> None:
         assert text.count("±") >= 12
         assert "held-out torque within" in text
         assert "RMS position error" in text
+    page.close()
+
+
+def test_a_table_is_sorted_filtered_and_copied(chromium: Any) -> None:
+    """A click on a heading sorts a long table, a word filters it, and its rows can be copied."""
+    page, wrong = opened(chromium, "joints.html")
+    head = "table.long thead button >> nth=3"
+    column = "[...document.querySelector('table.long').tBodies[0].rows].filter((r) => !r.hidden).map((r) => r.cells[3].innerText)"
+    page.click(head)
+    values = [float(x) for x in page.evaluate(column)]
+    assert values == sorted(values)
+    page.click(head)
+    assert [float(x) for x in page.evaluate(column)] == values[::-1]
+    page.fill("table.long caption input >> nth=0", "inertia")
+    assert len(page.evaluate(column)) == 1
+    page.click("caption button >> nth=0")
+    assert wrong == []
     page.close()

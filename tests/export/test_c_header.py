@@ -10,7 +10,6 @@ from functools import cache
 from itertools import cycle
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -30,7 +29,6 @@ from bristle.questions.export.c_numbers import identifier, ranges
 from bristle.questions.export.c_step import printed_step
 from bristle.questions.export.export import export_joints
 from bristle.questions.export.exported import ExportedJoint
-from bristle.simulation import edro
 from export_checks import check
 from export_checks.c import FLAGS, compiled, motion
 
@@ -82,11 +80,9 @@ def test_c_is_python(compensator: Compensator, handed: Handed) -> None:
 
 
 @needs_gcc
-@pytest.mark.parametrize("name", edro.TABLE_1)
-def test_every_joint_is_exported(name: str, handed: Handed) -> None:
-    """What `export_checks` says of the four joints holds the figures: 0 in double precision, the self-tests passed."""
-    joint = handed(name)
-    request = Request()
+def test_a_joint_that_is_not_passive_is_exported(handed: Handed) -> None:
+    """What `export_checks` says holds the figures: 0 in double precision, the self-tests passed."""
+    joint, request = handed("base rotation"), Request()
     double, single = check("c", TARGET.write([joint], request), [joint], request)
     assert double.startswith("double precision: 0.0e+00 of the peak torque")
     assert double.endswith("passed")
@@ -166,29 +162,25 @@ RISES = [{"link_load": 0.1}, {"motor_load": 0.1}, {"gear_load": 0.08}, {"gear_lo
 
 @pytest.mark.slow
 @needs_gcc
-@pytest.mark.parametrize(
-    ("compensator", "rises"),
-    [*zip([*PLAIN, ADAPTING[0], FEEDBACK], cycle(RISES), strict=False)],  # each compensator, and each load
-    ids=lambda x: called(x) if isinstance(x, Compensator) else "+".join(x),
-)
-def test_c_takes_the_load(compensator: Compensator, rises: dict[str, float], handed: Handed) -> None:
+def test_c_takes_the_load(handed: Handed) -> None:
     """Told the torques of motor and links, the C gives what Python gives under that load; nothing says that it is without."""
-    joint = beside(handed("wrist pitch"), **rises)
-    export = export_joints([joint], "c", Request(compensator=compensator))
-    text, inputs = export.content.decode("ascii"), motion(joint)
-    torque = python_torque(joint, compensator, inputs)
-    bare = python_torque(handed("wrist pitch"), compensator, inputs)
-    assert np.abs(torque - bare).max() > 0.01 * np.abs(torque).max()
-    for real, most in ((np.float64, 1e-12), (np.float32, 5e-6)):
-        with compiled(text, joint, compensator, real) as code:
-            assert np.abs(code(inputs) - torque).max() <= most * np.abs(torque).max()
-            assert code.self_test() == 0
-    assert ("link_torque;" in text) == (rises.keys() != {"motor_load"})
-    assert "taken without load" not in " ".join(text.split()).replace(" * ", " ")
-    assert not any("load" in str(told) for told in export.artefact.said)
-    assert f"friction law: gaussian+{'-'.join(max(rises, key=len).split('_'))}" in text
-    plain = export_joints([joint], "latex", Request())
-    assert [x.code for x in plain.joints[0].said].count("load-left-out") == 1
+    for compensator, rises in zip([*PLAIN, ADAPTING[0], FEEDBACK], cycle(RISES), strict=False):  # each, and each load
+        joint = beside(handed("wrist pitch"), **rises)
+        export = export_joints([joint], "c", Request(compensator=compensator))
+        text, inputs = export.content.decode("ascii"), motion(joint)
+        torque = python_torque(joint, compensator, inputs)
+        bare = python_torque(handed("wrist pitch"), compensator, inputs)
+        assert np.abs(torque - bare).max() > 0.01 * np.abs(torque).max()
+        for real, most in ((np.float64, 1e-12), (np.float32, 5e-6)):
+            with compiled(text, joint, compensator, real) as code:
+                assert np.abs(code(inputs) - torque).max() <= most * np.abs(torque).max(), (called(compensator), rises)
+                assert code.self_test() == 0
+        assert ("link_torque;" in text) == (rises.keys() != {"motor_load"})
+        assert "taken without load" not in " ".join(text.split()).replace(" * ", " ")
+        assert not any("load" in str(told) for told in export.artefact.said)
+        assert f"friction law: gaussian+{'-'.join(max(rises, key=len).split('_'))}" in text
+        plain = export_joints([joint], "latex", Request())
+        assert [x.code for x in plain.joints[0].said].count("load-left-out") == 1
 
 
 BAD = """
@@ -310,17 +302,34 @@ def test_it_fits_a_microcontroller(compensator: Compensator, handed: Handed, tmp
 
 
 @needs_gcc
-def test_headers_of_several_joints_stand_together(handed: Handed, tmp_path: Path) -> None:
-    """Two joints in one file share the code; two compensators in one file are refused in a sentence."""
+def test_what_stands_in_one_file(handed: Handed, tmp_path: Path) -> None:
+    """Two joints share the code, whatever the numbers of their compensators; what would be taken for something else is an error with a sentence.
+
+    Two compensators; two joints with one name and other numbers; -ffast-math; an observer that adapts in single precision.
+    """
     one, other = handed("wrist pitch"), handed("elbow pitch")
-    (tmp_path / "one.h").write_text(header(one, Compensator()), encoding="ascii")
-    (tmp_path / "other.h").write_text(header(other, Compensator()), encoding="ascii")
-    (tmp_path / "adapts.h").write_text(header(other, ADAPTING[0]), encoding="ascii")
+    headers = {
+        "one.h": header(one, Compensator()),
+        "other.h": header(other, Compensator(share=0.5)),
+        "adapts.h": header(other, ADAPTING[0]),
+        "namesake.h": header(scaled(one, alpha_0=2.0), Compensator()),
+        "observer.h": header(one, OBSERVER),
+    }
+    for name, text in headers.items():
+        (tmp_path / name).write_text(text, encoding="ascii")
+
+    def told(*included: str, code: str = "", options: tuple[str, ...] = ()) -> str:
+        """What the compiler says of a file."""
+        text = "".join(f'#include "{name}"\n' for name in included) + code
+        (tmp_path / "f.c").write_text(text, encoding="ascii")
+        return run(tmp_path, "gcc", *options, "-c", "f.c").stderr
+
     use = f"int f(br_state *s);\nint f(br_state *s) {{ return br_init(&{identifier(one)}, s) + br_init(&{identifier(other)}, s); }}\n"
-    (tmp_path / "f.c").write_text(f'#include "one.h"\n#include "other.h"\n#include "one.h"\n{use}', encoding="ascii")
-    assert run(tmp_path, "gcc", *FREESTANDING, "-c", "f.c").stderr == ""
-    (tmp_path / "g.c").write_text('#include "one.h"\n#include "adapts.h"\n', encoding="ascii")
-    assert "headers of different compensators in one file" in run(tmp_path, "gcc", "-c", "g.c").stderr
+    assert told("one.h", "other.h", "one.h", code=use, options=FREESTANDING) == ""
+    assert "headers of different compensators in one file" in told("one.h", "adapts.h")
+    assert "redefinition of" in told("one.h", "namesake.h", options=FREESTANDING)
+    assert "-ffast-math removes the checks" in told("observer.h", options=("-ffast-math",))
+    assert "computed in double precision alone" in told("observer.h", options=("-DBRISTLE_SINGLE",))
 
 
 GRADIENT = """
@@ -341,25 +350,6 @@ void after(int n, const br_real *in, br_real *state, br_real *out)
     br_gradient(&p, &s, out);
 }
 """
-
-
-@needs_gcc
-def test_joints_of_one_name_are_not_taken_for_one_another(handed: Handed, tmp_path: Path) -> None:
-    """Headers of two joints with one name and other numbers, in one file, are a redefinition that the compiler refuses."""
-    one = handed("wrist pitch")
-    (tmp_path / "left.h").write_text(header(one, Compensator()), encoding="ascii")
-    (tmp_path / "right.h").write_text(header(scaled(one, alpha_0=2.0), Compensator()), encoding="ascii")
-    (tmp_path / "f.c").write_text('#include "left.h"\n#include "right.h"\n', encoding="ascii")
-    assert "redefinition of" in run(tmp_path, "gcc", *FREESTANDING, "-c", "f.c").stderr
-
-
-@needs_gcc
-def test_what_breaks_the_checks_is_refused(handed: Handed, tmp_path: Path) -> None:
-    """-ffast-math, and an observer that adapts in single precision, are errors with a sentence."""
-    (tmp_path / "joint.h").write_text(header(handed(), OBSERVER), encoding="ascii")
-    (tmp_path / "f.c").write_text(TWO_FUNCTIONS, encoding="ascii")
-    assert "-ffast-math removes the checks" in run(tmp_path, "gcc", "-ffast-math", "-c", "f.c").stderr
-    assert "computed in double precision alone" in run(tmp_path, "gcc", "-DBRISTLE_SINGLE", "-c", "f.c").stderr
 
 
 @needs_gcc
@@ -385,6 +375,7 @@ def test_the_gradient_is_casadis(handed: Handed, built: Build) -> None:
     np.testing.assert_allclose(state[:2], [z, v], rtol=1e-14)
 
 
+@pytest.mark.slow
 @settings(max_examples=60, deadline=None)
 @given(name=st.text(max_size=60) | st.sampled_from([*HOSTILE, "???/", "????"]))
 def test_no_name_leaves_its_comment(handed: Handed, name: str) -> None:
@@ -409,29 +400,12 @@ def code_of(text: str) -> str:
     return re.sub(r"BRISTLE_[0-9A-F]{12}", "GUARD", bare).replace(own[1], "bristle_name")
 
 
-def test_numbers_of_a_compensator_do_not_change_the_code(handed: Handed) -> None:
-    """So that headers of several joints stand together."""
-    joint = handed()
-    code = re.compile(r"BRISTLE_CODE (0x\w+)")
-    one, other = (code.search(header(joint, Compensator(share=share))) for share in (1.0, 0.5))
-    assert one is not None
-    assert other is not None
-    assert one[1] == other[1]
-
-
 def test_what_cannot_be_exported_is_refused(handed: Handed) -> None:
-    """One sentence each: no compensator, and a parameter out of range."""
+    """One sentence each: no compensator, and a parameter out of range; no number that is none is ever printed."""
     joint = handed()
     with pytest.raises(InputError, match="none has no code; expected coulomb"):
         header(joint, Compensator(name="none"))
     with pytest.raises(InputError, match=r"alpha_2: got .*e\+0.; the C code takes 0 to 10000"):
         header(scaled(joint, alpha_2=1e9), Compensator())
-
-
-def test_an_operation_without_a_counterpart_is_refused() -> None:
-    """The printer names the operation that C has not."""
-    x = ca.SX.sym("x")
-    with pytest.raises(ValueError, match="no C99 counterpart"):
-        c_code.printed(ca.Function("f", [x], [ca.erfinv(x)]), lambda *_: "x")
     with pytest.raises(ValueError, match="has no constant in C99"):
         c_code.constant(float("inf"))

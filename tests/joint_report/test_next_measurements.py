@@ -9,6 +9,9 @@ from bristle.identification.results import Joint
 from bristle.questions.joint_report.next_measurements import next_measurements
 
 from ..sameness import of_kind
+from .conftest import loaded
+from .moving import moving as all_stages
+from .moving import tracked
 
 CONVERGED = Finding("static-converged", NOTE, "Converged.")
 NO_PEAK = Finding("static-no-stribeck", CAUTION, "Stribeck term not identifiable from these data.")
@@ -82,3 +85,13 @@ def test_no_speed_at_which_the_joint_sticks(joint: Joint, sticking: float) -> No
 def test_what_is_clear_needs_nothing(joint: Joint) -> None:
     """Without a warning there is no advice about speeds."""
     assert ranges(replace(joint, segments=())) == []
+
+
+def test_hold_out_of_moving_runs_is_one() -> None:
+    """Nobody is asked to hold back a run where a moving run was held back, or of slow loading alone."""
+    whole = all_stages()
+    static = {d: replace(fit, hold_out=()) for d, fit in whole.static.items()}
+    assert not of_kind(next_measurements(replace(whole, static=static)), "hold-back")
+    assert not of_kind(next_measurements(replace(loaded(), static={}, crosscheck={}, segments=())), "hold-back")
+    bare = replace(whole, static=static, tracking=tracked(hold_out=()), joint_fit=None)
+    assert of_kind(next_measurements(bare), "hold-back")

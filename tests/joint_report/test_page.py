@@ -6,6 +6,7 @@ from dataclasses import replace
 from functools import partial
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,11 +14,13 @@ from markupsafe import escape
 from matplotlib.figure import Figure
 
 from bristle.data.record import Record
-from bristle.findings import CRITICAL, Finding
+from bristle.findings import CAUTION, CRITICAL, Finding
+from bristle.identification.fits import Presliding
 from bristle.identification.results import Joint
 from bristle.page.entries import by_code
 from bristle.page.page import save_figure, symbol_html
 from bristle.page.style import inline, render_as, styled
+from bristle.page.wording import METHODS
 from bristle.questions.joint_report import figures, static_figures
 from bristle.questions.joint_report.console import outcomes
 from bristle.questions.joint_report.sentences import known_to
@@ -25,13 +28,16 @@ from bristle.questions.joint_report.text import fit_report
 
 from ..conftest import all_drawn
 from ..pages import page_text, report_text
-from .conftest import HOSTILE, gripper, write_report
+from .conftest import HOSTILE, gripper, listed, nothing_seen, only, sections_of, write_report
+from .moving import CORRELATED, DIFFER, IPOPT, NOT_SHOWN, UNSEEN, moving, tracked
+
+OPEN = Finding("open-cycles", CAUTION, "1 of 1 hysteresis cycles not closed.")
 
 
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory, slide: Joint) -> Path:
-    """The folder of a report of a bare joint and one with a hostile name and file name."""
-    joint = gripper(HOSTILE)
+    """The folder of a report of a bare joint and one with every stage, a hostile name and file names."""
+    joint = moving(HOSTILE, HOSTILE)
     joint = replace(joint, inputs=tuple(replace(x, file=HOSTILE) for x in joint.inputs))
     folder = tmp_path_factory.mktemp("report")
     with all_drawn():
@@ -81,11 +87,11 @@ def test_two_writes_give_the_same_bytes_and_progress_keeps_its_total(tmp_path: P
     assert not [p for p, data in trees[0].items() if str(tmp_path).encode() in data]
 
 
-def test_the_report_can_be_mailed(tmp_path: Path, slide: Joint) -> None:
-    """report.zip holds every file of the folder but the times, and is the same bytes whenever it is made."""
+def test_the_report_can_be_mailed(tmp_path: Path) -> None:
+    """report.zip holds every file of the folder but the times, and is the same bytes whenever it is made, with figures of every kind."""
     archives = []
     for name in ("a", "b"):
-        write_report([slide], tmp_path / name, files={"timings.json": b"{}"}, mailed=True)
+        write_report([moving()], tmp_path / name, files={"timings.json": b"{}"}, mailed=True)
         archives.append((tmp_path / name / "report.zip").read_bytes())
     assert archives[0] == archives[1]
     folder = tmp_path / "a"
@@ -134,65 +140,36 @@ NAMES = (
 """Of joints: words that the page uses itself, of each other's figures, and templates of regular expressions, HTML, SVG, mathtext and Jinja."""
 
 
-@pytest.fixture(scope="module")
-def crowded(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Elements]:
-    """The page of a report of joints with such names, each with two figures, and its elements."""
-    with pytest.MonkeyPatch.context() as patch:
-        nothing = dict.fromkeys(figures.DRAW, lambda _: None)
-        patch.setattr(figures, "DRAW", {**nothing, "curve": static_figures.curve_figure})
-        drawn = "bristle.questions.joint_report.interval_sections.figures"
-        patch.setattr(drawn, lambda _: {"curve": partial(static_figures.stribeck_figure)})
-        patch.setattr("bristle.page.page.render", lambda figure: (render_as(figure, "svg"), b""))  # a PNG holds no name
-        folder = tmp_path_factory.mktemp("crowded")
-        write_report([gripper(name) for name in NAMES], folder, title=NAMES[12])
-    assert len(list((folder / "figures").glob("*.svg"))) == 1 + 2 * len(NAMES)
-    text = page_text(folder / "joints.html")
-    found = Elements()
-    found.feed(text)
-    return text, found
-
-
 @pytest.mark.slow
-def test_no_name_makes_an_element_or_an_attribute(crowded: tuple[str, Elements]) -> None:
-    """Elements and attributes of the page are those of plain names; what names a figure for the blind is each joint's name as it is."""
-    text, page_elements = crowded
-    found = page_elements.found
-    assert not {tag for tag, _ in found} & {"script", "b", "link", "img"}
-    assert {name for _, attrs in found for name in attrs if name.startswith("on")} == set()
-    assert {name for tag, attrs in found if tag == "svg" for name in attrs} == {
-        "role",
-        "aria-label",
-        "aria-describedby",
-        "viewbox",
-        "xmlns:xlink",
-        "xmlns",
-        "version",
-    }
-    labels = [attrs["aria-label"] for tag, attrs in found if tag == "svg"]
-    assert [x for x in labels if x and x.startswith("curve of ")] == [f"curve of {name}" for name in NAMES]
+def test_no_name_makes_an_element_or_an_attribute(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Elements and attributes of the page are those of plain names; what names a figure for the blind is each joint's name as it is.
+
+    No name gives two elements one id, and every link and reused shape has its target.
+    """
+    nothing = dict.fromkeys(figures.DRAW, lambda _: None)
+    monkeypatch.setattr(figures, "DRAW", {**nothing, "curve": static_figures.curve_figure})
+    drawn = "bristle.questions.joint_report.interval_sections.figures"
+    monkeypatch.setattr(drawn, lambda _: {"curve": partial(static_figures.stribeck_figure)})
+    write_report([gripper(name) for name in NAMES], tmp_path, title=NAMES[12])
+    assert len(list((tmp_path / "figures").glob("*.svg"))) == 1 + 2 * len(NAMES)
+    text = page_text(tmp_path / "joints.html")
+    page = Elements()
+    page.feed(text)
+    attributes = [(name, value or "") for _, attrs in page.found for name, value in attrs.items()]
+    assert not {tag for tag, _ in page.found} & {"script", "b", "link", "img"}
+    assert not [name for name, _ in attributes if name.startswith("on")]
+    drawings = [attrs for tag, attrs in page.found if tag == "svg"]
+    assert {name for attrs in drawings for name in attrs} == {
+        "role", "aria-label", "aria-describedby", "viewbox", "xmlns:xlink", "xmlns", "version",
+    }  # fmt: skip  # a list of words
+    labels = [attrs["aria-label"] or "" for attrs in drawings]
+    assert [x for x in labels if x.startswith("curve of ")] == [f"curve of {name}" for name in NAMES]
     assert ">url(#x)" in text  # shown as it is, with no figure's prefix
-
-
-@pytest.mark.slow
-def test_ids_are_unique_whatever_joints_are_called(crowded: tuple[str, Elements]) -> None:
-    """No name gives two elements one id, and every link and reused shape has its target."""
-    found = crowded[1].found
-    ids = Counter(attrs["id"] for _, attrs in found if "id" in attrs)
+    ids = Counter(value for name, value in attributes if name == "id")
     assert [x for x, n in ids.items() if n > 1] == []
-    refs = {
-        (v or "")[1:]
-        for _, attrs in found
-        for k, v in attrs.items()
-        if k in {"href", "xlink:href"} and (v or "")[:1] == "#"
-    }
-    refs |= {
-        x
-        for _, attrs in found
-        for k, v in attrs.items()
-        if k != "aria-label"
-        for x in re.findall(r"url\(#([^)]*)\)", v or "")
-    }
-    assert refs - set(ids) == set()
+    links = {value[1:] for name, value in attributes if name in {"href", "xlink:href"} and value[:1] == "#"}
+    reused = {x for name, value in attributes if name != "aria-label" for x in re.findall(r"url\(#([^)]*)\)", value)}
+    assert (links | reused) - set(ids) == set()
 
 
 def test_an_image_drawn_twice_has_two_ids() -> None:
@@ -222,13 +199,32 @@ def test_any_parameter_has_a_symbol(name: str) -> None:
 
 
 def test_sections_and_simulated_notes(written: Path) -> None:
-    """The page has each section of the report, and says SIMULATED at the top and in each caption of such a joint."""
+    """The pages have each section of the report, and say SIMULATED at the top and in each caption of such a joint.
+
+    Of slow loading they name the methods, the one to use, the bias, the level and its source, the prior, the outlier, and why slopes differ;
+    of moving runs each fit with its errors and starts, bias that matters and none that does not, hold-outs, verdicts and stages.
+    """
     text = report_text(written)
-    for heading in ("Parameters of", "Full nonlinear fit", "caution", "What to measure next", "Files and what was done", "segments kept",
-                    "Method", "Versions", "Held-out runs", "RMS residual", "Fig. 1"):  # fmt: skip  # words
-        assert heading in text
+    sections = {
+        "index.html": ("Versions", "Method"),
+        "joints.html": ("Parameters of", "Full nonlinear fit", "caution", "What to measure next", "Files and what was done", "segments kept",
+                        "Held-out runs", "RMS residual", "from 4.75 to 7.75 s", str(DIFFER), str(NOT_SHOWN)),
+        "presliding.html": (*METHODS.values(), "from encoder transitions; insensitive to where inside a count the joint rests",
+                            "-2.4 % where the joint rests", "-51 % on average, with a spread of 28 %", "from the static fit",
+                            "of an assumed damping ratio", "median breakaway torque", "is an outlier", "differ because the loop is wide",
+                            "loss per cycle (J)", "1 more are in the table"),
+        "moving.html": ("Moving runs", "Joint fit", "Relative error 1.25 %", "3 of 4 starts", "Initialised at the other stages",
+                        "1701 samples, 2 segments", "-0.02 N·m/rad (-0.3 standard errors)", str(escape(HOSTILE)), str(IPOPT),
+                        "thinned to 400 points"),
+    }  # fmt: skip  # words by page
+    lacking = []
+    for name, words in sections.items():
+        page = text if name in {"index.html", "joints.html"} else page_text(written / name)
+        lacking += [(name, x) for x in words if x not in page]
+    assert lacking == []
+    assert "0.0001 N·m/rad" not in page_text(written / "moving.html")
     captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", text, flags=re.DOTALL)
-    assert sum("SIMULATED" in caption for caption in captions) == 3
+    assert [x for x in captions if "SIMULATED" not in x and "slide" not in x and "Fig. 1" not in x] == []
     assert text.index("SIMULATED") < text.index('<table class="answer">')
     assert "∞" in text
 
@@ -238,9 +234,66 @@ def test_files_beside_the_page(written: Path) -> None:
     names = {p.relative_to(written).as_posix() for p in written.rglob("*") if p.is_file()}
     svg = {n[:-4] for n in names if n.endswith(".svg")}
     assert svg == {n[:-4] for n in names if n.endswith(".png")}
-    assert len(svg) == 1 + 2 + 4
+    assert len(svg) == 1 + 2 + 8
     assert {"results.json", "tables/parameters.csv", "tables/segments.csv", "tables/points.csv"} <= names
     assert b"matplotlib" not in b"".join((written / f"{n}.png").read_bytes()[:200] for n in svg)
+
+
+def test_a_joint_has_the_sections_of_its_runs_alone(joint: Joint, tmp_path: Path) -> None:
+    """Without slow loading and moving runs there is no section of them, no link to one, no figure, and no table of fits without them."""
+    write_report([joint], tmp_path)
+    text = report_text(tmp_path)
+    assert not re.search(r"rotation-{1,2}(presliding|tracking)", text)
+    assert {p.name for p in (tmp_path / "figures").glob("*.svg")} == {
+        "fig1-stribeck.svg", "gripper-rotation-curve.svg", "gripper-rotation-profile.svg", "gripper-rotation-residuals.svg",
+        "gripper-rotation-small.svg",
+    }  # fmt: skip  # a list of names
+    assert "From static and slow runs alone" not in sections_of(joint, "joints.html")
+
+
+def test_runs_of_one_kind_alone_make_a_report(slow: Joint, tmp_path: Path) -> None:
+    """Without any other stage the page has its section, no empty one, no comparison and no column of a joint fit; its links land."""
+    nothing: dict[str, Any] = {"static": {}, "crosscheck": {}, "segments": ()}
+    alone = {
+        "moving": replace(moving(), presliding=None, joint_fit=None, consistency=(), **nothing),
+        "slow": replace(only(slow, fits={"+": nothing_seen()}), **nothing),
+        "none": replace(slow, presliding=Presliding(fits={}, breakaway={}, warnings=(OPEN,))),
+    }
+    texts = {}
+    for name, joint in alone.items():
+        write_report([joint], tmp_path / name)
+        texts[name] = report_text(tmp_path / name)
+        assert set(re.findall(r'href="#([^"]+)"', texts[name])) <= set(re.findall(r'id="([^"]+)"', texts[name]))
+    for words in ("Do the stages agree?", "joint fit, 95 %", "alone</summary>"):
+        assert words not in texts["moving"]
+    assert "No σ₀ can be given; it is at least 12.5 N·m/rad." in texts["slow"]
+    assert "no run at constant velocity was given" in texts["slow"]
+    assert "Full nonlinear fit" not in texts["slow"]
+    assert not list((tmp_path / "slow" / "figures").glob("*-curve.svg"))
+    assert texts["none"].count(str(OPEN)) == 2
+    assert "Each breakaway" not in texts["none"]
+
+
+def test_all_parameters_stand_first() -> None:
+    """The parameters of the joint are all six per direction and the inertia, and the verdict counts them once."""
+    shown = sections_of(moving(), "joints.html")
+    table, alone = shown["Parameters of gripper rotation"].table, shown["From static and slow runs alone"].table
+    assert table is not None
+    assert alone is not None
+    assert (len(table.cells.rows), len(alone.cells.rows)) == (13, 12)
+    assert table.cells.columns[:3] == ("direction", "parameter", "source")
+    assert dict(shown["How each fit ended"].facts)["truth"] == "12 of 12 true values lie inside their 95 % intervals."
+
+
+def test_a_fit_that_predicts_the_position_says_so(tmp_path: Path) -> None:
+    """Words, unit and captions are those of a simulated position; nothing calls it a torque."""
+    fit = tracked(quantity="position", windows=34, starts_of_runs=(0,))
+    write_report([replace(moving(), tracking=fit, joint_fit=None, consistency=())], tmp_path)
+    words = re.sub(r"<svg.*?</svg>", "", page_text(tmp_path / "moving.html"), flags=re.DOTALL)
+    for said in ("the motor is simulated", "rms residual 0.0004 rad", "simulated in 34 windows", "Measured position",
+                 "only the initial values were fitted"):  # fmt: skip  # words
+        assert said in words
+    assert "torque" not in words
 
 
 def test_two_joints_of_one_name_are_refused(tmp_path: Path, slide: Joint) -> None:
@@ -268,25 +321,33 @@ def test_a_critical_sentence_stands_once_on_the_terminal(joint: Joint) -> None:
     assert lines == [f"{joint.name}: {known_to(joint, '+/-')} {warning.coded}"]
 
 
-def test_every_warning_on_the_page_links_to_its_entry(slow: Joint, tmp_path: Path) -> None:
-    """Behind each warning stands its code, a link to what it means, why it has its severity and what to do; what does not occur has no entry."""
-    write_report([slow], tmp_path / "out")
-    text = page_text(tmp_path / "out" / "joints.html")
+def test_every_warning_is_listed_once_and_links_to_its_entry(slow: Joint, tmp_path: Path) -> None:
+    """Behind each warning stands its code, a link to what it means, why it has its severity and what to do; what does not occur has no entry.
+
+    The heading of a joint's cautions has their number, each counted once; notes are behind a line that counts them.
+    """
+    write_report([slow], tmp_path)
+    text = page_text(tmp_path / "joints.html")
     codes = set(re.findall(r'<a class="code" href="#warning-([a-z0-9-]+)">\1</a>', text))
     assert {x.code for x in slow.all_warnings()} <= codes
     entries = text[text.index("What these warnings mean") :]
     assert set(re.findall(r'<dt id="warning-([a-z0-9-]+)">', entries)) == codes
     for reason in {by_code(x.code).reason for x in slow.all_warnings()}:
         assert str(escape(reason)) in entries
-
-
-def test_warnings_are_counted_by_severity(slow: Joint, tmp_path: Path) -> None:
-    """The heading of a joint's cautions has their number, each counted once; notes are behind a line that counts them."""
-    write_report([slow], tmp_path / "out")
-    text = page_text(tmp_path / "out" / "joints.html")
     for severity, found in (("caution", r"<h3>(\d+) caution"), ("note", r"<summary>(\d+) note")):
         count = len({str(x) for x in slow.all_warnings() if x.severity == severity})
         assert [int(n) for n in re.findall(found, text)] == [count] * bool(count)
+
+
+def test_every_warning_says_what_it_is_about() -> None:
+    """Warnings of a fit, of a parameter, of runs as a whole, and stages that differ stand in the list with what they are about."""
+    found = listed(moving().with_subjects())
+    places = {
+        "few-counts": "presliding (+)", "outlier": "presliding", "prior": "presliding (+) sigma_1, presliding (−) sigma_1",
+        str(CORRELATED): "moving runs", str(UNSEEN): "moving runs alpha_1-", str(DIFFER): "static stage and moving runs alpha_0-",
+    }  # fmt: skip  # a table
+    assert places.items() <= found.items()
+    assert "presliding (+) sigma_0 printed" in found["whole-count"]
 
 
 def test_what_is_critical_stands_first_and_nothing_is_said_twice(slide: Joint, joint: Joint) -> None:

@@ -1,105 +1,24 @@
-"""What presliding runs showed, in every form that a report has."""
+"""What presliding runs showed, as tables and text."""
 
-import json
 import os
-import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
-import jsonschema
 import numpy as np
 
-from bristle.findings import CAUTION, Finding
-from bristle.identification.fits import Presliding
 from bristle.identification.results import Joint
-from bristle.page.wording import METHODS
-from bristle.questions.joint_report import results_file, sentences, tables
-from bristle.questions.joint_report.next_measurements import next_measurements
+from bristle.questions.joint_report import results_file, tables
 from bristle.questions.joint_report.text import fit_report
 
-from ..pages import page_text, report_text
-from ..sameness import of_kind
 from .conftest import (
-    QUANTUM,
     TABLE_1,
-    closed_cycle,
-    listed,
     loaded,
     nothing_seen,
     only,
-    outlier,
     slow_fit,
-    write_report,
 )
 
 GOLDEN = Path(__file__).parent / "presliding_report.txt"
-
-
-def read(joint: Joint) -> dict[str, Any]:
-    """The joint as results.json holds it, after it was held to the schema."""
-    document = json.loads(results_file.to_json([joint]))
-    jsonschema.Draft202012Validator(results_file.schema()).validate(document)
-    found: dict[str, Any] = document["joints"][joint.name]
-    return found
-
-
-def written(joint: Joint, folder: Path) -> str:
-    """The page of a report of one joint."""
-    write_report([joint], folder)
-    return report_text(folder)
-
-
-# results.json
-
-
-def test_json_holds_every_estimate_of_both_directions(slow: Joint) -> None:
-    """Each direction has its four estimates, sigma_1, level, bias and breakaway, with every digit; the file validates."""
-    whole = read(slow)["presliding"]
-    found = whole["fits"]
-    assert list(found) == ["+", "-"]
-    for d, fit in (slow.presliding or Presliding(fits={}, breakaway={})).fits.items():
-        assert {name: found[d][name]["value"] for name in METHODS} == {
-            name: e.value for name, e in sentences.methods(fit).items()
-        }
-        assert found[d]["sigma_1"]["value"] == TABLE_1[d].sigma_1
-        assert [found[d][f"bias_{x}"] for x in ("on_edge", "mean", "spread")] == [-0.024, -0.51, 0.28]
-        level = (found[d]["level"], found[d]["level_standard_error"], found[d]["level_source"]["code"])
-        assert level == (fit.level, 2e-4, "of-static-fit")
-        assert (found[d]["recommended"], found[d]["quantum"], found[d]["counts"]) == ("edges", QUANTUM, 60)
-    assert {d: e["value"] for d, e in whole["breakaway"].items()} == {"+": 0.025}
-
-
-def test_json_holds_every_closed_cycle(slow: Joint) -> None:
-    """One entry per loop; a slope that is none is null."""
-    steep = replace(closed_cycle("x.csv"), secant=None)
-    found = read(only(slow, loops=(closed_cycle("a.csv"), steep)))["presliding"]["loops"]
-    assert found[0] == {
-        "file": "a.csv", "start": 100, "stop": 500, "torque_amplitude": 0.01, "displacement_amplitude": 0.002,
-        "loss": 3e-5, "secant": 5.0, "slope": 4.1, "inverse_slope": 6.1, "counts": 20,
-    }  # fmt: skip  # one entry
-    assert found[1]["secant"] is None
-
-
-def test_json_without_presliding_runs_has_empty_entries(joint: Joint) -> None:
-    """No runs: null, which validates."""
-    assert read(joint)["presliding"] is None
-
-
-def test_json_says_why_what_does_not_exist_is_null(slow: Joint) -> None:
-    """Without a sigma_0 the value is null with a warning, and the bias of (14) is null; the open bound is "inf"."""
-    found = read(only(slow, fits={"+": nothing_seen()}, breakaway={}))["presliding"]["fits"]["+"]
-    assert [found[f"bias_{x}"] for x in ("on_edge", "mean", "spread")] == [None, None, None]
-    assert (found["edges"]["value"], found["edges"]["interval"]) == (None, [12.5, "inf"])
-    assert found["edges"]["warnings"]
-
-
-def test_json_holds_the_warnings_of_the_runs_as_a_whole(slow: Joint) -> None:
-    """What no direction owns stands among the warnings of the presliding runs."""
-    assert [x["message"] for x in read(slow)["presliding"]["warnings"]] == [str(outlier("slow_2.csv"))]
-
-
-# tables and text
 
 
 def test_frame_has_sigma_after_the_static_rows_of_each_direction(slow: Joint) -> None:
@@ -123,7 +42,6 @@ def test_parameters_know_the_true_sigma_and_its_absence(slow: Joint) -> None:
     assert frame.loc[("-", "sigma_0"), "true"] == TABLE_1["+"].sigma_0
     assert np.isnan(float(str(frame.loc[("-", "sigma_1"), "true"])))
     assert frame.loc[("-", "sigma_1"), "inside"] is None
-    assert read(half)["truth"]["both"]["sigma_1"] is None
 
 
 def test_presliding_table_has_the_methods_side_by_side(slow: Joint) -> None:
@@ -161,61 +79,3 @@ def test_presliding_report_is_the_golden_file(slow: Joint) -> None:
     if os.environ.get("BRISTLE_REGENERATE"):
         GOLDEN.write_text(text, encoding="utf-8")
     assert text == GOLDEN.read_text(encoding="utf-8")
-
-
-# the page
-
-
-def test_section_shows_estimates_breakaway_and_hysteresis(slow: Joint, tmp_path: Path) -> None:
-    """The section names the methods, the one to use, the bias, the level and its source, the prior, the outlier, and why the slopes differ."""
-    written(slow, tmp_path / "out")
-    section = page_text(tmp_path / "out" / "presliding.html")
-    for words in (*METHODS.values(), "from encoder transitions; insensitive to where inside a count the joint rests", "-2.4 % where the joint rests",
-                  "-51 % on average, with a spread of 28 %",
-                  "from the static fit", "of an assumed damping ratio", "median breakaway torque",
-                  "is an outlier", "differ because the loop is wide",
-                  "loss per cycle (J)", "1 more are in the table"):  # fmt: skip  # words
-        assert words in section
-    captions = re.findall(r"<figcaption[^>]*>(.*?)</figcaption>", section, flags=re.DOTALL)
-    assert ["<strong>SIMULATED" in caption for caption in captions] == [True, True]
-
-
-def test_a_joint_without_presliding_runs_has_no_section(joint: Joint, tmp_path: Path) -> None:
-    """No section, no link to it, no figure; the first lines speak of static parameters only."""
-    text = written(joint, tmp_path / "out")
-    assert "-presliding" not in text
-    assert {p.name for p in (tmp_path / "out" / "figures").glob("*.svg")} == {
-        "fig1-stribeck.svg", "gripper-rotation-curve.svg", "gripper-rotation-profile.svg", "gripper-rotation-residuals.svg",
-        "gripper-rotation-small.svg",
-    }  # fmt: skip  # a list of names
-
-
-def test_every_warning_is_listed_and_counted(slow: Joint) -> None:
-    """Warnings of the fit, of each estimate and of the runs as a whole stand in the list once, with what they are about."""
-    slow = slow.with_subjects()
-    found = listed(slow)
-    assert found["few-counts"] == "presliding (+)"
-    assert found["outlier"] == "presliding"
-    assert found["prior"] == "presliding (+) sigma_1, presliding (−) sigma_1"
-    assert "presliding (+) sigma_0 printed" in found["whole-count"]
-
-
-def test_presliding_runs_alone_make_a_report(slow: Joint, tmp_path: Path) -> None:
-    """Without any static fit the page has the section, and no empty curve or cross-check; its links land."""
-    alone = replace(only(slow, fits={"+": nothing_seen()}), static={}, crosscheck={}, segments=())
-    text = written(alone, tmp_path / "out")
-    assert "No σ₀ can be given; it is at least 12.5 N·m/rad." in text
-    assert "Full nonlinear fit" not in text
-    assert not list((tmp_path / "out" / "figures").glob("*-curve.svg"))
-    assert set(re.findall(r'href="#([^"]+)"', text)) <= set(re.findall(r'id="([^"]+)"', text))
-    assert "no run at constant velocity was given" in text
-    assert not of_kind(next_measurements(alone), "hold-back")
-
-
-def test_nothing_but_a_warning_still_makes_a_section(slow: Joint, tmp_path: Path) -> None:
-    """Runs that gave no fit, no breakaway and no loop say what is missing."""
-    missing = Finding("open-cycles", CAUTION, "1 of 1 hysteresis cycles not closed.")
-    empty = Presliding(fits={}, breakaway={}, warnings=(missing,))
-    text = written(replace(slow, presliding=empty), tmp_path / "out")
-    assert text.count(str(missing)) == 2
-    assert "Each breakaway" not in text

