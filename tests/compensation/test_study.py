@@ -10,7 +10,7 @@ import pytest
 
 from bristle.api.experiments import report_of
 from bristle.errors import InputError
-from bristle.questions.compensation import ablation, parameter_studies
+from bristle.questions.compensation import ablation, paper_experiments, parameter_studies
 from bristle.questions.compensation.report import sections
 from bristle.questions.compensation.study import Study, outcomes_of, study
 
@@ -19,10 +19,11 @@ from ..simulation.joints import joint_loop
 
 @pytest.fixture(scope="module")
 def compensated() -> Study:
-    """The gripper with its true model, on small maps."""
+    """The gripper with its true model, on small maps, over few periods."""
     with pytest.MonkeyPatch.context() as patch:
         for module, name, few in (
             (parameter_studies, "GAMMAS", (20.0,)), (parameter_studies, "FREQUENCIES", (1.0,)), (parameter_studies, "AMPLITUDES", (1.0,)),
+            (paper_experiments, "LONG", 12.0), (paper_experiments, "SETTLE", 5.0),
             (ablation, "BITS", (20,)), (ablation, "DELAYS", (0,)), (ablation, "SHARES", (1.0,)),
         ):  # fmt: skip  # a table
             patch.setattr(module, name, few)
