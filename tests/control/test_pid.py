@@ -1,10 +1,9 @@
-import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bristle.control.pid import AT_REST, Gains, Memory, pid
+from bristle.control.pid import AT_REST, Gains, Memory, Sliding, pid, sliding
 
 GAINS = Gains(3.0, 1.2, 0.2, 0.0)
 errors = st.lists(st.floats(-1, 1), min_size=1, max_size=30)
@@ -58,13 +57,13 @@ def test_filter_has_unit_gain_on_a_ramp() -> None:
     assert memory.derivative == pytest.approx(slope, rel=1e-12)
 
 
-@settings(deadline=None, max_examples=30)
-@given(st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-1, 1))
-def test_symbols_and_floats_agree(integral: float, derivative: float, last: float, error: float) -> None:
-    """The same expressions give the same numbers on floats and through a CasADi function."""
-    gains, values = Gains(3.0, 1.2, 0.2, 0.005), (integral, derivative, last, error)
-    s = ca.SX.sym("s", 4)
-    output, memory = pid(Memory(s[0], s[1], s[2]), s[3], 1e-3, gains, 1.0)
-    symbolic = ca.Function("pid", [s], [ca.vertcat(output, *memory)])(values).full().ravel()
-    output_f, memory_f = pid(Memory(integral, derivative, last), error, 1e-3, gains, 1.0)
-    np.testing.assert_allclose(symbolic, [output_f, *memory_f], rtol=1e-12, atol=1e-300)
+def test_within_its_layer_sliding_mode_is_a_pd_controller() -> None:
+    """There T = K / layer (de/dt + slope e), which is (21) with K_d = K / layer and K_p = slope K_d; beyond, T = +-K."""
+    gains, layer = Sliding(K=2.0, slope=15.0, layer=10.0, filter_time=0.002), AT_REST
+    same, alike = Gains(K_p=3.0, K_i=0.0, K_d=0.2, filter_time=0.002), AT_REST
+    for error in 0.02 * np.sin(np.arange(30)):
+        T, layer = sliding(layer, float(error), 0.01, gains)
+        expected, alike = pid(alike, float(error), 0.01, same, 1e9)
+        assert float(T) == pytest.approx(float(expected), abs=1e-12)
+    for error, T in ((50.0, 2.0), (-50.0, -2.0)):
+        assert float(sliding(Memory(0.0, 0.0, error), error, 0.01, gains)[0]) == T

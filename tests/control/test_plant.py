@@ -1,3 +1,5 @@
+"""One step of the plant, beside SciPy: sliding, stick, order; and what its sensors read."""
+
 from functools import lru_cache
 
 import casadi as ca
@@ -13,17 +15,13 @@ from bristle.control.closed_loop import simulate
 from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import Case, Disturbance, LoopOptions
 from bristle.control.pid import AT_REST, pid
-from bristle.control.plant import State, exponential, plant_step, quantise
+from bristle.control.plant import State, exponential, plant_step, quantise, white_noise
 from bristle.model import law, motor
-from bristle.model.parameters import Lugre, Motor, Pair
+from bristle.model.parameters import Motor, Pair
+from bristle.simulation import edro
 from bristle.simulation.bench import ramp_gains
 
-GRIPPER = Pair(
-    Lugre(0.0194, 0.0055, 0.0394, 0.0720, 6.1843, 0.0184), Lugre(0.0148, 0.0040, 0.0307, 0.0720, 4.5356, 0.0146)
-)
-BASE = Pair(
-    Lugre(0.2371, 0.0285, 0.1394, 0.0750, 70.5845, 0.4673), Lugre(0.1731, 0.1098, 0.1338, 0.0620, 50.2721, 0.3908)
-)
+GRIPPER, BASE = edro.TABLE_1["gripper rotation"], edro.TABLE_1["base rotation"]
 MOTOR = Motor(0.35, 2.1, 0.0, 1.27e-3)
 BENCH = LoopOptions(compensator=Compensator(name="none"), drive="voltage", encoder=True)
 
@@ -94,14 +92,6 @@ def test_steady_sliding_is_a_fixed_point(pair: Pair[float], v: float) -> None:
     np.testing.assert_allclose(new, [0.2 + v * h, v, z], rtol=1e-10)
 
 
-@given(st.floats(-5, 5), st.floats(-5, 5), st.floats(0.01, 10), st.floats(0.01, 100))
-def test_voltage_and_torque_invert_each_other(T: float, w: float, k_t: float, R: float) -> None:
-    """(8) and its inverse are inverses, and at standstill V = R T / k_t."""
-    m = Motor(k_t, R, 0.0, 1.0)
-    assert motor.drive_torque(motor.voltage(T, w, m), w, m) == pytest.approx(T, rel=1e-9, abs=1e-9)
-    assert motor.voltage(T, 0.0, m) == pytest.approx(R * T / k_t)
-
-
 @settings(deadline=None, max_examples=40)
 @given(st.sampled_from([1.0, 6.0, 1e3, 1e4, 1e5]), st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
 def test_stick_gains_no_energy(sigma_0: float, stretch: float, kick: float) -> None:
@@ -146,17 +136,23 @@ def test_sampled_loop_agrees_with_radau() -> None:
     assert np.abs(run.friction[0] - friction).max() < 0.01 * np.abs(friction).max()
 
 
-def test_scenarios_do_not_meet() -> None:
-    """Each scenario of a batch gives the same numbers as alone, its numbers given or compiled in."""
-    m = MOTOR._replace(J=0.077)
-    one = Case(plant=BASE, motor=m, model=BASE, gains=ramp_gains(0.077, 60.0), torque_limit=2.0, resolution=2.4e-5)
-    t = np.arange(1030, dtype=np.float64) * 2e-3
-    reference = Reference(0.05 * t, np.full(t.size, 0.05), np.zeros(t.size))
-    load = 0.005 * np.random.default_rng(3).standard_normal((3, t.size))
-    for alike in (False, True):
-        together = simulate(BENCH, [one] * 3, reference, 2e-3, Disturbance(load=load), alike=alike)
-        for k in range(3):
-            alone = simulate(BENCH, [one], reference, 2e-3, Disturbance(load=load[k]), alike=alike)
-            for name in ("measured", "voltage", "velocity", "friction"):
-                np.testing.assert_array_equal(getattr(together, name)[k], getattr(alone, name)[0])
-        assert np.ptp(together.velocity[:, -1]) > 0
+@settings(deadline=None)
+@given(st.floats(-100, 100), st.floats(0, 10), st.floats(1e-6, 1))
+def test_reading_is_the_nearest_count(x: float, more: float, resolution: float) -> None:
+    """A reading is a whole number of counts, at most half a count from the truth, reads as itself, and never falls while the joint rises."""
+    reading = quantise(x, resolution)
+    assert abs(reading - x) <= resolution / 2 * (1 + 1e-9) + 1e-12
+    assert reading / resolution == pytest.approx(round(reading / resolution), abs=1e-6)
+    assert quantise(reading, resolution) == pytest.approx(reading, abs=1e-12)
+    assert quantise(x + more, resolution) >= reading
+
+
+def test_noise_has_the_standard_deviation_asked_for() -> None:
+    """Mean zero and the stated deviation within five standard errors, and neighbours independent; the seed fixes it; none is negative."""
+    x = white_noise(np.random.default_rng(1), 0.3, (2, 50_000))
+    assert abs(x.mean()) < 5 * 0.3 / np.sqrt(x.size)
+    assert abs(x.std() / 0.3 - 1) < 5 / np.sqrt(2 * x.size)
+    assert abs(np.mean(x[:, 1:] * x[:, :-1])) < 5 * 0.09 / np.sqrt(x.size)
+    np.testing.assert_array_equal(x, white_noise(np.random.default_rng(1), 0.3, (2, 50_000)))
+    with pytest.raises(ValueError, match="expected zero or more"):
+        white_noise(np.random.default_rng(0), -1.0, (3,))

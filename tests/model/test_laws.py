@@ -29,6 +29,7 @@ from bristle.model.parameters import (
 )
 from bristle.model.rollout import rollout, rollout_jacobian
 from bristle.model.vectorize import evaluate
+from bristle.simulation.edro import TABLE_1
 
 LAWS = (*competing(), law_named("free-exponent"), law_named("free-exponent+quadratic"))
 OWN = {"alpha_3": -0.011, "delta": 1.3, FASTEST: 0.8}
@@ -50,7 +51,7 @@ def chosen(request: pytest.FixtureRequest) -> Law:
 
 def set_of(one: Law, **changed: float) -> Lugre[float]:
     """The gripper's parameters under a law."""
-    values = {**Lugre(0.0194, 0.0055, 0.0394, 0.072, 6.1843, 0.0184)._asdict(), **OWN, **changed}
+    values = {**TABLE_1["gripper rotation"].positive._asdict(), **OWN, **changed}
     return lugre_of(one)(**{name: values[name] for name in fields_of(one)})
 
 
@@ -240,75 +241,53 @@ def test_a_laws_parameters_are_known_everywhere(outside: Law) -> None:
     assert _steady(p, np.array([0.1]))[0] == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize(
-    ("name", "own", "wrong"),
-    [
-        ("gaussian", "n", "choose another name"),
-        ("auto", "n", "expected letters"),
-        ("two words", "n", "expected letters"),
-        ("mine", "alpha_0", "'alpha_0'"),
-        ("mine", "delta", "'delta'"),
-        ("mine", "a b", "'a b'"),
-    ],
-)
-def test_names_that_are_taken_are_refused(name: str, own: str, wrong: str) -> None:
-    """A part whose name or whose parameter is another's is refused, and not registered."""
-    part = Peak(
-        name=name, title="x", shape=lambda v, v_s, n: 1 / (1 + (v / v_s) ** 2) ** n, reach=3.0,
-        own=(OwnParameter(name=own, symbol="n", units=("1", "1"), searched=(1.0, 2.0)),),
-    )  # fmt: skip  # a list of values
-    before = dict(registry._PARTS)
-    with pytest.raises(ValueError, match=wrong):
-        register_law(part)
-    assert before == registry._PARTS
-
-
 def _half(v: Any, v_s: Any) -> Any:
-    return 1 / (1 + v / v_s)
+    return 1 / (1 + (v / v_s) ** 2)
 
 
-@pytest.mark.parametrize(
-    ("shape", "wrong"),
-    [
-        (lambda v, v_s: 2 / (1 + (v / v_s) ** 2), "of 2 at rest"),
-        (_half, "between v and -v|not finite"),
-        (lambda v, v_s: 1 + 0 * v / v_s, "does not fall"),
-        (lambda v, v_s: 1 / (1 + (v / v_s) ** 2) - 0.5 * (v / v_s) ** 2 / (1 + (v / v_s) ** 2), "does not fall"),
-        (lambda v, v_s: ca.exp(-ca.sqrt(ca.fabs(v) / v_s)), "no derivative"),
-        (lambda v: 1 / (1 + v**2), "CasADi cannot evaluate"),
-    ],
-)
-def test_a_shape_that_is_no_peak_is_refused(shape: Any, wrong: str) -> None:
-    """A peak is even, finite, 1 at rest and falls to 0; any other is refused with what is wrong, and not registered."""
-    before = dict(registry._PARTS)
-    with pytest.raises(ValueError, match=wrong):
-        register_law(Peak(name="no-peak", title="x", shape=shape, reach=3.0))
-    assert before == registry._PARTS
+def _power(v: Any, v_s: Any, n: Any) -> Any:
+    return _half(v, v_s) ** n
 
 
-def test_a_peak_needs_a_reach_and_ranges_to_search() -> None:
-    """Without them no fit can start: refused."""
-    n = OwnParameter(name="n_9", symbol="n", units=("1", "1"))
-    with pytest.raises(ValueError, match="range to search"):
-        register_law(
-            Peak(name="x", title="x", shape=lambda v, v_s, n: 1 / (1 + (v / v_s) ** 2) ** n, own=(n,), reach=3.0)
-        )
-    with pytest.raises(ValueError, match="reach of 0"):
-        register_law(Peak(name="x", title="x", shape=lambda v, v_s: 1 / (1 + (v / v_s) ** 2), reach=0.0))
+def _named(name: str, own: str) -> Peak:
+    """A peak of this name, with a parameter of that name."""
+    n = OwnParameter(name=own, symbol="n", units=("1", "1"), searched=(1.0, 2.0))
+    return Peak(name=name, title="x", shape=_power, reach=3.0, own=(n,))
 
 
-@pytest.mark.parametrize(
-    ("rate", "wrong"),
-    [
-        (lambda speed: 1 + speed, "of 1 at rest"),
-        (lambda speed: -speed, "rise with speed"),
-        (lambda speed, other: speed + other, "CasADi cannot evaluate"),
-    ],
-)
-def test_a_rate_that_does_not_rise_from_zero_is_refused(rate: Any, wrong: str) -> None:
-    """A term adds nothing at rest, and its rate rises: any other is refused, and not registered."""
-    before = dict(registry._PARTS)
+def _shaped(shape: Any, reach: float = 3.0) -> Peak:
+    """A peak of this shape."""
+    return Peak(name="no-peak", title="x", shape=shape, reach=reach)
+
+
+def _rated(rate: Any) -> ViscousTerm:
+    """A term of this rate."""
     own = OwnParameter(name="c_9", symbol="c", units=("N*m*s/rad", "N*s/m"))
-    with pytest.raises(ValueError, match=wrong):
-        register_law(ViscousTerm(name="no-term", title="x", coefficient=own, rate=rate))
+    return ViscousTerm(name="no-term", title="x", coefficient=own, rate=rate)
+
+
+NO_PARTS: list[tuple[Peak | ViscousTerm, str]] = [
+    (_named("gaussian", "n"), "choose another name"), (_named("auto", "n"), "expected letters"), (_named("two words", "n"), "expected letters"),
+    (_named("mine", "alpha_0"), "'alpha_0'"), (_named("mine", "delta"), "'delta'"), (_named("mine", "a b"), "'a b'"),
+    (_shaped(lambda v, v_s: 2 * _half(v, v_s)), "of 2 at rest"),
+    (_shaped(lambda v, v_s: 1 / (1 + v / v_s)), "between v and -v|not finite"),
+    (_shaped(lambda v, v_s: 1 + 0 * v / v_s), "does not fall"),
+    (_shaped(lambda v, v_s: _half(v, v_s) - 0.5 * (v / v_s) ** 2 * _half(v, v_s)), "does not fall"),
+    (_shaped(lambda v, v_s: ca.exp(-ca.sqrt(ca.fabs(v) / v_s))), "no derivative"),
+    (_shaped(lambda v: 1 / (1 + v**2)), "CasADi cannot evaluate"),
+    (_shaped(_half, reach=0.0), "reach of 0"),
+    (Peak(name="x", title="x", shape=_power, reach=3.0, own=(OwnParameter(name="n_9", symbol="n", units=("1", "1")),)), "range to search"),
+    (_rated(lambda speed: 1 + speed), "of 1 at rest"), (_rated(lambda speed: -speed), "rise with speed"),
+    (_rated(lambda speed, other: speed + other), "CasADi cannot evaluate"),
+]  # fmt: skip  # a table
+"""Parts whose name or whose parameter is another's; peaks that are not even, finite, 1 at rest, falling to 0 with a derivative, or that
+no fit can search for; terms that add at rest, or whose rate does not rise."""
+
+
+def test_what_is_no_part_of_a_law_is_refused() -> None:
+    """With what is wrong, and it is not registered."""
+    before = dict(registry._PARTS)
+    for part, wrong in NO_PARTS:
+        with pytest.raises(ValueError, match=wrong):
+            register_law(part)
     assert before == registry._PARTS

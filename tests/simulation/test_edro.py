@@ -95,16 +95,16 @@ def test_dataset_is_small_and_marked() -> None:
     assert all(yaml.safe_load(p.read_text(encoding="utf-8"))["simulated"] for p in edro.experiments())
 
 
-@pytest.mark.parametrize("stem", STEMS)
-def test_speeds_show_the_stribeck_region(stem: str) -> None:
+def test_speeds_show_the_stribeck_region() -> None:
     """In both directions at least four plateaus are slower than v_s, two are near it, and five are beyond three v_s."""
-    speeds = np.array(edro.speeds(stem))
-    assert speeds.size == 22
-    for p in edro.TABLE_1[edro.SETTINGS[stem].name]:
-        x = speeds / p.v_s
-        assert (x < 1).sum() >= 4
-        assert ((x > 0.6) & (x < 1.6)).sum() >= 2
-        assert (x > 3).sum() >= 5
+    for stem in STEMS:
+        speeds = np.array(edro.speeds(stem))
+        assert speeds.size == 22
+        for p in edro.TABLE_1[edro.SETTINGS[stem].name]:
+            x = speeds / p.v_s
+            assert (x < 1).sum() >= 4, (stem, p)
+            assert ((x > 0.6) & (x < 1.6)).sum() >= 2, (stem, p)
+            assert (x > 3).sum() >= 5, (stem, p)
 
 
 def ripple(stem: str, paper: bool, multiples: tuple[float, ...]) -> list[float]:
