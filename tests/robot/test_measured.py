@@ -133,7 +133,7 @@ def test_links_that_weigh_nothing_tell_no_constant(tmp_path: Path, log: ArmLog) 
 
 def test_without_a_urdf_the_links_stay(tmp_path: Path, log: ArmLog) -> None:
     """A critical warning says so of each joint that bears others, with how much of its torque it may be."""
-    found = against_urdf(robot_of(tmp_path, log, robot=None))
+    found = {m.experiment.joint.name: m.findings for m in measure_robot(robot_of(tmp_path, log, robot=None))}
     for name in ("shoulder", "elbow", "wrist_pitch"):
         (warning,) = found[name]
         assert (warning.code, warning.severity) == ("links-not-removed", Severity.CRITICAL)
