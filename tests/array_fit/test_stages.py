@@ -220,7 +220,7 @@ def test_durations_and_dates_are_seconds(clock: Callable[[Array], pd.Index]) -> 
 
 
 def test_what_is_no_time_and_no_fit_is_refused() -> None:
-    """An index that counts rows, complex numbers, units that are a text, priors that are no fits, intervals that were not made: a sentence each."""
+    """An index that counts rows, complex numbers, units that are a text, priors that are no fits: a sentence each."""
     t, q, T = motion()
     with pytest.raises(InputError, match="t: missing; give n times"):
         bristle.fit_dynamic(None, pd.Series(q), T)
@@ -232,6 +232,3 @@ def test_what_is_no_time_and_no_fit_is_refused() -> None:
         bristle.fit_dynamic(t, q, T, priors=[1])  # type: ignore[list-item]  # the same
     with pytest.raises(InputError, match="as of one column of a data frame"):
         bristle.fit_dynamic(t, pd.DataFrame({"q": q, "T": T}), T)
-    found = bristle.fit_dynamic(t, q, T, directions="symmetric", priors=bristle.fit(*points(), directions="symmetric"))
-    with pytest.raises(InputError, match="no interval by profile was made"):
-        found.conf_int(method="profile")
