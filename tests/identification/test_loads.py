@@ -85,7 +85,7 @@ def geared_file(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT)
     folder = Path(mkdtemp(prefix="bristle-geared-"))
     atexit.register(rmtree, folder, ignore_errors=True)
     rng = np.random.default_rng(1)
-    t, w, size = np.arange(0, 12, STEP), 2 * np.pi * np.array([[0.25], [0.7]]), np.array([[0.35], [0.12]])
+    t, w, size = np.arange(0, 8, STEP), 2 * np.pi * np.array([[0.25], [0.7]]), np.array([[0.35], [0.12]])
     for k, (angle, off) in enumerate(zip((0.15, 0.5, 0.9, 1.3), supply, strict=True)):
         x = w * t + rng.uniform(0, 2 * np.pi, (2, 1))
         q, v, a = angle + (size * np.sin(x)).sum(0), (size * w * np.cos(x)).sum(0), -(size * w**2 * np.sin(x)).sum(0)
