@@ -118,7 +118,6 @@ def test_it_shows_itself(plain: bristle.Fit) -> None:
 @pytest.mark.parametrize(
     ("arguments", "options", "sentence"),
     [
-        (([1.0, np.nan, 2.0], [1.0, 2.0, 3.0]), {}, r"velocity is missing or not finite in 1 of 3 rows, first in row 1 \(from 0\)"),
         (([1.0, 2.0], [1.0, 2.0, 3.0]), {}, "arrays differ in length: velocity has 2, torque has 3"),
         (([1.0, 2.0], ["a", "b"]), {}, "torque is no array of numbers"),
         (([[1.0, 2.0]], [1.0, 2.0]), {}, r"velocity has shape \(1, 2\)"),
@@ -132,7 +131,7 @@ def test_it_shows_itself(plain: bristle.Fit) -> None:
 def test_what_cannot_be_fitted_is_one_sentence(
     arguments: tuple[object, ...], options: dict[str, object], sentence: str
 ) -> None:
-    """Missing values by row, lengths, shapes, options and columns: each is refused with what was got and what to do."""
+    """Lengths, shapes, options and columns: each is refused with what was got and what to do."""
     with pytest.raises(InputError, match=sentence):
         bristle.fit(*arguments, **options)  # type: ignore[arg-type]  # what is wrong
 

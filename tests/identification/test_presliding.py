@@ -178,13 +178,6 @@ def test_without_a_peak_g0_is_a_lower_bound(level: float) -> None:
     assert holds(fit.sigma_0.interval, GRIPPER.sigma_0)
 
 
-def test_a_run_without_loading_is_refused() -> None:
-    """A torque that never grows from zero is no presliding run; one sentence says so."""
-    flat = Record(file="flat.csv", time=TIME, position=np.zeros(TIME.size), torque=np.full(TIME.size, 0.01))
-    with pytest.raises(ValueError, match=r"flat\.csv: the torque never grows slowly from zero"):
-        identify_presliding([flat], {"+": LEVEL}, None, FitOptions(), None, "revolute")
-
-
 @pytest.mark.parametrize("quantum", [0.0, 2 * np.pi / 2**14])
 def test_a_level_below_all_that_was_held_gives_no_stiffness(quantum: float) -> None:
     """Where g0 is said to be less than the first torque of a loading nothing is left to estimate from: no value, and the contradiction is named."""
