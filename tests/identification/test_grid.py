@@ -95,17 +95,6 @@ def test_negative_velocities_give_the_same_positive_parameters(gripper: Lugre[fl
     assert named(-speeds, -torque, "-") == pytest.approx(named(speeds, torque, "+"), rel=1e-9)
 
 
-def test_slope_of_the_profile_is_the_envelope_theorem(gripper: Lugre[float], speeds: Array) -> None:
-    """d(cost)/d(v_s) at the inner optimum equals -2 times the Jacobian's v_s column times the residuals: CasADi's slope is right."""
-    torque = curve(speeds, gripper) + 5e-4 * np.random.default_rng(9).standard_normal(speeds.size)
-    problem = from_points(speeds, torque, ("both",))
-    v_s, h = 0.05, 1e-6
-    at = solve_at(problem, [v_s])
-    envelope = -2 * at.jacobian[:, -1] @ at.residuals
-    central = (solve_at(problem, [v_s + h]).cost - solve_at(problem, [v_s - h]).cost) / (2 * h)
-    assert envelope == pytest.approx(central, rel=1e-5)
-
-
 def test_jacobian_is_the_derivative_of_the_model(gripper: Lugre[float], speeds: Array) -> None:
     """Residuals move against the Jacobian for a small change of each parameter (central differences, 1e-7 relative)."""
     both = np.concatenate([speeds, -speeds])
