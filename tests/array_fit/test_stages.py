@@ -1,6 +1,5 @@
 """Slow loading and motions as arrays, alone and with what other fits say: what files of the same data give, to the last digit."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -77,17 +76,19 @@ def of_files(tmp_path_factory: pytest.TempPathFactory) -> bristle.Results:
     return bristle.identify(folder / "e.yaml")
 
 
+Fits = tuple[bristle.Fit, bristle.Fit, bristle.Fit]
+"""Of points, of slow loading and of a motion."""
+
+
 @pytest.fixture(scope="module")
-def fits() -> tuple[bristle.Fit, bristle.Fit, bristle.Fit]:
+def fits() -> Fits:
     """The same from arrays, one after the other."""
     static = bristle.fit(*points(), directions="symmetric")
     slow = bristle.fit_presliding(*loading(), breakaway=static)
     return static, slow, bristle.fit_dynamic(*motion(), priors=[static, slow])
 
 
-def test_arrays_give_what_files_give(
-    of_files: bristle.Results, fits: tuple[bristle.Fit, bristle.Fit, bristle.Fit]
-) -> None:
+def test_arrays_give_what_files_give(of_files: bristle.Results, fits: Fits) -> None:
     """Static, presliding and joint estimates of arrays are those of files, with their errors and intervals."""
     (joint,), (static, slow, dynamic) = of_files.joints, fits
     assert joint.presliding is not None
@@ -102,7 +103,7 @@ def test_arrays_give_what_files_give(
         assert dynamic.params[str(key)] == e.value
 
 
-def test_estimates_hold_the_truth(fits: tuple[bristle.Fit, bristle.Fit, bristle.Fit]) -> None:
+def test_estimates_hold_the_truth(fits: Fits) -> None:
     """Every parameter lies within four standard errors of what was simulated, sigma_1 of slow loading apart, which is assumed."""
     true = {**P._asdict(), "inertia": J, "offset": 0.0}
     for found in fits:
@@ -116,14 +117,13 @@ def test_estimates_hold_the_truth(fits: tuple[bristle.Fit, bristle.Fit, bristle.
     assert bristle.simulate(v, 0.01, dynamic) == pytest.approx(bristle.simulate(v, 0.01, P), abs=0.02 * P.alpha_0)
 
 
-def test_a_motion_has_each_interval_where_it_is_asked_for() -> None:
+def test_a_motion_has_each_interval_where_it_is_asked_for(fits: Fits) -> None:
     """By covariance always; by profile and bootstrap with `uncertainty`; a sentence without."""
-    t, q, T = motion()
-    found = bristle.fit_dynamic(t, q, T, directions="symmetric")
+    *_, found = fits
     with pytest.raises(InputError, match="no interval by profile was made"):
         found.conf_int(method="profile")
     assert found.conf_int(method="covariance").loc["alpha_0"].notna().all()
-    whole = bristle.fit_dynamic(t, q, T, directions="symmetric", uncertainty=True)
+    whole = bristle.fit_dynamic(*motion(), directions="symmetric", uncertainty=True)
     for method in METHODS:
         ends = whole.conf_int(method=method).to_dict("index")["alpha_0"]
         assert ends["lower"] < whole.params["alpha_0"] < ends["upper"]
@@ -153,7 +153,7 @@ def test_segments_are_kept_or_rejected_with_reasons() -> None:
     assert (found[~found.accepted].reasons != "").all()
 
 
-def test_stages_show_themselves(fits: tuple[bristle.Fit, bristle.Fit, bristle.Fit]) -> None:
+def test_stages_show_themselves(fits: Fits) -> None:
     """Each as text, as HTML, and as axes with quantity and unit."""
     labels = ("Velocity (rad/s)", "Displacement (rad)", "Time (s)")
     for found, label in zip(fits, labels, strict=True):
@@ -163,9 +163,10 @@ def test_stages_show_themselves(fits: tuple[bristle.Fit, bristle.Fit, bristle.Fi
         assert "<svg" in found._repr_html_()
 
 
-def test_what_is_not_known_is_not_simulated() -> None:
+def test_what_is_not_known_is_not_simulated(fits: Fits) -> None:
     """Points show no bristle, and slow loading no friction vs velocity: a sentence each."""
-    static, slow = bristle.fit(*points()), bristle.fit_presliding(*loading())
+    static, _, _ = fits
+    slow = bristle.fit_presliding(*loading())
     with pytest.raises(InputError, match="simulate: sigma_0, sigma_1 of direction"):
         bristle.simulate([0.1, 0.2], 0.01, static)
     with pytest.raises(InputError, match="nothing is known of friction vs velocity"):
@@ -174,9 +175,9 @@ def test_what_is_not_known_is_not_simulated() -> None:
         bristle.simulate([0.1, 0.2], 0, P)
 
 
-def test_a_compensator_runs_and_learns(fits: tuple[bristle.Fit, bristle.Fit, bristle.Fit]) -> None:
+def test_a_compensator_runs_and_learns(fits: Fits) -> None:
     """Step by step it gives the torque of the compiled one, follows friction, and adapts to a joint with more of it; reset begins anew."""
-    *_, dynamic = fits
+    static, _, dynamic = fits
     comp, still = dynamic.compensator(gamma=20.0), dynamic.compensator(law=None)
     state, step = initial_state(comp.compensator, comp.parameters), compiled(comp.compensator)
     for _ in range(500):
@@ -194,33 +195,24 @@ def test_a_compensator_runs_and_learns(fits: tuple[bristle.Fit, bristle.Fit, bri
     with pytest.raises(InputError, match="dt: got 0"):
         comp.step(0.0, (0.0, 0.3), 0.0)
     with pytest.raises(InputError, match="bristle stiffness"):
-        bristle.fit(*points()).compensator()
+        static.compensator()
 
 
-@pytest.mark.parametrize(
-    "clock",
-    [
-        lambda t: pd.to_timedelta(t, unit="s"),
-        lambda t: pd.Timestamp("2024-05-01") + pd.to_timedelta(t, unit="s"),
-        lambda t: pd.Timestamp("2024-05-01", tz="Europe/Amsterdam") + pd.to_timedelta(t, unit="s"),
-    ],
-    ids=["durations", "dates", "instants"],
-)
-def test_durations_and_dates_are_seconds(clock: Callable[[Array], pd.Index]) -> None:
+def test_durations_and_dates_are_seconds() -> None:
     """As an index, or as the time itself, they give the segments that the seconds give."""
     t = np.arange(0, 6, STEP)
     v = np.repeat([0.1, 0.9], t.size // 2)
     q, T = np.cumsum(v) * STEP, 0.02 + 0.04 * v + noise(t.size, 1e-4)
-    plain = bristle.find_segments(t, q, T)
-    for found in (
-        bristle.find_segments(None, pd.Series(q, index=clock(t)), T),
-        bristle.find_segments(pd.Series(clock(t)), q, T),
-    ):
-        assert found.velocity.to_numpy() == pytest.approx(plain.velocity.to_numpy(), rel=1e-6)
+    plain, past = bristle.find_segments(t, q, T), pd.to_timedelta(t, unit="s")
+    instants = pd.Timestamp("2024-05-01", tz="Europe/Amsterdam") + past
+    for clock in (past, pd.Timestamp("2024-05-01") + past, instants):
+        for times, positions in ((None, pd.Series(q, index=clock)), (pd.Series(clock), q)):
+            found = bristle.find_segments(times, positions, T)
+            assert found.velocity.to_numpy() == pytest.approx(plain.velocity.to_numpy(), rel=1e-6)
 
 
 def test_what_is_no_time_and_no_fit_is_refused() -> None:
-    """An index that counts rows, complex numbers, units that are a text, priors that are no fits, intervals that were not made: a sentence each."""
+    """An index that counts rows, complex numbers, units that are a text, priors that are no fits: a sentence each."""
     t, q, T = motion()
     with pytest.raises(InputError, match="t: missing; give n times"):
         bristle.fit_dynamic(None, pd.Series(q), T)
@@ -232,6 +224,3 @@ def test_what_is_no_time_and_no_fit_is_refused() -> None:
         bristle.fit_dynamic(t, q, T, priors=[1])  # type: ignore[list-item]  # the same
     with pytest.raises(InputError, match="as of one column of a data frame"):
         bristle.fit_dynamic(t, pd.DataFrame({"q": q, "T": T}), T)
-    found = bristle.fit_dynamic(t, q, T, directions="symmetric", priors=bristle.fit(*points(), directions="symmetric"))
-    with pytest.raises(InputError, match="no interval by profile was made"):
-        found.conf_int(method="profile")

@@ -46,16 +46,6 @@ def location(torque: Array) -> Regression:
     )
 
 
-def test_the_same_seed_gives_the_same_draws() -> None:
-    """Everything depends on the seed alone: equal ones agree to the last bit, others do not."""
-    problem = gripper(3e-4 * np.random.default_rng(1).standard_normal(16))
-    first, again, other = (resampled(problem, seed=seed) for seed in (4, 4, 5))
-    assert (first.draws == again.draws).all()
-    assert (first.low == again.low).all()
-    assert (first.high == again.high).all()
-    assert (first.draws != other.draws).any()
-
-
 def test_of_many_points_one_step_is_a_refit(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of 600 points the ends of the intervals that one step gives lie where refits have them, to a tenth of the interval."""
     speeds = np.geomspace(0.15 * GRIPPER.v_s, 0.8, 600)
@@ -160,20 +150,23 @@ def test_uneven_variances_are_drawn_wild_and_even_ones_are_not() -> None:
     assert wild[False] <= 2
 
 
-def test_wild_draws_scatter_as_the_robust_errors_do() -> None:
-    """Of a line with a standard deviation that grows with speed: the wild draws' covariance is (X'X)**-1 X' diag(r / (1 - h))**2 X (X'X)**-1."""
-    rng = np.random.default_rng(3)
+@pytest.mark.parametrize("grows", [False, True])
+def test_draws_scatter_as_the_covariance_does_or_as_the_robust_one(*, grows: bool) -> None:
+    """Of a line: draws of residuals have the covariance s**2 (X'X)**-1 about the estimate, within a tenth.
+
+    Where the standard deviation grows with speed wild ones have (X'X)**-1 X' diag(r / (1 - h))**2 X (X'X)**-1.
+    """
     velocity = np.geomspace(0.01, 1, 60)
-    raw = from_points(velocity, 0.02 + 0.04 * velocity + 2e-3 * velocity * rng.standard_normal(60), ("both",))
-    problem = replace(raw, peaks=())
-    found = resampled(problem, 20_000)
-    assert found.wild
+    noise = (2e-3 * velocity if grows else 1e-3) * np.random.default_rng(3 if grows else 5).standard_normal(60)
+    problem = replace(from_points(velocity, 0.02 + 0.04 * velocity + noise, ("both",)), peaks=())
+    found, solution = resampled(problem, 20_000), solve(problem, (0.01, 1.0))
+    assert found.wild == grows
     X = problem.linear
     inverse = np.linalg.inv(X.T @ X)
-    raised = solve(problem, (0.01, 1.0)).residuals / (1 - np.diag(X @ inverse @ X.T))
-    textbook = inverse @ X.T @ np.diag(raised**2) @ X @ inverse
-    assert np.cov(found.draws) == pytest.approx(textbook, rel=0.08)
-    assert found.draws.mean(axis=1) == pytest.approx(solve(problem, (0.01, 1.0)).theta, rel=0.01)
+    raised = solution.residuals / (1 - np.diag(X @ inverse @ X.T))
+    textbook = inverse @ X.T @ np.diag(raised**2) @ X @ inverse if grows else solution.cost / 58 * inverse
+    assert np.cov(found.draws) == pytest.approx(textbook, rel=0.08 if grows else 0.1)
+    assert found.draws.mean(axis=1) == pytest.approx(solution.theta, rel=0.01)
 
 
 @pytest.mark.parametrize("grows", [False, True])
@@ -215,17 +208,3 @@ def test_draws_do_not_lean_to_a_side() -> None:
     found, _ = residual_bootstrap(column[:, None], residuals, np.linspace(0.1, 1, 20), draws=4000)
     assert not found.wild
     assert abs(found.steps.mean()) < 4 * found.steps.std() / np.sqrt(4000)
-
-
-def test_draws_of_residuals_scatter_as_the_covariance_does() -> None:
-    """Of a line with even noise: draws of residuals have the covariance s**2 (X'X)**-1 about the estimate, within a tenth."""
-    rng = np.random.default_rng(5)
-    velocity = np.geomspace(0.01, 1, 60)
-    problem = replace(
-        from_points(velocity, 0.02 + 0.04 * velocity + 1e-3 * rng.standard_normal(60), ("both",)), peaks=()
-    )
-    found, solution = resampled(problem, 20_000), solve(problem, (0.01, 1.0))
-    assert not found.wild
-    covariance = solution.cost / 58 * np.linalg.inv(problem.linear.T @ problem.linear)
-    assert np.cov(found.draws) == pytest.approx(covariance, rel=0.1)
-    assert found.draws.mean(axis=1) == pytest.approx(solution.theta, rel=0.01)

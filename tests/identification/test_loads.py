@@ -85,7 +85,7 @@ def geared_file(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT)
     folder = Path(mkdtemp(prefix="bristle-geared-"))
     atexit.register(rmtree, folder, ignore_errors=True)
     rng = np.random.default_rng(1)
-    t, w, size = np.arange(0, 12, STEP), 2 * np.pi * np.array([[0.25], [0.7]]), np.array([[0.35], [0.12]])
+    t, w, size = np.arange(0, 8, STEP), 2 * np.pi * np.array([[0.25], [0.7]]), np.array([[0.35], [0.12]])
     for k, (angle, off) in enumerate(zip((0.15, 0.5, 0.9, 1.3), supply, strict=True)):
         x = w * t + rng.uniform(0, 2 * np.pi, (2, 1))
         q, v, a = angle + (size * np.sin(x)).sum(0), (size * w * np.cos(x)).sum(0), -(size * w**2 * np.sin(x)).sum(0)
@@ -302,20 +302,14 @@ def test_who_takes_the_joint_without_load_says_so(embedded: tuple[Joint, Joint])
     assert not without_load(plain)
 
 
-@pytest.mark.parametrize(
-    ("enabled", "wrong"),
-    [
-        ("{column: driven, unit: V}", "signals.enabled: got a unit, a scale or a delay"),
-        ("nothing", "no column named 'nothing'"),
-        ("driven", "enabled is 0 in all 3 rows"),
-    ],
-)
-def test_a_flag_that_is_none_is_refused(tmp_path: Path, enabled: str, wrong: str) -> None:
-    """A flag with a unit, without a column, or of a drive that was never on: one sentence."""
+def test_a_flag_that_is_none_is_refused(tmp_path: Path) -> None:
+    """A flag without a column, or of a drive that was never on: one sentence."""
     t = np.array([0.0, 0.1, 0.2])
     path = experiment_file(tmp_path, {"t": t, "q": 2 * t, "T": t + 1, "driven": 0 * t})
-    path.write_text(path.read_text().replace("enabled: driven", f"enabled: {enabled}"))
-    with pytest.raises(InputError, match=wrong):
+    with pytest.raises(InputError, match="enabled is 0 in all 3 rows"):
+        measure(path)
+    path.write_text(path.read_text().replace("enabled: driven", "enabled: nothing"))
+    with pytest.raises(InputError, match="no column named 'nothing'"):
         measure(path)
 
 

@@ -15,6 +15,7 @@ from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import decimator, longest_decimation
+from bristle.identification.same_runs import beside_moving
 from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import PointInfo, fit_static
 from bristle.identification.static.grid import default_range, solve
@@ -24,7 +25,7 @@ from bristle.model.rollout import rollout
 from bristle.questions.joint_report.static_figures import curves_to_use
 
 from ..names import parse
-from .conftest import curve, experiment_file, holds, way, white
+from .conftest import curve, experiment_file, fitted, holds, moved, posed, tones, way, white
 
 STRONG = Lugre(0.02, 0.03, 0.04, 0.15, 1.0, 0.0)
 INERTIA = 0.004
@@ -236,3 +237,21 @@ def test_short_stretches_between_gaps_are_left_out(tmp_path: Path) -> None:
     assert joint.inputs[0].dropped == 20 + 150
     assert joint.tracking is not None
     assert holds(joint.tracking.parameters[parse("alpha_0")].interval, 0.25)
+
+
+def test_a_poorer_law_of_the_same_runs_says_so_and_warns_of_nothing() -> None:
+    """Where LuGre's fit knows friction, the static fit keeps its numbers and says which to use; beside one that knows none it is as it was."""
+    run = moved(5.0 * tones(np.arange(0, 8, 1e-3)), 1e-3, noise=2e-4)
+    lugre = fitted(posed(run, decimation=5))
+    problem, _, _ = from_records([run], ("both",), ("inertia",), 5)
+    static, _ = fit_static(problem, FitOptions(), "revolute", PointInfo())
+    fit = beside_moving(static, lugre)["both"]
+    assert fit.outcome.code == "static-superseded"
+    assert fit.outcome.numbers["other"] == lugre.relative_error
+    assert fit.parameters == static["both"].parameters
+    assert fit.warnings == ()
+    alpha_0 = lugre.parameters[parse("alpha_0")]
+    blind = replace(lugre, parameters={parse("alpha_0"): replace(alpha_0, value=None)})
+    assert beside_moving(static, blind) == beside_moving(static, None) == static
+    nothing = {"both": replace(static["both"], relative_error=None)}
+    assert beside_moving(nothing, lugre) == nothing

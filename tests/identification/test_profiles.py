@@ -303,10 +303,11 @@ def test_open_v_s_opens_alpha_1() -> None:
 @given(seed=st.integers(0, 10**6), torque=st.floats(1e-3, 1e3), speed=st.floats(1e-3, 1e3))
 @settings(max_examples=15, deadline=None)
 def test_intervals_follow_units(seed: int, torque: float, speed: float) -> None:
-    """In other units of torque and velocity the same intervals come out, converted: nothing has a scale of its own."""
+    """In other units of torque and velocity the same parameters and intervals come out, converted: nothing has a scale of its own."""
     measured_torque = measured(GRIPPER, SPEEDS, 5e-4, seed)
-    _, plain = solved(from_points(SPEEDS, measured_torque, ("both",)))
-    _, other = solved(from_points(speed * SPEEDS, torque * measured_torque, ("both",)))
+    first, plain = solved(from_points(SPEEDS, measured_torque, ("both",)))
+    second, other = solved(from_points(speed * SPEEDS, torque * measured_torque, ("both",)))
+    assert second.theta == pytest.approx(first.theta * [torque, torque / speed, torque, speed], rel=1e-7)
     factors = named({"alpha_0": torque, "alpha_1": torque, "alpha_2": torque / speed, "v_s": speed})
     for name, ends in plain.intervals.items():
         wide = ends[1] - ends[0]

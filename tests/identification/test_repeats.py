@@ -8,18 +8,16 @@ import pytest
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
-from bristle.data.record import Record
 from bristle.data.slow_loading import Loading
 from bristle.estimation.covariance import student
 from bristle.estimation.interval_comparison import they_differ
-from bristle.findings import CAUTION, NOTE, Finding
+from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.uncertainty import parts_of_runs
 from bristle.identification.dynamic.unknowns import logarithms
 from bristle.identification.fits import Estimate, RunScatter, TrackingFit, Uncertainty
 from bristle.identification.presliding.fit import fit_presliding
-from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.repeats import (
     clustered,
     scatter_of,
@@ -32,10 +30,9 @@ from bristle.identification.repeats import (
 from bristle.identification.static.problem import from_points
 from bristle.identification.static.solution import solve_static
 from bristle.identification.static.uncertainty import parts_of_runs as parts_of_curves
-from bristle.model.parameters import INERTIA, Direction, Lugre, ParameterName
-from bristle.model.rollout import rollout
+from bristle.model.parameters import Direction, Lugre, ParameterName
 
-from .conftest import GRIPPER, curve
+from .conftest import G0, GRIPPER, by_name, codes, curve, ends_of, error_of, known, moved, tones, value_of, white
 
 ALPHA_0, SIGMA_0 = ParameterName("alpha_0", Direction.BOTH), ParameterName("sigma_0", Direction.BOTH)
 
@@ -66,8 +63,8 @@ def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
     assert [far.before, far.widened, far.after] == pytest.approx([6.0, 6.0, 1.0])
     assert far.by_run == {"run 0": 10.0, "run 1": 13.0, "run 2": 16.0}
     assert far.stretched == pytest.approx(6 * student(2) / student(1e6))
-    known = of_runs([10.0, 13.0, 16.0], 0.5, of_all=4.0)
-    assert (known.widened, known.stretched, known.significant) == (1.0, 1.0, True)
+    sure = of_runs([10.0, 13.0, 16.0], 0.5, of_all=4.0)
+    assert (sure.widened, sure.stretched, sure.significant) == (1.0, 1.0, True)
     assert scatter_of({"run 0": 1.0}, np.ones(1), np.ones(1), 1.0, 1.0) is None
     assert scatter_of({}, np.zeros(0), np.zeros(0), 1.0, 1.0) is None
 
@@ -106,7 +103,7 @@ def test_every_interval_is_widened_alike() -> None:
     wide = wider_estimate(e, scattered(), spread)
     assert wide.standard_error == pytest.approx(0.3)
     assert wide.interval == pytest.approx((2 - 0.2 * reach, 2 + 0.2 * reach))
-    assert [w.code for w in wide.warnings] == ["runs-scatter"]
+    assert codes(wide.warnings) == ["runs-scatter"]
     far = replace(scattered(), by_run={"near": 1.0, "middle": 1.1, "far": 2.0})
     assert wider_estimate(e, far, spread).warnings[0].numbers["farthest"] == "far"
     differ = they_differ(["above"], [("profile", 1.9, 2.5)], Finding("profile-skewed", CAUTION, "it is skewed"))
@@ -125,20 +122,10 @@ def test_every_interval_is_widened_alike() -> None:
 
 def moving(truths: Sequence[Lugre[float]]) -> DynamicSolution:
     """The fit of a run for each of these truths, with noise."""
-    t, rng = np.arange(0, 4, 2e-3), np.random.default_rng(0)
-    lines = ((0.25, 0.3), (0.06, 1.3), (0.04, 3.1), (0.02, 7.0), (0.01, 12.0))
-    v: Array = np.sum([a * np.sin(2 * np.pi * f * t + k) for k, (a, f) in enumerate(lines)], axis=0)
-    acceleration = np.gradient(v, t)
-    records = [
-        Record(
-            file=f"run {k}", time=t, velocity=v, acceleration=acceleration,
-            torque=rollout(v, 2e-3, p).torque + 1.27e-3 * acceleration + 1e-4 * rng.standard_normal(t.size),
-        )
-        for k, p in enumerate(truths)
-    ]  # fmt: skip  # a list of values
-    start = {ParameterName(name, Direction.BOTH): value for name, value in truths[0]._asdict().items()}
+    v = tones(np.arange(0, 4, 2e-3))
+    records = [moved(v, 2e-3, p, 1e-4, seed=k, file=f"run {k}") for k, p in enumerate(truths)]
     problem = dynamic_problem(records, ("both",), ("inertia",), 1, None)
-    return fit_tracking(problem, start | {INERTIA: 1.27e-3}, "revolute", search=False)
+    return fit_tracking(problem, by_name(truths[0]), "revolute", search=False)
 
 
 def test_the_error_by_runs_is_their_scatter() -> None:
@@ -149,8 +136,7 @@ def test_the_error_by_runs_is_their_scatter() -> None:
     x = clustered(*parts_of_runs(solved), solved.fit.parameters, 1e6, logarithmic)[SIGMA_0]
     assert list(x.by_run) == [f"run {k}" for k in range(6)]
     assert list(x.by_run.values()) == pytest.approx([k * GRIPPER.sigma_0 for k in stiff], rel=5e-3)
-    by_runs = x.before * (e.standard_error or 0.0)
-    assert by_runs == pytest.approx(np.std(stiff, ddof=1) / 6**0.5 * GRIPPER.sigma_0, rel=0.1)
+    assert x.before * error_of(e) == pytest.approx(np.std(stiff, ddof=1) / 6**0.5 * GRIPPER.sigma_0, rel=0.1)
     same = moving([GRIPPER] * 3)
     found = clustered(*parts_of_runs(same), same.fit.parameters, 1e6, logarithms(same.fit.names))
     assert len(found) >= 5
@@ -164,10 +150,10 @@ def test_a_scatter_that_is_no_chance_widens_and_is_said() -> None:
     wide = widened(fit, {SIGMA_0: scattered()}, ("sigma_0",))
     e, before = wide.parameters[SIGMA_0], fit.parameters[SIGMA_0]
     assert e.value == before.value
-    assert (e.standard_error or 0) == pytest.approx(3 * (before.standard_error or 0))
+    assert error_of(e) == pytest.approx(3 * error_of(before))
     row = fit.names.index(SIGMA_0)
     assert wide.covariance[row, row] == pytest.approx(9 * fit.covariance[row, row])
-    assert "runs-scatter" in [w.code for w in e.warnings]
+    assert "runs-scatter" in codes(e.warnings)
 
 
 def test_priors_beside_the_runs_take_their_scatter_down() -> None:
@@ -206,19 +192,15 @@ def test_curves_of_points_that_differ_hold_the_mean(speeds: Array) -> None:
         e, v_s = core.parameters[ALPHA_0], {ParameterName("v_s", Direction.BOTH)}
         x = clustered(*parts_of_curves(core, runs), core.parameters, core.freedom, v_s, independent=True)[ALPHA_0]
         assert list(x.by_run) == [name for name, _ in runs]
-        assert e.value is not None
-        assert e.interval is not None
-        low, high = spreader(e.value, x.stretched, "alpha_0")(np.array(e.interval))
+        low, high = spreader(value_of(e), x.stretched, "alpha_0")(np.array(ends_of(e.interval)))
         held.append(low < GRIPPER.alpha_0 < high)
     assert 0.88 <= np.mean(held) <= 0.99
 
 
 def loading(stiffness: float, file: str, noise: float, seed: int) -> Loading:
     """A slow loading of 400 samples without counts."""
-    g0 = GRIPPER.alpha_0 + GRIPPER.alpha_1
-    torque = np.linspace(0, 0.75 * g0, 400)
-    y = -g0 / stiffness * np.log(1 - torque / g0)
-    y = y + noise * np.random.default_rng(seed).standard_normal(y.size)
+    torque = np.linspace(0, 0.75 * G0, 400)
+    y = -G0 / stiffness * np.log(1 - torque / G0) + white(400, noise, seed)
     return Loading(
         file=file, start=0, direction="+", time=np.linspace(0, 10, 400), displacement=y, torque=torque, quantum=0.0,
         edge_displacement=np.zeros(0), edge_torque=np.zeros(0), breakaway=None, held=float(torque.max()),
@@ -227,12 +209,12 @@ def loading(stiffness: float, file: str, noise: float, seed: int) -> Loading:
 
 def test_slow_loading_runs_that_differ_are_widened() -> None:
     """Runs whose stiffness differs by 10 % widen sigma_0 and say so; runs of one stiffness do not: the error of g0, common to all, is no scatter."""
-    level = KnownValue(GRIPPER.alpha_0 + GRIPPER.alpha_1, 1e-4, Finding("of-static-fit", NOTE, "the static fit"))
+    level = known(G0, 1e-4)
     for shares in ((1.0, 1.1, 0.9, 1.05), (1.0, 1.0, 1.0, 1.0)):
         own = [loading(x * GRIPPER.sigma_0, f"run {k}", 2e-5, k) for k, x in enumerate(shares)]
         fit = fit_presliding(own, level, None, "revolute")
         x, differ = fit.repeats["sigma_0"], shares[1] > 1
         assert list(x.by_run.values()) == pytest.approx([s * GRIPPER.sigma_0 for s in shares], rel=0.02)
         assert (x.widened > 1) == differ
-        assert ("runs-scatter" in [w.code for w in fit.sigma_0.warnings]) == differ
+        assert ("runs-scatter" in codes(fit.sigma_0.warnings)) == differ
         assert fit.uncertainty["sigma_0"].covariance == pytest.approx(fit.sigma_0.interval)

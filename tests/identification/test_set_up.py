@@ -22,15 +22,10 @@ from bristle.identification.static.set_up import (
 from bristle.identification.static.solution import solve_static
 from bristle.model.parameters import Lugre
 
-from .conftest import GRIPPER, curve
+from .conftest import GRIPPER, curve, experiment_file, points_file, torque_of, white
 from .test_fit import segments_of
 
 JOINT = Lugre(2.0, 1.0, 1.5, 0.1, 1.0, 0.0)
-YAML = """joint: {{name: a}}
-signals: {{time: {{column: t, unit: s}}, {moves}, torque: {{column: T, unit: N*m}}}}
-runs: [{{files: log.csv, experiment: {experiment}}}]
-fit: {{{fit}}}
-"""
 
 
 def motion(seed: float = 0, noise: float = 0.05, **loads: float) -> Record:
@@ -41,20 +36,15 @@ def motion(seed: float = 0, noise: float = 0.05, **loads: float) -> Record:
     sign = np.where(v > 0, loads.get("apart", 1.0), 1.0)
     torque = sign * curve(v, JOINT) + 0.05 * a + loads.get("gravity", 0.0) * np.sin(q + 0.4)
     torque += loads.get("quadratic", 0.0) * v * np.abs(v) + loads.get("offset", 0.0)
-    torque += noise * np.random.default_rng(int(seed)).standard_normal(t.size)
+    torque += white(t.size, noise, int(seed))
     return Record(file="log.csv", time=t, position=q, velocity=v, acceleration=a, torque=torque)
 
 
 def found(folder: Path, record: Record, fit: str = "") -> BetterSetUp | None:
     """The better set-up of a run."""
-    path = folder / "e.yaml"
-    path.write_text(
-        YAML.format(
-            experiment="tracking",
-            fit=", ".join(["decimation: 10", *([fit] if fit else [])]),
-            moves="position: {column: q, unit: rad}",
-        )
-    )
+    some = np.zeros(2)
+    options = f"decimation: 10{fit and ', '}{fit}"
+    path = experiment_file(folder, {"t": some, "q": some, "T": some}, fit=options)
     return better_for_motion(load_experiment(path), [record])
 
 
@@ -74,8 +64,7 @@ def test_the_term_that_is_missing_is_named(tmp_path: Path, load: str, size: floa
     better = found(tmp_path, record, fit)
     assert better is not None
     assert better.lines == lines
-    assert record.torque is not None
-    assert better.error < 100 * 0.05 / np.sqrt(np.mean(record.torque**2)) < 0.75 * better.asked_error
+    assert better.error < 100 * 0.05 / np.sqrt(np.mean(torque_of(record) ** 2)) < 0.75 * better.asked_error
 
 
 def test_nothing_is_proposed_where_nothing_is_missing(tmp_path: Path) -> None:
@@ -88,12 +77,10 @@ def test_nothing_is_proposed_where_nothing_is_missing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("quadratic", [0.0, 0.02])
 def test_points_ask_for_what_they_lack(tmp_path: Path, quadratic: float) -> None:
     """Points with a drag that grows with the square of the speed ask for it; points without do not."""
-    path = tmp_path / "e.yaml"
-    path.write_text(YAML.format(experiment="points", fit="", moves="velocity: {column: v, unit: rad/s}"))
     speeds = np.geomspace(0.15 * GRIPPER.v_s, 2.0, 24)
     v = np.concatenate([speeds, -speeds])
-    torque = curve(v, GRIPPER) + quadratic * v * np.abs(v) + 1e-4 * np.random.default_rng(1).standard_normal(v.size)
-    better = better_for_points(load_experiment(path), segments_of(v, torque))
+    torque = curve(v, GRIPPER) + quadratic * v * np.abs(v) + white(v.size, 1e-4, 1)
+    better = better_for_points(load_experiment(points_file(tmp_path, v, torque)), segments_of(v, torque))
     assert (better is not None) == (quadratic > 0)
     assert better is None or better.set_up == SetUp(("+", "-"), ("quadratic",))
 

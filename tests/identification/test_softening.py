@@ -18,7 +18,7 @@ from bristle.identification.presliding.stiffness import stiffness
 
 from .conftest import G0, GRIPPER, bent, codes, ends_of, error_of, holds, known, value_of
 
-TIME = np.arange(0, 20, 0.01)
+TIME = np.arange(0, 20, 0.02)
 Law = Callable[[Array], Array]
 """Displacement over torque."""
 COUNTS = [0.0, 2 * np.pi / 2**16, 2 * np.pi / 2**14]

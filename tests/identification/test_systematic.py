@@ -59,6 +59,7 @@ def wrist(folder: Path, constant: str, kinds: tuple[str, ...], **more: Any) -> J
     """The embedded wrist, whose torque comes from a voltage, with another torque constant and some of its runs."""
     document = yaml.safe_load((EDRO / "wrist.yaml").read_text(encoding="utf-8")) | more
     document["motor"]["torque_constant"] = constant
+    document["fit"]["set_up"] = "as-written"
     runs = [run for run in document["runs"] if run["experiment"] in kinds and "hold_out" not in run]
     document["runs"] = [run | {"files": str(EDRO / run["files"])} for run in runs]
     path = folder / f"{len(list(folder.iterdir()))}.yaml"
@@ -105,9 +106,18 @@ def test_intervals_cover_the_truth_where_the_torque_constant_is_off() -> None:
     assert without / 400 < 0.5
 
 
-def test_a_common_factor_is_one_of_every_parameter_but_v_s(tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def exact_and_uncertain(tmp_path_factory: pytest.TempPathFactory) -> tuple[Joint, Joint]:
+    """The joint of the same points by a K that is exact, and by one with an error."""
+    folder = tmp_path_factory.mktemp("points")
+    paths = [points(folder, name, f"{K}{error} N*m/A") for name, error in (("x", ""), ("s", f" +/- {SHARE * K}"))]
+    exact, uncertain = (bristle.identify(path).joints[0] for path in paths)
+    return exact, uncertain
+
+
+def test_a_common_factor_is_one_of_every_parameter_but_v_s(exact_and_uncertain: tuple[Joint, Joint]) -> None:
     """The systematic error is |value| s / K, none of v_s, to rounding; by one constant, so fully correlated over parameters and directions."""
-    joint = bristle.identify(points(tmp_path, "e", f"{K} +/- {SHARE * K} N*m/A")).joints[0]
+    _, joint = exact_and_uncertain
     constant = f"scale of torque {K:g} +/- {SHARE * K:g} N*m/A"
     for _, name, e in every(joint.static):
         factor = 0.0 if name == "v_s" else SHARE
@@ -115,10 +125,9 @@ def test_a_common_factor_is_one_of_every_parameter_but_v_s(tmp_path: Path) -> No
         assert e.shifts == pytest.approx({constant: value_of(e) * factor}, rel=1e-9, abs=0)
 
 
-def test_without_an_error_nothing_changes(tmp_path: Path) -> None:
+def test_without_an_error_nothing_changes(exact_and_uncertain: tuple[Joint, Joint]) -> None:
     """Values, standard errors and covariances are the same with and without it; an interval is wider by the part in quadrature, end by end."""
-    paths = [points(tmp_path, name, f"{K}{error} N*m/A") for name, error in (("x", ""), ("s", f" +/- {SHARE * K}"))]
-    exact, uncertain = (bristle.identify(path).joints[0] for path in paths)
+    exact, uncertain = exact_and_uncertain
     for (_, _, e), (d, name, s) in zip(every(exact.static), every(uncertain.static), strict=True):
         assert (e.value, e.standard_error, e.systematic, e.shifts) == (s.value, s.standard_error, None, {})
         assert e.warnings == s.warnings
@@ -202,39 +211,35 @@ def test_loadings_that_soften_or_scatter_widen_the_statistical_part_alone(*, sof
 
 
 @pytest.mark.parametrize(
-    ("scale", "more", "kind"),
+    ("scale", "simulated", "kind"),
     [
-        (f"{K} N*m/A", {}, "torque-exact"),
-        (f"{K} N*m/A", {"simulated": True}, None),
-        (f"{K} ± 0.01 N*m/A", {"simulated": True}, "torque-uncertain"),
-        (f"{K} N*m/A +/- 0.01 N*m/A", {}, "torque-uncertain"),
+        (f"{K} N*m/A", False, "torque-exact"),
+        (f"{K} N*m/A", True, None),
+        (f"{K} ± 0.01 N*m/A", True, "torque-uncertain"),
+        (f"{K} N*m/A +/- 0.01 N*m/A", False, "torque-uncertain"),
+        ("1", False, None),
+        ("1 +/- 0.01", False, "torque-uncertain"),
     ],
 )
 def test_which_constants_are_taken_as_exact_is_said(
-    tmp_path: Path, scale: str, more: dict[str, Any], kind: str | None
+    tmp_path: Path, scale: str, kind: str | None, *, simulated: bool
 ) -> None:
-    """In the text, with the line that would change it; not of simulated data, whose constants are known."""
-    results = bristle.identify(points(tmp_path, "e", scale, **more))
-    said = results.joints[0].torque_scale
+    """In the text, with the line that would change it; not of simulated data, whose constants are known, nor of a measured torque."""
+    path = points(tmp_path, "e", scale, simulated=simulated)
+    if "A" not in scale:  # a torque that was logged as such
+        path.write_text(path.read_text(encoding="utf-8").replace("unit: A", "unit: N*m"), encoding="utf-8")
+    results = bristle.identify(path)
+    said, uncertain = results.joints[0].torque_scale, int(kind == "torque-uncertain")
     assert (said and said.code) == kind
     assert said is None or str(said) in " ".join(results.text(full=True).split())
     assert (kind == "torque-exact") == ("give it, as in scale: 0.35 +/- 0.007 N*m/A for 2 %" in str(said))
+    assert len(results.joints[0].uncertain_constants) == uncertain
+    assert {len(e.shifts) for _, _, e in every(results.joints[0].static)} == {uncertain}
 
 
-def test_a_change_of_sign_and_a_measured_torque_are_no_assumption(tmp_path: Path) -> None:
-    """A torque that was logged as such, or with the other sign, rests on no constant; with an error of its scale it does."""
-    for scale, constants in (("1", 0), ("1 +/- 0.01", 1)):
-        path = points(tmp_path, "e", scale)
-        path.write_text(path.read_text(encoding="utf-8").replace("unit: A", "unit: N*m"), encoding="utf-8")
-        joint = bristle.identify(path).joints[0]
-        assert (joint.torque_scale is not None) == bool(constants)
-        assert len(joint.uncertain_constants) == constants
-        assert {len(e.shifts) for _, _, e in every(joint.static)} == {constants}
-
-
-def test_the_band_of_the_curve_includes_the_systematic_error(tmp_path: Path) -> None:
+def test_the_band_of_the_curve_includes_the_systematic_error(exact_and_uncertain: tuple[Joint, Joint]) -> None:
     """Its half-width is that of the covariance and, in quadrature, 1.96 times the curve's own share."""
-    fit = bristle.identify(points(tmp_path, "e", f"{K} +/- {SHARE * K} N*m/A")).joints[0].static["+"]
+    fit = exact_and_uncertain[1].static["+"]
     exact = replace(fit, parameters={name: replace(e, shifts={}) for name, e in fit.parameters.items()})
     p, v = fit.values(), np.array([0.02, 0.3])
     wide, narrow = band(v, fit), band(v, exact)
