@@ -178,15 +178,15 @@ def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -
 
 
 def _averaged(fitted: Sequence[FittedLaw], weights: Array) -> Mapping[ParameterName, Averaged]:
-    """What all laws have, over those that the data allow."""
+    """What nearly all laws have by weight, over those that the data allow."""
     likely = [(x, weight) for x, weight in zip(fitted, weights.tolist(), strict=True) if weight > _WORTH]
-    tables = [x.known() for x, _ in likely]
-    shares = np.array([weight for _, weight in likely])
-    shares = shares / shares.sum()
+    tables = [(x.known(), weight) for x, weight in likely]
     averaged = {}
-    for name in reduce(or_, (dict.fromkeys(table) for table in tables)):
-        if name.name in _AVERAGED and all(name in table for table in tables):
-            value, error, freedom = np.array([table[name] for table in tables]).T
+    for name in reduce(or_, (dict.fromkeys(table) for table, _ in tables)):
+        having = [(*table[name], weight) for table, weight in tables if name in table]
+        value, error, freedom, shares = np.array(having).T
+        if name.name in _AVERAGED and shares.sum() > _SPREAD:  # a law in which it is at a bound may lack it
+            shares = shares / shares.sum()
             mean = float(shares @ value)
             own = float(shares @ np.sqrt(error**2 + (value - mean) ** 2))
             reach = student(float(freedom.min())) * own
