@@ -23,6 +23,7 @@ from bristle.questions.export.loss import (
     Loss,
     StatedMotion,
     all_motions,
+    best_coulomb_viscous,
     coulomb_viscous,
     friction_of,
     losses,
@@ -269,7 +270,10 @@ def test_intervals_that_hold_zero_are_said(points: Path) -> None:
 
 
 def test_the_loss_is_its_formula(handed: Handed) -> None:
-    """100 rms(difference) / rms(torque) over the last period; nothing of the joint's own friction, all of none at all."""
+    """100 rms(difference) / rms(torque) over the last period; nothing of the joint's own friction, all of none at all.
+
+    With a term v abs(v) the best viscous value rises, and the loss of LuGre alone is that of the term.
+    """
     joint = handed("wrist pitch")
     motions = all_motions(joint)
     assert [x.percent for x in losses(joint, lugre(joint.pair), motions)] == [0.0] * 4
@@ -280,6 +284,9 @@ def test_the_loss_is_its_formula(handed: Handed) -> None:
         off = lugre(one)(motion.velocity, motion.step)[-2000:] - true
         assert found.percent == pytest.approx(100 * np.sqrt(np.mean(off**2) / np.mean(true**2)), rel=1e-12)
     assert [m.name for m in motions] == ["fitted", "medium", "slow", "presliding"]
+    dragged = beside(joint, quadratic=0.05)
+    assert best_coulomb_viscous(dragged, motions[0])[1] > best_coulomb_viscous(joint, motions[0])[1]
+    assert losses(dragged, lugre(joint.pair), motions[:1])[0].percent > 1
 
 
 def test_large_losses_are_said() -> None:

@@ -544,6 +544,9 @@ def test_without_a_compiler_there_are_sources(
     assert artefact.holds.endswith("as C sources alone: there is no C compiler here; fmpy compile makes the binary")
     assert files_of(artefact.content) == {name: x for name, x in whole.items() if not name.startswith("binaries/")}
     assert fmu_problems(artefact.content) == []
+    monkeypatch.undo()
+    monkeypatch.setattr(platform, "machine", lambda: "arm64")
+    assert "C sources alone: this machine is not linux64" in handed_over(joint).holds
 
 
 @needs_fmpy
