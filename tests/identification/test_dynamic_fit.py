@@ -200,9 +200,9 @@ def test_a_stiff_bristle_converges() -> None:
 def test_each_segment_has_its_own_deflection_and_no_gap_is_crossed() -> None:
     """Two segments, each begun with a deflection of its own, give the truth; the deflections come back too."""
     both = record(z0=2e-3), record(z0=-1e-3)
-    signals = {n: np.concatenate([getattr(x, n) for x in both]) for n in ("velocity", "torque", "acceleration")}
+    v, T, a = (np.concatenate([getattr(x, n) for x in both]) for n in ("velocity", "torque", "acceleration"))
     time = np.concatenate([TIME, TIME + TIME[-1] + 5.0])
-    problem = posed(replace(both[0], file="two.csv", time=time, starts=(0, TIME.size), **signals))
+    problem = posed(Record(file="two.csv", time=time, starts=(0, V.size), velocity=v, torque=T, acceleration=a))
     assert [str(name) for name in problem.names[-2:]] == ["z0[0]", "z0[1]"]
     later = InitialState("z0", 1)
     values, minimum = fit(problem, shifted(TRUTH, 1.1) | {Z0: 0.0, later: 0.0})
