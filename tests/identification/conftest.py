@@ -95,7 +95,7 @@ def moved(
     file: str = "run.csv",
 ) -> Record:
     """A run at this velocity, (n,): torque of LuGre and of an inertia, with white noise."""
-    t = np.arange(v.size) * step
+    t: Array = step * np.arange(v.size, dtype=np.float64)
     a = np.gradient(v, t)
     torque = rollout(v, step, p, z0).torque + inertia * a + white(v.size, noise, seed)
     return Record(file=file, time=t, velocity=v, acceleration=a, torque=torque)

@@ -16,7 +16,7 @@ from bristle.model.parameters import Lugre, ParameterName
 from .conftest import codes, experiment_file, holds, white
 
 TRUTH = Lugre(0.8, 0.3, 0.5, 0.06, 2000.0, 5.0)
-INERTIA, RATE = 0.05, 250.0
+INERTIA, RATE = 0.05, 500.0
 
 
 def sines(rate: float, seconds: float, lines: list[tuple[float, float, float]]) -> tuple[Array, Array, Array, Array]:

@@ -1,8 +1,9 @@
 """All parameters on moving data: the descent, the residuals' derivatives, intervals, what is not seen, priors, counts."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.estimation.nonlinear import Minimum, minimise
-from bristle.findings import Severity
+from bristle.findings import Finding, Severity
 from bristle.identification.dynamic import unknowns
 from bristle.identification.dynamic.claims import bristle_doubts
 from bristle.identification.dynamic.crosscheck import check_tracking
@@ -147,7 +148,8 @@ def test_correlated_noise_widens_the_intervals() -> None:
     """Residuals that are correlated over fifty samples give wider errors than white ones of the same size, and a warning."""
     even = white(V.size, 3e-4, 1)
     slow = np.convolve(even, np.ones(50) / np.sqrt(50), mode="same")
-    one, other = (fitted(posed(with_torque(record(), lambda T, x=noise: T + x))) for noise in (even, slow))
+    torque = torque_of(record())
+    one, other = (fitted(posed(replace(record(), torque=torque + noise))) for noise in (even, slow))
     alpha_0 = parse("alpha_0")
     assert error_of(other.parameters[alpha_0]) > 3 * error_of(one.parameters[alpha_0])
     assert "correlated" in codes(other.warnings)
@@ -198,9 +200,9 @@ def test_a_stiff_bristle_converges() -> None:
 def test_each_segment_has_its_own_deflection_and_no_gap_is_crossed() -> None:
     """Two segments, each begun with a deflection of its own, give the truth; the deflections come back too."""
     both = record(z0=2e-3), record(z0=-1e-3)
-    signals = {n: np.concatenate([getattr(x, n) for x in both]) for n in ("velocity", "torque", "acceleration")}
+    v, T, a = (np.concatenate([getattr(x, n) for x in both]) for n in ("velocity", "torque", "acceleration"))
     time = np.concatenate([TIME, TIME + TIME[-1] + 5.0])
-    problem = posed(Record(file="two.csv", time=time, starts=(0, TIME.size), **signals))
+    problem = posed(Record(file="two.csv", time=time, starts=(0, V.size), velocity=v, torque=T, acceleration=a))
     assert [str(name) for name in problem.names[-2:]] == ["z0[0]", "z0[1]"]
     later = InitialState("z0", 1)
     values, minimum = fit(problem, shifted(TRUTH, 1.1) | {Z0: 0.0, later: 0.0})
@@ -397,13 +399,13 @@ def test_the_descent_respects_its_bounds() -> None:
 
 def test_a_zero_gradient_is_an_error() -> None:
     """A start where nothing depends on anything is refused, as is one without a finite cost, or whose derivatives have no squares."""
-    for rows, slopes, said in (
-        (np.ones(3), np.zeros((3, 1)), "the gradient is zero"),
-        (np.full(3, np.nan), np.ones((3, 1)), "the cost is not finite"),
-        (np.ones(3), np.full((3, 1), 1e200), "the cost is not finite"),
-    ):
-        with pytest.raises(ValueError, match=said):
-            minimise(lambda _, r=rows, s=slopes: (r, s), np.zeros(1), np.full(1, -np.inf), np.full(1, np.inf))
+    box = np.full(1, -np.inf), np.full(1, np.inf)
+    with pytest.raises(ValueError, match="the gradient is zero"):
+        minimise(lambda _: (np.ones(3), np.zeros((3, 1))), np.zeros(1), *box)
+    for row, slope in ((np.nan, 1.0), (1.0, 1e200)):
+        start = np.full(3, row), np.full((3, 1), slope)
+        with pytest.raises(ValueError, match="the cost is not finite"):
+            minimise(partial(lambda at, _: at, start), np.zeros(1), *box)
 
 
 @pytest.mark.parametrize(
@@ -530,7 +532,7 @@ PLANTED: list[tuple[dict[str, float], dict[str, object]]] = [
     ({"pair": 1.0, "offset": -2e-3}, {"offset-or-friction": -2e-3}),
 ]
 """What a torque has that its fit does not, N*m or a share, and what is said of it."""
-SIZES = {
+SIZES: dict[str, Callable[[Finding], object]] = {
     "lacks-a-term": lambda d: next(x for x in re.findall(r"regressors: \[inertia, \w+\]", str(d))),
     "torque-drifts-in-runs": lambda d: (d.numbers["how"], pytest.approx(d.numbers["by"], rel=0.1)),
     "inertia-below-zero": lambda d: d.severity,

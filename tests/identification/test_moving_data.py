@@ -40,8 +40,8 @@ def moving(seed: int = 0, starts: tuple[int, ...] = (0,), noise: float = 2e-4) -
     velocity = 0.6 * np.sin(w1 * time) + 0.3 * np.sin(w2 * time)
     acceleration = 0.6 * w1 * np.cos(w1 * time) + 0.3 * w2 * np.cos(w2 * time)
     torque = curve(velocity, STRONG) + INERTIA * acceleration + white(time.size, noise, seed)
-    signals = {"velocity": velocity, "acceleration": acceleration, "torque": torque}
-    return Record(file="motion.csv", time=time, starts=starts, **signals)
+    whole = Record(file="motion.csv", time=time, velocity=velocity, acceleration=acceleration, torque=torque)
+    return replace(whole, starts=starts)
 
 
 def values(

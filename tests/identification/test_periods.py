@@ -140,11 +140,11 @@ def test_points_show_the_orders_too(size: float) -> None:
 
 def test_what_is_held_out_is_predicted_with_the_same_orders(tmp_path: Path) -> None:
     """A run that was not fitted is predicted to its noise with the orders found in the others, and far worse without them."""
-    t, q, torque = bristles(20.0)
+    t, q, torque = bristles(14.0)
     errors = {}
     for asked in ("[inertia]", "[inertia, cogging, ripple]"):
         fit = f"directions: symmetric, regressors: {asked}"
-        for name, part in (("b", t >= 12), ("a", t < 12)):
+        for name, part in (("b", t >= 9), ("a", t < 9)):
             path = experiment_file(tmp_path, {"t": t[part], "q": q[part], "T": torque[part]}, fit=fit, file=name)
         held = "}, {files: b.csv, experiment: tracking, hold_out: true}]"
         path.write_text(path.read_text().replace("}]", held))

@@ -57,7 +57,7 @@ def test_a_draft_has_the_set_up_that_pays(tmp_path: Path, gravity: float, regres
 )
 def test_directions_are_chosen_by_the_fit(tmp_path: Path, apart: float, which: str) -> None:
     """One friction for both where they are alike, one for each where they differ by a fifth, which is said; a line overrules it."""
-    t = np.arange(int(15 * RATE)) / RATE
+    t = np.arange(int(8 * RATE)) / RATE
     q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
     sets = (Lugre(0.8 * x, 0.3 * x, 0.4 * x, 0.1, 400.0, 2.0) for x in (1.0, apart))
     run = moved(np.gradient(q, t), 1 / RATE, Pair(*sets), 0.01, inertia=0.05)
@@ -113,15 +113,15 @@ def test_tracking_runs_of_another_rate_are_drafted_together(tmp_path: Path) -> N
 
     It runs with one friction for both directions, which is the quicker fit.
     """
-    logs = [swung(tmp_path, f"{name}.csv", seed=k) for k, name in enumerate(("first", "other", "third"))]
+    logs = [swung(tmp_path, f"{name}.csv", seed=k) for k, name in enumerate(("first", "other"))]
     written(logs[1], HEADER, np.loadtxt(logs[1], delimiter=",", skiprows=1)[::2])
     text, _ = api.draft(*logs, told=MOTOR, folder=tmp_path)
     (tmp_path / "draft.yaml").write_text(text.replace("directions: auto", "directions: symmetric"))
     files = [run.files for run in load_experiment(tmp_path / "draft.yaml").runs]
-    assert files == ["first.csv", "other.csv", "third.csv"]
+    assert files == ["first.csv", "other.csv"]
     found = bristle.identify(tmp_path / "draft.yaml")
     told = [d for x in found.joint().inputs for d in x.notes if d.code == "sampled-faster"]
-    assert [d.numbers["ratio"] for d in told] == pytest.approx([2.0, 2.0], rel=1e-6)
+    assert [d.numbers["ratio"] for d in told] == pytest.approx([2.0], rel=1e-6)
 
 
 def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:

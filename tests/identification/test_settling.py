@@ -17,7 +17,7 @@ from .conftest import ends_of, experiment_file, holds
 SOFT = Lugre(0.8, 0.35, 0.6, 0.05, 60.0, 1.0)
 """Its bristle bends by 19 mrad."""
 NOISE = 0.02
-RATE = 500.0
+RATE = 250.0
 
 
 def logs(folder: Path, count: float = 0.0, deflections: float = 5.0) -> Path:

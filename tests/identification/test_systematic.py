@@ -59,7 +59,6 @@ def wrist(folder: Path, constant: str, kinds: tuple[str, ...], **more: Any) -> J
     """The embedded wrist, whose torque comes from a voltage, with another torque constant and some of its runs."""
     document = yaml.safe_load((EDRO / "wrist.yaml").read_text(encoding="utf-8")) | more
     document["motor"]["torque_constant"] = constant
-    document["fit"]["set_up"] = "as-written"
     runs = [run for run in document["runs"] if run["experiment"] in kinds and "hold_out" not in run]
     document["runs"] = [run | {"files": str(EDRO / run["files"])} for run in runs]
     path = folder / f"{len(list(folder.iterdir()))}.yaml"
