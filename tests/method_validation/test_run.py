@@ -22,7 +22,7 @@ from bristle.questions.method_validation import figures
 from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import MOST_POINTS, joint_cases, sweep
-from bristle.questions.method_validation.report import drawings, resolution_caption
+from bristle.questions.method_validation.report import resolution_caption
 from bristle.questions.method_validation.results import (
     FREE,
     MOST_DECLINED,
@@ -375,15 +375,19 @@ def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
 
 
 def test_figures_say_what_they_show(validation: Validation) -> None:
-    """Every figure of a case says SIMULATED; axes carry units (m/s for a prismatic joint), and each solver is named."""
+    """Every figure says SIMULATED; axes carry units (m/s for a prismatic joint), and each solver is named."""
     one = validation.cases[0]
-    cost, starts, by_method = (x.draw() for x in drawings(one, "prismatic", "case"))
-    for figure in (cost, starts, by_method):
+    cost, starts = (draw(one, "prismatic") for draw in (figures.cost_figure, figures.starts_figure))
+    resolution, by_method = figures.resolution_figure(validation), figures.methods_figure(one)
+    assert resolution is not None
+    for figure in (cost, starts, resolution, by_method):
         assert "SIMULATED" in figure.axes[0].get_title(loc="left")
     assert "Stribeck velocity (m/s)" in {ax.get_xlabel() for ax in cost.axes}
     assert starts.axes[1].get_xlabel() == "Stribeck velocity of the start (m/s)"
     for figure in (cost, starts):
-        words = " ".join(t.get_text() for t in figure.axes[0].get_legend().get_texts())
+        legend = figure.axes[0].get_legend()
+        assert legend is not None
+        words = " ".join(t.get_text() for t in legend.get_texts())
         assert all(name in words for name in ("IPOPT", "SciPy TRF", "refined grid"))
     assert [t.get_text() for t in by_method.axes[0].get_yticklabels()] == list(one.methods)
 
