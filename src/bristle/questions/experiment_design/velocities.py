@@ -33,6 +33,8 @@ NODES = 5
 STARTS = 3
 """Designs at random that the exchange also begins with, beside the log-spaced and the evenly spaced one."""
 SEED = 0
+_UNSEEN = 1e-300
+"""Information of a parameter that no speed shows at all."""
 _V_S = Stribeck._fields.index("v_s")
 """Where it stands among the static parameters of any law."""
 
@@ -217,7 +219,7 @@ class _Criterion:
         """Scale what is known, with a little added so that a design too poor to be inverted has a value, a bad one."""
         self.problem, self.aim = problem, None if aim == "all" else problem.names.index(aim)
         whole = _informations(problem, spaced_speeds(problem, 50, "log"), problem.nodes)
-        self.size = np.sqrt(np.diagonal(whole, axis1=1, axis2=2))
+        self.size = np.sqrt(np.maximum(np.diagonal(whole, axis1=1, axis2=2), _UNSEEN))
         scale = self.size[:, :, None] * self.size[:, None, :]
         self.known = problem.prior_information / scale + 1e-11 * np.eye(len(problem.names))
 
