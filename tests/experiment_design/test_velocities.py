@@ -64,6 +64,15 @@ def test_planned_velocities_win_in_every_range(low: float, high: float) -> None:
         )
 
 
+def test_speeds_that_show_no_peak_are_planned_for_the_rest() -> None:
+    """Far above v_s, where the peak's information is zero to the last digit, Coulomb and viscous friction are planned as without a peak."""
+    own = problem(low=40.0, high=80 * P.v_s)
+    assert not (static_jacobian(np.array([own.low]), P)[0, [1, 3]] ** 2).any()
+    found = design(own, RUNS, "alpha_2")
+    assert np.isfinite(found.errors[[0, 2]]).all()
+    assert {*np.round(found.speeds, 9).tolist()} == {round(own.low, 9), round(own.high, 9)}
+
+
 def test_d_optimal_runs_satisfy_the_equivalence_theorem() -> None:
     """Kiefer and Wolfowitz: with a multiple of four runs, n s'(v) F**-1 s(v) / noise**2 is at most 4 anywhere, and 4 at each speed that is run."""
     own = problem()
