@@ -569,9 +569,9 @@ def test_what_the_torque_has_and_the_fit_lacks_is_named_with_its_size(
 
 def swung(inertia: float) -> tuple[Array, Array, Array]:
     """Time, velocity and torque of twenty seconds of two tones."""
-    t = np.arange(0, 20, 2 * STEP)
+    t = np.arange(0, 20, STEP)
     v = tones(t, ((0.5, 0.2), (0.2, 0.53)))
-    return t, v, rollout(v, 2 * STEP, GRIPPER).torque + inertia * np.gradient(v, t)
+    return t, v, rollout(v, STEP, GRIPPER).torque + inertia * np.gradient(v, t)
 
 
 def read_through(t: Array, position: Array, torque: Array, inertia: float) -> TrackingFit:
@@ -587,7 +587,7 @@ def test_backlash_is_named_with_its_size(play: float) -> None:
     What it moves each parameter by is in its interval, which holds the truth.
     """
     t, v, torque = swung(0.01)
-    ahead = way(v, 2 * STEP) + play / 2 * np.tanh(v / (0.02 * np.abs(v).max()))
+    ahead = way(v, STEP) + play / 2 * np.tanh(v / (0.02 * np.abs(v).max()))
     found = read_through(t, ahead, torque + white(t.size, 2e-4), 0.01)
     played = [d.numbers["play"] for d in found.warnings if d.code == "backlash"]
     assert played == pytest.approx([play] * (play > 0), rel=0.2)
@@ -606,7 +606,7 @@ def test_what_a_sensor_keeps_is_named_with_its_size(code: str, share: float) -> 
     top = (1 - 4 * share) * largest
     missing = share * largest if code == "torque-missing" else np.maximum(np.abs(whole) - top, 0)
     torque = whole - np.sign(whole) * np.minimum(np.abs(whole), missing) + white(t.size, 5e-4)
-    found = read_through(t, way(v, 2 * STEP), torque, 0.05).warnings
+    found = read_through(t, way(v, STEP), torque, 0.05).warnings
     said = [d for d in found if d.code in {"torque-missing", "torque-saturates"}]
     assert codes(said)[:1] == [code] * bool(share)
     for d in said[:1]:
