@@ -122,10 +122,11 @@ def test_a_header_names_the_law_and_its_parameters(of: Law, handed: Handed) -> N
 
 
 @needs_gcc
-def test_the_fmu_is_the_joint(handed: Handed) -> None:
+@pytest.mark.parametrize("of", [OTHERS[0], OTHERS[-1]], ids=lambda of: of.name)
+def test_the_fmu_is_the_joint(of: Law, handed: Handed) -> None:
     """Its variables are the parameters of the law; `export_checks` finds it valid, as Python steps it, and close to the continuous equations."""
     pytest.importorskip("fmpy", reason="needs fmpy: pip install fmpy")
-    joint = of_law(handed("wrist pitch"), OTHERS[-1])
+    joint = of_law(handed("wrist pitch"), of)
     starts = {x.name: x.start for x in fmu.fmu_variables(joint)}
     for d, p in zip(("positive", "negative"), joint.pair, strict=True):
         assert {name: starts[f"{d}.{name}"] for name in p._fields} == p._asdict()
