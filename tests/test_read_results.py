@@ -7,7 +7,6 @@ from base64 import b64encode
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import fields, is_dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -318,18 +317,18 @@ def test_a_foreign_file_is_refused(fresh: Results, tmp_path: Path) -> None:
     assert wrong == []
 
 
-@cache
-def text_of(results: Results) -> str:
-    """The file of results, made once."""
-    return results.to_json()
+@pytest.fixture(scope="module")
+def whole(fresh: Results) -> str:
+    """The file of what `identify` returned."""
+    return fresh.to_json()
 
 
 @pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=list(HealthCheck))
 @given(data=st.data())
-def test_a_damaged_file_is_read_or_refused(data: Any, fresh: Results, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_a_damaged_file_is_read_or_refused(data: Any, whole: str, tmp_path_factory: pytest.TempPathFactory) -> None:
     """Values of samples replaced, moved or left out, and texts cut: the file is read, and reports what it holds, or is one sentence."""
-    document = json.loads(text_of(fresh))
+    document = json.loads(whole)
     samples = document["samples"]["wrist"]
     for _ in range(data.draw(st.integers(1, 3))):
         key = data.draw(st.sampled_from(sorted(samples)))
