@@ -59,7 +59,8 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     assert "v_end" not in {name.name for name in plan.start.names}
     assert set(plan.velocities[0].designs) == {"all", *plan.velocities[0].problem.names}
     assert own in designs(plan).columns
-    columns = [x for section in report(plan).sections if section.table for x in section.table.part]
+    parts = [section.table.part for section in report(plan).sections if section.table]
+    columns = [x for part in parts if part is not None for x in part]
     assert f"{SYMBOLS[plan.joint.law.name]} (%)" in columns
 
 

@@ -11,7 +11,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.errors import InputError
 from bristle.identification.law_comparison import compare_laws
-from bristle.identification.law_ranking import FittedLaw, Solve, ranked
+from bristle.identification.law_ranking import FittedLaw, Known, Solve, ranked
 from bristle.identification.results import LawComparison
 from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import estimate_static
@@ -161,17 +161,17 @@ def test_rows_of_a_comparison_go_together() -> None:
 def test_an_unlikely_law_without_a_parameter_takes_no_average_away() -> None:
     """Of three laws, the third of which has its alpha_0 at a bound: with 1 % of the weights the others' average stays, with half it is none."""
     alpha_0, noise = ParameterName("alpha_0", Direction.BOTH), np.random.default_rng(0).standard_normal(50)
-    names = "gaussian", "lorentzian", "exponential"
+
+    def fitted(name: str, scale: float, own: Known) -> FittedLaw:
+        """A law that leaves so many times the noise."""
+        solves = (Solve(scale * noise, 4, 50.0, 50.0),)
+        return FittedLaw(law=law_named(name), solves=solves, left_out=lambda: (None, None), known=lambda: own)
+
     for worse, kept in ((1.1, True), (1.0, False)):
-        known = ({alpha_0: (1.0, 0.1, 20.0)}, {alpha_0: (1.2, 0.1, 20.0)}, {})
         laws = [
-            FittedLaw(
-                law=law_named(name),
-                solves=(Solve(scale * noise, 4, 50.0, 50.0),),
-                left_out=lambda: (None, None),
-                known=lambda own=own: own,
-            )
-            for name, scale, own in zip(names, (1.0, 1.0, worse), known, strict=True)
+            fitted("gaussian", 1.0, {alpha_0: (1.0, 0.1, 20.0)}),
+            fitted("lorentzian", 1.0, {alpha_0: (1.2, 0.1, 20.0)}),
+            fitted("exponential", worse, {}),
         ]
         found = ranked("points", laws, GAUSSIAN.name)
         assert found is not None
