@@ -269,5 +269,5 @@ def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, two:
         ended = engine.run_fleet(rows, str(tmp_path / "out"), two, deadly)
         again = engine.run_fleet(rows, str(tmp_path / "out"), two, fleets.identified_joint)
     (failure,) = ended.table.to_pandas()["failure"].dropna()
-    assert failure == "its worker died 1 times, perhaps for want of memory; give each worker more with --memory"
+    assert failure == "its worker died 1 time, perhaps for want of memory; give each worker more with --memory"
     assert (ended.identified, ended.failed, again.identified, again.failed) == (3, 1, 1, 0)

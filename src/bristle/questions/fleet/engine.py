@@ -61,7 +61,7 @@ LEAST_WINDOW, WINDOW = 200, 20
 """Tasks under way: so many, or so many a thread."""
 SENT_WINDOW = 2
 """The same a thread where each carries its logs."""
-_MEMORY = "its worker died {count} times, perhaps for want of memory; give each worker more with --memory"
+_MEMORY = "its worker died {times}, perhaps for want of memory; give each worker more with --memory"
 
 
 class FleetRun(NamedTuple):
@@ -254,7 +254,7 @@ def _of_worker(error: BaseException) -> str:
     from distributed import KilledWorker
 
     if isinstance(error, KilledWorker):
-        return _MEMORY.format(count=getattr(error, "allowed_failures", 3) + 1)
+        return _MEMORY.format(times=counted(getattr(error, "allowed_failures", 3) + 1, "time"))
     return one_line(f"a defect of bristle: {type(error).__name__}: {error}")
 
 

@@ -1,4 +1,4 @@
-"""Results as JSON (schema bristle-results/2, generated from the result classes) and as a tidy table."""
+"""Results as JSON (schema bristle-results/3, generated from the result classes) and as a tidy table."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -20,14 +20,14 @@ COLUMNS = (
 
 def schema() -> dict[str, Any]:
     """The JSON schema of `results.json`; bristle writes every field, and so every field is required."""
-    return schema_of(adapter(), "bristle-results/2")
+    return schema_of(adapter(), "bristle-results/3")
 
 
 def to_json(joints: Sequence[Joint], experiments: Sequence[WrittenExperiment] = ()) -> str:
-    """`results.json` of schema bristle-results/2.
+    """`results.json` of schema bristle-results/3.
 
     Floats keep every digit. A bound that is open is "inf" or "-inf"; what does not exist is null. Warnings and outcomes
-    have their kind, severity, sentence and numbers. What has an entry per sample stands apart, under `samples`.
+    have their code, severity, message and numbers. What has an entry per sample stands apart, under `samples`.
     """
     document = Document(
         bristle=__version__,
