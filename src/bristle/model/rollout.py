@@ -26,9 +26,8 @@ _ONE = np.zeros(1, dtype=np.intp)
 _PASSES = 50
 """At most this many scans of a chunk to settle where z changes sign."""
 
-_STILL = 1e-6
-"""Where z changes sign has settled when z changes there by at most this share of alpha_0 / sigma_0 from one scan to the next, which then
-errs by about its square."""
+_STILL = 1e-12
+"""Where z changes sign has settled when z changes there by at most this share of alpha_0 / sigma_0 from one scan to the next."""
 
 _Parameters = Lugre[float] | Pair[float]
 
@@ -347,13 +346,11 @@ def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) ->
         side = np.where(passed, ahead, side)
         a, b = steps(side)
         if at.size:  # a step in which z changes sign is two, one after the other
-            turn, whole = v0[at] + (v1[at] - v0[at]) * share, h if isinstance(h, float) else h[at]
+            (turn, level), whole = nodes.inside(at, share), h if isinstance(h, float) else h[at]
             begin, end = np.concatenate([v0[at], turn]), np.concatenate([turn, v1[at]])
             risen = None
-            if nodes.level is not None:
-                low, high = nodes.level[0, at], nodes.level[0, at + 1]
-                between = low + (high - low) * share
-                risen = np.concatenate([low + between, between + high]) / 2
+            if nodes.level is not None and level is not None:
+                risen = np.concatenate([nodes.level[0, at] + level[0], level[0] + nodes.level[0, at + 1]]) / 2
             acting = _with_level(_acting(parameters, np.concatenate([side[at], ahead[at]]), begin + end), risen)
             parts = advance(begin, end, np.concatenate([whole * share, whole * (1 - share)]), *acting)
             (a_0, a_1), (b_0, b_1) = (np.split(part, 2) for part in parts)
@@ -378,7 +375,8 @@ def _share_before(v0: Array, v1: Array, reached: Array, forgotten: Array) -> Arr
     """
     forgotten = np.clip(forgotten, 1e-9, 1 - 1e-15)
     with np.errstate(divide="ignore"):  # a bristle that hardly moves in the step crosses at its end
-        way = np.minimum(np.log1p(reached * forgotten) / -np.log1p(-forgotten), 1.0)
-    slow, fast = np.abs(v0), np.abs(v1)
-    fraction: Array = way * (slow + fast) / (slow + np.sqrt(slow**2 + (fast**2 - slow**2) * way))
+        way = np.log1p(reached * forgotten) / -np.log1p(-forgotten)
+    way = np.clip(way, np.finfo(float).tiny, 1.0)
+    slow, fast = np.abs([v0, v1]) / (np.abs(v0) + np.abs(v1))
+    fraction: Array = way / (slow + np.sqrt(slow**2 + (fast - slow) * way))
     return fraction

@@ -53,6 +53,12 @@ class Nodes:
         heading: Array = self.v[:-1] + self.v[1:]
         return heading
 
+    def inside(self, steps: Index, fractions: Array) -> tuple[Array, Array | None]:
+        """Velocity, (k,), and level, (1 + k', k), inside some steps, at fractions of their duration."""
+        level = self.level
+        v = self.v[steps] + (self.v[steps + 1] - self.v[steps]) * fractions
+        return v, None if level is None else level[:, steps] + (level[:, steps + 1] - level[:, steps]) * fractions
+
 
 def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nodes:
     """The samples, and between them the zero crossings of v and what fast changes at low speed need.
@@ -89,14 +95,13 @@ def inserted(nodes: Nodes, steps: Index, fractions: Array) -> tuple[Nodes, Index
     is_old[new] = False
     old = np.flatnonzero(is_old)
     v, portion = np.empty(is_old.size), np.ones(is_old.size - 1)
-    v[old], v[new] = nodes.v, nodes.v[steps] + (nodes.v[steps + 1] - nodes.v[steps]) * fractions
+    v[old], (v[new], between) = nodes.v, nodes.inside(steps, fractions)
     portion[new] -= fractions  # from each new node to the end of the step it is in,
     portion[new - 1] -= portion[new]  # less what follows the next one
     level = None
     if nodes.level is not None:
         level = np.empty((len(nodes.level), is_old.size))
-        before, after = nodes.level[:, steps], nodes.level[:, steps + 1]
-        level[:, old], level[:, new] = nodes.level, before + (after - before) * fractions
+        level[:, old], level[:, new] = nodes.level, between
     if isinstance(nodes.h, float):
         return Nodes(v, nodes.h * portion, old[nodes.samples], level, old[nodes.begins]), old
     h = np.empty(portion.size)
