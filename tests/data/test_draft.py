@@ -95,12 +95,16 @@ def test_what_cannot_be_guessed_is_refused(tmp_path: Path) -> None:
     """Where torque, position or time are missing, or a motor's constants, one sentence names the option that tells it."""
     says = {
         "t,q,x1": r"no column is named as a torque.* --column torque=NAME",
-        "t,q,v_in": r"is a voltage, .* --torque-constant .* --resistance",
         "t,x1,tau": r"no column is named as a position or a velocity.* --column position=NAME",
         "x1,q,tau": r"no column is named as the time.* --rate",
     }
     for header, told in says.items():
         assert_refused([(partial(_draft, _csv(tmp_path / "log.csv", header, _T, _Q, _TAU)), told)])
+    volts = partial(_draft, _csv(tmp_path / "volts.csv", "t,q,v_in", _T, _Q, _TAU))
+    half = r"is a voltage, .* needs both .* --torque-constant .* --resistance"
+    assert_refused([(partial(volts, torque_constant="1 N*m/A"), half), (partial(volts, resistance="2 ohm"), half)])
+    assert "torque: as a voltage, in V, for no torque constant was told" in volts()[1][1]
+    _csv(tmp_path / "log.csv", "x1,q,tau", _T, _Q, _TAU)
     _draft(tmp_path / "log.csv", columns={"torque": "tau_2", "time": "x1"})
     told = "no column named 'tau_2'; there are: x1, q, tau"
     assert_refused([(partial(read_runs, _load(tmp_path)), told)])

@@ -4,7 +4,7 @@ import os
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import jsonschema
 import pytest
@@ -72,7 +72,7 @@ diagnostics = st.one_of(
 @st.composite
 def made(draw: st.DrawFn) -> ExportedJoint:
     """Any joint that can be exported."""
-    kind: Kind = draw(st.sampled_from(["revolute", "prismatic", "revolute in A", "prismatic in A"]))
+    kind: Kind = draw(st.sampled_from(get_args(Kind)))
     return ExportedJoint(
         name=draw(words), kind=kind, simulated=draw(st.booleans()), trust=draw(st.sampled_from(Trust)),
         reason=draw(st.none() | diagnostics), parameters=draw(parameters(kind)), inertia=draw(st.none() | positive),

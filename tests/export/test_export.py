@@ -189,16 +189,23 @@ def test_one_direction_is_refused(tmp_path: Path) -> None:
     assert few.code == 2
 
 
-def test_a_current_is_no_torque(handed: Handed) -> None:
-    """A joint whose torque is known as a current goes to the documents and to C, and is refused elsewhere."""
-    joint = handed(kind="revolute in A")
+def test_a_current_or_a_voltage_is_no_torque(handed: Handed) -> None:
+    """A joint whose torque is known as one goes to the documents, to C and to the FMU, and is refused elsewhere."""
     request = Request()
-    for to in TARGETS:
-        if to in ("c", *DOCUMENTS):
-            assert target(to).write([joint], request).content
-        else:
-            with pytest.raises(bristle.InputError, match=r"known as a current alone, .* give motor\.torque_constant"):
-                target(to).write([joint], request)
+    for kind, alone in (
+        ("revolute in A", "current alone, .* give motor\\.torque_constant, id"),
+        (
+            "revolute in V",
+            "voltage alone, .* give motor\\.torque_constant and motor\\.resistance, id",
+        ),
+    ):
+        joint = handed(kind=kind)
+        for to in TARGETS:
+            if to in ("c", "fmu", *DOCUMENTS):
+                assert target(to).write([joint], request).content
+            else:
+                with pytest.raises(bristle.InputError, match=f"known as a {alone}"):
+                    target(to).write([joint], request)
 
 
 def test_of_several_joints_those_that_fit_are_exported(handed: Handed) -> None:

@@ -171,15 +171,22 @@ def test_a_time_without_a_unit_has_many_samples_a_second(tmp_path: Path, unit: s
     assert any(f"{unit}, for a log has many samples a second" in x for x in said)
 
 
-def test_a_current_without_a_constant_is_friction_in_amperes(tmp_path: Path) -> None:
-    """A current that nothing tells the torque of: friction is in A, as much as the torque has over the constant, and it is said how to get N m."""
-    path = log(tmp_path, clean())
-    told = "current: {column: T, unit: mA, scale: 4000}"
+@pytest.mark.parametrize(("signal", "unit"), [("current", "A"), ("voltage", "V")])
+def test_an_effort_without_constants_is_friction_in_its_own_unit(tmp_path: Path, signal: str, unit: str) -> None:
+    """A current or a voltage that nothing tells the torque of: friction is in A or V, as much as the torque has over the constants.
+
+    In V, alpha_2 has the motor's back-EMF too. It is said how to get N m, and with the constants it is N m.
+    """
+    path, k_t, R = log(tmp_path, clean() + (0.25**2 / 2 * motion()[2] if unit == "V" else 0.0)), 0.25, 2.0
+    times, back_emf = (1 / k_t, 0.0) if unit == "A" else (R / k_t, k_t)
+    told = f"{signal}: {{column: T, unit: m{unit}, scale: {1000 * times!r}}}"
     path.write_text(path.read_text().replace("torque: {column: T, unit: N*m}", told))
     joint = bristle.identify(path).joint()
-    assert (joint.kind, "in-amperes" in codes(joint.warnings)) == ("revolute in A", True)
-    near(joint, alpha_0=4 * 0.8, alpha_2=4 * 0.5, inertia=4 * INERTIA)
-    path.write_text(path.read_text() + "motor: {torque_constant: 0.25 N*m/A}\n")
+    assert (joint.kind, "no-torque-constant" in codes(joint.warnings)) == (f"revolute in {unit}", True)
+    assert tracked(joint)["inertia"].unit == f"{unit}*s**2/rad"
+    near(joint, alpha_0=times * 0.8, alpha_2=times * 0.5 + back_emf, inertia=times * INERTIA)
+    constants = f"torque_constant: {k_t} N*m/A, resistance: {R} ohm"
+    path.write_text(path.read_text() + f"motor: {{{constants}}}\n")
     near(bristle.identify(path).joint(), alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 

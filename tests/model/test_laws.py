@@ -233,6 +233,7 @@ def test_a_laws_parameters_are_known_everywhere(outside: Law) -> None:
     assert fields_of(outside)[6:] == ("steepness", "cubic", FASTEST)
     assert unit("cubic", "prismatic") == "N*s**3/m**3"
     assert unit("cubic", "revolute in A") == "A*s**3/rad**3"
+    assert unit("cubic", "prismatic in V") == "V*s**3/m**3"
     assert (least_of("cubic"), least_of("steepness")) == (-np.inf, 0.0)
     assert ParameterName.parse("cubic") == ParameterName("cubic", Direction.BOTH)
     assert {"power", "power+cubic", "power+quadratic", "gaussian+cubic"} <= {one.name for one in competing()}

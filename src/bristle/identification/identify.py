@@ -63,7 +63,7 @@ from bristle.identification.static.set_up import (
 )
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
-from bristle.model.parameters import INERTIA, Direction, ParameterName, in_current, of_load
+from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load
 from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
@@ -332,7 +332,7 @@ def _identified(
         torque_scale=torque_scale(experiment.torque_constants, simulated=experiment.simulated),
         travel=measured.travel,
         torque_constant=measured.torque_constant,
-        link_inertia=None if in_current(experiment.joint.kind) else measured.link_inertia,
+        link_inertia=None if has_own_unit(experiment.joint.kind) else measured.link_inertia,
         truth=experiment.truth,
         simulated=experiment.simulated,
         assumptions=experiment.assumptions,
@@ -554,9 +554,11 @@ def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[
         message = f"fit.{key} is a key of earlier versions, and is not read as it was: {GONE[key]}."
         warnings.append(Finding("key-gone", CAUTION, message, {"key": key}))
     told = {w.code for w in warnings}
-    if in_current(experiment.joint.kind) and "constant-unseen" not in told and measured.link_inertia is None:
-        message = "No torque constant is given, so friction is in A: write `motor: {torque_constant: 0.35 N*m/A}`, as seen at the joint."
-        warnings.append(Finding("in-amperes", CAUTION, message))
+    if has_own_unit(experiment.joint.kind) and "constant-unseen" not in told and measured.link_inertia is None:
+        of = effort_unit(experiment.joint.kind)
+        lacks, more = ("torque constant is", "") if of == "A" else ("motor constants are", ", resistance: 2.1 ohm")
+        message = f"No {lacks} given, so friction is in {of}: write `motor: {{torque_constant: 0.35 N*m/A{more}}}`, as seen at the joint."
+        warnings.append(Finding("no-torque-constant", CAUTION, message, {"unit": of}))
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)
         tried = sum(s.velocity * DIRECTIONS[other] > 0 for candidates in measured.segments for s in candidates)

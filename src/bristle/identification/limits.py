@@ -9,7 +9,7 @@ from bristle.data.experiment.load import Run
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.measured import Measured
-from bristle.model.parameters import in_current, unit
+from bristle.model.parameters import has_own_unit, unit
 
 HOLD = 3.0
 """Time over which a constant velocity is averaged where no run shows any, s; measured holds count from `_HOLDS[0]` to `_HOLDS[1]` s."""
@@ -111,7 +111,7 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
         torque = _rounded(_largest(measured.runs, "torque"))
         message = f"Largest torque: {torque:g} {of}, the largest measured; set plan.torque to override."
         assumed.append(Finding("limit-torque", NOTE, message, {"value": torque, "unit": of}))
-    links = 0.0 if in_current(kind) else _largest(measured.runs, "link_torque")
+    links = 0.0 if has_own_unit(kind) else _largest(measured.runs, "link_torque")
     if torque and links:  # what they ask for is not there for friction and inertia
         message = (
             f"Of the torque limit {links:.3g} {of} are kept for the links, the most that they asked for in these runs; the other "

@@ -11,7 +11,7 @@ from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
 from bristle.data.differentiation import estimate_motion, usable, without_short_segments
-from bristle.data.experiment.load import Experiment, Run, in_amperes, load_experiment, read_runs
+from bristle.data.experiment.load import Experiment, Run, in_own_unit, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.run_kinds import FEWEST
 from bristle.data.signal_checks import merged
@@ -106,8 +106,8 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     experiment = experiment if isinstance(experiment, Experiment) else load_experiment(experiment)
     runs = read_runs(experiment)
     refuse_repeated(experiment, runs)
-    of_current = experiment.motor_constants is None and experiment.signals_of(experiment.runs[0]).drive() == "current"
-    experiment = in_amperes(experiment, experiment.fit.regressors) if of_current else experiment
+    if experiment.motor_constants is None and experiment.signals_of(experiment.runs[0]).drive() != "torque":
+        experiment = in_own_unit(experiment, experiment.fit.regressors)
     measured = measured_of(experiment, runs)
     held, logged = len(measured.points(hold_out=False)), all(run.record.position is not None for run in runs)
     if held >= FEWEST or not logged or {run.kind for run in runs if not run.hold_out} != {"ramp"}:

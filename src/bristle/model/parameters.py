@@ -18,8 +18,8 @@ from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.laws.registry import LOADS, friction_names, own_parameter
 
 T = TypeVar("T")
-Kind = Literal["revolute", "prismatic", "revolute in A", "prismatic in A"]
-"""Of a joint; in A: its torque is known as a current alone."""
+Kind = Literal["revolute", "prismatic", "revolute in A", "prismatic in A", "revolute in V", "prismatic in V"]
+"""Of a joint; in A or V: its torque is known as a current or a voltage alone, in whose unit all of it is."""
 
 
 class Direction(StrEnum):
@@ -331,14 +331,15 @@ def unit(name: str, kind: Kind = "revolute") -> str:
     name = "torque" if periodic(name) else name
     of_law = None if name in _UNITS else own_parameter(name)
     own = (_UNITS[name] if of_law is None else of_law.units)[slides(kind)]
-    if not in_current(kind):
+    if not has_own_unit(kind):
         return own
-    torque = _UNITS["torque"][slides(kind)]
+    torque, effort = _UNITS["torque"][slides(kind)], effort_unit(kind)
     if name == "links":
-        return f"A/({torque})"
+        return f"{effort}/({torque})"
     if name == "gear_load_squared":
-        return "1/A"
-    return _IN_CURRENT.get(own, own.replace(torque, "A", 1))
+        return f"1/{effort}"
+    over = {"kg*m**2": "s**2/rad", "kg": "s**2/m"}.get(own)  # in which a torque is unseen
+    return f"{effort}*{over}" if over else own if own == "ohm" else own.replace(torque, effort, 1)
 
 
 def units_of(kind: Kind) -> dict[str, str]:
@@ -346,29 +347,24 @@ def units_of(kind: Kind) -> dict[str, str]:
     return {name: unit(name, kind) for name in _UNITS}
 
 
-_SLIDES_AND_IN_CURRENT: dict[Kind, tuple[bool, bool]] = {
-    "revolute": (False, False),
-    "prismatic": (True, False),
-    "revolute in A": (False, True),
-    "prismatic in A": (True, True),
-}
-_IN_CURRENT = {"kg*m**2": "A*s**2/rad", "kg": "A*s**2/m", "ohm": "ohm"}
-"""Units that hold a torque unseen, or none, where that is a current."""
-
-
 def slides(kind: Kind) -> bool:
     """Whether a joint is prismatic."""
-    return _SLIDES_AND_IN_CURRENT[kind][0]
+    return kind.startswith("prismatic")
 
 
-def in_current(kind: Kind) -> bool:
-    """Whether the torque of a joint is known as a current alone, A."""
-    return _SLIDES_AND_IN_CURRENT[kind][1]
+def effort_unit(kind: Kind) -> str:
+    """SI unit of a joint's torque: of its own, A or V, or N*m or N."""
+    return kind[-1] if has_own_unit(kind) else _UNITS["torque"][slides(kind)]
+
+
+def has_own_unit(kind: Kind) -> bool:
+    """Whether the torque of a joint is known as a current or a voltage alone, A or V."""
+    return kind.endswith(("A", "V"))
 
 
 def effort(kind: Kind) -> str:
-    """What a joint's torque is called: a joint that slides has a force, one without a torque constant a current."""
-    return "current" if in_current(kind) else "force" if slides(kind) else "torque"
+    """What a joint's torque is called: a joint that slides has a force, one without motor constants a current or a voltage."""
+    return {"A": "current", "V": "voltage", "N": "force"}.get(effort_unit(kind), "torque")
 
 
 def least_of(name: str) -> float:

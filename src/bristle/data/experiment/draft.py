@@ -119,9 +119,10 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     lines, guessed = [], [f"joint.kind: {kind}, by the units"]
     if by_step:
         guessed.append(f"unit of time: {by_step}, for a log has many samples a second")
-    if drive == "current" and not told.torque_constant:
+    if drive != "torque" and not (told.torque_constant or told.resistance):
+        of, constants = ("A", "") if drive == "current" else ("V", " --resistance '2.1 ohm'")
         guessed.append(
-            "torque: as a current, in A, for no torque constant was told (--torque-constant '0.35 N*m/A' gives N*m)"
+            f"torque: as a {drive}, in {of}, for no torque constant was told (--torque-constant '0.35 N*m/A'{constants} gives N*m)"
         )
     if told.rate is not None:
         lines.append(f"time: {{rate: {quoted(told.rate)}}}")
@@ -266,9 +267,10 @@ def is_there(path: Path, name: str) -> bool:
 
 
 def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
-    """Which of torque, current and voltage is taken. Raises InputError where none is known, or needs a constant that was not told."""
+    """Which of torque, current and voltage is taken. Raises InputError where none is known, or a voltage has but one of its two constants."""
     there = [name for name in DRIVES if name in guesses]
-    computable = [name for name in there if name != "voltage" or (told.torque_constant and told.resistance)]
+    partly = bool(told.torque_constant) != bool(told.resistance)
+    computable = [name for name in there if name != "voltage" or not partly]
     drive = next(iter([*(name for name in there if name in told.columns), *computable, *there]), None)
     if drive is None:
         raise InputError(
@@ -276,10 +278,9 @@ def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
             f"(there are: {short(log.described)})"
         )
     if drive not in computable:
-        options = "--torque-constant '0.35 N*m/A' --resistance '2.1 ohm'"
         raise InputError(
-            f"{log.path}: column {short(guesses[drive].column)} is a {drive}, and the torque from it needs the motor's constants; give them as seen "
-            f"at the joint, gear included, as in {options}"
+            f"{log.path}: column {short(guesses[drive].column)} is a voltage, and the torque from it needs both of the motor's constants as seen "
+            "at the joint, gear included, as in --torque-constant '0.35 N*m/A' --resistance '2.1 ohm'; without either friction is in V"
         )
     return drive
 

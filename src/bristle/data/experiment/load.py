@@ -136,7 +136,7 @@ class Experiment(StrictModel):
                 raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
             constants = self.motor_constants
             k_t = constants and constants.torque_constant
-            alone = constants is None and all(self.signals_of(r).drive() == "current" for r in self.runs)
+            alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
             if (drive != "torque" and not alone) and (
                 constants is None or k_t is None or (drive == "voltage" and constants.resistance is None)
             ):
@@ -196,20 +196,22 @@ def experiment_from(data: dict[str, Any], path: Path, where: str) -> Experiment:
     return validate(Experiment, {**data, "path": path}, where, context)
 
 
-def in_amperes(experiment: Experiment, asked: tuple[str, ...] | None) -> Experiment:
-    """The joint whose torque is a current, A, all that follows with it, as an inertia that was given, and these regressors."""
+def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experiment:
+    """The joint whose torque is a current or a voltage, A or V, all that follows with it, as an inertia that was given, and these regressors."""
+    drive = experiment.signals_of(experiment.runs[0]).drive()
+    effort = "V" if drive == "voltage" else "A"
 
     def renamed(signals: Signals) -> Signals:
-        """The current as the torque."""
-        current = signals.current
-        own = None if current is None else Signal(**{**dict(current), "unit": "A"})
-        return signals.model_copy(update={"current": None, "torque": own})
+        """The current or the voltage as the torque."""
+        logged = signals.voltage if drive == "voltage" else signals.current
+        own = None if logged is None else Signal(**{**dict(logged), "unit": effort})
+        return signals.model_copy(update={"current": None, "voltage": None, "torque": own})
 
     runs = tuple(
         run if run.signals is None else run.model_copy(update={"signals": renamed(run.signals)})
         for run in experiment.runs
     )
-    kind: JointKind = "prismatic in A" if experiment.joint.kind == "prismatic" else "revolute in A"
+    kind = f"{experiment.joint.kind} in {effort}"
     return experiment.model_copy(
         update={
             "joint": experiment.joint.model_copy(update={"kind": kind}),
@@ -358,6 +360,8 @@ def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str 
         note = Finding("torque-from-voltage", NOTE, message, {"k_t": motor.k_t, "R": motor.R})
         torque = drive_torque(record.voltage, record.velocity, motor)
         record = replace(record, torque=torque, notes=(*record.notes, note))
+    elif drive == "voltage":  # an effort in its own unit, as a current is without a motor
+        record = replace(record, torque=record.voltage, voltage=None)
     if kind == "presliding" and record.torque is not None:
         cutoff, why = low_pass(record, of_slow_loading)
         message = f"Torque of slow loading: low pass of {cutoff:.3g} Hz{why.message}."

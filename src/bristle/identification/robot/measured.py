@@ -8,7 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
-from bristle.data.experiment.load import Experiment, Run, from_current, in_amperes
+from bristle.data.experiment.load import Experiment, Run, from_current, in_own_unit
 from bristle.data.experiment.schema import PlusMinus
 from bristle.data.record import Record
 from bristle.data.robot.motion import LinkTorques, RobotMotion, read_motions, reader_of, runs_of, without_links
@@ -160,7 +160,7 @@ def _measured(part: _Part) -> Measured:
     findings, constant = list(part.findings), None
     if part.linked and part.joint.free:
         seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
-        beside = in_amperes(experiment, tuple(dict.fromkeys((*regressors(experiment), "links"))))
+        beside = in_own_unit(experiment, tuple(dict.fromkeys((*regressors(experiment), "links"))))
         # it may be told by more than the links: then it is a regressor, and no constant; where the log is not as declared, nothing is told
         wrong = any(f.code in {"joint-order", "gravity-direction"} for f in findings)
         refined = seen if wrong else scale_beside_bristles(beside, _training(runs), seen)
@@ -190,7 +190,7 @@ def _with_constant(
         by = experiment.motor.k_t if experiment.motor else 1.0  # 1 N*m/A, but for a gear
         links = {} if clear else {"link_torque": None}
         bare = tuple(_with(run, torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)
-        return in_amperes(experiment, asked), bare
+        return in_own_unit(experiment, asked), bare
     constants = experiment.motor_constants
     known = PlusMinus(value=K, standard_error=error)
     own = experiment.model_copy(

@@ -19,7 +19,7 @@ from bristle.control.symbolic import settings_of
 from bristle.errors import InputError
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
-from bristle.model.parameters import Pair, in_current, lugre_of, slides, unit
+from bristle.model.parameters import Pair, has_own_unit, lugre_of, slides, unit
 from bristle.page.wording import shortened
 from bristle.questions.export import c_code
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, notes
@@ -137,7 +137,7 @@ def _about(compensator: Compensator, joint: ExportedJoint) -> Iterator[str]:
     a = compensator.adaptation
     adapts = f", adapting {', '.join(a.parameters)} by the {a.law} law, {a.step} step" if a else ", without adaptation"
     yield f"compensator: {compensator.name}{adapts}"
-    if slides(joint.kind) or in_current(joint.kind):
+    if slides(joint.kind) or has_own_unit(joint.kind):
         yield f"units below are those of a joint that turns; here rad is {unit('position', joint.kind)}, and N*m {unit('torque', joint.kind)}"
 
 

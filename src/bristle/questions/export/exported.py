@@ -38,8 +38,9 @@ from bristle.model.parameters import (
     Pair,
     ParameterName,
     Stribeck,
+    effort,
     fields_of,
-    in_current,
+    has_own_unit,
     in_direction,
     is_positive,
     lugre_of,
@@ -170,11 +171,11 @@ class ExportedJoint:
         return {name: value for name, value in found.items() if value is not None}
 
     def in_newton(self, target: str) -> "ExportedJoint":
-        """The joint. Raises InputError where its torque is known as a current alone, which the target does not take."""
-        if in_current(self.kind):
+        """The joint. Raises InputError where its torque is known as a current or a voltage alone, which the target does not take."""
+        if has_own_unit(self.kind):
             raise InputError(
-                f"{self.name}: its torque is known as a current alone, and {target} takes N*m or N; "
-                "give motor.torque_constant, identify, and export again"
+                f"{self.name}: its torque is known as a {effort(self.kind)} alone, and {target} takes N*m or N; give motor.torque_constant"
+                f"{' and motor.resistance' * (effort(self.kind) == 'voltage')}, identify, and export again"
             )
         return self
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from bristle import __version__
 from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
-from bristle.model.parameters import SIGNED, fields_of, unit
+from bristle.model.parameters import SIGNED, effort, fields_of, unit
 from bristle.page.output_folder import zipped
 from bristle.page.wording import shortened
 from bristle.questions.export.artefact import Artefact, ExportTarget, Request, artefact_of, c_compiler, notes
@@ -39,7 +39,11 @@ _INERTIA = (1e-9, range_of("inertia")[1])
 _TORQUE = (-1e6, 1e6)
 _ANY, _BEFORE, _NEVER = ("BR_INSTANTIATED | BR_INITIALISING | BR_STEPPING", "BR_INSTANTIATED | BR_INITIALISING", "0")
 """Phases in which a variable may be set."""
-_BASE = {"rad": {"rad": 1}, "s": {"s": 1}, "m": {"m": 1}, "kg": {"kg": 1}, "N": {"kg": 1, "m": 1, "s": -2}}
+_BASE = {
+    **{name: {name: 1} for name in ("rad", "s", "m", "kg", "A")},
+    "N": {"kg": 1, "m": 1, "s": -2},
+    "V": {"kg": 1, "m": 2, "s": -3, "A": -1},
+}
 """Exponents of the SI base units."""
 _PRODUCT = r"(?:1|[a-zA-Z]+(?:\*\*\d+)?)(?:\*[a-zA-Z]+(?:\*\*\d+)?)*"
 _UNIT = re.compile(rf"{_PRODUCT}(?:/{_PRODUCT})?")
@@ -140,7 +144,7 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
         "joint": joint.name,
         "name": identifier(joint),
         "tool": f"bristle {__version__}",
-        "description": f"{shortened(joint.name)}: joint and LuGre friction, torque in"
+        "description": f"{shortened(joint.name)}: joint and LuGre friction, {effort(joint.kind)} in"
         + (", identified from SIMULATED data" if joint.simulated else ""),
         "variables": variables,
         "first_parameter": [v.causality for v in variables].index("parameter"),
@@ -189,10 +193,10 @@ _HOLDS = "the joint, its inertia and LuGre friction with both directions, as bri
 def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  # noqa: ARG001  # as targets are
     """The FMU of one joint.
 
-    Raises InputError where its torque is a current alone, its bristle or its inertia is not known, or a parameter is out of the range of the code.
+    Raises InputError where its bristle or its inertia is not known, or a parameter is out of the range of the code.
     """
     (joint,) = joints
-    joint = joint.in_newton("fmu").with_bristle("fmu")
+    joint = joint.with_bristle("fmu")
     name = identifier(joint)
     lost = losses(joint, lugre(joint.pair), all_motions(joint)) if joint.quadratic else ()
     files = _sources(joint, lost)
