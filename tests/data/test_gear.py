@@ -183,7 +183,8 @@ def test_bad_gears_are_refused(tmp_path: Path) -> None:
             key: x for key, x in (constants | yaml.safe_load(text.replace("SIDES", sides))).items() if x is not None
         }
         asks.append((partial(experiment, tmp_path, None, more={"motor": motor}, **current), says))
+    slides: dict[str, Any] = {name: current[name] for name in ("position", "current")}
     for ratio in (100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None):
         gear = {"ratio": ratio, "position": "motor"}
-        asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **current), r"motor\.gear\.ratio: "))
+        asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **slides), r"motor\.gear\.ratio: "))
     assert_refused(asks)
