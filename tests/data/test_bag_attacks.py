@@ -35,15 +35,16 @@ _SECONDS = 10
 
 def _refusal(path: Path, keys: list[Key] = _KEYS) -> str | None:
     """The sentence with which a file is refused, soon; None where it is read."""
-    begun = time.process_time()
+    begun = time.monotonic()
     says = refusal(path, keys)
-    assert time.process_time() - begun < _SECONDS
+    assert time.monotonic() - begun < _SECONDS
     return says
 
 
-def _assert_refused(asked: Sequence[tuple[Path, str, Key]]) -> None:
-    """Of each bag the column is refused soon, in a sentence that says so."""
-    assert_refused((partial(read_table, path, [key]), re.escape(says)) for path, says, key in asked)
+def _assert_refused(asked: Sequence[tuple[Path, str]], keys: Sequence[Key] = _KEYS) -> None:
+    """Of each bag the columns are refused soon, in a sentence that opens with its path and says so."""
+    asks = ((partial(read_table, path, keys), f"^{re.escape(str(path))}.*{re.escape(says)}") for path, says in asked)
+    assert_refused(asks, seconds=_SECONDS)
 
 
 @pytest.fixture(scope="module", params=FORMATS)
@@ -131,9 +132,7 @@ _DATABASES = [
 
 def test_databases_that_are_no_bag(tmp_path: Path) -> None:
     """Other tables, views that compute without end, values of other types: refused, and none is run."""
-    _assert_refused(
-        [(_database(tmp_path / f"{k}.db3", *made), says, _KEYS[1]) for k, (made, says) in enumerate(_DATABASES)]
-    )
+    _assert_refused([(_database(tmp_path / f"{k}.db3", *made), says) for k, (made, says) in enumerate(_DATABASES)])
 
 
 def test_messages_that_are_not_in_the_file_yet(tmp_path: Path) -> None:
@@ -233,9 +232,10 @@ def test_messages_that_claim_more_than_they_hold(tmp_path: Path) -> None:
     """A text, names or positions of 2^31 elements in a message of 20 bytes, and other encodings, are refused at once."""
     _assert_refused(
         [
-            (_mcap(tmp_path / f"{k}.mcap", _CHANNEL, _message(content)), says, Key("position[0]"))
+            (_mcap(tmp_path / f"{k}.mcap", _CHANNEL, _message(content)), says)
             for k, (content, says) in enumerate(_CLAIMS)
-        ]
+        ],
+        [Key("position[0]")],
     )
 
 
@@ -268,9 +268,10 @@ def test_definitions_that_are_garbage(tmp_path: Path) -> None:
     """Definitions that do not parse, name each other in circles, or claim fields without end are refused, soon; none is run as code."""
     _assert_refused(
         [
-            (_mcap(tmp_path / f"{k}.mcap", *_defined(text, encoding)), says, Key("/a.x"))
+            (_mcap(tmp_path / f"{k}.mcap", *_defined(text, encoding)), says)
             for k, (text, encoding, says) in enumerate(_GARBAGE)
-        ]
+        ],
+        [Key("/a.x")],
     )
 
 
@@ -311,15 +312,15 @@ _METADATA = [
 
 def test_metadata_that_harms(tmp_path: Path) -> None:
     """metadata.yaml that names files elsewhere, by path or by link, blows up, or is none: refused; so is a folder without one."""
-    asked = [(tmp_path, "is a folder without metadata.yaml; expected a file", _KEYS[0])]
+    asked = [(tmp_path, "is a folder without metadata.yaml; expected a file")]
     for k, (text, says) in enumerate(_METADATA):
         bag = tmp_path / f"bag{k}"
         (bag / "pipe.mcap").mkdir(parents=True)
-        asked.append((bag / "pipe.mcap", "is a folder without metadata.yaml; expected a file", _KEYS[0]))
+        asked.append((bag / "pipe.mcap", "is a folder without metadata.yaml; expected a file"))
         (bag / "metadata.yaml").write_text(text)
         _database(tmp_path / f"x{k}.db3", _TOPICS, _TOPIC, _MESSAGES)
         (bag / "out.db3").symlink_to(tmp_path / f"x{k}.db3")
-        asked.append((bag, says, _KEYS[1]))
+        asked.append((bag, says))
     _assert_refused(asked)
 
 
@@ -330,7 +331,7 @@ def test_without_rosbags_the_sentence_says_how_to_install_it(tmp_path: Path, mon
     for suffix in _SUFFIX.values():
         (tmp_path / f"x{suffix}").write_bytes(b"x")
     says = "is a ROS bag, which needs rosbags; install it with pip install 'bristle[ros]'"
-    _assert_refused([(tmp_path / f"x{suffix}", says, _KEYS[0]) for suffix in _SUFFIX.values()])
+    _assert_refused([(tmp_path / f"x{suffix}", says) for suffix in _SUFFIX.values()])
 
 
 def test_a_bag_has_a_largest_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from bristle.data.columns import Key
 from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment
 from bristle.data.experiment.load import load_experiment, read_runs
+from bristle.data.ros import messages as decoding
 from bristle.data.ros.files import open_bag
 from bristle.data.ros.read import bag_columns, bag_joints
 from bristle.data.ros.topics import topics_of
@@ -43,17 +44,36 @@ def _states(count: int, seed: int = 0) -> list[Message]:
     return [state(START + 10**6 * k, _NAMES, *rng.standard_normal((3, 3)).tolist()) for k in range(count)]
 
 
-@pytest.mark.parametrize(("form", "count"), [("sqlite3", 300), ("mcap", 9000), ("bag", 300)])
-def test_a_bag_is_read_as_its_messages_are(tmp_path: Path, form: str, count: int) -> None:
-    """Positions, velocities, efforts and stamps of joint states are those that rosbags deserialises, bit by bit, however many are read at once."""
-    bag = write_bag(tmp_path, form, _states(count))
-    places = [(field, joint) for joint in _NAMES for field in ("position", "velocity", "effort")]
+def assert_read(bag: Path, joints: tuple[str, ...]) -> RawTable:
+    """Every column of some joints is what a loop over deserialised messages reads, bit by bit."""
+    places = [(field, joint) for joint in joints for field in ("position", "velocity", "effort")]
     table = read_table(bag, [_STAMP, *(Key(f"/joint_states.{field}[{joint}]") for field, joint in places)])
     plain = plain_loop(bag, "/joint_states", lambda message: [held(message, *place) for place in places])
     np.testing.assert_array_equal(np.array(list(table.columns.values())[1:]).T, plain)
+    return table
+
+
+@pytest.mark.parametrize(("form", "count"), [("sqlite3", 300), ("mcap", 9000), ("bag", 300)])
+def test_a_bag_is_read_as_its_messages_are(tmp_path: Path, form: str, count: int) -> None:
+    """Positions, velocities, efforts and stamps of joint states are those that rosbags deserialises, bit by bit, however many are read at once."""
+    table = assert_read(write_bag(tmp_path, form, _states(count)), _NAMES)
     assert table.rows == count
     np.testing.assert_array_equal(table.columns[_STAMP], np.arange(count) * 10**6 / 1e9)
     assert not table.notes
+
+
+@pytest.mark.parametrize("form", ["sqlite3", "mcap"])
+def test_many_messages_are_read_as_one(tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of 20 000 messages fields are visited some dozens of times a batch, not a message, and all columns are equal to the loop's."""
+    visits, real = list[int](), decoding._Walk.visit
+
+    def visit(walk: Any, *what: Any) -> None:
+        visits.append(1)
+        real(walk, *what)
+
+    monkeypatch.setattr(decoding._Walk, "visit", visit)
+    assert_read(write_bag(tmp_path, form, _states(20_000)), ("elbow",))
+    assert len(visits) < 500
 
 
 _JOINTS = ("a", "bb", "joint_3", "ellbow\u00fc")

@@ -2,7 +2,9 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+import scipy.io
 
 from bristle.data.experiment.column_names import guess_columns
 from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment, told_by
@@ -40,6 +42,22 @@ def test_usual_names_need_no_help(tmp_path: Path) -> None:
     _, unknown = _draft(_csv(tmp_path / "sine.csv", "t_ms,q_deg,tau", 1000 * _T, np.degrees(_Q), _TAU))
     np.testing.assert_allclose(present(read_runs(_load(tmp_path))[0].record.position), _Q, atol=1e-12)
     assert [u for u in unknown if u.startswith("unit of")] == ['unit of torque (column "tau"): assumed N*m']
+
+
+@pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet"])
+def test_containers(tmp_path: Path, suffix: str) -> None:
+    """MAT (with its structs), NPZ and Parquet files are drafted as CSV is."""
+    path = tmp_path / f"log{suffix}"
+    columns = {"t": _T, "q": _Q, "tau": _TAU}
+    if suffix == ".mat":
+        scipy.io.savemat(path, {"data": columns})
+    elif suffix == ".npz":
+        np.savez(path, t=_T, q=_Q, tau=_TAU)
+    else:
+        pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
+        pd.DataFrame(columns).to_parquet(path)
+    _draft(path)
+    assert read_runs(_load(tmp_path))[0].record.time.size == _T.size
 
 
 _NAMES: dict[str, tuple[str, str | None] | None] = {
@@ -180,3 +198,10 @@ def test_a_draft_of_very_many_columns_is_short(tmp_path: Path) -> None:
     assert len(text) < 10_000
     assert "velocity" not in text.split("signals:")[1]
     assert _load(tmp_path).signals.torque is not None
+
+
+def test_bad_files_are_refused(tmp_path: Path) -> None:
+    """What cannot be read cannot be drafted: one sentence."""
+    (tmp_path / "empty.csv").write_text("")
+    says = {"none.csv": "no such file", "empty.csv": "empty"}
+    assert_refused((partial(draft_experiment, [tmp_path / name]), told) for name, told in says.items())

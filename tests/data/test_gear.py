@@ -152,7 +152,7 @@ def test_a_wrong_side_is_named(tmp_path: Path) -> None:
 
 _BAD: dict[str, str] = {
     "gear: 100": r"motor\.gear: got 100; expected the ratio, and for each logged signal the side",
-    "gear: 100/1": r"motor\.gear: got '100/1'; expected the ratio",
+    "gear: '100:1'": r"motor\.gear: got '100:1'; expected the ratio",
     "gear: {ratio: 0, SIDES}": r"motor\.gear\.ratio: got 0; expected turns of the motor for one turn",
     "gear: {ratio: .inf, SIDES}": r"motor\.gear\.ratio: got inf; expected turns",
     "gear: {ratio: .nan, SIDES}": r"motor\.gear\.ratio: got nan; expected turns",
@@ -163,10 +163,10 @@ _BAD: dict[str, str] = {
     "gear: {SIDES}": r"motor\.gear\.ratio: missing",
     "gear: {ratio: 100, position: link}": r"motor\.gear\.position: got 'link'; expected 'motor' or 'joint'",
     "gear: {ratio: 100, current: joint}": r"motor\.gear\.current: got 'joint'; expected 'motor'",
-    "gear: {ratio: 100, SIDES, efficiency: 0.8}": r"motor\.gear: efficiency is friction that depends on load and dir",
-    "{torque_constant: 1 N*m/A, efficiency: 0.9}": "motor: efficiency is friction .* leave it out",
+    "gear: {ratio: 100, SIDES, efficiency: 0.8}": r"motor\.gear: efficiency is friction that depends on load and direction",
+    "{torque_constant: 1 N*m/A, resistance: null, gear: null, efficiency: 0.9}": "motor: efficiency is friction .* leave it out",
     "{torque_constant: null}": r"motor\.torque_constant: missing; add this key",
-    "{torque_constant: null, gear: {ratio: 2, position: motor}}": r"torque from current needs motor\.torque_constant",
+    "{torque_constant: null, resistance: null, gear: {ratio: 2, position: motor}}": r"torque from current needs motor\.torque_constant",
 }
 
 
@@ -183,7 +183,8 @@ def test_bad_gears_are_refused(tmp_path: Path) -> None:
             key: x for key, x in (constants | yaml.safe_load(text.replace("SIDES", sides))).items() if x is not None
         }
         asks.append((partial(experiment, tmp_path, None, more={"motor": motor}, **current), says))
+    slides: dict[str, Any] = {name: current[name] for name in ("position", "current")}
     for ratio in (100, "5 m", "100", 0, "0 rad/m", "inf rad/m", "0 mm/rev", None):
         gear = {"ratio": ratio, "position": "motor"}
-        asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **current), r"motor\.gear\.ratio: "))
+        asks.append((partial(experiment, tmp_path, gear, kind="prismatic", **slides), r"motor\.gear\.ratio: "))
     assert_refused(asks)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bristle.data import isolated
 from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
 from bristle.data.experiment.draft import draft_experiment
@@ -103,11 +104,12 @@ def _all(path: Path, key: Key) -> list[float]:
 
 
 def test_a_path_reads_its_dataset_or_says_why_not(log: Path) -> None:
-    """Vectors, columns of matrices, fields of tables and links inside the file are read; what is not in it as plain numbers is refused, before."""
+    """Vectors, columns of matrices, fields of tables and links inside the file are read as floats; what is no plain number in it is refused."""
     assert {key: _all(log, key) for key in _READ} == _READ
     assert_refused((partial(_all, log, key), re.escape(says)) for key, says in _REFUSED.items())
-    table = read_table(log, [Key("t"), Key("/arm/q", 1)])
-    assert [column.dtype for column in table.columns.values()] == [np.float64] * 2
+    table = read_table(log, [*_READ])
+    assert {key: column.tolist() for key, column in table.columns.items()} == _READ
+    assert {column.dtype for column in table.columns.values()} == {np.dtype(np.float64)}
     assert "is a group" in str(refusal(log, [Key("/arm")]))
 
 
@@ -155,7 +157,7 @@ def test_mat_files_of_version_7_3(tmp_path: Path) -> None:
 
 
 def test_damaged_files_are_refused_in_a_sentence(tmp_path: Path, log: Path) -> None:
-    """Empty, cut short, random, or with bytes overwritten: a column, or one sentence."""
+    """Empty, cut short, random, or with bytes overwritten: a column, or one sentence, which a user gets with the name of the file."""
     rng, whole = np.random.default_rng(0), log.read_bytes()
     broken = [b"", b"\x89HDF\r\n\x1a\n", rng.bytes(3000), *(whole[: int(rng.integers(len(whole)))] for _ in range(8))]
     for changed in [1, 2, 5, 20] * 16:
@@ -170,6 +172,26 @@ def test_damaged_files_are_refused_in_a_sentence(tmp_path: Path, log: Path) -> N
     said = [x for x in found if isinstance(x, str)]
     assert len(said) > 20
     assert all("\n" not in x and len(x) < 500 for x in said)
+    crashed = [path for path, x in zip(paths, found[::2], strict=True) if "crashed" in str(x)]
+    for path in [*paths[:4], *paths[11:15], *crashed[:2]]:
+        assert len(refusal(path, [Key("/arm/q", 1), Key("/log.position")]) or "") < 500
+
+
+@pytest.mark.parametrize(
+    ("worker", "says"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "the HDF5 library crashed at it"),
+        ("import time; time.sleep(60)", "the HDF5 library took over 1 s"),
+        ("pass", r"is damaged, or no HDF5 file \(no answer\)"),
+    ],
+)
+def test_a_library_that_crashes_or_hangs_ends_in_a_sentence(
+    log: Path, worker: str, says: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the process that reads crashes, takes too long or says nothing, one sentence says so."""
+    monkeypatch.setattr(isolated, "CODE", worker)
+    monkeypatch.setattr(isolated, "SECONDS", 1.0 if "sleep" in worker else 60.0)
+    assert_refused([(partial(read_table, log, [Key("t")]), says)], str(log))
 
 
 def test_without_h5py_the_sentence_says_how_to_install_it(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -22,10 +22,10 @@ def test_copies_and_freezes() -> None:
 def test_refuses_what_is_no_time_series() -> None:
     """Time must be one finite, strictly increasing column, and every signal finite and as long."""
     times: list[Any] = [[], [[0.0, 1.0]], [0.0, 0.0], [1.0, 0.0], [0.0, np.nan]]
-    asks = [(partial(Record, file="a.csv", time=np.array(time)), "time") for time in times]
+    asks = [(partial(Record, file="a.csv", time=np.array(time)), r"^a\.csv: time") for time in times]
     pair = partial(Record, file="a.csv", time=np.array([0.0, 1.0]))
-    asks += [(partial(pair, velocity=np.array(v)), "velocity") for v in ([1.0], [1.0, np.inf])]
-    assert_refused(asks, "a.csv: ")
+    asks += [(partial(pair, velocity=np.array(v)), r"^a\.csv: velocity") for v in ([1.0], [1.0, np.inf])]
+    assert_refused(asks)
 
 
 def test_step_is_the_median_interval() -> None:

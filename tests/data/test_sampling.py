@@ -180,7 +180,7 @@ def test_friction_is_what_it_was(tmp_path: Path) -> None:
     kept = rng.random(t.size) > 0.5
     write_log(tmp_path, t=t[kept], q=q[kept], tau=T[kept])
     keys: dict[str, Any] = {"fit": {"regressors": ["inertia"]}, "simulated": True}
-    file = experiment(tmp_path, **keys).path
+    file = experiment(tmp_path, cleaning={"times": "auto"}, **keys).path
     speeds = np.linspace(0.05, 2.0, 40)
     true = bristle.friction(speeds, TRUTH)
     results = bristle.identify(file)

@@ -8,7 +8,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from html.parser import HTMLParser
@@ -94,8 +94,16 @@ class OutOfTimeError(BaseException):
     """Ends the drawing of cases, which takes long, where none is tried any more; it is no failure that Hypothesis would make small."""
 
 
-def fuzz(running: Server, end: float, *, first: int = 0, least: int = 0, most: int = 400) -> None:
-    """Try at least and at most so many cases of one seed, until `end` (by time.monotonic); what fails is made small and raised, by Hypothesis."""
+Found = Callable[[Case, AssertionError], None]
+
+
+def fuzz(
+    running: Server, end: float, *, first: int = 0, least: int = 0, most: int = 400, found: Found | None = None
+) -> None:
+    """Try at least and at most so many cases of one seed, until `end` (by time.monotonic).
+
+    What fails is made small and raised, by Hypothesis; or, where `found` is given, told to that, and the next is tried.
+    """
     failed = False
 
     @seed(first)
@@ -108,9 +116,11 @@ def fuzz(running: Server, end: float, *, first: int = 0, least: int = 0, most: i
             raise OutOfTimeError
         try:
             running.check(case)
-        except AssertionError:
-            failed = True
-            raise
+        except AssertionError as defect:
+            if found is None:
+                failed = True
+                raise
+            found(case, defect)
 
     with suppress(OutOfTimeError):
         tried()

@@ -10,7 +10,7 @@ from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.identification.static.grid import default_range
+from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points, from_records, with_prior
 from bristle.identification.static.profiles import reduced
 
@@ -53,16 +53,25 @@ def any_theta(problem: Regression, seed: int) -> Array:
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10**6))
 def test_sums_of_squares_are_the_same_for_every_theta(case: str, seed: int) -> None:
-    """Not at the minimum alone: for any parameters with v_s in the range the cost is that of all equations, to 1e-8 of the torque's square.
-
-    It is of an order of magnitude fewer equations, and names are kept.
-    """
+    """Not at the minimum alone: for any parameters with v_s in the range the cost is that of all equations, to 1e-8 of the torque's square."""
     problem, few = CASES[case], SMALL[case]
-    assert few.names == problem.names
-    assert few.torque.size < 0.2 * problem.torque.size
     theta = any_theta(problem, seed)
     expected, found = (float(np.sum(p.residuals(theta) ** 2)) for p in (problem, few))
     assert found == pytest.approx(expected, rel=1e-8, abs=1e-8 * float(problem.torque @ problem.torque))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_gradients_and_solution_are_the_same(case: str) -> None:
+    """J'J, J'r and the least cost agree too, with an order of magnitude fewer equations, and names and bounds are kept."""
+    problem, few = CASES[case], SMALL[case]
+    assert few.names == problem.names
+    assert few.torque.size < 0.2 * problem.torque.size
+    whole, solution = (solve(p, default_range(problem.velocity)) for p in (problem, few))
+    assert solution.theta == pytest.approx(whole.theta, rel=1e-5)
+    assert solution.cost == pytest.approx(whole.cost, rel=1e-6)
+    J, own = problem.jacobian(whole.theta), few.jacobian(whole.theta)
+    scale = np.linalg.norm(J, axis=0)
+    assert (own / scale).T @ (own / scale) == pytest.approx((J / scale).T @ (J / scale), abs=1e-5)
 
 
 def test_points_stay_as_they_are() -> None:

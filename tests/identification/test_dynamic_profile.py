@@ -276,3 +276,12 @@ def test_intervals_hold_the_truth_and_agree() -> None:
             for way in held:
                 held[way] += holds(getattr(three[name], way), truth)
     assert all(0.89 * 140 <= hits <= 140 for hits in held.values()), held
+
+
+def test_the_seed_says_it_all(gripper: DynamicSolution) -> None:
+    """The bootstrap draws the same bytes again; profiles have no seed."""
+    seen, _ = profiles(gripper.solution)
+    one, same = (
+        with_three_ways(gripper, gripper.fit, seen).uncertainty[parse("v_s")].draws.tobytes() for _ in range(2)
+    )
+    assert one == same

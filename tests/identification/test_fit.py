@@ -98,6 +98,15 @@ def test_few_points_give_few_parameters(count: int, outcome: str, gripper: Lugre
     assert all(estimate.value is not None or estimate.warnings for estimate in fit.parameters.values())
 
 
+def test_one_speed_only_gives_friction_there(gripper: Lugre[float]) -> None:
+    """Ten points at one speed cannot tell Coulomb from viscous friction, and say so; together they are known."""
+    velocity = np.full(10, 0.2)
+    fit = points(velocity, curve(velocity, gripper) + white(10, 1e-5, 8))
+    assert all("one-speed-only" in codes(fit.parameters[name].warnings) for name in ("alpha_0", "alpha_2"))
+    assert fit.parameters["alpha_0"].value == pytest.approx(float(curve(np.array([0.2]), gripper)[0]), rel=1e-3)
+    assert fit.parameters["alpha_2"].value == 0
+
+
 def test_speeds_above_the_peak_leave_an_open_interval(gripper: Lugre[float]) -> None:
     """With no speed below v_s the Stribeck term is dropped, or its interval is open and a warning asks for slower speeds."""
     velocity = np.geomspace(1.2 * gripper.v_s, 0.8, 14)

@@ -221,7 +221,8 @@ def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
     )
     bristle.register_law(flat)
     path = both_ways(tmp_path, truth_of(law_named("flat"), drop=0.75), 0.001, "law: auto")
-    found = bristle.report(path, folder=tmp_path / "report").joint()
+    results = bristle.report(path, folder=tmp_path / "report")
+    found = results.joint()
     assert found.law.name == "flat"
     assert found.laws is not None
     assert found.laws.chosen.law == "flat"
@@ -230,7 +231,7 @@ def test_a_law_from_outside_is_fitted_compared_reported_and_explored(
     assert "flat-top" in pages
     again = bristle.read_results(tmp_path / "report" / "results.json")
     assert again.joint().static["+"].values() == found.static["+"].values()
-    rows = {row.parameter.name: row.changed for row in bristle.compare(again, again).changes}
+    rows = {row.parameter.name: row.changed for row in bristle.compare(again, results).changes}
     assert rows["drop"] is False
     assert "flat" in bristle.explore(again).html
 

@@ -116,6 +116,7 @@ def tracked(law: str, rises: float = 0.1, supply: tuple[float, ...] = EXACT) -> 
 def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None:
     """0.100 within 0.005, and within its interval, with a supply that errs by 2 % in each log too."""
     fit = tracked("paper+link-load", supply=supply)
+    assert geared("paper+link-load", 0.1, supply)[1].settings["law"].startswith("gaussian+link-load: Gaussian peak")
     assert fit.parameters[LINK_LOAD].value == pytest.approx(0.1, abs=0.005)
     assert holds(fit.parameters[LINK_LOAD].interval, 0.1)
     assert fit.load.size == fit.friction.size == fit.n
@@ -125,7 +126,7 @@ def test_ten_percent_of_the_load_is_recovered(supply: tuple[float, ...]) -> None
 def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
     """`auto` takes link-load where friction rises with gravity's torque; without a load it keeps the paper's law.
 
-    Without a word of a law friction gets the same; `law: paper` overrules.
+    Without a word of a law friction gets the same; `law: paper` overrules, and a caution has the line to write.
     """
     loaded, bare = (geared("auto", rises, EXACT)[1].laws for rises in (0.1, 0.0))
     assert loaded is not None
@@ -140,6 +141,8 @@ def test_the_data_choose_the_load_that_is_there_and_none_that_is_not() -> None:
     ):
         own = tracked(name, rises).parameters
         assert {n.name: e.value for n, e in own.items() if of_load(n.name)} == found
+    (told,) = (w for w in tracked("paper").warnings if w.code == "friction-by-load")
+    assert "law: gaussian+link-load" in str(told)
 
 
 def test_names_of_loads() -> None:

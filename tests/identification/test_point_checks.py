@@ -293,16 +293,30 @@ def test_a_slow_torque_is_no_noise(reach: float) -> None:
     assert said == [True, False, False]
 
 
-@pytest.mark.parametrize("factor", [-1.0, -60.0])
-def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: Path, factor: float) -> None:
-    """Where the torque goes with the position and the velocity against it, the sign of the velocity is what is asked for."""
+def logged(folder: Path, factor: float) -> Path:
+    """An experiment of one moving run whose velocity is logged times a factor."""
     t = np.arange(4000) / 500
     q = 0.4 * np.sin(2 * np.pi * 0.4 * t) + 0.1 * np.sin(2 * np.pi * 1.1 * t)
     v = np.gradient(q, t)
     (friction,) = steady_points(TRUTH, v, 1e-4, np.random.default_rng(0), 1)
-    path = experiment_file(tmp_path, {"t": t, "q": q, "v": factor * v, "T": friction + 1e-3 * np.gradient(v, t)})
+    columns = {"t": t, "q": q, "v": factor * v, "T": friction + 1e-3 * np.gradient(v, t)}
+    return experiment_file(folder, columns, fit="directions: symmetric")
+
+
+def test_the_warnings_reach_the_joint(tmp_path: Path) -> None:
+    """A velocity in deg/s read as rad/s in a moving run is the first warning of the joint, and critical."""
+    (joint,) = bristle.identify(logged(tmp_path, 180 / np.pi)).joints
+    first = joint.warnings[0]
+    assert first.code == "velocity-factor"
+    assert first.numbers["ratio"] == pytest.approx(np.pi / 180, rel=0.02)
+    assert "`unit: deg/s` under signals.velocity" in str(first)
+
+
+@pytest.mark.parametrize("factor", [-1.0, -60.0])
+def test_a_velocity_of_the_wrong_sign_is_not_taken_for_a_torque_of_it(tmp_path: Path, factor: float) -> None:
+    """Where the torque goes with the position and the velocity against it, the sign of the velocity is what is asked for."""
     with pytest.raises(InputError, match=r"log\.csv moves -.* opposite sign of `scale` under signals\.velocity"):
-        bristle.identify(path)
+        bristle.identify(logged(tmp_path, factor))
 
 
 @pytest.mark.parametrize("level", [0.0, 1e-162])

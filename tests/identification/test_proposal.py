@@ -39,10 +39,13 @@ def written(path: Path, header: str, *columns: Array) -> Path:
 MOTOR = Told(torque_constant="0.5 N*m/A")
 
 
-@pytest.mark.parametrize(("gravity", "regressors"), [(3.0, "inertia, gravity"), (0.0, "inertia")])
-def test_a_draft_has_the_set_up_that_pays(tmp_path: Path, gravity: float, regressors: str) -> None:
+@pytest.mark.parametrize(
+    ("gravity", "apart", "regressors"),
+    [(3.0, 1.0, "inertia, gravity"), (0.0, 1.6, "inertia"), (3.0, 1.6, "inertia, gravity")],
+)
+def test_a_draft_has_the_set_up_that_pays(tmp_path: Path, gravity: float, apart: float, regressors: str) -> None:
     """Gravity is drafted where it is there, and the directions are left to the fit; the draft loads as it is."""
-    text, said = api.draft(swung(tmp_path, gravity=gravity, apart=1.6), told=MOTOR, folder=tmp_path)
+    text, said = api.draft(swung(tmp_path, gravity=gravity, apart=apart), told=MOTOR, folder=tmp_path)
     (tmp_path / "draft.yaml").write_text(text)
     experiment = load_experiment(tmp_path / "draft.yaml")
     lines = f"directions: auto, regressors: [{regressors}]"
@@ -113,15 +116,15 @@ def test_tracking_runs_of_another_rate_are_drafted_together(tmp_path: Path) -> N
 
     It runs with one friction for both directions, which is the quicker fit.
     """
-    logs = [swung(tmp_path, f"{name}.csv", seed=k) for k, name in enumerate(("first", "other"))]
+    logs = [swung(tmp_path, f"{name}.csv", seed=k) for k, name in enumerate(("first", "other", "third"))]
     written(logs[1], HEADER, np.loadtxt(logs[1], delimiter=",", skiprows=1)[::2])
     text, _ = api.draft(*logs, told=MOTOR, folder=tmp_path)
     (tmp_path / "draft.yaml").write_text(text.replace("directions: auto", "directions: symmetric"))
     files = [run.files for run in load_experiment(tmp_path / "draft.yaml").runs]
-    assert files == ["first.csv", "other.csv"]
+    assert files == ["first.csv", "other.csv", "third.csv"]
     found = bristle.identify(tmp_path / "draft.yaml")
     told = [d for x in found.joint().inputs for d in x.notes if d.code == "sampled-faster"]
-    assert [d.numbers["ratio"] for d in told] == pytest.approx([2.0], rel=1e-6)
+    assert [d.numbers["ratio"] for d in told] == pytest.approx([2.0, 2.0], rel=1e-6)
 
 
 def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:
