@@ -1,4 +1,4 @@
-"""A least-squares problem that knows no friction: an interval ends where a fit of the rest says, blocks that err together widen it."""
+"""A least-squares problem that knows no friction: in a linear one all intervals coincide, in others each ends where a fit of the rest says."""
 
 from collections.abc import Mapping
 
@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq
 
 from bristle.arrays import Array
+from bristle.estimation.bootstrap import bootstrap_at
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
-from bristle.estimation.covariance import covariance
+from bristle.estimation.covariance import covariance, student
 from bristle.estimation.multistart import MultistartSolution, solve_from_starts
 from bristle.estimation.nonlinear import Block, LeastSquares, Minimum, Unknowns, minimise
 from bristle.estimation.profile_likelihood import profile_threshold, profiles
@@ -75,6 +76,25 @@ def test_scaling_is_undone(values: tuple[float, float]) -> None:
     assert [float(own.natural_of(j, x[j])) for j in range(2)] == pytest.approx(values, rel=1e-9)
     slopes = (own.natural(x + 1e-6) - own.natural(x - 1e-6)) / 2e-6
     assert own.slopes(x) == pytest.approx(slopes, rel=1e-6, abs=1e-6)
+
+
+def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None:
+    """White noise: errors are the textbook's to a tenth, profile ends are Student's with them, and bootstrap-t's to what chance leaves."""
+    rng = np.random.default_rng(0)
+    columns = rng.standard_normal((3000, 2))
+    problem = line(columns @ [1.0, -2.0] + rng.standard_normal(3000), columns)
+    solution = solved(problem, {"a": 0.0, "b": 0.0})
+    matrix, freedom = solution.covariance, solution.freedom
+    textbook, _ = covariance(columns, solution.minimum.cost)
+    assert matrix == pytest.approx(textbook, rel=0.1, abs=0.1 * np.sqrt(textbook.diagonal().prod()))
+    assert solution.widening == pytest.approx(1.0, abs=0.1)
+    found, better = profiles(solution)
+    drawn, _ = bootstrap_at(solution)
+    assert better is None
+    for j, name in enumerate(problem.unknowns.names):
+        value, reach = solution.values[name], student(freedom) * np.sqrt(matrix[j, j])
+        assert found[name].interval == pytest.approx((value - reach, value + reach), abs=1e-5 * reach)
+        assert drawn[name][0] == pytest.approx([value - reach, value + reach], abs=0.2 * reach)
 
 
 def test_a_profile_followed_and_a_conditional_one_are_the_same() -> None:
