@@ -172,6 +172,20 @@ def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path
         bristle.plan(read)
 
 
+@pytest.mark.slow
+def test_the_command_line_takes_a_results_file(read: Results, folder: Path, tmp_path: Path) -> None:
+    """`bristle sensitivity results.json` is answered; `identify` of it is refused; a report is written anew."""
+    assert read.whole
+    path = folder / "out" / "results.json"
+    for command in (("sensitivity", path, "--samples", "0"), ("report", path)):
+        ran = run(*command, "-o", tmp_path / command[0])
+        assert ran.code == 0, ran.err
+    assert (
+        json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))["experiments"][0]["file"] == "wrist.yaml"
+    )
+    assert "is a results file, identified already" in run("identify", path).err
+
+
 def test_a_changed_log_is_told(tmp_path: Path) -> None:
     """A log that is not as it was, or is missing, is one sentence; nothing is opened before a question needs it; moved together all is found."""
     (tmp_path / "a" / "reports").mkdir(parents=True)
