@@ -319,7 +319,10 @@ BAD = [
     *bad("output is a file", [(*ADAPT[:3], "data.csv")], "data.csv: is a file", whole_joint("period: 1 ms")),
     *bad("negative column", [INSPECT], "signals.time.column: got -1; expected a name or a number counted from 0", {
         "e.yaml": ramp([0], [0])["e.yaml"].replace("column: t,", "column: -1,")}),
-    *bad("tiny error of the inertia", [IDENTIFY], "expected an error of at least 1e-09 of the inertia", whole_joint("", "inertia: 1e-3 +/- 1e-30 kg*m**2\n")),
+    *bad(
+        "tiny error of the inertia", [IDENTIFY], "expected an error of at least 1e-09 of the inertia",
+        whole_joint("", "inertia: 1e-3 +/- 1e-30 kg*m**2\n"),
+    ),
     *bad("decimation beyond reason", [IDENTIFY], "fit.decimation: got 100000", whole_joint("", "fit: {decimation: 100000}\n")),
     *bad("unit of a flag", [IDENTIFY], "signals.enabled: got a unit, a scale or a delay", yaml_with(
         "runs:", "  enabled: {column: v, delay: 1 s}\nruns:")),
@@ -514,25 +517,51 @@ def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
             assert ways["profile"] == fit["parameters"][name]["interval"]
 
 
-@pytest.mark.usefixtures("raster", "few_studies")
-@pytest.mark.parametrize("times", [1, pytest.param(2, marks=pytest.mark.slow)])
-def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int) -> None:
-    """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on it; twice the same."""
+@pytest.fixture(scope="module")
+def adaptations() -> dict[Path, Ran]:
+    """What `adapted` ran, by folder."""
+    return {}
+
+
+@pytest.fixture
+def adapted(
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    adaptations: dict[Path, Ran],
+) -> tuple[Path, Ran]:
+    """The folder of one moving run of which `bristle adapt` wrote into out, once for all tests here, and what it said."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():
         monkeypatch.setattr(paper_experiments, name, value)
-    ran = run("adapt", placed(tmp_path, whole_joint("frequency: 1 Hz")), "-o", tmp_path / "out")
+    if not adaptations:
+        folder = tmp_path_factory.mktemp("adapted")
+        ran = run("adapt", placed(folder, whole_joint("frequency: 1 Hz")), "-o", folder / "out")
+        adaptations[folder] = ran
+    (found,) = adaptations.items()
+    return found
+
+
+@pytest.mark.usefixtures("raster", "few_studies")
+def test_adapt_puts_the_joint_into_the_loop(adapted: tuple[Path, Ran]) -> None:
+    """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on it."""
+    folder, ran = adapted
     assert ran.code == 0, ran.err
     assert "wrist, 1 Hz: RMS error" in ran.out
     assert "data.csv, partial law, initialised at the identified model: It changes nothing here" in ran.words
-    shown = Elements(page_text(tmp_path / "out" / "index.html"))
+    shown = Elements(page_text(folder / "out" / "index.html"))
     assert shown.runs == set()
     for words in ("Would adaptation help?", "Friction that drifts", "PID: default", "Learning rates:"):
         assert words in shown.text
-    assert (tmp_path / "out" / "tables" / "replay.csv").is_file()
-    first = tree(tmp_path / "out")
-    for _ in range(times - 1):
-        assert run("adapt", tmp_path / "e.yaml", "-o", tmp_path / "out").code == 0
-        assert tree(tmp_path / "out") == first
+    assert (folder / "out" / "tables" / "replay.csv").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("raster", "few_studies")
+def test_adapt_writes_the_same_twice(adapted: tuple[Path, Ran]) -> None:
+    """Run again into its own folder, every file is the same."""
+    folder, _ = adapted
+    first = tree(folder / "out")
+    assert run("adapt", folder / "e.yaml", "-o", folder / "out").code == 0
+    assert tree(folder / "out") == first
 
 
 def interrupted_fit(monkeypatch: pytest.MonkeyPatch) -> None:

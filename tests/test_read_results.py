@@ -173,17 +173,13 @@ def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path
 
 
 @pytest.mark.slow
-def test_the_command_line_takes_a_results_file(read: Results, folder: Path, tmp_path: Path) -> None:
-    """`bristle sensitivity results.json` is answered; `identify` of it is refused; a report is written anew."""
+def test_the_command_line_writes_a_report_of_a_results_file(read: Results, folder: Path, tmp_path: Path) -> None:
+    """`bristle report results.json` writes it anew, with the file of its experiment; other questions of it are asked in `test_bad_numbers.py`."""
     assert read.whole
-    path = folder / "out" / "results.json"
-    for command in (("sensitivity", path, "--samples", "0"), ("report", path)):
-        ran = run(*command, "-o", tmp_path / command[0])
-        assert ran.code == 0, ran.err
-    assert (
-        json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))["experiments"][0]["file"] == "wrist.yaml"
-    )
-    assert "is a results file, identified already" in run("identify", path).err
+    ran = run("report", folder / "out" / "results.json", "-o", tmp_path / "report")
+    assert ran.code == 0, ran.err
+    (again,) = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))["experiments"]
+    assert again["file"] == "wrist.yaml"
 
 
 def test_a_changed_log_is_told(tmp_path: Path) -> None:
