@@ -9,9 +9,12 @@ import pytest
 
 import bristle
 from bristle import Results, api
+from bristle.api import identifying, joints
 from bristle.api.sources import JointLogs
+from bristle.data.experiment.load import load_experiment
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
+from bristle.identification.results import Joint
 
 from .conftest import FEW, speeds, write
 
@@ -33,6 +36,19 @@ def test_the_package_offers_the_api() -> None:
         _ = bristle.nothing_such
 
 
+def test_joints_of_one_name_are_refused(tmp_path: Path) -> None:
+    """Two experiments that name the same joint are refused before anything is read, and the name is said."""
+    paths = [
+        write(tmp_path, FEW, joint=joint, stem=stem) for stem, joint in (("a", "wrist"), ("b", "elbow"), ("c", "wrist"))
+    ]
+    for data in tmp_path.glob("*.csv"):
+        data.unlink()
+    with pytest.raises(ValueError, match=r"joint\.name: 2 experiments name their joint 'wrist'"):
+        bristle.identify(*paths)
+    with pytest.raises(ValueError, match=r"joint\.name"):
+        bristle.identify(paths[1], paths[1])
+
+
 def test_joints_keep_their_order(tmp_path: Path) -> None:
     """Joints come out in the order in which their experiments went in: in the results, the JSON, the table and the text."""
     names = ["wrist", "base", "Elbow", "arm"]
@@ -43,6 +59,13 @@ def test_joints_keep_their_order(tmp_path: Path) -> None:
     assert re.findall(r"^\[\[(\w+)\]\]", results.text(full=True), re.MULTILINE) == names
     assert re.findall(r"^(\w+) \(revolute\)", str(results), re.MULTILINE) == names
     assert list(dict.fromkeys(warning.subject[0] for warning in results.warnings)) == names
+
+
+def test_a_source_is_a_path_its_text_or_the_experiment(tmp_path: Path) -> None:
+    """An experiment gives the same results as a path, as that path's text, and loaded."""
+    path = write(tmp_path, FEW)
+    one, two, three = (bristle.identify(source).to_json() for source in (path, str(path), load_experiment(path)))
+    assert one == two == three
 
 
 def test_table_holds_every_estimate(clean: Results) -> None:
@@ -119,7 +142,53 @@ def test_inspect_reads_and_fits_nothing(tmp_path: Path, monkeypatch: pytest.Monk
     check_immutable((measured.runs, measured.segments))
 
 
-def test_results_without_their_logs_are_asked_nothing(clean: Results) -> None:
-    """What asks about one joint refuses such as hold no data, with what it got."""
+@pytest.mark.usefixtures("few_motions")
+@pytest.mark.slow
+def test_what_is_identified_is_not_identified_again(
+    clean: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Plan, sensitivity, validation and comparison of results are those of the file, and identify nothing."""
+    path = write(tmp_path, speeds())
+    of_file = (
+        bristle.plan(path, velocities=4),
+        bristle.sensitivity(path, samples=0),
+        bristle.validate(path, repetitions=20, starts=1),
+    )
+
+    def no_more(*_: object, **__: object) -> Joint:
+        raise AssertionError("identified again")
+
+    for module in (joints, identifying):
+        monkeypatch.setattr(module, "identify_joint", no_more)
+    of_results = (
+        bristle.plan(clean, velocities=4),
+        bristle.sensitivity(clean, samples=0),
+        bristle.validate(clean, repetitions=20, starts=1),
+    )
+    assert of_results[0].to_frame().equals(of_file[0].to_frame())
+    assert bristle.report_of(of_results[1]).text() == bristle.report_of(of_file[1]).text()
+    assert of_results[2].to_frame().equals(of_file[2].to_frame())
+    (tmp_path / "results.json").write_text(clean.to_json(), encoding="utf-8")
+    compared = bristle.compare(clean, tmp_path / "results.json")
+    assert not any(change.changed for change in compared.changes)
+    assert compared.to_frame().equals(bristle.compare(clean, clean).to_frame())
+
+
+def test_one_joint_of_a_results_file_is_taken(tmp_path: Path, clean: Results) -> None:
+    """A results file of several joints gives the one that is named, as `bristle validate --joint` needs it, or says what there is."""
+    (joint,) = clean.joints
+    file = tmp_path / "results.json"
+    file.write_text(Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs).to_json(), encoding="utf-8")
+    assert [x.name for x in identifying.identified(file, joint="elbow").joints] == ["elbow"]
+    with pytest.raises(ValueError, match="one of wrist, elbow"):
+        identifying.identified(file, joint="knee")
+
+
+def test_results_of_several_joints_are_no_joint(clean: Results) -> None:
+    """What asks about one joint refuses results of two, and such as hold no data, with what it got."""
+    (joint,) = clean.joints
+    two = Results(joints=(joint, replace(joint, name="elbow")), logs=clean.logs)
+    with pytest.raises(ValueError, match="got 2 joints; expected one: say which with joint, one of wrist, elbow"):
+        bristle.plan(two)
     with pytest.raises(ValueError, match="got results without their logs"):
-        bristle.plan(Results(joints=clean.joints))
+        bristle.plan(Results(joints=(joint,)))

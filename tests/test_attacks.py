@@ -42,12 +42,12 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_no_unit_takes_long() -> None:
     """A power of many digits, or of powers, is refused at once, however it is written, and so is an error; one digit raised is read."""
-    begun = time.monotonic()
     powers = ("9⁹⁹⁹⁹⁹⁹⁹⁹", "((((((((9**9)**9)**9)**9)**9)**9)**9)**9)", "9⁻⁹⁹⁹⁹", "(2**9)**9*(2**9)**9")
-    for unit in (*(f"N*m*{power}" for power in powers), "N*m +/- 0 N*m"):
+    for text in (*(f"1 N*m*{power}" for power in powers), "1 kg*m**2 +/- 0 kg*m**2"):
+        begun = time.monotonic()
         with pytest.raises(InputError, match="is not known"):
-            to_si(f"1 {unit}", "N*m")
-    assert time.monotonic() - begun < 20
+            to_si(text, "N*m")
+        assert time.monotonic() - begun < 5, text
     assert to_si("2 kg·m²", "kg*m**2") == 2.0
 
 

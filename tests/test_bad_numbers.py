@@ -128,7 +128,7 @@ def test_a_validation_needs_a_law() -> None:
         bristle.validate(spoilt("v_s", lambda _: 0.0), repetitions=20, starts=1)
 
 
-@pytest.mark.parametrize("known", [{}, {"samples": None, "experiments": []}, {"samples": {}}])
+@pytest.mark.parametrize("known", [{}, {"samples": None}, {"samples": None, "experiments": []}, {"samples": {}}])
 def test_results_without_samples_are_compared_and_no_more(known: dict[str, object]) -> None:
     """An older version wrote none: comparison, table and short text take it, and every other question says so in a sentence."""
     good = json.loads(Path("good.json").read_text(encoding="utf-8"))
@@ -139,6 +139,8 @@ def test_results_without_samples_are_compared_and_no_more(known: dict[str, objec
     assert str(old) == str(whole)
     with pytest.raises(InputError, match="an older version of bristle wrote, without samples"):
         old.text(full=True)
+    with pytest.raises(InputError, match="an older version of bristle wrote, without samples"):
+        old.write("out")
     more = (("report", "-o", "out"), ("validate", "-o", "out"), ("inspect",))
     says = "an older version of bristle wrote, without samples; compare takes them"
     assert not [fault for ask in (*ASKS, *more) if (fault := one_sentence(ask[0], "old.json", *ask[1:], says=says))]

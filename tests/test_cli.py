@@ -319,7 +319,10 @@ BAD = [
     *bad("output is a file", [(*ADAPT[:3], "data.csv")], "data.csv: is a file", whole_joint("period: 1 ms")),
     *bad("negative column", [INSPECT], "signals.time.column: got -1; expected a name or a number counted from 0", {
         "e.yaml": ramp([0], [0])["e.yaml"].replace("column: t,", "column: -1,")}),
-    *bad("tiny error of the inertia", [IDENTIFY], "expected an error of at least 1e-09", whole_joint("", "inertia: 1e-3 +/- 1e-30 kg*m**2\n")),
+    *bad(
+        "tiny error of the inertia", [IDENTIFY], "expected an error of at least 1e-09 of the inertia",
+        whole_joint("", "inertia: 1e-3 +/- 1e-30 kg*m**2\n"),
+    ),
     *bad("decimation beyond reason", [IDENTIFY], "fit.decimation: got 100000", whole_joint("", "fit: {decimation: 100000}\n")),
     *bad("unit of a flag", [IDENTIFY], "signals.enabled: got a unit, a scale or a delay", yaml_with(
         "runs:", "  enabled: {column: v, delay: 1 s}\nruns:")),
@@ -328,6 +331,7 @@ BAD = [
     *bad("many starts", [("validate", "--starts", MANY, "-o", "out")], f"starts: got {MANY}; expected 1 to 100000"),
     *bad("many velocities", [(*PLAN, "--velocities", MANY)], f"got {MANY} velocities; expected 4 to 1000"),
     *bad("many samples", [("sensitivity", "e.yaml", "--samples", str(2**40))], f"samples: got {2**40}; expected a power of two"),
+    *bad("many samples", [("sensitivity", "e.yaml", "--samples", MANY, "-o", "out")], f"samples: got {MANY}; expected a power of two"),
     *bad("many workers", [(*REPORT, "--workers", MANY), (*IDENTIFY, "--workers", MANY)], "'--workers'"),
     *bad("a long baseline", [("fleet", "data.csv", "--baseline", MANY, "-o", "out")], f"baseline: got {MANY}; expected 1 to 10000"),
     *(row for options in ("position: [0 rad, 1e5 rad]", "hold: 1e6 s, position: [-1e7 rad, 1e7 rad]", "rate: 100 kHz",
@@ -513,20 +517,51 @@ def test_identify_prints_every_interval_three_ways(tmp_path: Path) -> None:
             assert ways["profile"] == fit["parameters"][name]["interval"]
 
 
-@pytest.mark.usefixtures("raster", "few_studies")
-def test_adapt_puts_the_joint_into_the_loop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on it."""
+@pytest.fixture(scope="module")
+def adaptations() -> dict[Path, Ran]:
+    """What `adapted` ran, by folder."""
+    return {}
+
+
+@pytest.fixture
+def adapted(
+    tmp_path_factory: pytest.TempPathFactory,
+    monkeypatch: pytest.MonkeyPatch,
+    adaptations: dict[Path, Ran],
+) -> tuple[Path, Ran]:
+    """The folder of one moving run of which `bristle adapt` wrote into out, once for all tests here, and what it said."""
     for name, value in {"LONG": 4.0, "SETTLE": 1.0, "SHORT": 4.0}.items():
         monkeypatch.setattr(paper_experiments, name, value)
-    ran = run("adapt", placed(tmp_path, whole_joint("frequency: 1 Hz")), "-o", tmp_path / "out")
+    if not adaptations:
+        folder = tmp_path_factory.mktemp("adapted")
+        ran = run("adapt", placed(folder, whole_joint("frequency: 1 Hz")), "-o", folder / "out")
+        adaptations[folder] = ran
+    (found,) = adaptations.items()
+    return found
+
+
+@pytest.mark.usefixtures("raster", "few_studies")
+def test_adapt_puts_the_joint_into_the_loop(adapted: tuple[Path, Ran]) -> None:
+    """From one moving run: exit 0, a page with the sections and tables of the compensated joint, its replay, and a sentence on it."""
+    folder, ran = adapted
     assert ran.code == 0, ran.err
     assert "wrist, 1 Hz: RMS error" in ran.out
     assert "data.csv, partial law, initialised at the identified model: It changes nothing here" in ran.words
-    shown = Elements(page_text(tmp_path / "out" / "index.html"))
+    shown = Elements(page_text(folder / "out" / "index.html"))
     assert shown.runs == set()
     for words in ("Would adaptation help?", "Friction that drifts", "PID: default", "Learning rates:"):
         assert words in shown.text
-    assert (tmp_path / "out" / "tables" / "replay.csv").is_file()
+    assert (folder / "out" / "tables" / "replay.csv").is_file()
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("raster", "few_studies")
+def test_adapt_writes_the_same_twice(adapted: tuple[Path, Ran]) -> None:
+    """Run again into its own folder, every file is the same."""
+    folder, _ = adapted
+    first = tree(folder / "out")
+    assert run("adapt", folder / "e.yaml", "-o", folder / "out").code == 0
+    assert tree(folder / "out") == first
 
 
 def interrupted_fit(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -589,6 +624,26 @@ def test_the_same_experiment_gives_the_same_bytes(tmp_path: Path, monkeypatch: p
     assert one == two
     assert "index.html" in one
     assert not [name for name, data in one.items() if data and str(tmp_path).encode() in data]
+
+
+def test_report_replaces_its_own_files_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second report keeps foreign files byte for byte, and of bristle's own leaves those of the second report alone."""
+    undrawn(monkeypatch)
+    foreign = {"notes.txt": b"mine", "figures/mine.svg": b"mine", "tables/mine.csv": b"mine"}
+    out = tmp_path / "out"
+    assert run("report", write(tmp_path, FEW, joint="old name"), "-o", out).code == 0
+    assert (out / "figures" / "old-name-curve.svg").is_file()
+    for name, data in foreign.items():
+        (out / name).write_bytes(data)
+    assert run("report", write(tmp_path, FEW, joint="new name"), "-o", out).code == 0
+    there = {name: data for name, data in tree(out).items() if data is not None}
+    listed = set((out / report_files.MARKER).read_text(encoding="utf-8").splitlines())
+    assert set(there) == listed | set(foreign) | {report_files.MARKER}
+    assert {name: there[name] for name in foreign} == foreign
+    assert not [name for name in there if "old-name" in name]
+    assert "figures/new-name-curve.svg" in there
+    assert list(json.loads(there["results.json"])["joints"]) == ["new name"]
+    assert b"new name" in there["index.html"]
 
 
 def test_inspect_lists_and_draws(tmp_path: Path) -> None:
@@ -663,6 +718,8 @@ def test_bristle_alone_shows_its_help(monkeypatch: pytest.MonkeyPatch) -> None:
     assert alone == run("--help")
     assert alone.code == 0
     shown = re.findall(r"^  ([a-z]+)  +\S.*\.$", alone.out, re.MULTILINE)
+    named = "report identify inspect validate adapt compare fleet sensitivity explore export plan new explain"
+    assert set(shown) == set(named.split())
     assert set(shown) == set(typer.main.get_command(cli.app).commands)  # type: ignore[attr-defined]
     assert not [line for line in alone.out.splitlines() if line.startswith("  ") and line.endswith("...")]
     assert max(map(len, alone.out.splitlines())) <= 80
@@ -684,8 +741,6 @@ def test_colour_is_the_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a terminal the severity has a colour, elsewhere and with NO_COLOR there is none; the text is the same, brackets included."""
     for name in ("FORCE_COLOR", "COLORTERM", "TTY_COMPATIBLE", "NO_COLOR"):
         monkeypatch.delenv(name, raising=False)
-    plain = run("explain", "lacks-a-term").out
-    assert "\x1b" not in plain
     for term, more, coloured in (
         ("xterm-256color", {}, True),
         ("dumb", {}, False),
@@ -693,7 +748,8 @@ def test_colour_is_the_terminals(monkeypatch: pytest.MonkeyPatch) -> None:
     ):
         for name, value in ({"TERM": term} | more).items():
             monkeypatch.setenv(name, value)
-        shown = Tty()
+        plain, shown = run("explain", "lacks-a-term").out, Tty()
+        assert "\x1b" not in plain
         assert run("explain", "lacks-a-term", stdout=shown).code == 0
         assert ("\x1b[33mcaution\x1b[0m" in shown.getvalue()) == coloured
         assert ("\x1b" in shown.getvalue()) == coloured
@@ -712,6 +768,21 @@ def test_help_waits_for_no_library() -> None:
     assert code == "0"
     assert "Usage: bristle" in done.stdout
     assert not {"numpy", "casadi", "pandas", "matplotlib", "scipy"} & set(modules)
+
+
+def test_warnings_about_signals_count(tmp_path: Path) -> None:
+    """Position and velocity that disagree by a unit are a critical warning about the joint that names the unit, and --strict exits with 3."""
+    time = np.arange(4000) / 100
+    speed = np.repeat([0.1, 0.3, 0.5, 0.8], 1000) + 1e-4 * np.random.default_rng(0).standard_normal(4000)
+    position, torque = np.cumsum(speed) / 100, 0.2 + 0.1 * speed
+    log_of = log("ramp", t=time, q=position, v=60 / (2 * np.pi) * speed, tau=torque)
+    ran = run("identify", placed(tmp_path, log_of), "--strict")
+    assert ran.code == 3
+    assert (
+        "critical [velocity-factor]: The position of data.csv moves 0.105 times as far as its logged velocity says"
+        in ran.words
+    )
+    assert "`unit: rpm` under signals.velocity" in ran.words
 
 
 def process(*arguments: object, streams: str = "", **environment: str) -> subprocess.CompletedProcess[str]:
@@ -742,13 +813,14 @@ def test_output_that_nobody_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     (tmp_path / "data.csv").write_text(table(FEW), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     undrawn(monkeypatch)
-    for command in (REPORT, IDENTIFY, INSPECT, NEW, (*VALIDATE, "--repetitions", "20", "--starts", "1")):
+    for command in (REPORT, IDENTIFY, INSPECT, NEW, (*VALIDATE, "--repetitions", "20", "--starts", "1", "-o", "sets")):
         before = tree(tmp_path)
+        assert not (tmp_path / command[-1]).exists()
         full = run(*command, stdout=Shut(errno.ENOSPC))
         assert (full.code, full.said) == (2, ["bristle: standard output: No space left on device"])
         assert tree(tmp_path) == before
         assert run(*command, stdout=Shut(errno.EPIPE)).code == 0
-        assert len(tree(tmp_path)) > len(before)
+        assert (tmp_path / command[-1]).exists()
 
 
 @pytest.mark.slow

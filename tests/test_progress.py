@@ -47,13 +47,21 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_terminal_shows_the_step(folder: Path) -> None:
+@pytest.mark.parametrize(
+    ("command", "steps"),
+    [
+        (("identify", "e.yaml"), ("starting", "identifying wrist", "fitting friction vs velocity")),
+        pytest.param(
+            ("new", "data.csv", "-o", "n.yaml"), ("starting", "regressors and directions"), marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_a_terminal_shows_the_step(folder: Path, command: tuple[str, ...], steps: tuple[str, ...]) -> None:
     """Within seconds of the start a line stands on the terminal, before the libraries are read, and then the name of each step."""
-    first, text = on_terminal("identify", "e.yaml", folder=folder)
+    first, text = on_terminal(*command, folder=folder)
     assert first < 10  # two, on a machine that does nothing else
     assert text.index("starting") < 200
-    assert "identifying wrist" in text
-    assert "fitting friction vs velocity" in text
+    assert [name for name in steps if name in text] == list(steps)
 
 
 def test_steps_are_counted(folder: Path) -> None:

@@ -172,6 +172,16 @@ def test_what_needs_no_logs_asks_for_none(fresh: Results, folder: Path, tmp_path
         bristle.plan(read)
 
 
+@pytest.mark.slow
+def test_the_command_line_writes_a_report_of_a_results_file(read: Results, folder: Path, tmp_path: Path) -> None:
+    """`bristle report results.json` writes it anew, with the file of its experiment; other questions of it are asked in `test_bad_numbers.py`."""
+    assert read.whole
+    ran = run("report", folder / "out" / "results.json", "-o", tmp_path / "report")
+    assert ran.code == 0, ran.err
+    (again,) = json.loads((tmp_path / "report" / "results.json").read_text("utf-8"))["experiments"]
+    assert again["file"] == "wrist.yaml"
+
+
 def test_a_changed_log_is_told(tmp_path: Path) -> None:
     """A log that is not as it was, or is missing, is one sentence; nothing is opened before a question needs it; moved together all is found."""
     (tmp_path / "a" / "reports").mkdir(parents=True)

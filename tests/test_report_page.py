@@ -39,9 +39,9 @@ OPENED = """() => {
 """Its words with everything open."""
 
 
-def opened(browser: Any, name: str) -> tuple[Any, list[str]]:
-    """A page of the report on a desk's screen, and what went wrong in it: requests beyond its file, and errors."""
-    page = browser.new_page(viewport={"width": 1280, "height": 900})
+def opened(browser: Any, name: str, width: int = 1280, scheme: str = "light") -> tuple[Any, list[str]]:
+    """A page of the report at a width, and what went wrong in it: requests beyond its file, and errors."""
+    page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
     wrong: list[str] = []
     page.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
@@ -72,12 +72,13 @@ def test_every_page_is_short_and_named_and_loads_nothing(chromium: Any) -> None:
             numbers[name] = seen["numbers"]
         if name == "index.html":
             order = page.evaluate("[...document.querySelectorAll('nav.pages a')].map((a) => a.getAttribute('href'))")
-        for width in (1280, 390):
-            page.set_viewport_size({"width": width, "height": 900})
-            wide = page.evaluate("document.documentElement.scrollWidth")
+        phone, wrong_there = opened(chromium, name, 390)
+        for width, of in ((1280, page), (390, phone)):
+            wide = of.evaluate("document.documentElement.scrollWidth")
             failed += [(name, (width, wide))] * (wide > width)
+        phone.close()
         total += page.evaluate(OPENED) if name in READ else 0
-        failed += [(name, x) for x in wrong]
+        failed += [(name, x) for x in wrong + wrong_there]
         page.close()
     assert failed == []
     assert total <= ALL_WORDS
@@ -108,18 +109,17 @@ def test_every_figure_has_its_data() -> None:
 
 def test_text_and_marks_stand_out(chromium: Any) -> None:
     """On a light page and a dark one text has a contrast of 4.5 at least, and the marks of both directions 3."""
-    page, _ = opened(chromium, "index.html")
     names = ("paper", "ink", "quiet", "link", "warn", "bad", "good")
     script = "(names) => names.map((n) => getComputedStyle(document.documentElement).getPropertyValue('--' + n).trim())"
     papers = set()
     for scheme in ("light", "dark"):
-        page.emulate_media(color_scheme=scheme)
+        page, _ = opened(chromium, "index.html", scheme=scheme)
         paper, *inks = page.evaluate(script, names)
+        page.close()
         papers.add(paper)
         assert [name for name, ink in zip(names[1:], inks, strict=True) if contrast(ink, paper) < 4.5] == []
         assert all(contrast(look.colour, paper) >= 3 for look in DIRECTION.values())
     assert len(papers) == 2
-    page.close()
 
 
 def contrast(one: str, other: str) -> float:

@@ -103,7 +103,7 @@ def test_an_interrupt_that_was_swallowed_comes_again(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_bytes_do_not_depend_on_workers(tmp_path: Path) -> None:
     """A report by one process and by three is the same in every file but timings.json."""
-    two_joints = [write(tmp_path / "logs", speeds(both=False), joint=name, stem=name) for name in ("wrist", "elbow")]
+    two_joints = [write(tmp_path / "logs", speeds(), joint=name, stem=name) for name in ("wrist", "elbow")]
     one = run("report", *two_joints, "-o", tmp_path / "1", "--workers", 1)
     assert (one.code, one.err) == (0, "")
     three = subprocess.run(  # noqa: S603  # our own command
@@ -119,7 +119,9 @@ def test_the_bytes_do_not_depend_on_workers(tmp_path: Path) -> None:
 
 
 @LINUX
-@pytest.mark.parametrize("how", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "how", [signal.SIGINT, *(pytest.param(how, marks=pytest.mark.slow) for how in (signal.SIGTERM, signal.SIGKILL))]
+)
 def test_nothing_is_left_of_what_is_stopped(tmp_path: Path, how: signal.Signals) -> None:
     """Ctrl-C ends the workers too, with one word and nothing written; so does a signal that leaves no time to say it."""
     # What runs in the background ignores an interrupt, and so do its children.

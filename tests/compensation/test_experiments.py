@@ -8,7 +8,7 @@ import pytest
 
 from bristle.control.adaptation import LAWS, Adaptation
 from bristle.model.parameters import Lugre, Pair
-from bristle.questions.compensation import paper_experiments, parameter_studies
+from bristle.questions.compensation import parameter_studies
 from bristle.questions.compensation.paper_experiments import Errors, adapted, errors, followed
 from bristle.questions.compensation.parameter_studies import (
     band,
@@ -39,12 +39,6 @@ def rows() -> dict[tuple[str, float, bool], Errors]:
         (name, f, inertia) for name in FIG_8 for f in (0.2, 0.5) for inertia in (False, True)
     ]
     return {(r.joint, r.frequency, r.inertia): r for r in found}
-
-
-@pytest.fixture
-def short(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Adaptations of this test last three periods, not ten: what is compared are two routes."""
-    monkeypatch.setattr(paper_experiments, "SHORT", 6.0)
 
 
 @pytest.mark.parametrize("name", list(FIG_8))
@@ -111,7 +105,6 @@ def test_the_printed_law_is_left_out_where_it_is_not_typeset() -> None:
     assert [*found.runs] == ["not adapted", "partial", "partial-theta", "total"]
 
 
-@pytest.mark.usefixtures("short")
 def test_maps_hold_the_adaptation_itself(monkeypatch: pytest.MonkeyPatch) -> None:
     """At the plan's own rate, amplitude and frequency both maps hold what the adaptation ends at; shapes are those of their axes."""
     monkeypatch.setattr(parameter_studies, "GAMMAS", (20.0, 50.0, 5.0))
@@ -245,18 +238,24 @@ def test_errors_of_constants_are_a_part_of_the_band() -> None:
     assert beside.rms_systematic == pytest.approx((alone.rms[0], alone.rms[2]))
 
 
-@pytest.mark.usefixtures("short")
+def test_rates_of_zero_leave_the_map_at_its_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With rates of zero nothing moves, over the whole map."""
+    for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
+        monkeypatch.setattr(parameter_studies, name, (1.0,))
+    found = map_adaptation(joint_loop(adaptation=Adaptation(gamma=(0.0, 0.0))))
+    np.testing.assert_array_equal(found.by_gamma.ravel(), [0.3, 0.5])
+
+
 def test_the_plans_own_law_has_the_plans_own_rates(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Whatever the law of the plan, its row of Table 2 ends where the map at the same rate does; `partial` above."""
+    """Whatever the law of the plan, its row of Table 2 ends where the map at the same rate does."""
     for name in ("GAMMAS", "FREQUENCIES", "AMPLITUDES"):
         monkeypatch.setattr(parameter_studies, name, (20.0,) if name == "GAMMAS" else (1.0,))
-    for law in ("partial-theta", "total"):
+    for law in ("partial", "partial-theta", "total"):
         one = one_way(joint_loop(adaptation=Adaptation(law=law, gamma=(100.0, 100.0))))
         ends = [x.final for x in adapted(one).factors if x.law == law]
         np.testing.assert_allclose(map_adaptation(one).by_gamma.ravel(), ends, rtol=1e-9)
 
 
-@pytest.mark.usefixtures("short")
 def test_a_parameter_of_zero_divides_nothing() -> None:
     """A joint without viscous friction is adapted by every law, whatever the law of the plan, with finite gains."""
     pair = Pair(*(p._replace(alpha_2=0.0, sigma_1=0.0) for p in GRIPPER))

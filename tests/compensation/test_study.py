@@ -10,7 +10,7 @@ import pytest
 
 from bristle.api.experiments import report_of
 from bristle.errors import InputError
-from bristle.questions.compensation import ablation, paper_experiments, parameter_studies
+from bristle.questions.compensation import ablation, parameter_studies
 from bristle.questions.compensation.report import sections
 from bristle.questions.compensation.study import Study, outcomes_of, study
 
@@ -19,11 +19,10 @@ from ..simulation.joints import joint_loop
 
 @pytest.fixture(scope="module")
 def compensated() -> Study:
-    """The gripper with its true model, on small maps, over few periods."""
+    """The gripper with its true model, on small maps."""
     with pytest.MonkeyPatch.context() as patch:
         for module, name, few in (
             (parameter_studies, "GAMMAS", (20.0,)), (parameter_studies, "FREQUENCIES", (1.0,)), (parameter_studies, "AMPLITUDES", (1.0,)),
-            (paper_experiments, "LONG", 12.0), (paper_experiments, "SETTLE", 5.0),
             (ablation, "BITS", (20,)), (ablation, "DELAYS", (0,)), (ablation, "SHARES", (1.0,)),
         ):  # fmt: skip  # a table
             patch.setattr(module, name, few)
@@ -79,10 +78,13 @@ def test_every_figure_of_a_simulation_says_so(compensated: Study) -> None:
 
 
 def test_it_writes_the_page_that_the_package_writes(compensated: Study, tmp_path: Path) -> None:
-    """`write` leaves a page, and the table of `to_frame`; no file where the folder cannot be used."""
+    """`write` leaves the same files, from a path or a text, among them the table of `to_frame`; no file where the folder cannot be used."""
     report = report_of(compensated)
-    one = report.write(tmp_path / "a")
+    one, other = report.write(tmp_path / "a"), report.write(str(tmp_path / "b"))
+    names = sorted(p.relative_to(one.parent) for p in one.parent.rglob("*") if p.is_file())
     assert one == tmp_path / "a" / "index.html"
+    assert names == sorted(p.relative_to(other.parent) for p in other.parent.rglob("*") if p.is_file())
+    assert all((one.parent / name).read_bytes() == (other.parent / name).read_bytes() for name in names)
     written = pd.read_csv(tmp_path / "a" / "tables" / "compensation_errors.csv", comment="#")
     pd.testing.assert_frame_equal(written, compensated.to_frame(), check_dtype=False, rtol=1e-6)
     with pytest.raises(InputError):

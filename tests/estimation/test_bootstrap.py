@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 from bristle.arrays import Array
+from bristle.estimation import bootstrap
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.bootstrap import block_bootstrap, block_length, cells
+from bristle.estimation.bootstrap import block_bootstrap, block_length, cells, residual_bootstrap
 
 
 def correlated(rho: float, n: int, seed: int) -> Array:
@@ -143,3 +144,16 @@ def test_of_a_mean_t_is_that_of_each_resample() -> None:
     assert 200 < usual.size < 300
     assert np.abs(np.abs(usual)[:, None] - np.abs(expected)).min(axis=1).max() < 1e-9
     assert np.unique(np.round(usual, 9)).size == expected.size
+
+
+def test_draws_in_parts_are_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However few numbers are drawn at once: as many draws, all different, the same errors of the estimate, and the covariance s**2 (J'J)**-1."""
+    rng, n = np.random.default_rng(3), 200
+    J, residuals = np.column_stack([np.ones(n), np.linspace(-1, 1, n)]), rng.standard_normal(n)
+    whole, errors = residual_bootstrap(J, residuals, np.ones(n), draws=4000)
+    monkeypatch.setattr(bootstrap, "_AT_ONCE", 7 * n)
+    parts, same = residual_bootstrap(J, residuals, np.ones(n), draws=4000)
+    assert parts.steps.shape == parts.studentised.shape == whole.steps.shape == (4000, 2)
+    np.testing.assert_allclose(same, errors, rtol=1e-12)
+    np.testing.assert_allclose(np.cov(parts.steps.T), np.cov(whole.steps.T), rtol=0.1, atol=6e-4)
+    assert len(np.unique(parts.steps[:, 0])) == 4000

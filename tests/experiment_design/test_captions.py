@@ -17,6 +17,7 @@ from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.report import report
 
 from ..conftest import few_motions_tried, speeds, write
+from ..pages import assert_tables_are_named, findings, page_text
 
 NUMBER = re.compile(r"\d (%|s|runs|times|(rad|m)(/s)?|N(·m)?)(?![\w/])")
 """A number with its unit, or with what it counts."""
@@ -49,7 +50,8 @@ def of_points(folder: Path, aim: str, *, both: bool, kind: str = "revolute", fit
     [
         ("v_s", False, "revolute", ""),
         ("all", True, "prismatic", ""),
-        ("inertia", True, "revolute", "fit: {directions: symmetric}\nplan: {minimum_velocity: 0.5 rad/s}\n"),
+        ("alpha_0", True, "revolute", "fit: {directions: symmetric}\n"),
+        ("inertia", True, "revolute", "plan: {minimum_velocity: 0.5 rad/s}\n"),
     ],
 )
 def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool, kind: str, fit: str) -> None:
@@ -59,6 +61,18 @@ def test_each_caption_begins_with_a_number(tmp_path: Path, aim: str, both: bool,
     assert all(NUMBER.search(finding) for finding in found), found
     assert not re.search("nan|inf|None|e[+-]0", " ".join(found))
     assert kind == "revolute" or "rad" not in " ".join(found)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("raster")
+def test_the_embedded_page_begins_each_caption_with_a_number(gripper: Plan, tmp_path: Path) -> None:
+    """Each of the eight figures says a number with a unit at once; each table has a name and the file it is in."""
+    bristle.report_of(gripper).write(tmp_path)
+    found = findings(page_text(tmp_path / "index.html"))
+    assert sorted(found) == sorted(captions(gripper).values())
+    assert len(found) == 7
+    assert all(NUMBER.search(finding) for finding in found), found
+    assert_tables_are_named(tmp_path)
 
 
 def said(plan: Plan, figure: str) -> str:
@@ -85,11 +99,6 @@ def test_findings_are_those_of_the_results(gripper: Plan) -> None:
         error = float(re.findall(r"([\d.]+) %", part)[0])
         assert error == pytest.approx(100 * load.error / gripper.start.p(load.direction).sigma_0, rel=0.05)
         assert part.rstrip(".").endswith(f"rises of {load.rise:.3g} s to {load.peak:.3g} N·m")
-    p = gripper.start.p("+")
-    load = design_loading(Direction.POSITIVE, p, 0.0, 1e-4, 1.1 * p.alpha_0 / p.sigma_0)
-    assert f"not identifiable, as the joint moves only {load.counts:.2g} encoder counts at" in said(
-        replace(gripper, loadings=(load,)), "loading"
-    )
     peak = float(np.abs(gripper.references[-1].velocity).max())
     assert said(gripper, "motion").startswith(
         f"Peak velocity {peak:.3g} rad/s, {gripper.limits.velocity:.3g} rad/s allowed"
@@ -139,3 +148,12 @@ def test_a_planned_motion_that_loses_is_said(gripper: Plan) -> None:
     assert said(replace(gripper, motions=mirrored), "motions").endswith(", only the other one shows α₀ (+).")
     none = replace(motion, errors=np.full(len(names), np.inf))
     assert "none below 200 % after both" in said(replace(gripper, motions=(none, none)), "motions")
+
+
+def test_loading_that_shows_nothing_is_said(gripper: Plan) -> None:
+    """Where the joint moves by less than two encoder counts, sigma_0 is said to be not identifiable, with the counts."""
+    p = gripper.start.p("+")
+    load = design_loading(Direction.POSITIVE, p, 0.0, 1e-4, 1.1 * p.alpha_0 / p.sigma_0)
+    expected = f"not identifiable, as the joint moves only {load.counts:.2g} encoder counts at {load.peak:.3g} N·m."
+    assert load.counts < 2
+    assert said(replace(gripper, loadings=(load,)), "loading") == f"Expected error of σ₀, (+): {expected}"

@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import bristle
 from bristle.errors import InputError
+from bristle.identification.fisher import static_jacobian
 from bristle.questions.experiment_design import excitation
 from bristle.questions.experiment_design.plan import Plan, check_plan
 from bristle.questions.experiment_design.report import report
@@ -16,6 +18,7 @@ from bristle.questions.experiment_design.tables import designs
 from bristle.questions.experiment_design.velocities import DesignProblem, design, evaluate_design, spaced_speeds
 
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
+from ..pages import page_text
 from .simulated_fits import simulated_errors
 
 OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
@@ -48,7 +51,7 @@ def problem(law: str) -> DesignProblem:
 def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     """Each part of the plan tells no less of it than before, all of it more; tables have it, and v_end is in none.
 
-    The page has its symbol, also of a law from outside.
+    The page's columns have its symbol.
     """
     own = OWN[plan.joint.law.name]
     k = [str(name) for name in plan.start.names].index(own)
@@ -62,6 +65,12 @@ def test_the_laws_own_parameter_is_planned_for(plan: Plan) -> None:
     parts = [section.table.part for section in report(plan).sections if section.table]
     columns = [x for part in parts if part is not None for x in part]
     assert f"{SYMBOLS[plan.joint.law.name]} (%)" in columns
+
+
+@pytest.mark.parametrize("plan", [OUTSIDE], indirect=True)
+def test_the_page_has_the_laws_own_parameter(plan: Plan, tmp_path: Path) -> None:
+    """Its symbol stands there, also of a law from outside."""
+    assert "β" in page_text(bristle.report_of(plan).write(tmp_path / "page"))
 
 
 def test_fits_of_simulated_runs_scatter_as_predicted(plan: Plan) -> None:
@@ -83,6 +92,18 @@ def test_runs_planned_for_the_laws_own_parameter_beat_spaced_ones(law: str) -> N
     planned = design(own, 10, OWN[law])
     others = [design(own, 10), *(evaluate_design(own, spaced_speeds(own, 10, kind)) for kind in ("log", "even"))]
     assert planned.alone[k] < min(x.alone[k] for x in others)
+
+
+@pytest.mark.parametrize("law", OWN)
+def test_the_columns_of_a_design_are_differences_of_the_curve(law: str) -> None:
+    """The derivative of steady torque by each parameter that is estimated is its central difference, to 1e-6."""
+    p, v = truth_of(law), np.geomspace(0.01, 1.2, 30)
+    found = static_jacobian(v, p)
+    for k, name in enumerate(problem(law).names):
+        x = getattr(p, name)
+        up, down = (bristle.friction(v, p._replace(**{name: x * (1 + h)})) for h in (1e-5, -1e-5))
+        difference = (up - down) / (2e-5 * x)
+        assert np.linalg.norm(difference - found[:, k]) <= 1e-6 * np.linalg.norm(found[:, k])
 
 
 def test_what_is_no_parameter_of_the_joints_law_is_refused() -> None:

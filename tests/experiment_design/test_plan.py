@@ -11,11 +11,13 @@ import bristle
 from bristle.findings import Finding, Severity
 from bristle.identification.limits import Limits, followed, limits_of
 from bristle.identification.measured import Measured, measure
-from bristle.model.parameters import Direction, ParameterName
-from bristle.questions.experiment_design import figures, tables
+from bristle.model.parameters import Direction, ParameterName, Stribeck
+from bristle.questions.experiment_design import excitation, figures, tables
 from bristle.questions.experiment_design.excitation import MEASURED
+from bristle.questions.experiment_design.loading import design_loading
 from bristle.questions.experiment_design.plan import Plan
 from bristle.questions.experiment_design.start import scatter
+from bristle.questions.experiment_design.velocities import evaluate_design, spaced_speeds
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
 
@@ -125,6 +127,15 @@ def test_a_motion_that_tells_less_is_said(gripper: Plan) -> None:
     assert said.numbers["names"] == (gripper.start.names[gripper.free[0]],)
     alone = replace(gripper, motions=(motion,))
     assert "motion-worse" not in {w.code for w in alone.warnings}
+
+
+def test_designs_beat_spaced_velocities(gripper: Plan) -> None:
+    """For its own parameter each design is the best, what is known included: of the table, and beside evenly and log-spaced runs."""
+    for own in gripper.velocities:
+        count = own.chosen.speeds.size
+        spaced = [evaluate_design(own.problem, spaced_speeds(own.problem, count, kind)) for kind in ("log", "even")]
+        for k, aim in enumerate(Stribeck._fields):
+            assert all(own.designs[aim].errors[k] <= 1.01 * x.errors[k] for x in (own.designs["all"], *spaced))
 
 
 def test_references_are_read_back(gripper: Plan) -> None:
@@ -298,6 +309,18 @@ def test_what_loading_neglects_is_shown(gripper: Plan) -> None:
         assert after**-2 - before**-2 == pytest.approx(whole**-2, rel=0.05)
 
 
+def test_rises_are_drawn_as_they_are_played(gripper: Plan) -> None:
+    """The legend names each rise in the time that is left for it, where loading shows nothing too, and marks a choice where it does show."""
+    p = gripper.start.p("+")
+    for count, marked in ((0.0, True), (1.1 * p.alpha_0 / p.sigma_0, False)):
+        design = design_loading(Direction.POSITIVE, p, 0.0, 1e-4, count, share=0.5)
+        (ax,) = figures.loading_figure(replace(gripper, loadings=(design,))).axes
+        legend = ax.get_legend()
+        assert legend is not None
+        labels = [text.get_text() for text in legend.get_texts()]
+        assert labels == ["2.5 s", "4 s", "7 s", "12.5 s", "20 s"] + ["chosen"] * marked
+
+
 def test_counts_of_velocities_stay_in_the_figure(gripper: Plan) -> None:
     """Every count is drawn within its axes, apart from the others and from each point; the legend lies below all axes."""
     figure = figures.velocities_figure(gripper)
@@ -340,11 +363,14 @@ def test_declared_limits_are_kept(tmp_path: Path) -> None:
 def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     """The page, its figures and tables are written, with the references; each caption says a number with a unit at once, each table has a name.
 
-    A file of references that has other bytes by then is not written over, and one sentence says so.
+    A second run leaves the same. A file of references that has other bytes by then is not written over, and one sentence says so.
     """
     ran = planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--page", tmp_path / "page", "--for", "v_s")
     assert ran.code == 0, ran.err
     assert "for v_s" in ran.words
+    first = (tmp_path / "next.csv").read_bytes()
+    assert planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", "--for", "v_s").code == 0
+    assert (tmp_path / "next.csv").read_bytes() == first
     page, found = page_text(tmp_path / "page" / "index.html"), findings(page_text(tmp_path / "page" / "index.html"))
     assert len(found) == page.count("<svg") == len(list((tmp_path / "page" / "figures").glob("*.png"))) == 7
     assert all(NUMBER.search(finding) for finding in found), found
@@ -352,7 +378,7 @@ def test_a_plan_is_written_beside_its_page(tmp_path: Path) -> None:
     assert "nan" not in page.lower().replace("resonan", "")
     assert (tmp_path / "page" / "tables" / "intervals.csv").is_file()
     (tmp_path / "next.csv").write_text("time,position\n0,0\n")
-    ran = planned(tmp_path, "rate: 20 Hz, frequency: 1 Hz", both=False)
+    ran = planned(tmp_path)
     assert ran.code == 2
     assert "is there already" in ran.said[0]
     assert (tmp_path / "next.csv").read_text() == "time,position\n0,0\n"
@@ -409,6 +435,7 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
     for options, arguments, named in (
         ("", ("--for", "gamma"), "got 'gamma' as what to plan for; expected one of alpha_0"),
         ("", ("--velocities", "3"), "got 3 velocities; expected 4 to 1000"),
+        ("", ("--velocities", "x"), "--velocities"),
         ("position: [1 rad, 0 rad]", (), "plan.position: got 1 to 0; expected the smaller value first"),
         ("position: [0 rad, 0.001 rad]", (), "too short for a hold"),
         ("velocity: 1 m", (), "plan.velocity: unit"),
@@ -421,7 +448,20 @@ def test_bad_input_is_refused(tmp_path: Path) -> None:
         ("frequency: 0.1 Hz", (), "plan.frequency: got 0.1 Hz; expected at least 0.2 Hz"),
         ("speed: 1 rad/s", (), "unknown key 'plan.speed'"),
     ):
-        ran = planned(tmp_path, options, *arguments, both=False)
+        ran = planned(tmp_path, options, *arguments)
         if ran.code != 2 or len(ran.said) != 1 or named not in ran.said[0] or (tmp_path / "next.csv").exists():
             failed.append((options, arguments, ran))
     assert failed == []
+
+
+def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while the motion is sought: exit code 130 and no file, whole or half."""
+
+    def interrupted(*_: object) -> None:
+        """As a user presses Ctrl-C."""
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(excitation, "best_motion", interrupted)
+    ran = planned(tmp_path, "", "--page", tmp_path / "page")
+    assert ran.code == 130
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["wrist.csv", "wrist.yaml"]

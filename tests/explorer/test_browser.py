@@ -305,12 +305,12 @@ def test_cost_maps_are_made_beside_the_page(tab: Tab) -> None:
     assert page.workers == [worker]
 
 
-def maps(tab: Tab, *of: str) -> list[list[str]]:
-    """The cost maps of the fourth joint, of its points, of its run."""
+def maps(tab: Tab) -> list[list[str]]:
+    """The cost maps of the fourth joint, of its points and of its run."""
     tab.page.select_option("#joint", "3")
     tab.show("identifiability")
     found = []
-    for data in of:
+    for data in ("points", "run"):
         tab.page.select_option("#map-data", data)
         tab.settled()
         found.append(tab.page.evaluate(MAP))
@@ -318,13 +318,12 @@ def maps(tab: Tab, *of: str) -> list[list[str]]:
 
 
 def test_a_page_without_a_worker_draws_the_same_map(tab: Tab, chromium: Any, file: Path) -> None:
-    """Where no worker can be made, for whatever reason, the page computes the map in slices, to the same numbers; of a run, too."""
-    expected, wrong = maps(tab, "points", "run"), list[str]()
+    """Where no worker can be made, for whatever reason, the page computes the map in slices, to the same numbers."""
+    expected, wrong = maps(tab), list[str]()
     assert min(len(cells) for cells, _ in expected) > 1e4
     for why, before in NO_WORKERS.items():
-        asked = ("points", "run") if before == NO_WORKERS["its script is refused"] else ("points",)
         alone = Tab(chromium, file, before=before)
-        if maps(alone, *asked) != expected[: len(asked)] or alone.page.workers or alone.wrong:
+        if maps(alone) != expected or alone.page.workers or alone.wrong:
             wrong.append(f"{why}: {alone.page.workers}, {alone.wrong}")
         alone.context.close()
     assert not wrong, "\n".join(wrong)

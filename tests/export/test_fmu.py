@@ -1,6 +1,7 @@
 """The FMU is the joint in Python to the last bits, follows the continuous equations, and refuses what it cannot do without harm."""
 
 import ctypes
+import importlib
 import math
 import platform
 import re
@@ -35,6 +36,7 @@ from export_checks.common import NotInstalled
 from export_checks.fmu import (
     STEP,
     LoadedFmu,
+    Played,
     communication_points,
     drive_torque,
     fmu_problems,
@@ -112,7 +114,8 @@ def test_the_fmu_is_python(handed: Handed, exported: Exported) -> None:
             played = found.play(torque)
         true = python_joint(joint, torque, STEP, longest_step(joint))
         pairs = ((getattr(played, x), getattr(true, x)) for x in ("friction", "deflection"))
-        off[name] = max(of_largest(played, true), *(float(np.abs(x - y).max() / np.abs(y).max()) for x, y in pairs))
+        beside_it = [np.abs(x - y).max() / np.abs(y).max() for x, y in pairs]
+        off[name] = float(np.max([of_largest(played, true), *beside_it]))
         assert np.count_nonzero(np.diff(np.sign(true.velocity))) > 10
     assert {name: x for name, x in off.items() if not x <= 1e-12} == {}
 
@@ -539,7 +542,7 @@ def test_what_an_fmu_needs(handed: Handed) -> None:
 def test_without_a_compiler_there_are_sources(
     handed: Handed, exported: Exported, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The FMU then has no binary, says so, is valid, and is else the same to the byte; so it is on a machine that is not linux64."""
+    """The FMU then has no binary, says so, is valid, and is else the same to the byte."""
     joint = handed("wrist pitch")
     whole = files_of(exported(joint.name).content)
     monkeypatch.setattr(shutil, "which", lambda _: None)
@@ -547,14 +550,26 @@ def test_without_a_compiler_there_are_sources(
     assert artefact.holds.endswith("as C sources alone: there is no C compiler here; fmpy compile makes the binary")
     assert files_of(artefact.content) == {name: x for name, x in whole.items() if not name.startswith("binaries/")}
     assert fmu_problems(artefact.content) == []
-    monkeypatch.undo()
+
+
+def test_a_machine_of_another_kind_gets_sources(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where it is not linux64, nothing is compiled and the artefact says so."""
     monkeypatch.setattr(platform, "machine", lambda: "arm64")
-    assert "C sources alone: this machine is not linux64" in handed_over(joint).holds
+    assert "C sources alone: this machine is not linux64" in handed_over(handed()).holds
+
+
+def test_a_check_says_that_fmpy_is_missing(handed: Handed, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without fmpy, what to install."""
+    monkeypatch.setattr(importlib, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
+    installed_fmpy.cache_clear()
+    joint = handed()
+    with pytest.raises(NotInstalled, match=r"fmpy is not installed; install bristle\[fmu\]"):
+        check("fmu", Artefact(name="x", content=b"", holds=""), [joint], Request())
 
 
 @needs_fmpy
 def test_a_joint_that_slides_has_its_units(handed: Handed) -> None:
-    """N and m, defined by exponents of the base units, the radian among them; the description is valid."""
+    """N and m, defined; the description is valid."""
     artefact = handed_over(handed("wrist pitch", kind="prismatic"))
     assert fmu_problems(artefact.content) == []
     units = {v.attrib["name"]: v[0].attrib["unit"] for v in root_of(artefact.content).iter("ScalarVariable")}
@@ -566,7 +581,19 @@ def test_a_joint_that_slides_has_its_units(handed: Handed) -> None:
         "N/m",
     ]
     assert not {"rad", "N*m"} & {u.attrib["name"] for u in root_of(artefact.content).iter("Unit")}
+
+
+def test_units_are_si() -> None:
+    """Exponents of the base units, the radian among them."""
     assert base_units("N*m*s/rad") == {"kg": 1, "m": 2, "s": -1, "rad": -1}
     assert base_units("kg*m**2") == {"kg": 1, "m": 2}
     assert base_units("N/m") == {"kg": 1, "s": -2}
     assert base_units("m/s") == {"m": 1, "s": -1}
+
+
+def test_a_played_joint_is_compared_by_its_largest() -> None:
+    """The measure of `export_checks` is the largest difference over the largest value, of position or velocity, whichever is worse."""
+    one, zero = np.array([0.0, 2.0]), np.zeros(2)
+    assert of_largest(
+        Played(one, one + np.array([0.0, 0.02]), zero, zero), Played(one, one, zero, zero)
+    ) == pytest.approx(0.01)

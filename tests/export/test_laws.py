@@ -137,7 +137,7 @@ def test_the_fmu_is_the_joint(of: Law, handed: Handed) -> None:
     assert float(re.findall(r"Radau: (\S+) %", radau)[0]) <= 0.01
 
 
-@pytest.mark.parametrize("of", [OTHERS[0], OTHERS[-1]], ids=lambda of: of.name)
+@each_law
 def test_mjcf_has_the_closest_set_of_the_papers_law(of: Law, handed: Handed) -> None:
     """What MuJoCo cannot hold is fitted, better than by leaving it out, and said with its loss, also where both directions are the same."""
     joint = of_law(handed("wrist pitch"), of)

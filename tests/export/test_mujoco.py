@@ -14,7 +14,7 @@ from bristle.questions.export.symmetric import best_symmetric
 from bristle.questions.export.xml_edit import as_read
 from export_checks import check
 
-from .conftest import HOSTILE, SURROGATE, Handed, scaled
+from .conftest import HOSTILE, SURROGATE, Handed, beside, scaled
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 TARGETS = [mjcf.TARGET, mjcf.FRICTIONLOSS]
@@ -62,7 +62,7 @@ def test_one_set_is_what_mujoco_has(one_set: ExportedJoint) -> None:
     assert b"<general" not in artefact.content
 
 
-@pytest.mark.parametrize("name", ["gripper rotation", "base rotation"])
+@pytest.mark.parametrize("name", ["gripper rotation", "wrist pitch", "elbow pitch", "base rotation"])
 def test_a_pair_loses_what_is_said(handed: Handed, name: str) -> None:
     """Directions that differ: MuJoCo has the set that is written to 0.5 %, and loses of the joint what the artefact says, to 0.5 % of the torque."""
     joint = handed(name)
@@ -217,3 +217,11 @@ def test_what_cannot_be_merged_into_is_refused(handed: Handed, target: ExportTar
     if target is mjcf.FRICTIONLOSS:
         once = target.write([joint], Request(into=ROBOT, into_name="arm.xml")).content
         assert target.write([joint], Request(into=once, into_name="arm.xml")).content == once
+
+
+def test_a_shared_quadratic_term_is_left_out_and_counts_as_lost(handed: Handed) -> None:
+    """V abs(v) is named, and the losses hold what of it no viscous friction replaces."""
+    joint = beside(same(handed("wrist pitch")), quadratic=0.2)
+    artefact = mjcf.TARGET.write([joint], Request())
+    assert "export-leaves-out" in {x.code for x in artefact.said}
+    assert artefact.losses[joint.name][0].percent > 1

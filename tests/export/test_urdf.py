@@ -3,7 +3,6 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -21,6 +20,7 @@ from bristle.questions.export.coulomb_viscous import best_values
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.isaac import TARGET as ISAAC_TARGET
 from bristle.questions.export.loss import along, coulomb_viscous, friction_of
+from bristle.questions.export.xml_edit import XmlDocument
 from export_checks.axes import check_sdf, check_urdf
 from export_checks.common import NotInstalled, compared
 from export_checks.documents import check_isaac
@@ -94,13 +94,15 @@ def outside(old: bytes, new: bytes) -> tuple[bytes, bytes]:
     return old[begin : len(old) - end], new[begin : len(new) - end]
 
 
-@pytest.mark.parametrize("name", JOINTS)
-def test_the_values_are_the_best_and_the_losses_are_those_of_the_formula(handed: Handed, name: str) -> None:
+@pytest.mark.parametrize(("name", "quadratic"), [*((name, 0.0) for name in JOINTS), ("wrist pitch", 0.05)])
+def test_the_values_are_the_best_and_the_losses_are_those_of_the_formula(
+    handed: Handed, name: str, quadratic: float
+) -> None:
     """No other Coulomb and viscous friction loses less along the declared motion, and the loss is rms error by rms torque, in percent.
 
     What is lost of is all of the joint's friction, a term v abs(v) too.
     """
-    joint = beside(handed(name), quadratic=0.05 if name == "wrist pitch" else 0.0)
+    joint = beside(handed(name), quadratic=quadratic) if quadratic else handed(name)
     (found,) = best_values([joint], Request(amplitude=0.3, frequency=0.7), "urdf")
     assert [x.motion.name for x in found.losses] == ["fitted", "medium", "slow", "presliding"]
     assert found.motion[1:] == (0.3, 0.7)
@@ -132,13 +134,14 @@ def test_hostile_names_stay_names(handed: Handed) -> None:
         (joint,) = urdf.findall("joint")
         dynamics = {key: float(x) for one in joint.iter("dynamics") for key, x in one.attrib.items()}
         made = run(ISAAC_TARGET.write(joints, Request()).content)
-        lines = [line for content in texts for line in content.decode().splitlines()]
+        read = [content.decode() for content in texts]
         held = (
             (joint.get("name") == name) == (not {"\0", "\x1b", "\ud800"} & set(name)),
             dynamics == {"friction": best.coulomb, "damping": best.viscous},
             [float(x.text or "") for x in sdf.iter("friction")] == [best.coulomb],
             [(one, x.dynamic_friction) for one, x in made.items()] == [(name, best.coulomb)],
-            all(line.isprintable() and len(line) < 11_000 for line in lines),
+            all(c.isprintable() or c == "\n" for text in read for c in text),
+            all(len(line) < 11_000 for text in read for line in text.splitlines()),
         )
         failed += [(name, held)] * (not all(held))
     assert failed == []
@@ -153,7 +156,6 @@ def test_a_urdf_of_joints_loads(handed: Handed, slide: ExportedJoint) -> None:
     assert lines[0] == "parsed again: damping and friction are as exported, to the last bit, in 6 joints"
     assert all(line.endswith(": damping and friction are as exported, to the last bit, in 6 joints") for line in lines)
     assert any(line.startswith("MuJoCo") for line in lines)
-    assert any(line.startswith("Pinocchio") for line in lines) == (find_spec("pinocchio") is not None)
     import mujoco
 
     model = mujoco.MjModel.from_xml_string(artefact.content.decode())
@@ -163,6 +165,14 @@ def test_a_urdf_of_joints_loads(handed: Handed, slide: ExportedJoint) -> None:
     moving = model.body_inertia[1:, 2].tolist()
     assert moving[:4] == pytest.approx([x.inertia for x in joints[:4]])
     assert model.body_mass[5] == pytest.approx(slide.inertia)
+
+
+def test_pinocchio_reads_the_snippet(handed: Handed) -> None:
+    """Pinocchio's damping and friction are those that were exported."""
+    pytest.importorskip("pinocchio", reason="needs Pinocchio: pip install pin")
+    joints = [*map(handed, JOINTS)]
+    lines = check_urdf(URDF_TARGET.write(joints, Request()), joints, Request())
+    assert any(line.startswith("Pinocchio") and "as exported, to the last bit" in line for line in lines)
 
 
 def test_a_check_tells_what_differs(handed: Handed) -> None:
@@ -228,6 +238,14 @@ IN_SDF = {
 }
 
 
+NO_MODEL = {
+    b'<!DOCTYPE robot [<!ENTITY a "b">]><robot/>': "f, line 1: declares a document type or an entity",
+    b"<robot>": "f, line 1: is not well-formed",
+    b"<sdf>": "f, line 1: is not well-formed",
+    b"": "f, line 1: is not well-formed",
+}
+
+
 def test_what_cannot_be_merged_into_is_refused(handed: Handed) -> None:
     """A joint that is not there, there twice, rigid or of another kind, and what is no model: a sentence, with the line."""
     cases = [
@@ -236,7 +254,11 @@ def test_what_cannot_be_merged_into_is_refused(handed: Handed) -> None:
         (URDF_TARGET, b"<robot/>", "wrist pitch", "f: has no joint 'wrist pitch'; its joints are none"),
         (URDF_TARGET, b"<mujoco/>", "wrist pitch", "f: its root is <mujoco>; expected a URDF"),
         (SDF_TARGET, b"<mujoco/>", "wrist pitch", "f: its root is <mujoco>; expected an SDF"),
-        (SDF_TARGET, b"<sdf>", "wrist pitch", "f, line 1: is not well-formed"),
+        *(
+            (target, content, "wrist pitch", why)
+            for target in (URDF_TARGET, SDF_TARGET)
+            for content, why in NO_MODEL.items()
+        ),
     ]
     failed = []
     for target, content, name, why in cases:
@@ -257,6 +279,18 @@ def test_a_robot_is_merged_joint_by_joint(handed: Handed) -> None:
     lost = set(content.splitlines()) - set(artefact.content.splitlines())
     assert all(b"<dynamics" in line for line in lost)
     assert len(lost) <= 2
+
+
+def test_a_urdf_without_joints_is_refused(handed: Handed) -> None:
+    """That of MuJoCo is read, and has none."""
+    mujoco = pytest.importorskip("mujoco", reason="needs MuJoCo: pip install mujoco")
+    path = Path(mujoco.__file__).parent / "testdata" / "model.urdf"
+    if not path.exists():
+        pytest.skip("this MuJoCo comes without testdata/model.urdf")
+    content = path.read_bytes()
+    assert XmlDocument.read(content, path.name).written() == content
+    with pytest.raises(InputError, match=r"^model\.urdf: has no joint 'wrist pitch'; its joints are none$"):
+        URDF_TARGET.write([handed("wrist pitch")], Request(into=content, into_name=path.name))
 
 
 def test_merging_into_an_sdf_keeps_springs(handed: Handed, slide: ExportedJoint) -> None:

@@ -159,6 +159,12 @@ def test_edits_follow_the_file() -> None:
     )
 
 
+def test_elements_are_found_depth_first_with_their_lines() -> None:
+    """Elements of one tag come in the order of the file."""
+    root = XmlDocument.read(b"<a>\n<b><a/></b>\n<a/></a>", "f").root
+    assert [x.line for x in root.find_all("a")] == [1, 2, 3]
+
+
 def test_a_comment_of_ours_is_replaced_and_others_stay() -> None:
     """The second comment of the same two first words stands in the place of the first one; any other of the user stays."""
     document = XmlDocument.read(b"<a>\n  <!-- ours: mine -->\n</a>", "f")

@@ -67,8 +67,11 @@ def test_a_call_that_no_worker_holds_is_made_again(client: Any, monkeypatch: pyt
     assert [key.rpartition("-")[0] for key in asked].count("negative-0") == 2
 
 
-def test_certificates_ask_for_tls() -> None:
-    """Certificates make the connection one of TLS alone; a size of memory is one of bytes."""
+def test_memory_and_certificates_are_checked() -> None:
+    """What is no size of memory is refused; certificates make the connection one of TLS alone."""
+    for memory in ("much", "1 B", "-2 GiB", ""):
+        with pytest.raises(InputError, match=r"memory: got .* expected"):
+            cluster._bytes_of(memory)
     assert cluster._bytes_of("2 GiB") == 2**31
     security = cluster._security({"ca": "a.pem", "cert": "b.pem", "key": "c.pem"})
     assert security.require_encryption
@@ -224,9 +227,9 @@ def test_a_script_without_a_guard_says_so(logs: Path, tmp_path: Path) -> None:
 
 @pytest.fixture(scope="module")
 def two() -> Iterator[Any]:
-    """A cluster of two processes of this machine, which gives a call up once a worker died of it."""
+    """A cluster of two processes of this machine, which gives a call up once two workers died of it."""
     with local_client(2) as client:
-        client.cluster.scheduler.allowed_failures = 0
+        client.cluster.scheduler.allowed_failures = 1
         yield client
 
 
@@ -269,5 +272,5 @@ def test_a_worker_that_dies_of_one_log_is_a_failure_of_that_log(logs: Path, two:
         ended = engine.run_fleet(rows, str(tmp_path / "out"), two, deadly)
         again = engine.run_fleet(rows, str(tmp_path / "out"), two, fleets.identified_joint)
     (failure,) = ended.table.to_pandas()["failure"].dropna()
-    assert failure == "its worker died 1 time, perhaps for want of memory; give each worker more with --memory"
+    assert failure == "its worker died 2 times, perhaps for want of memory; give each worker more with --memory"
     assert (ended.identified, ended.failed, again.identified, again.failed) == (3, 1, 1, 0)

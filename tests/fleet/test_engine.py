@@ -4,6 +4,7 @@ import contextlib
 import errno
 import os
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -199,6 +200,33 @@ def test_a_log_that_changes_meanwhile_is_tried_again(ran: Any, tmp_path: Path, m
     assert (ran().failed, IDENTIFIED) == (0, ["elbow"])
 
 
+def test_what_a_killed_run_left_is_taken_up(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An interrupt on the way leaves the tasks that are finished, and the next run does only the others."""
+    write_fleet_logs(tmp_path, units=1, sessions=2)
+    expected = ran(output="whole")
+    spread, ends = cluster.spread, list[tasks.TaskEnd]()
+
+    def interrupted(*arguments: Any) -> Iterator[Any]:
+        """Stop behind the second task."""
+        for call, end in spread(*arguments):
+            if isinstance(end, tasks.TaskEnd):
+                ends.append(end)
+                if len(ends) == 2:
+                    raise KeyboardInterrupt
+            yield call, end
+
+    monkeypatch.setattr(engine, "spread", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        ran()
+    monkeypatch.setattr(engine, "spread", spread)
+    assert len(tree(Path("out/tasks"))) >= 2
+    found = ran()
+    assert found.identified <= 2
+    assert found.identified + found.unchanged == 4
+    pd.testing.assert_frame_equal(found.frame, expected.frame)
+    assert dataset() == dataset(Path("whole"))
+
+
 def test_a_full_disk_leaves_what_was(ran: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the disk is full the run ends with an OSError that names the file; the dataset is as it was, and a rerun goes on."""
     catalog = write_fleet_logs(tmp_path, units=1, sessions=1)
@@ -362,8 +390,11 @@ def test_the_command_line(client: Any, tmp_path: Path, monkeypatch: pytest.Monke
     assert Path("reports/catalog-fleet/index.html").exists()
     for k in range(5, 8):
         write_session(tmp_path / "logs", "r1", "wrist", f"2026-0{k}-01", seed=k, factor=3.0)
-    worn = run("fleet", "logs/{unit}/{session}/{joint}.yaml", "-o", "out", "--strict")
+    pattern = "logs/{unit}/{session}/{joint}.yaml"
+    assert run("fleet", pattern, "-o", "out").code == 0
+    worn = run("fleet", pattern, "-o", "out", "--strict")
     assert worn.code == 3
+    assert "0 joint sessions identified, 11 unchanged, 0 failed" in worn.words
     told = "1 joint changed (--strict); once a change is seen to, tag the joint's next session baseline"
     assert worn.said == [told]
     logs = sorted(Path("logs").glob("*/*/*.yaml"))
@@ -395,6 +426,7 @@ def test_what_does_not_go_together_is_refused(tmp_path: Path, monkeypatch: pytes
         *((("c.csv", "--memory", x), f"memory: got {x!r}; expected") for x in ("lots", "1 B", "-2 GiB")),
         (("c.csv", "--rate", "2"), "rate: got 2"),
         (("c.csv", "-o", "c.csv"), "c.csv"),
+        (("c.csv", "-o", ""), "empty path"),
     )
     ended = [(said, run("fleet", *options)) for options, said in cases]
     assert not [(said, ran) for said, ran in ended if ran.code != 2 or len(ran.said) != 1 or said not in ran.err]

@@ -381,6 +381,7 @@ def test_a_fleet_may_lack_anything() -> None:
             found = findings(table.to_pandas())
             made = report(found)
             assert made.text()
+            assert made.html()
             for x in (x for page in made.pages for section in page.sections for x in section.drawings):
                 x.draw()
             tables = {x: getattr(found, x) for x in ("changes", "types", "units", "quality")}

@@ -1,10 +1,13 @@
 """What moving runs showed as results.json, tables and text."""
 
+import json
 import math
 import os
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
+import jsonschema
 import numpy as np
 import pytest
 
@@ -16,8 +19,9 @@ from bristle.questions.joint_report import results_file, tables
 from bristle.questions.joint_report.sentences import agreement
 from bristle.questions.joint_report.text import fit_report
 
+from ..names import named
 from .conftest import TABLE_1
-from .moving import NOT_SHOWN, compared, moving, tracked, without
+from .moving import DIFFER, IPOPT, NOT_SHOWN, UNSEEN, VALUES, compared, moving, tracked, without
 
 GOLDEN = Path(__file__).parent / "tracking_report.txt"
 
@@ -34,7 +38,62 @@ def of(fit: TrackingFit | None) -> TrackingFit:
     return fit
 
 
+def read(joint: Joint) -> dict[str, Any]:
+    """The joint as results.json holds it, after it was held to the schema."""
+    document = json.loads(results_file.to_json([joint]))
+    jsonschema.Draft202012Validator(results_file.schema()).validate(document)
+    found: dict[str, Any] = document["joints"][joint.name]
+    return found
+
+
 # results.json
+
+
+def test_json_holds_both_fits_with_every_digit(moved: Joint) -> None:
+    """Parameters keep their signed names and their values; free names, covariance, starts, count bias and hold-outs are those of the fit."""
+    found = read(moved)
+    for key, fit in (("tracking", of(moved.tracking)), ("joint_fit", of(moved.joint_fit))):
+        own = found[key]
+        assert {name: p["value"] for name, p in own["parameters"].items()} == {
+            str(name): e.value for name, e in fit.parameters.items()
+        }
+        assert own["names"] == list(map(str, fit.names))
+        np.testing.assert_array_equal(own["covariance"], fit.covariance)
+        assert own["count_bias"] == {str(name): x for name, x in fit.count_bias.items()}
+        assert own["hold_out"] == [{"file": "held.csv", "relative_error": 1.5}]
+        assert (own["n"], own["starts"], own["reached"], own["condition"]) == (fit.n, fit.starts, fit.reached, 8.9)
+    assert found["tracking"]["crosscheck"] is None
+    assert found["joint_fit"]["crosscheck"]["verdict"]["code"] == IPOPT.code
+    assert found["tracking"]["parameters"]["alpha_1-"]["warnings"][0]["message"] == str(UNSEEN)
+
+
+def test_json_compares_the_stages(moved: Joint) -> None:
+    """One entry per comparison; what the moving runs do not show is null, and the verdict says so."""
+    found = read(moved)["consistency"]
+    assert [x["parameter"] for x in found] == ["alpha_0+", "alpha_0-", "alpha_1-", "sigma_0+"]
+    assert (found[1]["difference_in_se"], found[1]["verdict"]["message"]) == (-3.2, str(DIFFER))
+    assert (found[2]["tracking_value"], found[2]["tracking_error"], found[2]["difference_in_se"]) == (None, None, None)
+    assert found[3]["stage"] == "presliding"
+    assert found[0]["joint_error"] == 0.005 * VALUES["alpha_0+"]
+
+
+def test_json_without_moving_runs_has_null(joint: Joint) -> None:
+    """No runs: null, null and an empty list, which validate."""
+    found = read(joint)
+    assert (found["tracking"], found["joint_fit"], found["consistency"]) == (None, None, [])
+
+
+def test_json_holds_no_infinity_and_no_nan(moved: Joint) -> None:
+    """An infinite condition or relative error is "inf"; a covariance that does not exist and a bias of nan are null."""
+    fit = tracked(
+        condition=float("inf"), relative_error=float("inf"), count_bias=named({"inertia": float("nan")}),
+        covariance=np.full((len(VALUES), len(VALUES)), np.nan),
+    )  # fmt: skip  # a list of changes
+    found = read(replace(moved, tracking=fit))["tracking"]
+    assert (found["condition"], found["relative_error"]) == ("inf", "inf")
+    assert found["count_bias"] == {"inertia": None}
+    assert {x for row in found["covariance"] for x in row} == {None}
+    assert read(replace(moved, tracking=tracked(condition=float("nan"))))["tracking"]["condition"] is None
 
 
 # tables

@@ -38,6 +38,13 @@ def test_window_has_its_length_where_it_can() -> None:
         assert length == pytest.approx(min(seconds, dynamic_figures.SPAN), abs=1.1 * seconds / 1000)
 
 
+def test_stretches_are_told_apart() -> None:
+    """Every equation belongs to one stretch, and none is in two; an empty one is left out."""
+    fit = tracked()
+    assert dynamic_figures.stretches(fit) == [slice(0, STRETCH), slice(STRETCH, fit.time.size)]
+    assert dynamic_figures.stretches(tracked(starts_of_runs=(0, 0, STRETCH)))[0] == slice(0, STRETCH)
+
+
 def test_no_line_crosses_a_boundary() -> None:
     """Time rises along every line; over velocity there are points only (the line of zero aside)."""
     course, velocity = both(moving())
@@ -58,12 +65,19 @@ def test_predicted_is_measured_less_the_residual_of_the_joint_fit() -> None:
             np.testing.assert_allclose(measured - predicted, 0.125)
 
 
-def test_panels_share_their_axis() -> None:
-    """Residuals lie beneath what they are residuals of, on the same axis."""
-    for figure in both(moving()):
-        above, below = figure.axes
-        assert above.get_xlim() == below.get_xlim()
-        assert below.get_ylabel().startswith("Residual ")
+def test_panels_share_their_axis_and_have_units() -> None:
+    """Residuals lie beneath on the same axis; every quantity has its unit, and a slide has newtons."""
+    for joint, force, speed in (
+        (moving(), "orque (N·m)", "Velocity (rad/s)"),
+        (replace(moving(), kind="prismatic"), "orce (N)", "Velocity (m/s)"),
+    ):
+        for figure, label in zip(both(joint), ("Time (s)", speed), strict=True):
+            above, below = figure.axes
+            assert below.get_xlabel() == label
+            assert above.get_xlim() == below.get_xlim()
+            assert above.get_ylabel().endswith(force)
+            assert below.get_ylabel().startswith("Residual ")
+            assert below.get_ylabel().endswith(force)
 
 
 def test_measured_and_predicted_differ_in_more_than_colour() -> None:

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from bristle.data.record import Record
 from bristle.identification.results import Joint
 from bristle.page.style import MOST_POINTS, render_as, thinned
-from bristle.questions.joint_report import dynamic_figures, presliding_figures, static_figures
+from bristle.questions.joint_report import presliding_figures, static_figures
 from bristle.questions.joint_report.figures import DRAW
 
 from .conftest import HOSTILE, only
@@ -65,12 +65,6 @@ def test_what_does_not_exist_is_not_drawn(joint: Joint, slow: Joint, slide: Join
     assert [*drawn(joint)] == [*drawn(replace(joint, tracking=none))] == STATIC
     assert [*drawn(only(slow, fits={}, loops=()))] == STATIC
     assert [*drawn(slide)] == ["curve"]
-
-
-def test_stretches_are_told_apart() -> None:
-    """An empty stretch of moving runs is left out."""
-    whole, first = tracked(), tracked(starts_of_runs=(0, 0, *tracked().starts_of_runs[1:]))
-    assert dynamic_figures.stretches(first) == dynamic_figures.stretches(whole)
 
 
 def test_dense_data_are_thinned() -> None:

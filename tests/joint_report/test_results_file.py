@@ -108,6 +108,15 @@ def test_schema_refuses_a_result_without_a_unit(joint: Joint) -> None:
         jsonschema.validate(document, results_file.schema())
 
 
+def test_floats_come_back_exactly(joint: Joint) -> None:
+    """Every digit of a value survives the file."""
+    document = json.loads(results_file.to_json([joint]))
+    for direction, fit in joint.static.items():
+        for name, estimate in fit.parameters.items():
+            read = document["joints"][joint.name]["static"][direction]["parameters"][name]
+            assert (read["value"], tuple(read["interval"])) == (estimate.value, estimate.interval)
+
+
 def leaves(value: Any) -> Iterator[Any]:
     """What a result holds, its numbers and names in order; of what stays out of the file, nothing."""
     if isinstance(value, Finding):

@@ -15,6 +15,7 @@ from bristle import identify
 from bristle.arrays import Array
 from bristle.estimation.covariance import covariance, student
 from bristle.findings import CAUTION, CRITICAL, Finding
+from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
@@ -27,6 +28,7 @@ from bristle.questions.method_validation.results import (
     FREE,
     MOST_DECLINED,
     SAME_COST,
+    CaseResult,
     RandomStarts,
     Validation,
 )
@@ -38,6 +40,7 @@ from bristle.simulation.bench import steady_points
 
 from ..conftest import FEW, run, speeds, table, tree, write
 from ..pages import assert_tables_are_named, findings, page_text
+from ..sameness import held, without_sentences
 from .conftest import EVEN, NONE_BELOW, WIDE, case_of, designs, quick
 from .test_captions import captions
 
@@ -111,7 +114,7 @@ def test_every_solver_solves_the_same_problem(sign: float) -> None:
     solution = static.solve(case.problem(torque), case.v_s_range)
     assert methods.refined(case, exact)[:, 0] == pytest.approx(case.theta, rel=1e-6)
     solvers = methods.local_methods(case)
-    assert {"IPOPT", "SciPy TRF"} <= set(solvers)
+    assert {"IPOPT", "SciPy TRF", "lmfit"} <= set(solvers)
     for name, fit in solvers.items():
         end = fit(torque, 1.1 * case.theta)
         assert end == pytest.approx(solution.theta, rel=1e-4), name
@@ -127,6 +130,16 @@ def test_starts_lie_within_the_bounds_and_everywhere() -> None:
     v_s = np.log(starts[:, 3] / low) / np.log(high / low)
     for column in (*(starts[:, :3] / case.unknowns.scale[:3]).T, v_s):
         assert np.histogram(column, 4, (0, 1))[0] == pytest.approx(1000, abs=120)
+
+
+def test_derivatives_are_the_regression_s() -> None:
+    """The Jacobians of many sets are those that `Regression` gives of each."""
+    case = case_of(EVEN, sign=-1.0)
+    theta = methods.refined(case, torques_of(case, 5))
+    for k, jacobian in enumerate(methods.jacobians(case, theta)):
+        assert jacobian == pytest.approx(
+            case.problem(torques_of(case, 5)[:, k]).jacobian(theta[:, k]), rel=1e-12, abs=1e-15
+        )
 
 
 def test_coverage_counts_the_intervals_of_the_covariance() -> None:
@@ -242,6 +255,14 @@ def test_the_verdict_holds_the_numbers(validation: Validation) -> None:
     ]
 
 
+def test_no_sentence_decides_on_a_validation(validation: Validation, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With every template replaced by its kind's name the verdicts are the same values, and so are the tables."""
+    before = held([*map(verdict, validation.cases), overall(validation)]), validation.to_frame()
+    without_sentences(monkeypatch)
+    assert held([*map(verdict, validation.cases), overall(validation)]) == before[0]
+    pd.testing.assert_frame_equal(validation.to_frame(), before[1])
+
+
 def test_minima_outside_the_range_are_counted_apart(validation: Validation) -> None:
     """A start counts as outside where v_s, set free, leaves the range and the cost falls below the grid's; it does not count against the grid."""
     case = case_of(WIDE)
@@ -251,6 +272,11 @@ def test_minima_outside_the_range_are_counted_apart(validation: Validation) -> N
     apart = RandomStarts(initial_v_s=np.ones(5), final={FREE: final}, best=case.theta, best_cost=1.0, cost={FREE: cost})
     found = replace(validation.cases[0], case=case, starts=apart).outside_range
     assert found.tolist() == [True, False, False, False, True]
+    for one in validation.cases:
+        v_s, cost = one.starts.final[FREE][3], one.starts.cost[FREE]
+        low, high = one.case.v_s_range
+        for k, outside in enumerate(one.outside_range.tolist()):
+            assert outside == bool((v_s[k] < low or v_s[k] > high) and cost[k] < one.starts.best_cost * (1 - SAME_COST))
 
 
 def test_without_slow_speeds_a_lower_cost_may_lie_outside_the_range(validation: Validation) -> None:
@@ -341,10 +367,15 @@ def test_own_design_is_the_joint_s(joint: Joint) -> None:
 
 
 def test_what_cannot_be_tried_is_skipped_and_said(joint: Joint, tmp_path: Path) -> None:
-    """Points without noise, and as many as parameters, which moving runs may leave, are not tried, each with its reason.
+    """Without a Stribeck term, points without noise, and as many as parameters, which moving runs may leave, are not tried, each with its reason.
 
     One fitted direction is enough, the other being said to have nothing to try.
     """
+    flat = identify(write(tmp_path / "flat", np.linspace(1.0, 2.0, 12))).joints[0]
+    found = joint_cases(flat)
+    assert found.cases == ()
+    assert set(found.skipped) == set(flat.static)
+    assert {reason.code for reason in found.skipped.values()} == {"no-stribeck-term"}
     path = write(tmp_path, speeds(both=False))
     (tmp_path / "wrist.csv").write_text(table(speeds(both=False), noise=1e-30))
     exact = identify(path).joints[0]
@@ -362,7 +393,7 @@ def test_what_cannot_be_tried_is_skipped_and_said(joint: Joint, tmp_path: Path) 
 
 def test_many_points_are_thinned_with_their_information(tmp_path: Path) -> None:
     """Of more than 400 points 400 are simulated, with as much less noise: v_s keeps its standard error."""
-    v = np.geomspace(0.15, 11.0, 1000) * P.v_s
+    v = np.tile(np.geomspace(0.15, 11.0, 1600) * P.v_s, 1)
     path = write(tmp_path, v)
     (tmp_path / "wrist.csv").write_text(table(v, noise=1e-3))
     joint = identify(path).joints[0]
@@ -390,6 +421,7 @@ def test_figures_say_what_they_show(validation: Validation) -> None:
         words = " ".join(t.get_text() for t in legend.get_texts())
         assert all(name in words for name in ("IPOPT", "SciPy TRF", "refined grid"))
     assert [t.get_text() for t in by_method.axes[0].get_yticklabels()] == list(one.methods)
+    assert len([x for x in resolution.axes[0].lines if len(x.get_xdata()) == len(RESOLUTIONS)]) == 2  # type: ignore[arg-type]  # stubs allow scalars
 
 
 def test_no_resolution_is_drawn_where_nothing_can_be_known(validation: Validation) -> None:
@@ -438,6 +470,7 @@ def test_the_command_validates_and_writes(tmp_path: Path, monkeypatch: pytest.Mo
     assert ran.code == 0
     for words in (
         "wrist +: Grid and full nonlinear fit agree",
+        "wrist -: Grid and full nonlinear fit agree",
         "wrist (-), SIMULATED, the 20 points measured",
         "The grid search holds: none of 16 IPOPT fits",
     ):
@@ -459,10 +492,10 @@ def test_the_command_without_a_peak_writes_nothing(tmp_path: Path, monkeypatch: 
     assert tree(tmp_path) == before
 
 
-def test_nothing_fitted_is_refused(joint: Joint, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nothing_fitted_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Too few points for any fit: exit code 2, one sentence with the reason and what to do, and nothing printed or written.
 
-    So is a joint of slow loading alone.
+    So does the API.
     """
     path = write(tmp_path, FEW)
     monkeypatch.chdir(tmp_path)
@@ -472,8 +505,38 @@ def test_nothing_fitted_is_refused(joint: Joint, tmp_path: Path, monkeypatch: py
     assert "wrist: nothing to check: got no fit of friction vs velocity (Too few points" in ran.said[0]
     assert "add ramp, points or tracking runs" in ran.said[0]
     assert tree(tmp_path) == before
+    with pytest.raises(ValueError, match="nothing to check"):
+        bristle.validate(path)
+
+
+def test_a_joint_without_points_or_moving_runs_is_refused() -> None:
+    """Slow loading alone leaves nothing to check; one fitted direction is enough, the other being said to have nothing to try."""
+    few = static_fit("-", None)
     with pytest.raises(ValueError, match="got no ramp, points or tracking run that is fitted; add"):
-        joint_cases(replace(joint, static={}))
+        joint_cases(joint_of({}))
+    with pytest.raises(ValueError, match=r"friction vs velocity \(Too few points"):
+        joint_cases(joint_of({"-": few}))
+    case_set = joint_cases(joint_of({"+": static_fit("+", 1.0), "-": few}))
+    assert not case_set.cases
+    assert set(case_set.skipped) == {"+", "-"}
+
+
+def joint_of(static_fits: dict[str, StaticFit]) -> Joint:
+    """A joint of which only static fits are known."""
+    return Joint(name="j", kind="revolute", inputs=(), segments=(), static=static_fits, crosscheck={})
+
+
+def static_fit(direction: str, alpha_0: float | None) -> StaticFit:
+    """Coulomb friction alone, or none for too few points."""
+    values = {"alpha_0": alpha_0, "alpha_1": None, "alpha_2": None, "v_s": None}
+    return StaticFit(
+        direction=direction,
+        parameters={name: Estimate(value=x, unit="") for name, x in values.items()},
+        rms=None,
+        relative_error=None,
+        n=2,
+        outcome=TOO_FEW if alpha_0 is None else NO_PEAK,
+    )
 
 
 def test_final_velocities_that_agree_have_plain_labels(validation: Validation) -> None:
@@ -505,12 +568,34 @@ def test_bad_input_gets_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyP
         ("--noise", "0", "noise: got 0; expected a positive share of alpha_0"),
         ("--noise", "nan", "noise: got nan"),
         ("--noise", "inf", "noise: got inf"),
+        ("--noise", "much", "--noise"),
         ("-o", "wrist.csv", "wrist.csv: is a file"),
     ):
         ran = run("validate", "wrist.yaml", option, value)
         if (ran.code, len(ran.said)) != (2, 1) or named not in ran.said[0] or tree(tmp_path) != before:
             failed.append((option, value, ran))
     assert failed == []
+
+
+def test_an_interrupt_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C within the validation: 130, and nothing half-written."""
+
+    def interrupted(*_: object) -> CaseResult:
+        raise KeyboardInterrupt
+
+    path = write(tmp_path, speeds(both=False))
+    monkeypatch.setattr(running, "validate_case", interrupted)
+    monkeypatch.chdir(tmp_path)
+    before = tree(tmp_path)
+    assert run("validate", path).code == 130
+    assert tree(tmp_path) == before
+
+
+def test_help_has_an_example() -> None:
+    """The help of the command shows how it is called, and each of its options."""
+    shown = run("validate", "--help").out
+    assert "Example: bristle validate" in shown
+    assert all(option in shown for option in ("--output", "--repetitions", "--starts", "--noise", "--strict"))
 
 
 def test_without_lmfit_the_validation_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -533,7 +618,7 @@ def test_the_api_validates_an_experiment(tmp_path: Path, monkeypatch: pytest.Mon
     assert again.starts.best.tolist() == first.starts.best.tolist()
     assert again.methods[REFINED].bias.tolist() == first.methods[REFINED].bias.tolist()
     assert again.starts.final["IPOPT"].tolist() == first.starts.final["IPOPT"].tolist()
-    other = validate(joint_cases(results.joints[0]), repetitions=20, starts=1, seed=1).cases[0]
+    other = validate(joint_cases(results.joints[0]), repetitions=20, starts=2, seed=1).cases[0]
     assert other.starts.best.tolist() != first.starts.best.tolist()
     with pytest.raises(ValueError, match="repetitions: got 1"):
         bristle.validate("no such file", repetitions=1)

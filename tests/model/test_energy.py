@@ -113,6 +113,20 @@ def test_stiff_pair_takes_the_side_it_moves_to(pair: Pair[float]) -> None:
     np.testing.assert_allclose(torque, expected, rtol=1e-3)
 
 
+motions = st.lists(st.tuples(st.floats(0.05, 5), st.floats(-1, 1), st.floats(0, 6)), min_size=1, max_size=4)
+
+
+@given(parts=motions)
+def test_a_passive_set_only_takes_energy(parts: list[tuple[float, float, float]]) -> None:
+    """Where alpha_2 > sigma_1 alpha_1 / alpha_0, the running work of T_f from z = 0 is never negative, whatever the motion."""
+    p = TABLE_1["elbow pitch"].positive
+    assert is_passive(p)
+    t = np.arange(4000) * 1e-3
+    v = np.sum([a * np.sin(2 * np.pi * f * t + phase) for f, a, phase in parts], axis=0)
+    work = integral(rollout(v, 1e-3, p, z0=0.0).torque * v, 1e-3)
+    assert np.all(work >= -1e-4 * np.abs(work).max())
+
+
 def test_only_a_set_that_is_not_passive_can_push_forward(table_set: Lugre[float]) -> None:
     """A full bristle at sudden high speed opposes motion in every passive set, and drives it in base rotation (-).
 

@@ -87,6 +87,12 @@ def test_printed_19_is_the_derivative_by_alpha_1_not_alpha_0(gripper: Lugre[floa
 
 
 @given(z=st.floats(-1, 1), v=velocities, p=sets)
+def test_adaptive_form_at_one_is_the_law(z: float, v: float, p: Lugre[float]) -> None:
+    """With theta_1 = theta_2 = 1, (16)-(18) are (3)-(5)."""
+    assert float(law.torque(z, v, law.adapted(p, {"alpha_0": 1.0, "alpha_2": 1.0}))) == float(law.torque(z, v, p))
+
+
+@given(z=st.floats(-1, 1), v=velocities, p=sets)
 def test_freezing_lambda_where_it_is_changes_nothing(z: float, v: float, p: Lugre[float]) -> None:
     """`at` = v gives the same torque; at another velocity, torque is affine in v."""
     assert float(law.torque(z, v, p, at=v)) == float(law.torque(z, v, p))
@@ -123,6 +129,14 @@ def test_units_are_those_of_the_equations() -> None:
         assert (u["J"] * registry.parse_units(unit("acceleration", kind))).is_compatible_with(u["torque"])
     with pytest.raises(KeyError):
         unit("stiction")
+
+
+def test_each_function_is_built_once() -> None:
+    """Two calls give the same object, with named inputs and outputs."""
+    assert functions.step_function() is functions.step_function()
+    assert functions.step_function().name_in() == ["v0", "v1", "h", *Lugre._fields]
+    assert functions.step_sensitivity_function().name_out()[:3] == ["a", "b", "a_alpha_0"]
+    assert functions.step_parameters() == ("alpha_0", "alpha_1", "v_s", "sigma_0")
 
 
 def test_a_parameter_prints_as_it_is_read() -> None:

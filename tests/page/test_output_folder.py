@@ -262,7 +262,7 @@ def test_a_full_disk_leaves_the_old_report(tmp_path: Path, monkeypatch: pytest.M
     _fill_disk(monkeypatch, 1)
     with pytest.raises(OSError, match="No space left"):
         output_folder.replace_files(tmp_path / "a" / "b", NEW)
-    assert not (tmp_path / "a").exists()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["0", "1", "2", "3"]
 
 
 def test_text_is_written_whole_or_not_at_all(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -96,9 +96,8 @@ def test_hostile_files_are_refused_in_one_sentence(tmp_path: Path) -> None:
     asks = []
     for name, (content, told) in HOSTILE.items():
         (tmp_path / f"{name}.urdf").write_bytes(content if isinstance(content, bytes) else content.encode())
-        asks.append(
-            (partial(read_urdf, tmp_path / f"{name}.urdf"), rf"^{re.escape(str(tmp_path / name))}\.urdf.*{told}")
-        )
+        says = rf"^{re.escape(str(tmp_path))}(?=.{{1,399}}$)/{re.escape(name)}\.urdf.*{told}"
+        asks.append((partial(read_urdf, tmp_path / f"{name}.urdf"), says))
     os.mkfifo(tmp_path / "pipe")
     asks += [
         (partial(read_urdf, path), f"^{re.escape(str(path))}")

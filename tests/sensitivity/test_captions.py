@@ -83,6 +83,7 @@ def test_the_strongest_correlation(known: SensitivityStudy) -> None:
         information = Information(names=names, point=np.ones(len(names)), matrix=np.array(matrix))
         said = captions(replace(known, sobol=None, expected=(Expected("the motion", information, {}, ()),)))
         assert "sobol" not in said
+        assert {"time", "shares", "first", "map"} <= said.keys()
         found.append(said["correlation-1"])
     assert found == [*matrices]
 

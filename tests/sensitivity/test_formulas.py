@@ -124,6 +124,19 @@ def test_the_printed_law_is_another_derivative() -> None:
     assert value(as_text(paper().partial["alpha_0"]), at) == pytest.approx(0.0177452, abs=5e-8)
 
 
+def test_formulas_are_readable() -> None:
+    """The formulas read as one would write them by hand, in the terminal and in LaTeX."""
+    short = {row.what: row.with_g for row in paper().rows()}
+    assert short["dT_f/dalpha_0 at fixed z"] == "sigma_0*sigma_1*z*abs(v)/g**2"
+    assert short["dT_f/dalpha_2 at fixed z"] == "v"
+    assert short["dT_f/dsigma_0 at fixed z"] == "z - sigma_1*z*abs(v)/g"
+    assert short["dT_ss/dalpha_0, steady sliding"] == "sign(v)"
+    assert short["g(v)"] == "alpha_0 + alpha_1*exp(-v**2/v_s**2)"
+    assert as_latex(paper().partial["z"]).startswith(
+        r"- \frac{\sigma_{0} \sigma_{1} \left|{v}\right|}{\alpha_{0} + \alpha_{1}"
+    )
+
+
 def test_the_documentation_prints_these_formulas() -> None:
     """Each formula in docs/sensitivity.md is the one that the command prints with g, character for character."""
     docs = (Path(__file__).parents[2] / "docs" / "sensitivity.md").read_text(encoding="utf-8")
@@ -131,6 +144,17 @@ def test_the_documentation_prints_these_formulas() -> None:
     shown = dict(re.findall(r"^(.+)\n    = (.+)$", docs, flags=re.MULTILINE))
     assert len(shown) == 3
     assert shown.items() <= short.items()
+
+
+def test_latex_braces_are_balanced() -> None:
+    """Every LaTeX formula closes what it opens, in order."""
+    for row in paper().rows():
+        depth = 0
+        for character in row.latex:
+            depth += (character == "{") - (character == "}")
+            assert depth >= 0
+        assert depth == 0
+        assert row.latex.count(r"\left") == row.latex.count(r"\right")
 
 
 def test_without_sympy_it_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -166,6 +190,13 @@ def test_any_expression_keeps_its_value(expression: Any, a: float, b: float) -> 
     formula = formula_of(expression)
     for written in (as_text(formula), python_of(as_latex(formula))):
         assert value(written, {"a": a, "b": b}) == pytest.approx(exact, rel=1e-9, abs=1e-9)
+
+
+def test_numbers_are_raised_with_their_factors() -> None:
+    """A number within a power is raised as well: (2 a b)**2 is 4 a**2 b**2, and 1 / (2 a) has the 2 below."""
+    assert as_text(formula_of((2 * X * Y) ** 2)) == "4*a**2*b**2"
+    assert as_text(formula_of(1 / (2 * X))) == "1/(2*a)"
+    assert as_text(formula_of(1 / (4 * X * X))) == "1/(4*a**2)"
 
 
 @FEW

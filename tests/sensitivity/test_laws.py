@@ -11,14 +11,14 @@ from bristle.identification.fits import Estimate
 from bristle.model.formula import as_text
 from bristle.model.laws.registry import law_named
 from bristle.model.parameters import ParameterName
-from bristle.questions.sensitivity.figures import map_figure, time_figure
+from bristle.questions.sensitivity.figures import colours, map_figure, time_figure
 from bristle.questions.sensitivity.formulas import formulas
 from bristle.questions.sensitivity.local import SineMotion, local
 from bristle.questions.sensitivity.sobol import box_of, joints_at, ordered
 from bristle.questions.sensitivity.study import SensitivityStudy
 
 from ..conftest import TRUTH
-from ..laws import DRAG, EXPONENT, OUTSIDE, motion, registered, truth_of
+from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of
 from ..pages import page_text
 
 OWN = {DRAG: "alpha_3", EXPONENT: "delta", OUTSIDE: "blunt"}
@@ -116,3 +116,14 @@ def test_two_equal_sets_are_one() -> None:
             )
             assert (off <= 1e-6 * size).all()
         np.testing.assert_allclose(both.torque, one.torque, atol=1e-9)
+
+
+def test_each_parameter_has_a_colour_of_its_own() -> None:
+    """Up to nine parameters no two share one."""
+    assert len(set(colours(9))) == 9
+
+
+def test_points_alone_are_enough() -> None:
+    """Of points the bristle is assumed, and the law's own parameter counts."""
+    found = bristle.sensitivity(points(DRAG), samples=0)
+    assert "alpha_3" in found.local.ranking
