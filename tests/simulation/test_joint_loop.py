@@ -195,7 +195,10 @@ def test_the_inertia_is_that_of_the_fit_then_the_file_s_then_the_motor_s(tmp_pat
 def test_without_inertia_or_a_whole_model_there_is_no_loop(tmp_path: Path) -> None:
     """The refusal names the joint, what is missing, and how to give it or which runs show it."""
     for unknown, said in (
-        (joint(tracked(values_of(GRIPPER, None))), "no inertia is known, .*give it as inertia, or a tracking run that shows it$"),
+        (
+            joint(tracked(values_of(GRIPPER, None))),
+            "no inertia is known, .*give it as inertia, or a tracking run that shows it$",
+        ),
         (
             replace(joint(), tracking=None),
             r"nothing is known of the friction vs velocity in direction \+; .* tracking run",
