@@ -55,16 +55,6 @@ class Entry(NamedTuple):
     """What the user changes in the experiment file."""
 
 
-def of_leg(joint: str, kp: float, kd: float) -> Prepared:
-    """A joint that logs commands only, with its torque kp (q_des - q) + kd (dq_des - dq)."""
-
-    def prepared(log: pd.DataFrame) -> pd.DataFrame:
-        q, dq, q_des, dq_des = (log[f"{name}_FL_{joint}"] for name in ("q", "dq", "q_des", "dq_des"))
-        return pd.DataFrame({"time": log.time, "q": q, "dq": dq, "tau": kp * (q_des - q) + kd * (dq_des - dq)})
-
-    return prepared
-
-
 def with_voltage(log: pd.DataFrame) -> pd.DataFrame:
     """The motor's voltage, supply * pwm / 885."""
     return log[["time", "position", "speed"]].assign(voltage=log.input_volts * log.pwm / 885)
@@ -94,7 +84,8 @@ ARM = "ur10e/ur10e.urdf ur10e/trajectory_12_harmonics.csv ur10e/trajectory_8_har
 ARM_TOLD = "time=0 position=1-6 velocity=7-12 current=13-18"
 ARM_RIGHT = """published viscous / Coulomb 21.3/12.5, 20.2/13.3, 10.4/5.0, 3.6/2.0, 2.5/2.7, 3.0/2.3; held-out errors 12.4, 9.2,
 4.8, 13.6, 21.1, 14.9 %; torque constants 10.5, 11.6, 8.2, 7.6, -, -; no sigma_0, no sigma_1"""
-LEG = "time=time,s position=q,rad velocity=dq,rad/s torque=tau,N*m"
+LEG = """time=time,s position=q_FL_{0},rad velocity=dq_FL_{0},rad/s command=q_des_FL_{0},rad velocity_command=dq_des_FL_{0},rad/s
+    kp={1}N*m/rad kd={2}N*m*s/rad"""
 AXIS_1 = f"position=q1_motor,rad,{1 / 32} torque=i1,N*m,32 rate=2.5kHz"
 AXIS_4 = f"position=q4_motor,rad,{-1 / 48} torque=i4,N*m,-48 rate=2.5kHz"
 PENDULUM = "time=time,s position=pos_meas{0},rad velocity=vel_meas{0},rad/s torque=tau_meas{0},N*m"
@@ -125,10 +116,10 @@ ENTRIES = (
     Entry("bam_xl330", "bam_xl330/kp400_*.csv", """friction rises with load: held-out error 29 % without a load term, 10 to 13 % with
         the right one; armature 0.0018; gravity 0.48""", BAM, "bam_xl330/kp100_*.csv", with_voltage),
     Entry("go2 hip", "go2/motion_0.csv", """0.171 +/- 0.004, viscous 0.231 +/- 0.007, inertia 0.028, held out 5.3 %; with a delay of
-        10 ms 0.163, 0.246, 0.025, 4.2 %""", LEG, "go2/motion_1.csv", of_leg("hip", 20, 1)),
-    Entry("go2 thigh", "go2/motion_0.csv", "no reference", LEG, "go2/motion_1.csv", of_leg("thigh", 20, 1)),
+        10 ms 0.163, 0.246, 0.025, 4.2 %""", LEG.format("hip", 20, 1), "go2/motion_1.csv"),
+    Entry("go2 thigh", "go2/motion_0.csv", "no reference", LEG.format("thigh", 20, 1), "go2/motion_1.csv"),
     Entry("go2 calf", "go2/motion_0.csv", "held out 11.8 %; with a delay of 10 ms 0.627, 0.528, inertia 0.044, 8.5 %",
-        LEG, "go2/motion_1.csv", of_leg("calf", 40, 2)),
+        LEG.format("calf", 40, 2), "go2/motion_1.csv"),
     Entry("staubli_tx40 axis 1", "staubli_tx40/motion.csv",
         "published 6.97 / 8.11, inertia 1.24; or 6.8 +/- 0.6, 8.2 +/- 0.4, 1.11 +/- 0.06, held out 16 %", AXIS_1),
     Entry("staubli_tx40 axis 4", "staubli_tx40/motion.csv", "2.3 +/- 0.1, 1.5 +/- 0.06", AXIS_4),
@@ -242,7 +233,7 @@ def experiment(entry: Entry, data: Path, place: Path) -> str:
         text = (data / entry.logs).read_text(encoding="utf-8")
     else:
         words = dict(word.split("=", 1) for word in entry.told.split())
-        more = {name: words.pop(name) for name in ("rate", "torque_constant", "resistance") if name in words}
+        more = {name: words.pop(name) for name in ("rate", "torque_constant", "resistance", "kp", "kd") if name in words}
         parts = {signal: [*word.split(","), "", ""][:3] for signal, word in words.items()}
         columns, units, scales = ({signal: x[k] for signal, x in parts.items() if x[k]} for k in range(3))
         told = bristle.Told(columns=columns, units=units, scales=scales, **more)

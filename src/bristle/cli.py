@@ -95,6 +95,11 @@ Scale = Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied 
 Rate = Annotated[str | None, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")]
 TorqueConstant = Annotated[str | None, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")]
 Resistance = Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")]
+Kp = Annotated[str | None, asked("QUANTITY", "Of a drive that is told a position, at the joint, as 20 N*m/rad.")]
+Kd = Annotated[str | None, asked("QUANTITY", "Of a drive that is told a velocity, at the joint, as 1 N*m*s/rad.")]
+TorqueLimit = Annotated[
+    str | None, asked("QUANTITY", "What a drive gives at the most, where commands are logged, as 23 N*m.")
+]
 
 
 @app.callback(invoke_without_command=True)
@@ -190,6 +195,9 @@ def identify(
     rate: Rate = None,
     torque_constant: TorqueConstant = None,
     resistance: Resistance = None,
+    kp: Kp = None,
+    kd: Kd = None,
+    torque_limit: TorqueLimit = None,
 ) -> None:
     """Print how well friction is known, and the values to use.
 
@@ -202,7 +210,10 @@ def identify(
     for path in (output, save):  # what takes minutes is not computed to be refused
         if path is not None:
             check_absent(path)
-    told = _told(column, unit, scale, rate, torque_constant, resistance)
+    told = _told(
+        column, unit, scale, rate,
+        torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit,
+    )  # fmt: skip  # a list
     guessed: tuple[str, ...] = ()
     with shown() as progress:
         from bristle import Told, draft
@@ -597,6 +608,9 @@ def new(
     rate: Rate = None,
     torque_constant: TorqueConstant = None,
     resistance: Resistance = None,
+    kp: Kp = None,
+    kd: Kd = None,
+    torque_limit: TorqueLimit = None,
 ) -> None:
     """Draft an experiment file from logs.
 
@@ -606,15 +620,19 @@ def new(
     """
     if output is not None:
         check_absent(output)
+    told = _told(
+        column, unit, scale, rate,
+        torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit,
+    )  # fmt: skip  # a list
     halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:
         if halves:
-            if len(logs) > 1 or column or unit or scale or rate or torque_constant or resistance:
+            from bristle import Told, complete
+
+            if len(logs) > 1 or told != Told():
                 raise InputError(
                     f"{halves[0]}: is completed by itself; give it alone, and write units and columns into it"
                 )
-            from bristle import complete
-
             if output is not None and output.parent.resolve() != halves[0].parent.resolve():
                 raise InputError(
                     f"{output}: is in another folder than {halves[0]}, whose runs are named relative to it; "
@@ -625,7 +643,6 @@ def new(
         else:
             from bristle import draft
 
-            told = _told(column, unit, scale, rate, torque_constant, resistance)
             text, guessed = draft(*logs, told=told, folder=output and output.parent, progress=progress)
             sentences = [f"guessed: {sentence}" for sentence in guessed]
     if output is None:
@@ -672,18 +689,14 @@ def _tell(texts: Iterable[str]) -> None:
     print_found(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
 
 
-def _told(
-    column: Column, unit: Unit, scale: Scale, rate: Rate, torque_constant: TorqueConstant, resistance: Resistance
-) -> "Told":
+def _told(column: Column, unit: Unit, scale: Scale, rate: Rate, **motor: str | None) -> "Told":
     """What the options tell of logs. Raises InputError where one is no SIGNAL=VALUE of a signal."""
     from bristle.data.experiment.draft import Told, told_by
 
     columns, units, scales = (
         told_by(x or (), f"--{name}") for name, x in (("column", column), ("unit", unit), ("scale", scale))
     )
-    return Told(
-        columns=columns, units=units, scales=scales, rate=rate, torque_constant=torque_constant, resistance=resistance
-    )
+    return Told(columns=columns, units=units, scales=scales, rate=rate, **motor)
 
 
 def _finish(results: "Results", strict: bool) -> None:

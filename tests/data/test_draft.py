@@ -79,10 +79,13 @@ _NAMES: dict[str, tuple[str, str | None] | None] = {
     "timestamp": ("time", None),
     "tau_cmd": ("torque", None),
     "temperature": None,
-    "q_ref": None,
+    "q_ref": ("command", None),
+    "goal_position [deg]": ("command", "deg"),
+    "goal": ("command", None),
+    "torque_enable": None,
     "position_error": None,
     "Torque [parsec]": None,
-    "target_velocity": None,
+    "target_velocity": ("velocity_command", None),
     "current[0] (mA)": ("current", "mA"),
     "position[0]": ("position", None),
     "effort[2] [Nm]": ("torque", "N*m"),
@@ -90,7 +93,7 @@ _NAMES: dict[str, tuple[str, str | None] | None] = {
 
 
 def test_names_as_people_write_them() -> None:
-    """A signal and its unit are read off a column's name; references, errors and other quantities are no signal."""
+    """A signal and its unit are read off a column's name; errors, switches and other quantities are no signal."""
     found = {name: [(signal, x.unit) for signal, x in guess_columns([name]).items()] for name in _NAMES}
     assert found == {name: [guess] if guess else [] for name, guess in _NAMES.items()}
 

@@ -91,8 +91,13 @@ _BAD: dict[str, str] = {
         r"signals\.torque: unit 'N\*m' times scale 1e\+300 is 1e\+300 N\*m; expected between"
     ),
     "signals.torque:": r"runs\.0: no torque",
-    "{signals.torque: null, signals.voltage: {column: 1, unit: V}}": r"needs motor\.torque_constant",
+    "{signals.torque: null, signals.voltage: {column: 1, unit: V}, motor: {torque_constant: 1 N*m/A}}": r"needs motor\.resistance",
     "signals.current: {column: 1, unit: A}": "signals: got torque and current; expected exactly one",
+    "signals.command: {column: 1, unit: rad}": "signals: got torque and command; expected exactly one of .*, or command",
+    "{signals.torque: null, signals.command: {column: 1, unit: rad}}": r"runs\.0: .* needs motor\.kp; add it, .* share of that gain",
+    "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s}}": r"runs\.0: .* needs motor\.kd",
+    "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s, delay: 1 ms}}": "velocity_command: got a delay; expected",
+    "motor: {kp: 20 +/- 1 N*m/rad, kd: 1 +/- 0.1 N*m*s/rad}": r"motor\.kd: got an error; expected it with kp",
     "signals.velocity: {column: 1, unit: Hz}": r"signals\.velocity: unit 'Hz' is no unit of rad/s",
     "signals.position: {column: 1, unit: counts}": "needs encoder_resolution",
     "signals.position: {column: 1, unit: rad, scale: 2 +/- 0.1}": (

@@ -150,6 +150,43 @@ def test_a_wrong_side_is_named(tmp_path: Path) -> None:
     assert "the other side for velocity under motor.gear" in str(found)
 
 
+@pytest.mark.parametrize("side", ["motor", "joint"])
+def test_commands_are_the_torque_that_the_drive_makes(tmp_path: Path, side: str) -> None:
+    """K_p (q_d - q) + K_d (dq_d - dq) within the limit, with gains of the side that the drive is on, over a position that wraps.
+
+    Without a velocity it is that of the position; a delay of the command is one of the torque.
+    """
+    motor = side == "motor"
+    by = RATIO if motor else 1.0
+    q_d, dq_d = Q + 0.02 * np.sin(5 * T), 0.5 * W
+    write_log(
+        tmp_path, "log.csv", t=T, q=np.mod(by * Q, 2 * np.pi), w=by * W, q_d=np.mod(by * q_d, 2 * np.pi), dq_d=by * dq_d
+    )
+    K_p, K_d, limit = 60 / by**2, 0.5 / by**2, 1.0 / by
+    signals: dict[str, Any] = {
+        "time": {"column": "t", "unit": "s"}, "position": {"column": "q", "unit": "rad", "wraps": True},
+        "velocity": {"column": "w", "unit": "rad/s"}, "command": {"column": "q_d", "unit": "rad"},
+        "velocity_command": {"column": "dq_d", "unit": "rad/s"},
+    }  # fmt: skip  # a table
+    gains: dict[str, Any] = {"kp": f"{K_p!r} N*m/rad", "kd": f"{K_d!r} N*m*s/rad", "torque_limit": f"{limit!r} N*m"}
+    gains |= {"gear": {"ratio": by, "position": side, "velocity": side}} if motor else {}
+
+    def torque(**more: Any) -> np.ndarray:
+        """That of the run, with other signals."""
+        given = {name: s for name, s in (signals | more).items() if s is not None}
+        whole = experiments.experiment(tmp_path, joint={"name": "axis"}, motor=gains, signals=given)
+        return present(read_runs(whole)[0].record.torque)
+
+    free = 60 * (q_d - Q) + 0.5 * (dq_d - W)
+    expected = np.clip(free, -1.0, 1.0)
+    assert np.abs(free).max() > 1.2
+    np.testing.assert_allclose(torque(), expected, atol=1e-9)
+    np.testing.assert_allclose(torque(velocity=None), expected, atol=5e-3)
+    np.testing.assert_allclose(torque(velocity_command=None), np.clip(60 * (q_d - Q) - 0.5 * W, -1.0, 1.0), atol=1e-9)
+    late = torque(command={**signals["command"], "delay": "-10 ms"})
+    np.testing.assert_allclose(late[10:], expected[:-10], atol=1e-9)
+
+
 _BAD: dict[str, str] = {
     "gear: 100": r"motor\.gear: got 100; expected the ratio, and for each logged signal the side",
     "gear: '100:1'": r"motor\.gear: got '100:1'; expected the ratio",

@@ -190,6 +190,33 @@ def test_an_effort_without_constants_is_friction_in_its_own_unit(tmp_path: Path,
     near(bristle.identify(path).joint(), alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
+@pytest.mark.parametrize(("late", "gains"), [(0.0, 1.0), (0.008, 1.0), (0.008, 2.5)])
+def test_a_drive_that_is_told_what_to_follow_tells_friction(tmp_path: Path, late: float, gains: float) -> None:
+    """No torque is logged: it is that of the drive's gains, as late as the drive acts, which is found within three errors; a declared delay is taken.
+
+    Simulated commands are such that the drive's torque, so late, moves the joint as it moved.
+    """
+    t, q, v, _ = motion()
+    torque, kp, kd = clean() + white(t.size, 0.01), 40.0 * gains, 1.5 * gains
+    ahead, v_d = np.interp(t + late, t, torque), np.gradient(0.9 * q, t)
+    q_d = q + (ahead - kd * (v_d - v)) / kp
+    np.savetxt(
+        tmp_path / "log.csv", np.stack([t, q, v, q_d, v_d], 1), "%.9g", ",", header="t,q,dq,q_des,dq_des", comments=""
+    )
+    told = bristle.Told(kp=f"{kp} N*m/rad", kd=f"{kd} N*m*s/rad")
+    text, _ = bristle.draft(tmp_path / "log.csv", told=told)
+    (tmp_path / "log.yaml").write_text(text, encoding="utf-8")
+    joint = bristle.identify(tmp_path / "log.yaml").joint()
+    near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+    found, error = map(float, joint.settings["chosen delay"].split(" s late")[0].split(", ")[1].split(" +/- "))
+    assert abs(found - late) <= 3 * error < 0.001
+    declared = text.replace('"q_des", unit: "rad"', f'"q_des", unit: "rad", delay: {-late!r} s')
+    (tmp_path / "log.yaml").write_text(declared, encoding="utf-8")
+    again = bristle.identify(tmp_path / "log.yaml").joint()
+    assert "chosen delay" not in again.settings
+    near(again, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+
+
 @pytest.mark.slow
 def test_a_peak_that_is_not_claimed_is_in_the_band(tmp_path: Path) -> None:
     """Friction without a bristle, with a peak that counts of 14 bits hide: the true curve is within the stated band of the one without it."""

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.encoder import whole_positions
-from bristle.data.experiment.signals import Cleaning, Context, Position, Signal, Signals, Time
+from bristle.data.experiment.constants import commanded_torque
+from bristle.data.experiment.schema import MotorConstants
+from bristle.data.experiment.signals import COMMANDS, Cleaning, Context, Position, Signal, Signals, Time
 from bristle.data.experiment.tables import keys_of
 from bristle.data.record import Record
 from bristle.data.sampling import evenly_sampled
@@ -57,6 +59,7 @@ def make_record(
     *,
     labels: Mapping[str, str] | None = None,
     points: bool = False,
+    motor: MotorConstants | None = None,
 ) -> Record:
     """The record of a time series or, with `points`, of velocity-torque pairs, which time counts.
 
@@ -83,6 +86,10 @@ def make_record(
         whole = whole_positions(file, table.columns[keys_of(signals)["position"]], signals.position, context)
         rows.warnings += [whole] if whole else []
         _unwrap(rows, signals.position, context, told=whole is not None)
+    if signals.drive() == "command" and motor is not None:
+        period = None if signals.position is None else signals.position.period(context)
+        rows.data["torque"] = commanded_torque(rows.data, motor, starts, period)
+        rows.data = {name: values for name, values in rows.data.items() if name not in COMMANDS}
     _refuse_constant(rows)
     _undelay(rows, signals, starts)
     record = _record(file, table, rows, starts, labels or {})
@@ -243,9 +250,10 @@ def _unwrap(rows: _Rows, signal: Position, context: Context, *, told: bool) -> N
 def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
     """Each signal taken when it happened: linear between samples, held beyond the ends of a segment."""
     time = rows.data["time"]
-    for name, signal in signals:
+    for logged, signal in signals:
         if not isinstance(signal, Signal) or not signal.delay:
             continue
+        name = "torque" if logged in COMMANDS else logged
         if not abs(signal.delay) < 0.1 * (time[-1] - time[0]):  # 0.1 of a run: a delay is shorter
             raise InputError(
                 f"{name}: delay: got {signal.delay:g} s in a run of {time[-1] - time[0]:.3g} s; expected less than a tenth of it, such as 1 ms"

@@ -382,6 +382,8 @@ class TrackingFit:
     """The load that it rises with, N*m, (n,); empty as `friction`."""
     starts_of_runs: tuple[int, ...] = field(default=(0,), metadata=UNWRITTEN)
     """First equation of each segment between gaps."""
+    late: tuple[float, float] = field(default=(0.0, np.inf), metadata=UNWRITTEN)
+    """By how much the torque was logged late, to first order beside all that was fitted, and its standard error, s."""
     windows: int = 0
     """Pieces that were simulated, each from a start of its own; 0 where the torque is predicted."""
     uncertainty: Mapping[ParameterName, Uncertainty] = field(default_factory=dict)

@@ -16,6 +16,7 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.constants import torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, GONE
+from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
@@ -191,28 +192,45 @@ def _on_time(
 ) -> tuple[Measured, Joint, dict[str, str]]:
     """Moving runs whose torque was logged late or early, without that, identified anew, and what is said of it; else as they were.
 
-    A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less.
+    A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less. A drive that was told
+    what to follow has one: it is taken where the fit then leaves no more, with its interval.
     """
-    late = 0.0
+    signals, as_logged, late = measured.experiment.signals, measured, 0.0
+    told_by = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
+    declared = told_by is not None and "delay" in getattr(signals, told_by).model_fields_set
+    if declared or joint.moving is None or measured.experiment.fit.set_up == AS_WRITTEN:
+        return measured, joint, {}
     for _ in range(_SHIFTS):
-        more = _delay(measured, joint)
-        more = more if abs(late + more) < _LATEST else 0.0
-        shifted = in_time(measured, more) if more else measured
-        again = identified(shifted, near=joint.tracking) if more else joint
-        if not more or again.moving is None or joint.moving is None or again.moving.rms > _LESS * joint.moving.rms:
+        more, error = joint.moving.late
+        if told_by not in COMMANDS:
+            found = (w for w in joint.moving.warnings if w.code == "torque-delayed")
+            more = next((float(w.numbers["delay"]) for w in found), 0.0)
+        elif abs(more) < error:
+            break
+        if not more or abs(late + more) >= _LATEST:
+            break
+        shifted = in_time(as_logged, late + more)  # once, for to interpolate smooths
+        again = identified(shifted, near=joint.tracking)
+        less = 1.0 if told_by in COMMANDS else _LESS
+        if again.moving is None or again.moving.rms > less * joint.moving.rms:
             break
         measured, joint, late = shifted, again, late + more
+    if told_by in COMMANDS and joint.moving is not None:
+        return measured, joint, {"chosen delay": _of_drive(late + joint.moving.late[0], joint.moving.late[1])}
     when = "late" if late > 0 else "early"
     told = f"logged {abs(late):.3g} s {when}, which is taken off (signals.torque.delay overrules)"
     return measured, joint, {"chosen delay": told} if late else {}
 
 
-def _delay(measured: Measured, joint: Joint) -> float:
-    """By how much the torque of moving runs was logged late, s, where their fit is sure of it and the file does not say; else 0."""
-    drive = getattr(measured.experiment.signals, "torque", None)
-    declared = measured.experiment.fit.set_up == AS_WRITTEN or (drive is not None and "delay" in drive.model_fields_set)
-    found = () if joint.moving is None or declared else joint.moving.warnings
-    return next((float(w.numbers["delay"]) for w in found if w.code == "torque-delayed"), 0.0)
+def _of_drive(late: float, error: float) -> str:
+    """What is said of the delay of a drive, whose torque as its commands have it is so late, negative, s, with a standard error, s."""
+    overrules = "(signals.command.delay, negative, overrules)"
+    reach = student(np.inf) * error
+    if not reach < _LATEST:
+        return f"as the drive makes it of its commands; its delay is not identifiable, and taken as 0 {overrules}"
+    digits = max(1 - int(np.floor(np.log10(error))), 0)
+    value, off, low, high = (f"{x:.{digits}f}" for x in (-late, error, -late - reach, -late + reach))
+    return f"as the drive makes it of its commands, {value} +/- {off} s late [{low}, {high}] {overrules}"
 
 
 def _with_regressors(measured: Measured) -> tuple[Measured, dict[str, str]]:

@@ -115,10 +115,12 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
     static = {row.parameter.direction for row in staged if row.parameter.name == "alpha_0"}
     # a shape that a motion does not show it took from a stage
     fitted = {FASTEST, *(row.parameter.name for row in moving)}
+    beside = {row.parameter.name for row in staged if row.source is Source.STATIC and row.estimate.value is not None}
     rows = []
     for row in moving:
         name, d = row.parameter
-        if not of_curve(name) or _within(d, curves) or not _within(d, static):
+        in_stage = _within(d, static) if of_curve(name) else name in beside
+        if not in_stage or (_within(d, curves) if of_curve(name) else curves):
             rows.append(row)
     for row in staged:
         name, d = row.parameter

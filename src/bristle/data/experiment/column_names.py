@@ -19,6 +19,8 @@ _NAMES = {
     "current": ("i", "iq", "current", "curr", "amps", "strom"),
     "voltage": ("u", "v_in", "voltage", "volt", "volts", "spannung"),
 }
+_OF_COMMANDS = {"command": "position", "velocity_command": "velocity"}
+"""Whose names, beside a word of what was asked for, mean them."""
 _WITH_UNIT = {"position": ("x", "y", "p", "encoder"), "velocity": ("v", "w"), "torque": ("f", "m"), "voltage": ("v",)}
 """Names that mean a signal where a unit of it follows."""
 _UNITS = {
@@ -69,7 +71,7 @@ _ASKED = frozenset((
 ))  # fmt: skip  # a list of words
 """Words of what was asked for: a drive's torque, current or voltage may be that, for want of a measured one."""
 _OTHER = frozenset((
-    "err", "error", "limit", "max", "min", "std", "temp", "temperature", "status", "flag", "id", "count", "dt",
+    "err", "error", "limit", "enable", "enabled", "mode", "max", "min", "std", "temp", "temperature", "status", "flag", "id", "count", "dt",
 ))  # fmt: skip  # a list of words
 """Words of a column that is no signal of the joint."""
 
@@ -94,7 +96,7 @@ def guess_columns(names: Sequence[str], stated: Sequence[str] = ()) -> dict[str,
     units = dict(zip(names, stated, strict=False))
     best = [max(_readings(name, units.get(name, "")), default=None) for name in once]
     guesses: dict[str, ColumnGuess] = {}
-    for signal in _NAMES:
+    for signal in (*_NAMES, *_OF_COMMANDS):
         found = [(x.score, name, x.unit) for name, x in zip(once, best, strict=True) if x and x.signal == signal]
         if found:
             score, name, unit = max(found, key=lambda x: x[0])  # the first of those that are alike
@@ -121,7 +123,7 @@ def _fits(unit: str, signal: str) -> bool:
     """Whether a unit is one of a signal, of a joint that turns or slides."""
     for kind in ("revolute", "prismatic"):
         with suppress(InputError):
-            return bool(factor(unit, unit_of(signal, kind)))
+            return bool(factor(unit, unit_of(_OF_COMMANDS.get(signal, signal), kind)))
     return False
 
 
@@ -139,7 +141,8 @@ def _readings(name: str, stated: str) -> list[_Reading]:
     parted = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", "_", bare.strip()).lower()
     words = [word for x in re.split(r"[^\w*/·°.-]+|_", parted) if (word := re.sub(r"\d+$", "", x))]
     readings = []
-    for signal, units in _UNITS.items():
+    of_commands = {name: _UNITS[of] for name, of in _OF_COMMANDS.items()}
+    for signal, units in {**_UNITS, **of_commands}.items():
         if stated and _fits(stated, signal) and (score := _score(words, signal, stated)):
             readings.append(_Reading(score, signal, stated))
         if bracket:
@@ -153,6 +156,10 @@ def _readings(name: str, stated: str) -> list[_Reading]:
 
 def _score(words: list[str], signal: str, unit: str) -> float:
     """How plainly some words mean a signal; 0: not at all."""
+    if signal in _OF_COMMANDS:
+        stem = [word for word in words if word not in _ASKED]
+        alone = signal == "command" and not set(words) - _ASKED - _BESIDE
+        return 0.0 if len(stem) == len(words) else 1.0 if alone else _score(stem, _OF_COMMANDS[signal], unit)
     usual = (*_NAMES[signal], *(_WITH_UNIT.get(signal, ()) if unit else ()))
     at = max((k for k, word in enumerate(words) if word in usual), default=None)
     rest = set(words) - set(usual)

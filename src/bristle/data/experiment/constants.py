@@ -1,6 +1,6 @@
 """The constants between what a run logged and its torque, and what an error of each does to that torque."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,10 @@ from bristle.model.functions import drive_torque_slopes_function
 from bristle.model.vectorize import evaluate
 
 TORQUE_CONSTANT, RESISTANCE = "torque_constant", "resistance"
-_OF_DRIVE = {"torque": (), "current": (TORQUE_CONSTANT,), "voltage": (TORQUE_CONSTANT, RESISTANCE)}
+_OF_DRIVE = {
+    "torque": (), "current": (TORQUE_CONSTANT,), "voltage": (TORQUE_CONSTANT, RESISTANCE), "command": ("kp", "kd")
+}  # fmt: skip  # a table
+_SYMBOLS = {TORQUE_CONSTANT: "k_t", RESISTANCE: "R", "kp": "K_p", "kd": "K_d"}
 """What of the motor stands between a logged signal and the torque."""
 
 
@@ -37,17 +40,47 @@ class Constant(NamedTuple):
 def torque_constants(signals: Signals, motor: MotorConstants | None, context: Context) -> Iterator[Constant]:
     """The constants that the torque of a run with these signals is computed with; a mere change of sign is none."""
     drive = signals.drive()
-    signal = getattr(signals, drive) if drive else None
-    if drive is None or signal is None:
+    if drive is None:
         return
-    for name in _OF_DRIVE[drive]:
-        known: PlusMinus | None = getattr(motor, name, None)
-        if known is not None:
-            unit = motor_si({TORQUE_CONSTANT: "k_t", RESISTANCE: "R"}[name], context)
-            yield Constant(name, known.value, known.standard_error, unit)
+    known: dict[str, PlusMinus | None] = {name: getattr(motor, name, None) for name in _OF_DRIVE[drive]}
+    if known.get("kp") is not None:
+        known.pop("kd")  # both err together
+    for name, of in known.items():
+        if of is not None:
+            yield Constant(name, of.value, of.standard_error, motor_si(_SYMBOLS[name], context))
+    signal = None if drive == "command" else getattr(signals, drive)
+    if signal is None:
+        return
     number, unit, relative = units.scale_parts(signal.scale)
     if relative is not None or abs(number) != 1 or unit != "1":
         yield Constant(f"scale of {drive}", number, None if relative is None else abs(number) * relative, unit)
+
+
+def commanded_torque(
+    rows: Mapping[str, Array], motor: MotorConstants, starts: Sequence[int], period: float | None
+) -> Array:
+    """The torque that a drive makes of its commands, K_p (q_d - q) + K_d (dq_d - dq), within its limit, N*m, (n,).
+
+    Args:
+        rows: position, and velocity where it was logged, with what was told, by signal, SI, (n,) each.
+        motor: its gains and limit.
+        starts: the first row of each part between gaps.
+        period: where the position wraps, rad; None: nowhere.
+    """
+    at_joint, v, torque = motor.at_joint(), rows.get("velocity"), np.zeros(rows["time"].size)
+    K_p, K_d = (0.0 if gain is None else gain.value for gain in (at_joint.kp, at_joint.kd))
+    if "command" in rows:
+        error = rows["command"] - rows["position"]
+        error -= 0.0 if period is None else period * np.round(error / period)
+        torque += K_p * error
+    if v is None and K_d:  # such a drive takes it from its encoder
+        parts = [np.split(rows[name], starts[1:]) for name in ("position", "time")]
+        slopes = [np.gradient(q, t) if t.size > 1 else np.zeros(t.size) for q, t in zip(*parts, strict=True)]
+        v = np.concatenate(slopes)
+    if v is not None:
+        torque += K_d * (rows.get("velocity_command", 0.0) - v)
+    most = at_joint.torque_limit
+    return torque if most is None else np.clip(torque, -most, most)
 
 
 def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding | None:

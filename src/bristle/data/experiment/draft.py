@@ -17,7 +17,7 @@ from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
-from bristle.data.experiment.signals import DRIVE
+from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.ros.files import is_bag, open_bag
 from bristle.data.ros.read import bag_columns, bag_joints, read_bag, state_topic
 from bristle.data.ros.topics import RECEIVED, Topic, target_of, topics_of
@@ -30,11 +30,12 @@ from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
 
 SIGNALS = ("time", "position", "velocity", "torque", "current", "voltage")
-"""What a column can be told to be."""
+"""What a column can be told to be, of a robot too."""
 DRIVES = ("torque", "current", "voltage")
 """In the order in which they are taken: each needs one constant more than the one before."""
 STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}
 """Of joint states, by signal."""
+_OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
 _SHOWN = 200
 """Columns that the draft lists."""
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
@@ -53,6 +54,14 @@ class Told:
     """Samples per second, with a unit, where no column is the time."""
     torque_constant: str | None = None
     resistance: str | None = None
+    kp: str | None = None
+    kd: str | None = None
+    torque_limit: str | None = None
+
+    @property
+    def motor(self) -> dict[str, str]:
+        """What was told of the motor, by its keys in an experiment file."""
+        return {name: value for name in _OF_MOTOR if (value := getattr(self, name)) is not None}
 
 
 class DraftedRun(NamedTuple):
@@ -119,23 +128,23 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     lines, guessed = [], [f"joint.kind: {kind}, by the units"]
     if by_step:
         guessed.append(f"unit of time: {by_step}, for a log has many samples a second")
-    if drive != "torque" and not (told.torque_constant or told.resistance):
+    if drive in ("current", "voltage") and told.motor.keys().isdisjoint(("torque_constant", "resistance")):
         of, constants = ("A", "") if drive == "current" else ("V", " --resistance '2.1 ohm'")
         guessed.append(
             f"torque: as a {drive}, in {of}, for no torque constant was told (--torque-constant '0.35 N*m/A'{constants} gives N*m)"
         )
     if told.rate is not None:
         lines.append(f"time: {{rate: {quoted(told.rate)}}}")
-    for name in ("velocity", drive) if of_points else ("time", "position", "velocity", drive):
+    drives = tuple(COMMANDS) if drive == "command" else (drive,)
+    for name in ("velocity", *drives) if of_points else ("time", "position", "velocity", *drives):
         if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
             wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(files, guess, told) else ""
             lines.append(_signal(name, guess, kind, told, log, guessed) + f"{wraps}}}")
             guessed += ["position: wraps at a full turn, for it jumps by one"] if wraps else []
-    motor = {"torque_constant": told.torque_constant, "resistance": told.resistance}
     return Draft(
         name=first.stem[:200],
         kind=kind,
-        motor=", ".join(f"{name}: {quoted(value)}" for name, value in motor.items() if value),
+        motor=", ".join(f"{name}: {quoted(value)}" for name, value in told.motor.items()),
         columns=log.described,
         signals=tuple(lines),
         files=tuple(Path(os.path.relpath(f, first.parent if folder is None else folder)).as_posix() for f in files),
@@ -268,15 +277,29 @@ def is_there(path: Path, name: str) -> bool:
 
 def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
     """Which of torque, current and voltage is taken. Raises InputError where none is known, or a voltage has but one of its two constants."""
-    there = [name for name in DRIVES if name in guesses]
-    partly = bool(told.torque_constant) != bool(told.resistance)
+    commands = [name for name in COMMANDS if name in guesses]
+    there = [*(name for name in DRIVES if name in guesses), *["command"] * bool(commands)]
+    partly = ("torque_constant" in told.motor) != ("resistance" in told.motor)
     computable = [name for name in there if name != "voltage" or not partly]
-    drive = next(iter([*(name for name in there if name in told.columns), *computable, *there]), None)
+    asked = [name for name in there if name in told.columns or (name == "command" and "kp" in told.motor)]
+    drive = next(iter([*asked, *computable, *there]), None)
     if drive is None:
         raise InputError(
-            f"{log.path}: no column is named as a torque, a current or a voltage; name it, as in --column torque=NAME --unit torque=N*m "
-            f"(there are: {short(log.described)})"
+            f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME --unit "
+            f"torque=N*m, or --column command=NAME --kp '20 N*m/rad' --kd '1 N*m*s/rad' (there are: {short(log.described)})"
         )
+    if drive == "command":
+        gains = [
+            gain
+            for name, gain in zip(COMMANDS, ("kp", "kd"), strict=True)
+            if name in commands and gain not in told.motor
+        ]
+        if gains:
+            raise InputError(
+                f"{log.path}: column {short(guesses[commands[0]].column)} is a command, and no torque is logged; the one that the drive makes of it "
+                f"needs its gains at the joint, as in --kp '20 N*m/rad' --kd '1 N*m*s/rad' --torque-limit '23 N*m' (missing: --{gains[0]})"
+            )
+        return drive
     if drive not in computable:
         raise InputError(
             f"{log.path}: column {short(guesses[drive].column)} is a voltage, and the torque from it needs both of the motor's constants as seen "
@@ -325,7 +348,7 @@ def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
 
 def _signal(name: str, guess: ColumnGuess, kind: Kind, told: Told, log: _Log, guessed: list[str]) -> str:
     """The line of a signal, but for its end; says what was guessed."""
-    unit = told.units.get(name) or guess.unit or unit_of(name, kind)
+    unit = told.units.get(name) or guess.unit or unit_of(COMMANDS.get(name, name), kind)
     shown = quoted(guess.column) if guess.column in log.names or not guess.column.isdecimal() else guess.column
     if name not in told.columns:
         others = f", the first of {guess.others + 1} that are named so" if guess.others else ""
@@ -353,10 +376,11 @@ def told_by(pairs: Sequence[str], option: str) -> dict[str, str]:
     Raises InputError where it is no such pair, the signal is none, or is told twice.
     """
     told: dict[str, str] = {}
+    signals = (*SIGNALS, *COMMANDS)
     for pair in pairs:
         signal, _, value = pair.partition("=")
-        if signal not in SIGNALS or not value:
-            raise InputError(f"{option}: got {short(pair)}; expected SIGNAL=..., with a signal of {', '.join(SIGNALS)}")
+        if signal not in signals or not value:
+            raise InputError(f"{option}: got {short(pair)}; expected SIGNAL=..., with a signal of {', '.join(signals)}")
         if signal in told:
             raise InputError(f"{option}: {signal} is told twice; keep one")
         told[signal] = value

@@ -122,7 +122,9 @@ class Experiment(StrictModel):
             signals = self.signals_of(run)
             drive, moving = signals.drive(), run.experiment != "points"
             if drive is None:
-                raise InputError(f"{where}: no torque; name one of torque, voltage and current under signals")
+                raise InputError(
+                    f"{where}: no torque; name one of torque, voltage and current, or command, under signals"
+                )
             if moving and signals.time is None:
                 raise InputError(
                     f"{where}: no time; give a column, as in time: {{column: t, unit: s}}, or a rate, as in time: {{rate: 1 kHz}}, under signals"
@@ -135,10 +137,25 @@ class Experiment(StrictModel):
             if not moving and (signals.velocity is None or drive != "torque"):
                 raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
             constants = self.motor_constants
+            gains = {"command": "kp", "velocity_command": "kd"}
+            lacks = [
+                x for name, x in gains.items() if getattr(signals, name) and not (constants and getattr(constants, x))
+            ]
+            if lacks:
+                raise InputError(
+                    f"{where}: the torque that a drive makes of a command needs motor.{lacks[0]}; add it, as in motor: {{kp: 20 N*m/rad, "
+                    "kd: 1 N*m*s/rad}: without it friction is known as a share of that gain alone"
+                )
+            if signals.command is not None and signals.position is None:
+                raise InputError(
+                    f"{where}: no position, which a drive compares its command with; name it under signals"
+                )
             k_t = constants and constants.torque_constant
             alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
-            if (drive != "torque" and not alone) and (
-                constants is None or k_t is None or (drive == "voltage" and constants.resistance is None)
+            if (
+                drive not in ("torque", "command")
+                and not alone
+                and (constants is None or k_t is None or (drive == "voltage" and constants.resistance is None))
             ):
                 wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
                 raise InputError(
@@ -307,8 +324,9 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
     # what overflows is not finite, and treated as such
     with np.errstate(over="ignore", invalid="ignore"), naming(shown):
         record = make_record(
-            shown, table, signals, experiment.cleaning, experiment.context, labels=labels, points=points
-        )
+            shown, table, signals, experiment.cleaning, experiment.context, labels=labels, points=points,
+            motor=experiment.motor_constants,
+        )  # fmt: skip  # a list
         if not points:
             record = _complete(experiment, run.experiment, record, signals.drive())
         record = replace(record, notes=(*record.notes, *gear_note(signals, experiment.context)))

@@ -35,6 +35,11 @@ class PlusMinus:
     value: float
     standard_error: float | None = None
 
+    def times(self, factor: float) -> "PlusMinus":
+        """The same, so many times as large."""
+        error = self.standard_error
+        return PlusMinus(value=factor * self.value, standard_error=None if error is None else factor * error)
+
 
 _SUREST = 1e-9
 """Of an inertia: a smaller error is none, and its weight would drown the data in rounding."""
@@ -139,6 +144,10 @@ class JointDescription(StrictModel):
     kind: Annotated[Kind, BeforeValidator(_declared_kind)] = "revolute"
 
 
+_RATIOS = {"torque_constant": 1, "kp": 2, "kd": 2}
+"""By which power of the gear's ratio a constant is larger at the joint."""
+
+
 class MotorConstants(StrictModel):
     """What is known of the motor: its own constants where a gear is declared, else as seen at the joint, gear included."""
 
@@ -146,6 +155,12 @@ class MotorConstants(StrictModel):
     resistance: Annotated[PlusMinus, read_constant("R")] | None = None
     inductance: Annotated[float, quantity("L"), Field(ge=0)] = 0.0
     inertia: Annotated[float, quantity("J", of_motor=True), Field(gt=0)] | None = None
+    kp: Annotated[PlusMinus, read_constant("K_p")] | None = None
+    """Gain of the drive from the command less the position to the torque, ..."""
+    kd: Annotated[PlusMinus, read_constant("K_d")] | None = None
+    """... and from the velocity command, 0 where there is none, less the velocity: both err together, by the drive's torque constant."""
+    torque_limit: Annotated[float, quantity("torque", of_motor=True), Field(gt=0)] | None = None
+    """What the drive gives at the most."""
     gear: Gear | None = None
 
     @model_validator(mode="before")
@@ -157,18 +172,22 @@ class MotorConstants(StrictModel):
 
     @model_validator(mode="after")
     def _says_something(self) -> "MotorConstants":
-        if self.torque_constant is None and self.gear is None:
+        if self.torque_constant is None and self.gear is None and self.kp is None and self.kd is None:
             raise InputError("motor.torque_constant: missing; add this key")
+        if self.kp is not None and self.kd is not None and self.kd.standard_error is not None:
+            raise InputError(
+                "motor.kd: got an error; expected it with kp: a drive's gains err together, by its torque constant"
+            )
         return self
 
     def at_joint(self) -> "MotorConstants":
-        """The same without a gear: k_t times abs(ratio), J times its square; R and L are what they are."""
+        """The same without a gear: k_t and a limit times abs(ratio), J and gains times its square; R and L are what they are."""
         if self.gear is None:
             return self
-        ratio, k_t = abs(self.gear.ratio), self.torque_constant
-        error = None if k_t is None or k_t.standard_error is None else ratio * k_t.standard_error
+        ratio = abs(self.gear.ratio)
         at_joint = {
-            "torque_constant": k_t and PlusMinus(value=ratio * k_t.value, standard_error=error),
+            **{name: getattr(self, name) and getattr(self, name).times(ratio**n) for name, n in _RATIOS.items()},
+            "torque_limit": self.torque_limit and ratio * self.torque_limit,
             "inertia": self.inertia and ratio**2 * self.inertia,
             "gear": None,
         }

@@ -23,7 +23,9 @@ from bristle.errors import InputError, short
 from bristle.model.parameters import Kind, unit
 
 DRIVE = ("torque", "voltage", "current")
-"""The three ways to log what the drive does; a run has exactly one of them."""
+"""The three ways to log what the drive does; a run has exactly one of them, or commands."""
+COMMANDS = {"command": "position", "velocity_command": "velocity"}
+"""What a drive was told to follow, each in the unit, and on the side of the gear, of what follows it."""
 
 
 def _counted_from_zero(column: int | str) -> int | str:
@@ -169,6 +171,7 @@ class Signal(StrictModel):
 
     def factor(self, name: str, context: Context) -> float:
         """What logged values are multiplied by to be in SI. Raises InputError where the unit does not fit."""
+        name = COMMANDS.get(name, name)
         target = unit(name, context.kind_of(name))
         logged = units.factor(self.unit, target, scale=self.scale, resolution=context.resolution)
         return logged * context.to_joint(name)
@@ -231,7 +234,7 @@ class Enabled(Signal):
 
 
 class Signals(StrictModel):
-    """What was logged. Of torque, voltage and current a run has exactly one."""
+    """What was logged. Of torque, voltage and current a run has exactly one, or what the drive was told to follow."""
 
     time: Time | None = None
     position: Position | None = None
@@ -239,9 +242,12 @@ class Signals(StrictModel):
     torque: Signal | None = None
     voltage: Signal | None = None
     current: Signal | None = None
+    command: Signal | None = None
+    """The position that the drive was told to follow; its delay is that of the torque which the drive makes of it."""
+    velocity_command: Signal | None = None
     enabled: Annotated[Enabled | None, BeforeValidator(_as_column)] = None
 
-    @field_validator("position", "velocity", *DRIVE)
+    @field_validator("position", "velocity", *DRIVE, *COMMANDS)
     @classmethod
     def _units_fit(cls, signal: Signal | None, info: ValidationInfo) -> Signal | None:
         if signal is not None and isinstance(info.context, Context):
@@ -257,17 +263,26 @@ class Signals(StrictModel):
     @model_validator(mode="after")
     def _one_drive(self) -> "Signals":
         given = [name for name in DRIVE if getattr(self, name) is not None]
-        if len(given) > 1:
-            raise InputError(f"got {' and '.join(given)}; expected exactly one of torque, voltage, current")
+        commands = [name for name in COMMANDS if getattr(self, name) is not None]
+        if len(given) > 1 or (given and commands):
+            told = " and ".join([*given, *commands])
+            raise InputError(
+                f"got {told}; expected exactly one of torque, voltage, current, or command and velocity_command"
+            )
+        if self.velocity_command is not None and self.velocity_command.delay:
+            raise InputError(
+                "velocity_command: got a delay; expected it under command: it is of the torque that both make"
+            )
         return self
 
     def over(self, base: "Signals") -> "Signals":
         """These signals, and those of `base` that they do not replace.
 
-        Any of torque, voltage and current replaces the others.
+        Any of torque, voltage, current and commands replaces the others.
         """
         given = {name: signal for name, signal in self if signal is not None}
-        cleared = dict.fromkeys(DRIVE) if set(DRIVE) & set(given) else {}
+        drives = (*DRIVE, *COMMANDS)
+        cleared = dict.fromkeys(drives) if set(drives) & set(given) else {}
         return base.model_copy(update=cleared | given)
 
     def timed(self) -> "Signals":
@@ -287,8 +302,9 @@ class Signals(StrictModel):
         return {name: s for name, s in self if isinstance(s, Signal) and s.time is not None}
 
     def drive(self) -> str | None:
-        """Which of torque, voltage and current is logged."""
-        return next((name for name in DRIVE if getattr(self, name) is not None), None)
+        """Which of torque, voltage and current is logged, or `command`, of a position, a velocity or both."""
+        commands = any(getattr(self, name) is not None for name in COMMANDS)
+        return next((name for name in DRIVE if getattr(self, name) is not None), "command" if commands else None)
 
 
 class Cleaning(StrictModel):

@@ -135,6 +135,7 @@ def fit_tracking(
         friction=friction + rows if friction.size else friction,
         load=load,
         starts_of_runs=problem.starts,
+        late=left.late,
         windows=len(problem.motions) if problem.quantity == "position" else 0,
     )
     return DynamicSolution(result, problem, solution.values, solution)

@@ -72,6 +72,8 @@ class Left(NamedTuple):
     more is left about reversals."""
     friction: float = np.nan
     """Of the model, rms, N*m."""
+    late: tuple[float, float] = (0.0, np.inf)
+    """By how much the torque was logged late, and its standard error, s."""
 
 
 def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> Left:
@@ -119,7 +121,9 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     errors[seen] = lacks.errors
     worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
     errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
-    return Left([*lacks.findings, *patterns], errors, size)
+    made = weight**2 * _made_by_counts(problem, solution)
+    late_by = _without_counts(score(known, rest, (weight * late)[:, None]), made)
+    return Left([*lacks.findings, *patterns], errors, size, late_by)
 
 
 def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
