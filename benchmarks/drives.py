@@ -233,7 +233,9 @@ def experiment(entry: Entry, data: Path, place: Path) -> str:
         text = (data / entry.logs).read_text(encoding="utf-8")
     else:
         words = dict(word.split("=", 1) for word in entry.told.split())
-        more = {name: words.pop(name) for name in ("rate", "torque_constant", "resistance", "kp", "kd") if name in words}
+        more = {
+            name: words.pop(name) for name in ("rate", "torque_constant", "resistance", "kp", "kd") if name in words
+        }
         parts = {signal: [*word.split(","), "", ""][:3] for signal, word in words.items()}
         columns, units, scales = ({signal: x[k] for signal, x in parts.items() if x[k]} for k in range(3))
         told = bristle.Told(columns=columns, units=units, scales=scales, **more)
