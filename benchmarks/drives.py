@@ -12,7 +12,6 @@ name are Coulomb friction, then viscous friction, in SI.
 """
 
 import argparse
-import json
 import os
 import re
 import tempfile
@@ -58,12 +57,6 @@ class Entry(NamedTuple):
 def with_voltage(log: pd.DataFrame) -> pd.DataFrame:
     """The motor's voltage, supply * pwm / 885."""
     return log[["time", "position", "speed"]].assign(voltage=log.input_volts * log.pwm / 885)
-
-
-def fifth_joint(log: pd.DataFrame) -> pd.DataFrame:
-    """One joint of a log with lists in its cells."""
-    cells = {name: [json.loads(x)[4] for x in log[name]] for name in ("positions", "velocities", "torques")}
-    return pd.DataFrame({"timestamp": log.timestamp, **cells})
 
 
 def with_constants(text: str) -> str:
@@ -126,9 +119,10 @@ ENTRIES = (
     Entry("double_pendulum 1", PENDULUM_LOGS[0], "published 0.093; carries joint 2, 88 %: to be refused", PENDULUM.format(1), PENDULUM_LOGS[1]),
     Entry("double_pendulum 2", PENDULUM_LOGS[0], "published 0.078; 0.104 +/- 0.007, held out 34 %, from the other joint",
         PENDULUM.format(2), PENDULUM_LOGS[1]),
-    Entry("so101 as logged", "so101/triangle_wave_state_motor.csv", "lists in cells: read them, or say how"),
+    Entry("so101 as logged", "so101/triangle_wave_state_motor.csv", "lists in cells: say how to name a joint",
+        "position=positions,rad velocity=velocities,rad/s torque=torques,N*m"),
     Entry("so101 joint 5", "so101/triangle_wave_state_motor.csv", "the torque is a magnitude, in steps of 0.0228: say that it has no sign",
-        "time=timestamp,s position=positions,rad velocity=velocities,rad/s torque=torques,N*m", prepared=fifth_joint),
+        "time=timestamp,us position=positions[4],rad velocity=velocities[4],rad/s torque=torques[4],N*m"),
     Entry("gravity_sim drafted", f"{CASES}gravity_sim/*.csv", GRAVITY_SIM),
     Entry("gravity_sim gs.yaml", f"{CASES}gs.yaml", GRAVITY_SIM),
     Entry("gravity_sim with regressors", f"{CASES}gs.yaml", GRAVITY_SIM, edited=with_gravity),

@@ -97,6 +97,13 @@ TorqueConstant = Annotated[str | None, asked("QUANTITY", "Of the motor, at the j
 Resistance = Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")]
 Kp = Annotated[str | None, asked("QUANTITY", "Of a drive that is told a position, at the joint, as 20 N*m/rad.")]
 Kd = Annotated[str | None, asked("QUANTITY", "Of a drive that is told a velocity, at the joint, as 1 N*m*s/rad.")]
+Gear = Annotated[str | None, asked("GEAR", "As under motor: 'ratio: 100, position: motor, velocity: motor'.")]
+Inertia = Annotated[
+    str | None, asked("QUANTITY", "Of the joint, as 0.0089 kg*m^2, or with its error: then it is a prior.")
+]
+Directions = Annotated[str | None, asked("WORD", "One friction for both, or one each: auto, symmetric or separate.")]
+Name = Annotated[str | None, asked("NAME", "Of the joint.")]
+HoldOut = Annotated[list[Path] | None, asked("LOG", "A log that is kept for validation; may be given again.")]
 TorqueLimit = Annotated[
     str | None, asked("QUANTITY", "What a drive gives at the most, where commands are logged, as 23 N*m.")
 ]
@@ -198,6 +205,11 @@ def identify(
     kp: Kp = None,
     kd: Kd = None,
     torque_limit: TorqueLimit = None,
+    gear: Gear = None,
+    inertia: Inertia = None,
+    directions: Directions = None,
+    name: Name = None,
+    hold_out: HoldOut = None,
 ) -> None:
     """Print how well friction is known, and the values to use.
 
@@ -212,7 +224,8 @@ def identify(
             check_absent(path)
     told = _told(
         column, unit, scale, rate,
-        torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit,
+        torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit, gear=gear,
+        inertia=inertia, directions=directions, name=name, hold_out=tuple(hold_out or ()),
     )  # fmt: skip  # a list
     guessed: tuple[str, ...] = ()
     with shown() as progress:
@@ -611,6 +624,11 @@ def new(
     kp: Kp = None,
     kd: Kd = None,
     torque_limit: TorqueLimit = None,
+    gear: Gear = None,
+    inertia: Inertia = None,
+    directions: Directions = None,
+    name: Name = None,
+    hold_out: HoldOut = None,
 ) -> None:
     """Draft an experiment file from logs.
 
@@ -622,7 +640,8 @@ def new(
         check_absent(output)
     told = _told(
         column, unit, scale, rate,
-        torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit,
+        torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit, gear=gear,
+        inertia=inertia, directions=directions, name=name, hold_out=tuple(hold_out or ()),
     )  # fmt: skip  # a list
     halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:
@@ -689,14 +708,14 @@ def _tell(texts: Iterable[str]) -> None:
     print_found(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
 
 
-def _told(column: Column, unit: Unit, scale: Scale, rate: Rate, **motor: str | None) -> "Told":
+def _told(column: Column, unit: Unit, scale: Scale, rate: Rate, **more: Any) -> "Told":
     """What the options tell of logs. Raises InputError where one is no SIGNAL=VALUE of a signal."""
     from bristle.data.experiment.draft import Told, told_by
 
     columns, units, scales = (
         told_by(x or (), f"--{name}") for name, x in (("column", column), ("unit", unit), ("scale", scale))
     )
-    return Told(columns=columns, units=units, scales=scales, rate=rate, **motor)
+    return Told(columns=columns, units=units, scales=scales, rate=rate, **more)
 
 
 def _finish(results: "Results", strict: bool) -> None:

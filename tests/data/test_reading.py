@@ -113,7 +113,7 @@ def test_mat_paths(tmp_path: Path) -> None:
     scipy.io.savemat(path, {"data": {"run": runs, "t": np.arange(3.0)}, "k": 2.0})
     assert _column(path, "data.t") == [0, 1, 2]
     assert _mat(path, "data.run{2}.q") == [1, 2, 3]
-    assert _mat(path, "data.run{2}.m", 1) == [1, 3, 5]
+    assert _mat(path, "data.run{2}.m", 1) == _column(path, "data.run{2}.m[1]") == [1, 3, 5]
     assert "data.run{2}.q" in names_of(path)
     says = {
         "data.run{3}.q": "2 elements",
@@ -480,6 +480,17 @@ def test_parquet_columns_of_all_kinds(tmp_path: Path) -> None:
     for name in ("list", "struct", "text", "words", "stamp"):
         with pytest.raises(InputError, match=f"column '{name}' holds no numbers, but '"):
             _column(path, name)
+    rows = pa.table(
+        {
+            "q": [[1.0, 2.0], [3.0, 4.0]],
+            "fixed": pa.array([[1, 2], [3, 4]], pa.list_(pa.int32(), 2)),
+            "uneven": [[1.0, 2.0], [3.0]],
+        }
+    )
+    parquet.write_table(rows, path)
+    assert (_column(path, "q[1]"), _column(path, "fixed", 0)) == ([2, 4], [1, 3])
+    with pytest.raises(InputError, match="expected in every row of column 'uneven' index 1 as many numbers"):
+        _column(path, "uneven[1]")
     parquet.write_table(pa.table([columns["large"], columns["decimal"]], names=["q", "q"]), path)
     for column in ("q", 0):
         with pytest.raises(InputError, match="several columns named 'q'"):

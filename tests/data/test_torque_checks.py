@@ -5,11 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import bristle
 from bristle.arrays import Array
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import Record
 from bristle.data.torque_checks import at_limits, check_torque
+from bristle.findings import CRITICAL
 from bristle.model.functions import steady_torque_function
+from bristle.model.parameters import Lugre
 from bristle.model.vectorize import evaluate
 
 from .experiments import present
@@ -48,6 +51,27 @@ def test_clean_torques_are_left_alone() -> None:
         assert kinds(cycles(seed, rest=seed % 3), "presliding") == []
         assert kinds(table(seed), "points") == []
         assert kinds(moving(seed)[0], "tracking") == []
+
+
+def test_a_torque_without_a_sign_is_named() -> None:
+    """The size of a torque, or that of its opposite, of a joint that goes both ways is critical.
+
+    The torque itself is not, nor one that a load keeps up, nor the size of that of a joint that goes one way.
+    """
+    for seed in range(20):
+        record, v = moving(seed)
+        p = Lugre(1.0, 0.3, 0.2 / np.abs(v).max(), 0.05 * np.abs(v).max(), 2e3 / np.abs(v).max(), 0.0)
+        torque = bristle.simulate(v, 1 / RATE, p) + 0.01 * np.random.default_rng(seed).standard_normal(v.size)
+        for unsigned in (np.abs(torque), -np.abs(torque)):
+            (found, *_) = check_torque(replace(record, torque=unsigned), "tracking")
+            assert (found.code, found.severity) == ("torque-unsigned", CRITICAL)
+        loaded = replace(record, torque=torque + 1.5 * np.abs(torque).max())
+        for other in (
+            replace(record, torque=torque),
+            loaded,
+            replace(record, velocity=np.abs(v), torque=np.abs(torque)),
+        ):
+            assert "torque-unsigned" not in kinds(other, "tracking")
 
 
 @pytest.mark.parametrize("share", [0.03, 0.3])

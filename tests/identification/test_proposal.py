@@ -1,5 +1,6 @@
 """What `bristle new` drafts from logs, and what it adds to a half-filled experiment file."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ from bristle import api
 from bristle.arrays import Array
 from bristle.data.experiment.draft import Told
 from bristle.data.experiment.load import load_experiment
+from bristle.data.experiment.schema import PlusMinus
 from bristle.errors import InputError
 from bristle.identification.measured import measure
 from bristle.model.parameters import SIGNED, Direction, Lugre, Pair
@@ -125,6 +127,37 @@ def test_tracking_runs_of_another_rate_are_drafted_together(tmp_path: Path) -> N
     found = bristle.identify(tmp_path / "draft.yaml")
     told = [d for x in found.joint().inputs for d in x.notes if d.code == "sampled-faster"]
     assert [d.numbers["ratio"] for d in told] == pytest.approx([2.0, 2.0], rel=1e-6)
+
+
+def test_what_the_joint_is_can_be_told(tmp_path: Path) -> None:
+    """Name, gear, inertia, directions and a log that is held out stand in the draft as told; unsaid, logs name the joint by what they have in common.
+
+    Of a robot they are refused.
+    """
+    logs = [swung(tmp_path, f"wrist_{k}.csv", seed=k) for k in (1, 2)]
+    gear, held = "ratio: 2, position: joint", swung(tmp_path, "other.csv", seed=3)
+    told = replace(
+        MOTOR, name="elbow", gear=gear, inertia="0.05 +/- 0.01 kg*m^2", directions="symmetric", hold_out=(held,)
+    )
+    text, _ = api.draft(*logs, told=told, folder=tmp_path)
+    (tmp_path / "draft.yaml").write_text(text)
+    e = load_experiment(tmp_path / "draft.yaml")
+    assert e.context.gear is not None
+    assert (e.joint.name, e.context.gear.ratio, e.inertia, e.fit.directions) == (
+        "elbow",
+        2.0,
+        PlusMinus(value=0.05, standard_error=0.01),
+        "symmetric",
+    )
+    assert [(run.files, run.hold_out) for run in e.runs] == [
+        ("wrist_1.csv", False),
+        ("wrist_2.csv", False),
+        ("other.csv", True),
+    ]
+    text, _ = api.draft(*logs, told=MOTOR, folder=tmp_path)
+    assert text.startswith('joint: {name: "wrist", kind: revolute}')
+    with pytest.raises(InputError, match="gear is of one joint, and a robot has several"):
+        api.draft(tmp_path / "arm.urdf", *logs, told=told)
 
 
 def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:

@@ -19,8 +19,12 @@ _NPZ = ("NPZ file", "write it again with numpy.savez")
 
 
 def read_binary(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a MAT, NPZ, Parquet or HDF5 file, by name, path or number. Raises InputError where one cannot be read."""
-    return dict(zip(keys, READERS[path.suffix.lower()](path, keys), strict=True))
+    """Columns of a MAT, NPZ, Parquet or HDF5 file, by name, path or number. Raises InputError where one cannot be read.
+
+    `q[2]` is the third column of a matrix, or of a column of lists, q.
+    """
+    named = [key.inside() or key for key in keys]
+    return dict(zip(keys, READERS[path.suffix.lower()](path, named), strict=True))
 
 
 def names_of(path: Path) -> tuple[str, ...]:
@@ -73,7 +77,7 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
     """Columns of a Parquet file, by name or by number from 0; it needs the extra `parquet`."""
     try:
         import pyarrow as pa
-        from pyarrow import parquet
+        from pyarrow import compute, parquet
     except ImportError as error:
         raise InputError(
             "is a Parquet file, which needs pyarrow; install it with pip install 'bristle[parquet]'"
@@ -87,21 +91,26 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
             return
         names = [_named(key, schema.names) for key in keys]
         for key, name in zip(keys, names, strict=True):
-            if not _is_number(kind := schema.field(name).type):
+            kind = schema.field(name).type
+            if not _is_number(kind if key.index is None else getattr(kind, "value_type", kind)):
                 raise InputError(
                     f"column {key} holds no numbers, but {short(str(kind))}; expected one number per sample"
                 )
         bounded(file.metadata.num_rows * len(names))
         with reading("Parquet file"):
             table = file.read(columns=sorted(set(names)))
-            columns = [table.column(name).cast(pa.float64(), safe=False).to_numpy() for name in names]
-        yield from (np.array(column, dtype=float) for column in columns)
+        for key, name in zip(keys, names, strict=True):
+            with reading("Parquet file", f"expected in every row of column {key} as many numbers"):
+                column = table.column(name)
+                column = column if key.index is None else compute.list_element(column, key.index)
+                numbers = column.cast(pa.float64(), safe=False).to_numpy()
+            yield np.array(numbers, dtype=float)
 
 
 def _named(key: Key, there: Sequence[str]) -> str:
     """The name of the column that a key means, which has it alone."""
     number = isinstance(key.column, int)
-    if key.index is not None or (key.column >= len(there) if isinstance(key.column, int) else key.column not in there):
+    if key.column >= len(there) if isinstance(key.column, int) else key.column not in there:
         raise InputError(f"no column {key}; there are: {short_list(there)}")
     name = there[key.column] if isinstance(key.column, int) else key.column
     if there.count(name) > 1:

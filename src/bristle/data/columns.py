@@ -4,10 +4,11 @@ Which column is meant, what a column is, and what a damaged file is. Their libra
 file: each call of one stands alone in `reading`, so that no defect of our own passes for damage.
 """
 
+import re
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,6 +30,11 @@ class Key:
     """Whether it holds dates or times of day, which become seconds since the first."""
     file: str | None = None
     """Where it is in another file than the rest of a run: that file, as the experiment file names it."""
+
+    def inside(self) -> "Key | None":
+        """The same of a matrix or a list, whose column `q[2]` names; None: it names none so."""
+        match = re.fullmatch(r"(.+)\[(\d{1,6})\]", self.column) if isinstance(self.column, str) else None
+        return None if match is None or self.index is not None else replace(self, column=match[1], index=int(match[2]))
 
     def __str__(self) -> str:
         return short(self.column) + ("" if self.index is None else f" index {self.index}")

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -163,6 +163,7 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
     if not layout.first:
         raise InputError("has a header and no row of numbers; expected a log with a row per sample")
     frame = _frame(path, layout, [place for key, place in places.items() if key.stamps])
+    lists = _of_lists(layout)
     times = [place for place in places.values() if place % 2 == 0] if layout.blocks else []
     for key, place in places.items():  # channels of a time and a value each have one time
         if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):
@@ -173,7 +174,11 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
     comma = Finding("decimal-comma", CAUTION, "Numbers have a decimal comma.") if layout.decimal == "," else None
     notes = tuple(filter(None, (layout.note, comma)))
     stamps = {key: seconds_of_stamps(frame[place], str(key)) for key, place in places.items() if key.stamps}
-    numbers = {key: _numbers(frame[place], key) for key, place in places.items() if not key.stamps}
+    numbers = {
+        key: _numbers(_picked(frame[place], key) if place in lists else frame[place], key)
+        for key, place in places.items()
+        if not key.stamps
+    }
     stated = {key: layout.units[place] for key, place in places.items() if place < len(layout.units)}
 
     # lines and rows go together where each line after the header is one row, in a file that is short enough to look
@@ -224,13 +229,18 @@ def _frame(path: Path, layout: Layout, stamps: Sequence[int]) -> "pd.DataFrame":
 
 def _place(key: Key, layout: Layout) -> int:
     """Which column of the file a key names, from 0."""
-    column, there = key.column, short_list(layout.names) or f"0 to {layout.width - 1}, without a header"
+    there = short_list(layout.names) or f"0 to {layout.width - 1}, without a header"
+    if (inside := key.inside()) is not None and key.column not in layout.names:
+        key = inside
+    column = key.column
     if isinstance(column, int):
         if column >= layout.width or key.index is not None:
             why = "an index needs the name of an array" if column < layout.width else "columns count from 0"
             raise InputError(f"no column {key}; {why}, and there are: {there}")
         return column
     found = _named(column, key.index, layout)
+    if not found and key.index is not None:
+        found = [k for k in _named(column, None, layout) if k in _of_lists(layout)]
     if len(found) > 1:
         raise InputError(
             f"several columns named {key}, columns {short_list(found)}, counted from 0; write a number, as in column: {found[1]}, "
@@ -262,7 +272,28 @@ def _named(column: str, index: int | None, layout: Layout) -> list[int]:
     return every[int(number) - 1 : int(number)] if int(number) else []
 
 
-def _numbers(column: "pd.Series[float]", key: Key) -> Array:
+def _of_lists(layout: Layout) -> set[int]:
+    """Columns that hold a list in each cell."""
+    return {k for k, x in enumerate(layout.first) if x.startswith(("[", "("))}
+
+
+def _picked(column: "pd.Series[Any]", key: Key) -> "pd.Series[Any]":
+    """One of the numbers of lists, each in a cell, as `[1.5, 2.5]`. Raises InputError where there is none."""
+    which = (key.inside() or key).index
+    if which is None:
+        raise InputError(
+            f"column {key} holds lists, as {short(column.iloc[0])}; say which of its numbers, as in {key.column}[0]"
+        )
+    lists = column.astype(str).str.strip("[]() ").str.split(r"[,;\s]+", regex=True)
+    picked = lists.map(lambda x: x[which] if which < len(x) else None)
+    if (missing := np.flatnonzero(picked.isna())).size:
+        raise InputError(
+            f"row {missing[0] + 1} of column {key} holds {short(column.iloc[missing[0]])}; expected a list with a number {which}, from 0"
+        )
+    return picked
+
+
+def _numbers(column: "pd.Series[Any]", key: Key) -> Array:
     """The numbers of a column; one that no float could hold is none."""
     import pandas as pd
 

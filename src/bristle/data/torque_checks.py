@@ -15,6 +15,8 @@ from bristle.findings import CAUTION, CRITICAL, Finding
 
 _PILED, _NEXT = 4.0, 3
 """A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
+_MANY, _TURNS = 200, 4
+"""Samples, and turns, that show that a torque has no sign."""
 _PARTS = 100
 """The first of so many parts of slow loading, but no less than ..."""
 
@@ -31,7 +33,7 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
         return
     checks = [_clipped(record, kind) if kind != "presliding" or _moves_at_limits(record) else None]
     checks += [_loaded_at_start(record)] if kind == "presliding" else []
-    checks += [_dead_zone(record)] if kind == "tracking" else []
+    checks += [_unsigned(record), _dead_zone(record)] if kind == "tracking" else []
     checks += [_coarse(record, kind)] if kind != "points" else []
     yield from filter(None, checks)
 
@@ -101,6 +103,29 @@ def _clipped(record: Record, kind: RunKind) -> Finding | None:
         if left_out
         else Finding("clipped", CRITICAL, message, numbers, {} if kind == "presliding" else {"torque": np.inf})
     )
+
+
+def _unsigned(record: Record) -> Finding | None:
+    """That a torque is a magnitude: that of a joint that goes both ways goes to zero where it turns, and never beyond it."""
+    if record.torque is None or record.velocity is None or record.voltage is not None:
+        return None
+    size, speed = np.abs(record.torque), np.abs(record.velocity)
+    turns = np.flatnonzero(np.diff(np.sign(record.velocity)))
+    if size.size < _MANY or turns.size < _TURNS or record.torque.min() * record.torque.max() < 0:
+        return None
+    # 0.1 of the way at least in either direction; where it is slower than 0.1 of the fastest, the least about each turn, of which noise makes more
+    back = float(speed[record.velocity < 0].sum() / speed.sum())
+    slow = np.where(speed <= 0.1 * speed.max(), size, np.inf)
+    least = np.minimum.reduceat(slow, np.append(0, (turns[:-1] + turns[1:]) // 2))
+    if not 0.1 < back < 0.9 or np.quantile(least, 0.2, method="lower") > 0.2 * np.median(size):
+        return None
+    beyond = "below" if record.torque.max() > 0 else "above"
+    message = (
+        f"The torque of {record.file}{OTHER_FILES} is a magnitude: zero or next to it where the joint turns, and never {beyond} it, though it goes "
+        "both ways. Whether it drives or brakes is not in it, so neither friction nor gravity can be told: log it with its sign, or what the "
+        "drive was told to follow and its gains (signals.command)."
+    )
+    return Finding("torque-unsigned", CRITICAL, message, {"files": (record.file,)}, {"torque": np.inf})
 
 
 def _moves_at_limits(record: Record) -> bool:

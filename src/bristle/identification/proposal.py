@@ -15,6 +15,7 @@ from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.draft import draft_robot
 from bristle.data.robot.robot_file import robot_of
 from bristle.data.run_kinds import kinds_of, stretches
+from bristle.errors import InputError
 from bristle.findings import Severity
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
@@ -54,10 +55,18 @@ def draft_of_logs(
     tell = teller(progress, 3)
     tell("reading the logs")
     if files[0].suffix.lower() == ".urdf":
+        if given := [
+            name for name in ("gear", "inertia", "directions", "name", "hold_out", "kp", "kd") if getattr(told, name)
+        ]:
+            raise InputError(
+                f"{files[0]}: {given[0]} is of one joint, and a robot has several; write it into the draft"
+            )
         return _of_robot(files[0], files[1:], told, folder)
+    files = (*files, *told.hold_out)
     draft = draft_experiment(files, told, folder)
     path = (files[0].parent if folder is None else folder) / f"the draft for {files[0].name}"
-    runs = [DraftedRun("points", "neither time nor position is logged")] * len(files)
+    kept = [k >= len(files) - len(told.hold_out) for k in range(len(files))]
+    runs = [DraftedRun("points", "neither time nor position is logged", hold) for hold in kept]
     said = list(draft.guessed)
     if not draft.of_points:
         unsorted = experiment_of(draft.text([DraftedRun(_ANY)] * len(files)), path)
@@ -65,7 +74,7 @@ def draft_of_logs(
         tell("constant velocities, slow loading, other motion")
         found = [(run.record.file, stretches(run.record, unsorted.joint.kind)) for run in read]
         kinds = kinds_of(found)
-        runs = [DraftedRun(kind, f"{does}") for kind, (_, does) in zip(kinds, found, strict=True)]
+        runs = [DraftedRun(kind, f"{does}", hold) for kind, (_, does), hold in zip(kinds, found, kept, strict=True)]
         said.append(f"experiment: {_counted(kinds)}, by what the signals do")
         said += [
             f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
@@ -73,7 +82,7 @@ def draft_of_logs(
             if does.unused(kind) > (_BETWEEN if kind == "ramp" else _MIXED)
         ]
     tell("regressors and directions")
-    fit, why = _fit(draft, runs, path)
+    fit, why = _fit(draft, runs, path, told.directions)
     return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
 
 
@@ -117,8 +126,8 @@ def _counted(kinds: Sequence[str]) -> str:
     return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
 
 
-def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str]:
-    """The lines about the fit, and a sentence that says why; both empty where nothing can be tried."""
+def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path, directions: str | None) -> tuple[str, str]:
+    """The lines about the fit, with the directions where they were told, and a sentence that says why; both empty where nothing can be tried."""
     measured = measure(experiment_of(draft.text(runs), path))
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     if moving:
@@ -129,11 +138,11 @@ def _fit(draft: Draft, runs: Sequence[DraftedRun], path: Path) -> tuple[str, str
     if points and not any("gravity" in x.set_up.regressors for x in known):
         refuse_opposing_points(measured.experiment, points, ("offset",))
     if not known:
-        return "", ""
+        return (f"fit: {{directions: {directions}}}" if directions else ""), ""
     ways = {np.sign(s.velocity) for s in points} if points else moved_in(moving)
     sided = "auto" if len(ways) == len(DIRECTIONS) else "separate"
     pays = {name for x in known for name in x.set_up.regressors} - {"offset"}
-    lines = f"directions: {sided}"
+    lines = f"directions: {directions or sided}"
     lines += f", {regressor_line(pays)}" if pays or moving else ""
     none = "above 100 %: too few points to tell, so the plainest is taken"
     errors = (

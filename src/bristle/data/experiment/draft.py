@@ -57,6 +57,14 @@ class Told:
     kp: str | None = None
     kd: str | None = None
     torque_limit: str | None = None
+    gear: str | None = None
+    """As under `motor`: `ratio: 100, position: motor, velocity: motor`."""
+    inertia: str | None = None
+    directions: str | None = None
+    name: str | None = None
+    """Of the joint."""
+    hold_out: tuple[Path, ...] = ()
+    """Logs that are kept for validation."""
 
     @property
     def motor(self) -> dict[str, str]:
@@ -69,6 +77,7 @@ class DraftedRun(NamedTuple):
 
     kind: RunKind
     why: str = ""
+    hold_out: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,13 +98,16 @@ class Draft:
     """Whether the files hold velocity-torque pairs."""
     guessed: tuple[str, ...]
     """A sentence each."""
+    inertia: str | None = None
 
     def text(self, runs: Sequence[DraftedRun], fit: str = "") -> str:
         """The experiment file, with what each file is of, and lines about the fit."""
         lines = [f"joint: {{name: {quoted(self.name)}, kind: {self.kind}}}   # revolute or prismatic"]
         lines += [f"motor: {{{self.motor}}}   # at the joint, gear included"] if self.motor else []
         lines += [
-            "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
+            f"inertia: {quoted(self.inertia)}"
+            if self.inertia
+            else "# inertia: 0.0089 kg*m^2             # optional; x +/- s is a prior",
             "# encoder_resolution: 4096 counts/rev  # optional",
             "",
             f"# Columns of {quoted(Path(self.files[0]).name)}: {self.columns}",
@@ -106,7 +118,8 @@ class Draft:
             "runs:",
         ]
         for file, run in zip(self.files, runs, strict=True):
-            entry = f"- {{files: {quoted(file)}, experiment: {run.kind}}}{f'   # {run.why}' if run.why else ''}"
+            kept = ", hold_out: true" * run.hold_out
+            entry = f"- {{files: {quoted(file)}, experiment: {run.kind}{kept}}}{f'   # {run.why}' if run.why else ''}"
             lines.append(f"  {entry}")
         return "\n".join([*lines, "", fit or "# fit: {directions: separate}   # all optional", ""])
 
@@ -135,22 +148,34 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         )
     if told.rate is not None:
         lines.append(f"time: {{rate: {quoted(told.rate)}}}")
-    drives = tuple(COMMANDS) if drive == "command" else (drive,)
+    drives = [*COMMANDS] if drive == "command" else [drive]
     for name in ("velocity", *drives) if of_points else ("time", "position", "velocity", *drives):
         if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
             wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(files, guess, told) else ""
             lines.append(_signal(name, guess, kind, told, log, guessed) + f"{wraps}}}")
             guessed += ["position: wraps at a full turn, for it jumps by one"] if wraps else []
+    motor = [f"{name}: {quoted(value)}" for name, value in told.motor.items()]
+    motor += [f"gear: {{{told.gear}}}"] if told.gear else []
     return Draft(
-        name=first.stem[:200],
+        name=told.name or _common(files),
         kind=kind,
-        motor=", ".join(f"{name}: {quoted(value)}" for name, value in told.motor.items()),
+        inertia=told.inertia,
+        motor=", ".join(motor),
         columns=log.described,
         signals=tuple(lines),
         files=tuple(Path(os.path.relpath(f, first.parent if folder is None else folder)).as_posix() for f in files),
         of_points=of_points,
         guessed=tuple(guessed),
     )
+
+
+def _common(files: Sequence[Path]) -> str:
+    """What the names of all files begin with, that of the first where they have nothing in common."""
+    stems = [file.stem for file in files]
+    alike = next(
+        (k for k, letters in enumerate(zip(*stems, strict=False)) if len({*letters}) > 1), min(map(len, stems))
+    )
+    return (stems[0][:alike].rstrip("_-. ") or stems[0])[:200]
 
 
 class _Log:
