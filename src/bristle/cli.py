@@ -101,6 +101,10 @@ Gear = Annotated[str | None, asked("GEAR", "As under motor: 'ratio: 100, positio
 Inertia = Annotated[
     str | None, asked("QUANTITY", "Of the joint, as 0.0089 kg*m^2, or with its error: then it is a prior.")
 ]
+Gravity = Annotated[str | None, asked("QUANTITY", "Largest torque of gravity, of a joint that coasts, as 0.7 N*m.")]
+Coasting = Annotated[
+    bool, typer.Option("--coasting", help="Nothing drives the joint: --inertia or --gravity says what is known.")
+]
 Directions = Annotated[str | None, asked("WORD", "One friction for both, or one each: auto, symmetric or separate.")]
 Name = Annotated[str | None, asked("NAME", "Of the joint.")]
 HoldOut = Annotated[list[Path] | None, asked("LOG", "A log that is kept for validation; may be given again.")]
@@ -207,6 +211,8 @@ def identify(
     torque_limit: TorqueLimit = None,
     gear: Gear = None,
     inertia: Inertia = None,
+    gravity: Gravity = None,
+    coasting: Coasting = False,
     directions: Directions = None,
     name: Name = None,
     hold_out: HoldOut = None,
@@ -225,7 +231,7 @@ def identify(
     told = _told(
         column, unit, scale, rate,
         torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit, gear=gear,
-        inertia=inertia, directions=directions, name=name, hold_out=tuple(hold_out or ()),
+        inertia=inertia, gravity=gravity, coasting=coasting, directions=directions, name=name, hold_out=tuple(hold_out or ()),
     )  # fmt: skip  # a list
     guessed: tuple[str, ...] = ()
     with shown() as progress:
@@ -626,6 +632,8 @@ def new(
     torque_limit: TorqueLimit = None,
     gear: Gear = None,
     inertia: Inertia = None,
+    gravity: Gravity = None,
+    coasting: Coasting = False,
     directions: Directions = None,
     name: Name = None,
     hold_out: HoldOut = None,
@@ -641,7 +649,7 @@ def new(
     told = _told(
         column, unit, scale, rate,
         torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit, gear=gear,
-        inertia=inertia, directions=directions, name=name, hold_out=tuple(hold_out or ()),
+        inertia=inertia, gravity=gravity, coasting=coasting, directions=directions, name=name, hold_out=tuple(hold_out or ()),
     )  # fmt: skip  # a list
     halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:

@@ -177,6 +177,22 @@ def without_rests(record: Record) -> Record:
     return _kept(record, long, Finding("rests-left-out", NOTE, message, {"rows": lost}))
 
 
+def without_ends(record: Record) -> Record:
+    """The record without two periods of its low pass at each end of a segment, where no sample beyond steadies the acceleration.
+
+    Only where most of it remains.
+    """
+    edge = int(np.ceil(2.0 / (record.cutoff * record.step))) if record.cutoff else 0
+    inner = [
+        slice(s.start + edge, s.stop - edge) for s in between_gaps(record) if s.stop - s.start >= 2 * edge + SHORTEST
+    ]
+    if not edge or 2 * sum(s.stop - s.start for s in inner) < record.time.size:
+        return record
+    lost = _outside(record, inner)
+    message = f"{lost} rows at the ends of stretches left out, where the acceleration is least known."
+    return _kept(record, inner, Finding("ends-left-out", NOTE, message, {"rows": lost}))
+
+
 def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: str = "differentiated") -> Record:
     """The record without its segments between gaps that have fewer samples. Raises InputError where all have."""
     segments = between_gaps(record)

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,8 @@ class Record:
     """V, from which torque is computed by (8) once the velocity is known."""
     acceleration: Array | None = None
     """rad/s**2, estimated."""
+    made_of: Literal["", "gravity", "inertia"] = ""
+    """Of which regressor the torque was made, where the joint coasts: nothing of that is left to find."""
     link_torque: Array | None = None
     """N*m: what the links of a robot ask of the joint, as computed from its URDF and the motion of all joints."""
     cutoff: float = 0.0

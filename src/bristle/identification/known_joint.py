@@ -335,7 +335,9 @@ def inertia_of(experiment: Experiment | None, joint: Joint) -> float | None:
     declared = experiment.inertia.value if experiment and experiment.inertia else None
     motor = experiment.motor_constants.at_joint().inertia if experiment and experiment.motor_constants else None
     identified = [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
-    own = next((J for J in (*identified, declared, motor) if J is not None and J > 0), None)
+    known = experiment.coasting.inertia if experiment and experiment.coasting else None
+    coasting = None if known is None else known.value
+    own = next((J for J in (*identified, declared, coasting, motor) if J is not None and J > 0), None)
     return own if joint.link_inertia is None else (own or 0.0) + joint.link_inertia
 
 

@@ -179,7 +179,17 @@ def regressors(experiment: Experiment) -> tuple[str, ...]:
     if asked is None:
         asked = ("inertia",) if experiment.fit.directions == "separate" else ("inertia", "offset")
     fixed, _ = inertia(experiment)
-    return (*(r for r in asked if r != "inertia" or fixed is None), *experiment.fit.load)
+    known = {
+        *({"inertia"} if fixed is not None else ()),
+        *((experiment.coasting.made_of,) if experiment.coasting else ()),
+    }
+    return (*(r for r in asked if r not in known), *experiment.fit.load)
+
+
+def given_by(records: Sequence[Record]) -> tuple[str, ...]:
+    """The parameters of what the torque of records was made of, of which nothing is left to find."""
+    kinds = dict.fromkeys(r.made_of for r in records if r.made_of)
+    return tuple(name for kind in kinds for name in REGRESSORS[kind].names)
 
 
 def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str, others: Array | None = None) -> None:
@@ -244,6 +254,8 @@ def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> N
 
     Where that is the velocity's fault, whose sign is not that of the position, the sentence says so.
     """
+    if any(r.made_of for r in records):  # whose sign is that of the motion
+        return
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
 
     def signal(record: Record, name: str) -> Array:

@@ -56,7 +56,9 @@ def draft_of_logs(
     tell("reading the logs")
     if files[0].suffix.lower() == ".urdf":
         if given := [
-            name for name in ("gear", "inertia", "directions", "name", "hold_out", "kp", "kd") if getattr(told, name)
+            name
+            for name in ("gear", "inertia", "coasting", "directions", "name", "hold_out", "kp", "kd")
+            if getattr(told, name)
         ]:
             raise InputError(
                 f"{files[0]}: {given[0]} is of one joint, and a robot has several; write it into the draft"
@@ -68,7 +70,9 @@ def draft_of_logs(
     kept = [k >= len(files) - len(told.hold_out) for k in range(len(files))]
     runs = [DraftedRun("points", "neither time nor position is logged", hold) for hold in kept]
     said = list(draft.guessed)
-    if not draft.of_points:
+    if told.coasting:
+        runs = [DraftedRun("tracking", "the joint coasts", hold) for hold in kept]
+    elif not draft.of_points:
         unsorted = experiment_of(draft.text([DraftedRun(_ANY)] * len(files)), path)
         read = read_runs(unsorted)
         tell("constant velocities, slow loading, other motion")

@@ -28,6 +28,8 @@ Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
 _FEWEST = 3
 """Runs: two tell too little of how runs scatter."""
+_ALONE = 10.0
+"""Times the standard error of all runs that one without some run has, where that run alone tells the parameter."""
 
 
 def scatter_of(
@@ -83,7 +85,8 @@ def clustered(
         return {}
     J = np.concatenate([jacobian for jacobian, _ in parts.values()])
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
-    inverse = np.linalg.pinv((J / size).T @ (J / size), hermitian=True)
+    gram = (J / size).T @ (J / size)
+    inverse = np.linalg.pinv(gram, hermitian=True)
     count, found, one = len(parts), dict[Key, RunScatter](), np.eye(size.size)
     scaled = [(jacobian / size, left) for jacobian, left in parts.values()]
     moves = (
@@ -91,7 +94,11 @@ def clustered(
         / size
     )
     errors = np.sqrt((count - 1) / count * (moves**2).sum(axis=0))
-    column = {name: k for k, name in enumerate(names)}
+    # of what a run alone tells, as the way back does of an offset, nothing is known without it, nor how runs scatter
+    without = (np.linalg.eigh(gram - X.T @ X) for X, _ in scaled)
+    apiece = np.array([(V**2 / np.maximum(w, 1e-12 * w[-1])).sum(axis=1) for w, V in without])
+    told = np.all(apiece < _ALONE**2 * np.diag(inverse), axis=0).tolist()
+    column = {name: k for k, name in enumerate(names) if told[k]}
     apart = independent and _differ(scaled)
     for name, e in of_all.items():
         if name not in column or e.value is None or not e.standard_error:

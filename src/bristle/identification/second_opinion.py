@@ -84,7 +84,9 @@ def of_motion(records: Sequence[Record]) -> SecondOpinion | None:
     order = run if runs >= 6 else np.arange(v.size)
     block = order if 6 <= runs <= BLOCKS else order * BLOCKS // (order.max(initial=0) + 1)
     keep = np.abs(v) > SLOWEST * np.abs(v).max(initial=0.0)
-    return _opinion(_Data(v[keep], a[keep], q[keep], torque[keep], block[keep]))
+    made = {record.made_of for record in records}  # of which nothing is left to tell
+    known_a, known_q = (None if name in made else x[keep] for name, x in (("inertia", a), ("gravity", q)))
+    return _opinion(_Data(v[keep], known_a, known_q, torque[keep], block[keep]))
 
 
 def of_points(v: Array, torque: Array) -> SecondOpinion | None:

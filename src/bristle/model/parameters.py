@@ -18,8 +18,12 @@ from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.laws.registry import LOADS, friction_names, own_parameter
 
 T = TypeVar("T")
-Kind = Literal["revolute", "prismatic", "revolute in A", "prismatic in A", "revolute in V", "prismatic in V"]
-"""Of a joint; in A or V: its torque is known as a current or a voltage alone, in whose unit all of it is."""
+Kind = Literal[
+    "revolute", "prismatic", "revolute in A", "prismatic in A", "revolute in V", "prismatic in V",
+    "revolute per inertia", "prismatic per inertia",
+]  # fmt: skip  # a list of words
+"""Of a joint; in A or V: its torque is known as a current or a voltage alone, in whose unit all of it is; per inertia: as
+an acceleration."""
 
 
 class Direction(StrEnum):
@@ -339,12 +343,26 @@ def unit(name: str, kind: Kind = "revolute") -> str:
     if name == "gear_load_squared":
         return f"1/{effort}"
     over = {"kg*m**2": "s**2/rad", "kg": "s**2/m"}.get(own)  # in which a torque is unseen
-    return f"{effort}*{over}" if over else own if own == "ohm" else own.replace(torque, effort, 1)
+    told = f"{effort}*{over}" if over else own if own == "ohm" else own.replace(torque, effort, 1)
+    return _PER_INERTIA.get(told, told)
 
 
 def units_of(kind: Kind) -> dict[str, str]:
     """The same of every parameter and signal, by name."""
     return {name: unit(name, kind) for name in _UNITS}
+
+
+_PER_INERTIA = {
+    f"{one}/s**2{own}": told
+    for one in ("rad", "m")
+    for own, told in {
+        f"*s/{one}": "1/s",
+        f"/{one}": "1/s**2",
+        f"*s**2/{one}": "1",
+        f"*s**2/{one}**2": f"1/{one}",
+    }.items()
+}
+"""Units of a joint that is known per inertia, by what they come from."""
 
 
 def slides(kind: Kind) -> bool:
@@ -353,18 +371,21 @@ def slides(kind: Kind) -> bool:
 
 
 def effort_unit(kind: Kind) -> str:
-    """SI unit of a joint's torque: of its own, A or V, or N*m or N."""
-    return kind[-1] if has_own_unit(kind) else _UNITS["torque"][slides(kind)]
+    """SI unit of a joint's torque: of its own, A, V or that of an acceleration, or N*m or N."""
+    per_inertia = kind.endswith("inertia")
+    own = _UNITS["acceleration" if per_inertia else "torque"][slides(kind)]
+    return kind[-1] if has_own_unit(kind) and not per_inertia else own
 
 
 def has_own_unit(kind: Kind) -> bool:
-    """Whether the torque of a joint is known as a current or a voltage alone, A or V."""
-    return kind.endswith(("A", "V"))
+    """Whether the torque of a joint is known as a current or a voltage alone, A or V, or per inertia."""
+    return kind.endswith(("A", "V", "inertia"))
 
 
 def effort(kind: Kind) -> str:
     """What a joint's torque is called: a joint that slides has a force, one without motor constants a current or a voltage."""
-    return {"A": "current", "V": "voltage", "N": "force"}.get(effort_unit(kind), "torque")
+    own = {"A": "current", "V": "voltage", "N": "force", "N*m": "torque"}
+    return own.get(effort_unit(kind), "deceleration")
 
 
 def least_of(name: str) -> float:

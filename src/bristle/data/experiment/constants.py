@@ -1,17 +1,21 @@
 """The constants between what a run logged and its torque, and what an error of each does to that torque."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data import units
-from bristle.data.experiment.schema import MotorConstants, PlusMinus
-from bristle.data.experiment.signals import Context, Signals, motor_si
+from bristle.data.differentiation import without_ends
+from bristle.data.experiment.schema import Coasting, MotorConstants, PlusMinus
+from bristle.data.experiment.signals import Context, Signals, motor_si, si
 from bristle.data.record import Record
+from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 from bristle.model.functions import drive_torque_slopes_function
+from bristle.model.parameters import slides
 from bristle.model.vectorize import evaluate
 
 TORQUE_CONSTANT, RESISTANCE = "torque_constant", "resistance"
@@ -81,6 +85,34 @@ def commanded_torque(
         torque += K_d * (rows.get("velocity_command", 0.0) - v)
     most = at_joint.torque_limit
     return torque if most is None else np.clip(torque, -most, most)
+
+
+def coasting_constant(coasting: Coasting, context: Context) -> Constant:
+    """What is known of a joint that coasts."""
+    unit = si({"gravity": "torque", "inertia": "inertia"}[coasting.made_of], context)
+    return Constant(f"coasting {coasting.made_of}", coasting.size.value, coasting.size.standard_error, unit)
+
+
+def coasted(record: Record, coasting: Coasting, context: Context) -> Record:
+    """The record of a joint that coasts, with the torque that what is known of it makes: gravity's, or less inertia times acceleration.
+
+    Its position counts from where it hangs, which a regression of the acceleration on sin(q), cos(q), sgn(v) and v tells. Raises
+    InputError where gravity is known, and a run has no position or the joint slides.
+    """
+    if coasting.made_of == "inertia":
+        inner = without_ends(record)
+        return replace(inner, torque=-coasting.size.value * np.asarray(inner.acceleration), made_of="inertia")
+    v, a = np.asarray(record.velocity), np.asarray(record.acceleration)
+    if record.position is None or slides(context.kind):
+        raise InputError(f"{record.file}: gravity of a joint that coasts needs the position of one that turns")
+    columns = np.stack([np.sin(record.position), np.cos(record.position), np.sign(v), v], axis=1)
+    by_sin, by_cos, *_ = np.linalg.lstsq(columns, a, rcond=None)[0]
+    hangs = float(np.arctan2(by_cos, -by_sin))
+    q = record.position - hangs
+    message = f"Position counted from where the joint hangs, which is at {hangs:.5g} rad."
+    note = Finding("hangs-at", NOTE, message, {"position": hangs})
+    torque = -coasting.size.value * np.sin(q)
+    return replace(record, position=q, torque=torque, made_of="gravity", notes=(*record.notes, note))
 
 
 def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding | None:

@@ -60,6 +60,10 @@ class Told:
     gear: str | None = None
     """As under `motor`: `ratio: 100, position: motor, velocity: motor`."""
     inertia: str | None = None
+    gravity: str | None = None
+    """Torque of the gravity of a joint that coasts, m g l."""
+    coasting: bool = False
+    """That nothing drives the joint."""
     directions: str | None = None
     name: str | None = None
     """Of the joint."""
@@ -99,11 +103,14 @@ class Draft:
     guessed: tuple[str, ...]
     """A sentence each."""
     inertia: str | None = None
+    coasting: str = ""
+    """The line that says so, and what is known."""
 
     def text(self, runs: Sequence[DraftedRun], fit: str = "") -> str:
         """The experiment file, with what each file is of, and lines about the fit."""
         lines = [f"joint: {{name: {quoted(self.name)}, kind: {self.kind}}}   # revolute or prismatic"]
         lines += [f"motor: {{{self.motor}}}   # at the joint, gear included"] if self.motor else []
+        lines += [self.coasting] if self.coasting else []
         lines += [
             f"inertia: {quoted(self.inertia)}"
             if self.inertia
@@ -135,8 +142,8 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         check_name(file.name, f"{file}: the file name")
     log = _Log(first)
     guesses, by_step = _guesses(log, told)
-    drive = _drive(log, guesses, told)
-    of_points = _of_points(log, guesses, told)
+    drive = "" if told.coasting else _drive(log, guesses, told)
+    of_points = _of_points(log, guesses, told) and not told.coasting
     kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
     lines, guessed = [], [f"joint.kind: {kind}, by the units"]
     if by_step:
@@ -148,7 +155,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         )
     if told.rate is not None:
         lines.append(f"time: {{rate: {quoted(told.rate)}}}")
-    drives = [*COMMANDS] if drive == "command" else [drive]
+    drives = [*COMMANDS] if drive == "command" else [drive] if drive else []
     for name in ("velocity", *drives) if of_points else ("time", "position", "velocity", *drives):
         if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
             wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(files, guess, told) else ""
@@ -159,7 +166,8 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     return Draft(
         name=told.name or _common(files),
         kind=kind,
-        inertia=told.inertia,
+        inertia=None if told.coasting else told.inertia,
+        coasting=_coasting(told),
         motor=", ".join(motor),
         columns=log.described,
         signals=tuple(lines),
@@ -167,6 +175,11 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         of_points=of_points,
         guessed=tuple(guessed),
     )
+
+
+def _coasting(told: Told) -> str:
+    known = [f"{name}: {quoted(x)}" for name in ("gravity", "inertia") if (x := getattr(told, name))]
+    return f"coasting: {{{', '.join(known)}}}" if known and told.coasting else "coasting: true" * told.coasting
 
 
 def _common(files: Sequence[Path]) -> str:

@@ -14,12 +14,13 @@ from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_
 
 from bristle.data.cleaning import make_record
 from bristle.data.constant_velocity.acceptance import Thresholds
-from bristle.data.experiment.constants import Constant, torque_constants, torque_shifts
+from bristle.data.experiment.constants import Constant, coasted, coasting_constant, torque_constants, torque_shifts
 from bristle.data.experiment.gear import SIDED, Gear
 from bristle.data.experiment.run_files import RunFiles, matches, sources_of
 from bristle.data.experiment.schema import (
     PERIODIC,
     AdaptOptions,
+    Coasting,
     FitOptions,
     JointDescription,
     MotorConstants,
@@ -60,6 +61,10 @@ class Experiment(StrictModel):
     cleaning: Cleaning = Cleaning()
     segments: Thresholds = Thresholds()
     fit: FitOptions = FitOptions()
+    coasting: Annotated[
+        Coasting | None, BeforeValidator(lambda x: ({} if x else None) if isinstance(x, bool) else x)
+    ] = None
+    """That nothing drives the joint, with what is known of it; `true`: nothing is."""
     adapt: AdaptOptions = AdaptOptions()
     plan: PlanOptions = PlanOptions()
     simulated: StrictBool = False
@@ -100,7 +105,9 @@ class Experiment(StrictModel):
             for run in self.runs
             for constant in torque_constants(self.signals_of(run), self.motor_constants, self.context)
         )
-        return tuple(dict.fromkeys(found))
+        known = self.coasting and (self.coasting.gravity or self.coasting.inertia)
+        coasts = [coasting_constant(self.coasting, self.context)] if self.coasting and known else []
+        return tuple(dict.fromkeys([*found, *coasts]))
 
     @property
     def context(self) -> Context:
@@ -116,12 +123,28 @@ class Experiment(StrictModel):
         return sets
 
     @model_validator(mode="after")
+    def _coasts(self) -> "Experiment":
+        if self.coasting is None:
+            return self
+        made, signals = self.coasting.made_of, [self.signals_of(run) for run in self.runs]
+        got = [f"signals.{drive}" for x in signals if (drive := x.drive()) is not None]
+        got += [f"a run of kind {run.experiment}" for run in self.runs if run.experiment != "tracking"]
+        got += [f"fit.regressors: {made}"] if made in (self.fit.regressors or ()) else []
+        got += ["inertia"] if made == "inertia" and self.inertia is not None else []
+        got += ["fit.predict: position"] if self.fit.predict == "position" else []
+        if got:
+            raise InputError(
+                f"coasting: got {got[0]} beside it; expected tracking runs whose torque nothing but gravity and inertia makes"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _runs_have_signals(self) -> "Experiment":
         for k, run in enumerate(self.runs):
             where = f"runs.{k}"
             signals = self.signals_of(run)
             drive, moving = signals.drive(), run.experiment != "points"
-            if drive is None:
+            if drive is None and self.coasting is None:
                 raise InputError(
                     f"{where}: no torque; name one of torque, voltage and current, or command, under signals"
                 )
@@ -153,7 +176,7 @@ class Experiment(StrictModel):
             k_t = constants and constants.torque_constant
             alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
             if (
-                drive not in ("torque", "command")
+                drive not in ("torque", "command", None)
                 and not alone
                 and (constants is None or k_t is None or (drive == "voltage" and constants.resistance is None))
             ):
@@ -214,21 +237,21 @@ def experiment_from(data: dict[str, Any], path: Path, where: str) -> Experiment:
 
 
 def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experiment:
-    """The joint whose torque is a current or a voltage, A or V, all that follows with it, as an inertia that was given, and these regressors."""
+    """The joint whose torque is a current or a voltage, or known per inertia, all that follows with it, an inertia too, and these regressors."""
     drive = experiment.signals_of(experiment.runs[0]).drive()
-    effort = "V" if drive == "voltage" else "A"
+    effort = {"voltage": "in V", "current": "in A"}.get(drive or "", "per inertia")
 
     def renamed(signals: Signals) -> Signals:
         """The current or the voltage as the torque."""
         logged = signals.voltage if drive == "voltage" else signals.current
-        own = None if logged is None else Signal(**{**dict(logged), "unit": effort})
+        own = None if logged is None else Signal(**{**dict(logged), "unit": effort[-1]})
         return signals.model_copy(update={"current": None, "voltage": None, "torque": own})
 
     runs = tuple(
         run if run.signals is None else run.model_copy(update={"signals": renamed(run.signals)})
         for run in experiment.runs
     )
-    kind = f"{experiment.joint.kind} in {effort}"
+    kind = f"{experiment.joint.kind} {effort}"
     return experiment.model_copy(
         update={
             "joint": experiment.joint.model_copy(update={"kind": kind}),
@@ -236,7 +259,9 @@ def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experi
             "inertia": None,
             "signals": renamed(experiment.signals),
             "runs": runs,
-            "fit": experiment.fit.model_copy(update={"regressors": asked}),
+            "fit": experiment.fit
+            if asked == experiment.fit.regressors
+            else experiment.fit.model_copy(update={"regressors": asked}),
             "plan": experiment.plan.model_copy(update={"torque": None}),
         }
     )
@@ -336,6 +361,9 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
             *check_signals(record, run.experiment, signals, experiment.context),
         ]
         shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context)
+        if experiment.coasting and (error := experiment.coasting.size.standard_error) and record.torque is not None:
+            constant = coasting_constant(experiment.coasting, experiment.context)
+            shifts[str(constant)] = record.torque * (error / constant.value)
     return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
 
 
@@ -367,6 +395,8 @@ def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str 
     fit, motor = experiment.fit, experiment.motor
     if kind == "tracking":
         record = without_rests(estimate_motion(record, fit.position_cutoff or of_motion))
+        if experiment.coasting is not None:
+            record = coasted(record, experiment.coasting, experiment.context)
     elif record.velocity is None:
         record = estimate_motion(record, of_held_speeds)
     if drive == "current" and motor is not None and record.torque is not None:

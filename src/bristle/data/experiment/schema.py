@@ -194,6 +194,30 @@ class MotorConstants(StrictModel):
         return self.model_copy(update=at_joint)
 
 
+class Coasting(StrictModel):
+    """That nothing drives the joint but its gravity and its inertia, of which one is known at the most."""
+
+    gravity: Annotated[PlusMinus, read_constant("torque")] | None = None
+    """Its torque where the joint is a quarter turn from where it hangs, m g l."""
+    inertia: Annotated[PlusMinus, read_constant("inertia")] | None = None
+
+    @model_validator(mode="after")
+    def _one_alone(self) -> "Coasting":
+        if self.gravity is not None and self.inertia is not None:
+            raise InputError("got gravity and inertia; expected one of them: the other comes out")
+        return self
+
+    @property
+    def made_of(self) -> Literal["gravity", "inertia"]:
+        """What is known, from which the torque is made: the inertia, of 1, where nothing is."""
+        return "inertia" if self.gravity is None else "gravity"
+
+    @property
+    def size(self) -> PlusMinus:
+        """Of what is known."""
+        return self.gravity or self.inertia or PlusMinus(value=1.0)
+
+
 def read_rows(value: object) -> object:
     """Read `12` or `12-40`: the first row and the last."""
     if isinstance(value, tuple):

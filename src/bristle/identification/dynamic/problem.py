@@ -21,7 +21,7 @@ from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError
 from bristle.estimation.nonlinear import Block
 from bristle.identification.load_levels import Load, levels_of, load_of
-from bristle.identification.moving_runs import decimator, extra_columns, known_torque
+from bristle.identification.moving_runs import decimator, extra_columns, given_by, known_torque
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Direction, Lugre, Pair, ParameterName, fields_of, lugre_of
@@ -132,6 +132,8 @@ class DynamicProblem:
     """Of the low pass through which motion is estimated, Hz; 0: none."""
     stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"
     """As `fit.model`."""
+    given: tuple[str, ...] = ()
+    """As in `Regression`."""
     equations: "Equations" = field(default_factory=lambda: equation_error)
     """The model."""
 
@@ -282,6 +284,7 @@ def dynamic_problem(
         extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names),
         fixed={**fastest, **(fixed or {})},
         law=law,
+        given=given_by(records),
     )
 
 

@@ -94,18 +94,18 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     fit = Fitted(known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size, weight)
 
     # rows of any fit, then those of a motion
-    names = [name.name for name in problem.extra_names]
+    names = [*(name.name for name in problem.extra_names), *problem.given]
     every = candidates(problem.velocity, problem.time, problem.position, names, kind)
     late = _equations(motions, [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)])
     every.append(Candidate(partial(_delay, problem, solution, fit, late), (late[:, None],)))
     grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
     every.append(Candidate(partial(_drift, size), (_equations(motions, grows)[:, None],), is_friction=True))
-    weighs = [k for k, name in enumerate(names) if name.startswith("gravity")]
+    weighs = [k for k, name in enumerate(names[: extra.size]) if name.startswith("gravity")]
     if weighs and all(m.load is None for m in motions):
         load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
         column = _equations(motions, load)[:, None]  # what is known is friction under the load of these runs
         every.append(Candidate(partial(_by_load, problem.law.name), (column,), is_friction=True))
-    if INERTIA not in problem.names:
+    if INERTIA not in problem.names and INERTIA.name not in problem.given:
         inert = _equations(motions, [np.gradient(m.velocity, m.time) for m in motions])
         every.append(Candidate(partial(_inertia, kind), (inert[:, None],)))
     if problem.cutoff and all(m.position.size for m in motions):

@@ -259,7 +259,7 @@ def terms_left_out(core: StaticSolution, kind: JointKind, where: PointInfo) -> l
         float(np.sqrt(np.mean(problem.friction(theta)[measured] ** 2))),
     )
     time, position = (x[order] if x.size == order.size else x for x in (where.time, where.position))
-    rows = candidates(velocity[order], time, position, [name.name for name in names], kind)
+    rows = candidates(velocity[order], time, position, [*(name.name for name in names), *problem.given], kind)
     points = [where.segments[k] for k in order] if where.segments else []
     modelled = (problem.torque - core.solution.residuals)[measured][order]
     return explained(fit, [*rows, *_by_rows(points, modelled)]).findings

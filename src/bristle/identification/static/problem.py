@@ -24,7 +24,7 @@ from bristle.data.torque_checks import at_limits
 from bristle.estimation.linear import bounded_least_squares
 from bristle.estimation.nonlinear import Unknowns
 from bristle.identification.load_levels import level_columns, levels_of, settled_weights
-from bristle.identification.moving_runs import decimator, extra_columns, known_torque, needed, torque_shifts
+from bristle.identification.moving_runs import decimator, extra_columns, given_by, known_torque, needed, torque_shifts
 from bristle.model.functions import linear_shapes_function, stribeck_shape_function, stribeck_shape_slope_function
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
@@ -65,6 +65,8 @@ class Regression:
     """How many of the last equations are priors, not measurements."""
     shifts: Mapping[str, Array] = field(default_factory=dict)
     """Change of `torque` per standard error of each constant behind it, (n,)."""
+    given: tuple[str, ...] = ()
+    """Parameters of what `torque` was made of, where the joint coasts."""
     known: Array | None = None
     """Torque already taken off `torque` (a fixed inertia's), shape (n,)."""
     weights: Mapping[str, float] = field(default_factory=dict)
@@ -284,7 +286,12 @@ def from_records(
     ]
     extra = {name: np.concatenate([of_record[name] for of_record in columns]) for name in columns[0]}
     shifts = {name: smooth @ shift for name, shift in torque_shifts(records).items()}
-    problem = replace(_build(velocity, torque, directions, extra, smooth, law), shifts=shifts, weights=weights)
+    problem = replace(
+        _build(velocity, torque, directions, extra, smooth, law),
+        shifts=shifts,
+        weights=weights,
+        given=given_by(records),
+    )
     off = [x for r in records if (x := known_torque(r, inertia, regressors)) is not None]
     if off:
         known = smooth @ np.concatenate(off)

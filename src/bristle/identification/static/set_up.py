@@ -150,6 +150,7 @@ def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     possible = [
         name for name, terms in REGRESSORS.items() if set(terms.needs) <= has and (name != "inertia" or fixed is None)
     ] + _periodic(regressors(experiment))
+    possible = [name for name in possible if name not in {r.made_of for r in records}]
     turns = not slides(experiment.joint.kind) and "position" in has
     if "gravity" in possible and not (turns and swings([np.asarray(r.position) for r in records])):
         possible.remove("gravity")
