@@ -334,7 +334,8 @@ def inertia_of(experiment: Experiment | None, joint: Joint) -> float | None:
     """
     declared = experiment.inertia.value if experiment and experiment.inertia else None
     motor = experiment.motor_constants.at_joint().inertia if experiment and experiment.motor_constants else None
-    identified = [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
+    identified = [row.estimate.value for row in chosen(joint) if row.parameter.name == INERTIA.name]
+    identified += [fit.known.get(INERTIA) for fit in reversed(moving_fits(joint).values())]
     known = experiment.coasting.inertia if experiment and experiment.coasting else None
     coasting = None if known is None else known.value
     own = next((J for J in (*identified, declared, coasting, motor) if J is not None and J > 0), None)
