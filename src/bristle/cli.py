@@ -238,9 +238,11 @@ def identify(
         from bristle import Told, draft
         from bristle import identify as run
         from bristle.api.sources import load_text
+        from bristle.data.json_table import is_json_log
 
         files: list[Any] = list(sources or [])
-        of_logs = bool(files) and files[0].suffix.lower() not in {"", ".yaml", ".yml", ".json"}
+        own = {"", ".yaml", ".yml", *([] if files and is_json_log(files[0]) else [".json"])}
+        of_logs = bool(files) and files[0].suffix.lower() not in own
         if not of_logs and (save is not None or told != Told()):
             raise InputError(
                 "an experiment file, or none, was given with options of logs; write them into it, or give logs"

@@ -217,6 +217,8 @@ _FOUND: list[tuple[str, int | str, list[float]]] = [
     ("t,position[0],position[1]\n0,1,2\n1,3,4\n", "position[1]", [2, 4]),
     ('t,q\n0,"[1, 2e-1, 3]"\n1,"[4.5, -5, 6]"\n', "q[1]", [0.2, -5]),  # lists in cells
     ("t;q\n0;(1 2 3)\n1;(4 5 6)\n", "q[2]", [3, 6]),
+    ("t;q\n0.5;[1.5, 2.5]\n1.5;[4.5, 5.5]\n", "q[1]", [2.5, 5.5]),
+    (f't,q,image\n0,1,"[{"1, " * 60_000}2]"\n1,3,"[{"1, " * 60_000}2]"\n', "q", [1, 3]),  # cells longer than csv reads
     ("t,q,tau\ntime,joint angle,torque\n0,1,2\n1,3,4\n", "q", [1, 3]),
     ("t,q,tau\ntime,joint angle,torque\n0,1,2\n1,3,4\n", "joint angle", [1, 3]),
     ("Range,1,2\nGains,3,4\n1,2,3\nt,q,tau\n0,1,2\n1,3,4\n2,5,6\n", "q", [1, 3, 5]),
@@ -314,7 +316,7 @@ _REFUSED: list[tuple[str | bytes, Key, str]] = [
     ("t,q\n0,1\n" * 2 + "1" * 500_000 + "x,1\n", Key("t"), "row 3 of column 't' holds|row 2 of column 't' holds"),
     ("t,q\n0," + "9" * 305 + "\n1,2\n", Key("q"), "line 2 stands between"),
     ("t,q\n0,1\n1," + "9" * 400 + "\n", Key("q"), "row 2 of column 'q' holds 999"),
-    ("t,q\n" + '"' * 500_000 + ",1\n", Key("t"), "is not a table of numbers"),
+    ("t,q\n" + '"' * 500_000 + ",1\n", Key("t"), "no column named 't'"),
     (",".join(f"column {k}" for k in range(5000)) + "\n" + ",".join(["1"] * 5000) + "\n", Key("x"), "there are: column 0"),
     ("t,q\n0,1\n", Key("x" * 100_000), "no column named 'xxx"),
     ("t,q\n0,1\n", Key(10**25), "no column 10000"),

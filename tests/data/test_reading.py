@@ -1,4 +1,5 @@
 import contextlib
+import json
 import struct
 import sys
 import warnings
@@ -20,6 +21,7 @@ from hypothesis import strategies as st
 from bristle.data import isolated, text_table
 from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
+from bristle.data.json_table import is_json_log
 from bristle.data.mat import columns_of
 from bristle.data.text_table import read_table
 from bristle.data.units import factor, plus_minus, to_si
@@ -65,7 +67,7 @@ def test_any_table_comes_back(tmp_path: Path, rows: list[list[float]], delimiter
     np.testing.assert_allclose(table.columns[Key("tau" if header else 2)], expected[:, 2], rtol=1e-14, atol=1e-320)
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".parquet"])
+@pytest.mark.parametrize("suffix", [".npz", ".json", ".parquet"])
 def test_damaged_containers_are_refused_in_a_sentence(tmp_path: Path, suffix: str) -> None:
     """A container with any byte run overwritten, or cut short, gives its column or an InputError, nothing else."""
     whole = _container(tmp_path, suffix, q=np.arange(50.0)).read_bytes()
@@ -88,13 +90,15 @@ def _container(folder: Path, suffix: str, **columns: Any) -> Path:
         scipy.io.savemat(path, columns)
     elif suffix == ".npz":
         np.savez(path, **columns)
+    elif suffix == ".json":
+        path.write_text(json.dumps({name: x.tolist() for name, x in columns.items()}), encoding="utf-8")
     else:
         pytest.importorskip("pyarrow", reason="the extra `parquet` is not installed")
         pd.DataFrame(columns).to_parquet(path)
     return path
 
 
-@pytest.mark.parametrize("suffix", [".mat", ".npz", ".parquet"])
+@pytest.mark.parametrize("suffix", [".mat", ".npz", ".json", ".parquet"])
 def test_containers_come_back_as_floats(tmp_path: Path, suffix: str) -> None:
     """A column of any number type is read as floats of the same value, so that no integer arithmetic overflows later."""
     kinds = ("float64", "float32", "int16", "uint8")
@@ -454,6 +458,35 @@ def test_mat_variables_of_other_kinds(tmp_path: Path) -> None:
     says = {"s": r"column 's' is a sparse array; in MATLAB save full\(s\)"}
     says |= {"t": "but text", "z": "but complex numbers", "c": "but cells"}
     assert_refused((partial(_mat, path, name), told) for name, told in says.items())
+
+
+def test_json_of_records_and_of_columns(tmp_path: Path) -> None:
+    """Both are read, nulls as missing numbers, lists of one length as matrices; what is no table of numbers is refused in a sentence."""
+    rows = [{"t": 0.5 * k, "q": [k, 2 * k], "tau": None if k == 1 else float(k), "name": "a"} for k in range(3)]
+    path = tmp_path / "log.json"
+    for data in (rows, {name: [row[name] for row in rows] for name in rows[0]}):
+        path.write_text(json.dumps(data), encoding="utf-8")
+        assert names_of(path) == ("t", "tau")
+        assert (_column(path, "t"), _column(path, "q[1]"), _column(path, "q", 0)) == ([0, 0.5, 1], [0, 2, 4], [0, 1, 2])
+        np.testing.assert_array_equal(_column(path, "tau"), [0, np.nan, 2])
+        assert is_json_log(path)
+    says = {
+        '{"t": [1, 2], "q": [1]}': "is damaged, or no JSON of records",
+        "3": "is no JSON of records, as",
+        "[[1, 2], [3, 4]]": "no column named 't'; there are: 0, 1",
+        '{"t": ["a", "b"]}': "column 't' holds no plain array of numbers",
+        '[{"t": [1, 2]}, {"t": [1]}]': "column 't' holds no plain array of numbers",
+        '[{"t": [1, 2]}, {"t": [1, 3]}]': r"say which column with index: 0 to 1, or as in t\[0\]",
+        "[" * 100_000: "is damaged, or no JSON",
+        '[{"t": 1e999}, {"t": 1' + "0" * 5000 + "}]": "is damaged, or no JSON",
+    }
+    asks = []
+    for k, (text, said) in enumerate(says.items()):
+        (tmp_path / f"{k}.json").write_text(text, encoding="utf-8")
+        asks.append((partial(_column, tmp_path / f"{k}.json", "t"), said))
+    assert_refused(asks)
+    (tmp_path / "results.json").write_text('{"schema": "bristle-results/3"}', encoding="utf-8")
+    assert not is_json_log(tmp_path / "results.json")
 
 
 def test_parquet_columns_of_all_kinds(tmp_path: Path) -> None:

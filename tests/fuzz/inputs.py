@@ -246,6 +246,10 @@ def encoded(draw: Draw, columns: Columns, suffix: str) -> bytes:
     elif suffix == "npz":
         arrays: dict[str, Any] = dict(columns)
         np.savez(buffer, **arrays)
+    elif suffix == "json":
+        orient: Any = draw(st.sampled_from(["records", "list"]))
+        shown = frame.to_dict(orient=orient)
+        buffer.write(json.dumps(shown, default=float).encode())
     elif suffix == "mat":
         file: Any = buffer  # scipy-stubs knows of paths alone
         scipy.io.savemat(file, dict(columns), format=draw(st.sampled_from(["5", "4"])))
@@ -295,7 +299,7 @@ def experiments(draw: Draw) -> dict[str, bytes]:
             st.sampled_from(["points", "points", "ramp", "tracking", "presliding"]), min_size=1, max_size=2, unique=True
         )
     )
-    suffix = draw(st.sampled_from(["csv", "csv", "csv", "npz", "mat", "parquet", *_EXTRA]))
+    suffix = draw(st.sampled_from(["csv", "csv", "csv", "npz", "mat", "json", "parquet", *_EXTRA]))
     drive = "tau" if "points" in kinds else draw(st.sampled_from(["tau", "tau", "i", "u"]))
     used = (
         ("v", drive)

@@ -1,4 +1,4 @@
-"""Columns from files that hold named arrays, by their suffix: MAT and HDF5 elsewhere, NPZ and Parquet here."""
+"""Columns from files that hold named arrays, by their suffix: MAT, JSON and HDF5 elsewhere, NPZ and Parquet here."""
 
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -11,6 +11,7 @@ from bristle.arrays import Array
 from bristle.data.columns import Key, bounded, is_vector, numeric, reading
 from bristle.data.hdf5 import read_hdf5
 from bristle.data.isolated import Columns
+from bristle.data.json_table import read_json
 from bristle.data.mat import read_mat
 from bristle.errors import InputError, short, short_list
 
@@ -19,7 +20,7 @@ _NPZ = ("NPZ file", "write it again with numpy.savez")
 
 
 def read_binary(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
-    """Columns of a MAT, NPZ, Parquet or HDF5 file, by name, path or number. Raises InputError where one cannot be read.
+    """Columns of a MAT, NPZ, JSON, Parquet or HDF5 file, by name, path or number. Raises InputError where one cannot be read.
 
     `q[2]` is the third column of a matrix, or of a column of lists, q.
     """
@@ -28,7 +29,7 @@ def read_binary(path: Path, keys: Sequence[Key]) -> dict[Key, Array]:
 
 
 def names_of(path: Path) -> tuple[str, ...]:
-    """Names of the one-dimensional numeric columns that a MAT, NPZ, Parquet or HDF5 file offers, structs as dotted paths.
+    """Names of the one-dimensional numeric columns that a MAT, NPZ, JSON, Parquet or HDF5 file offers, structs as dotted paths.
 
     A name may repeat. Raises InputError where the file cannot be read.
     """
@@ -131,6 +132,7 @@ def _is_number(kind: Any) -> bool:
 READERS: dict[str, Columns] = {
     ".mat": read_mat,
     ".npz": _npz,
+    ".json": read_json,
     **dict.fromkeys((".parquet", ".pq"), _parquet),
     **dict.fromkeys((".h5", ".hdf5", ".hdf"), read_hdf5),
 }

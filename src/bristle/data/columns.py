@@ -87,7 +87,7 @@ def picked(source: Any, shape: tuple[int, ...], key: Key, *, rows_last: bool = F
         raise InputError(f"column {key}: the array has shape {shape}; index counts the columns of a matrix from 0")
     if key.index is None and np.prod(shape, dtype=float) != max(shape):
         raise InputError(
-            f"column {key} is a matrix of shape {shape}; say which column with index: 0 to {shape[-1] - 1}"
+            f"column {key} is a matrix of shape {shape}; say which column with index: 0 to {shape[-1] - 1}, or as in {key.column}[0]"
         )
     column = () if key.index is None else (key.index, slice(None)) if rows_last else (slice(None), key.index)
     with np.errstate(over="ignore", invalid="ignore"):  # of longer floats, which are then not finite

@@ -94,7 +94,8 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     if not rows:
         raise InputError("holds no row of numbers; expected a log with a row per sample")
     body = [line for _, line in rows[-_LOOKED_AT:]]
-    delimiter = told[1] if told else max(_DELIMITERS, key=lambda d: _fitness(body, d))
+    lists = any('"[' in line or '"(' in line for line in body)  # whose blanks are inside a cell
+    delimiter = told[1] if told else max(_DELIMITERS[: -1 if lists else None], key=lambda d: _fitness(body, d))
     cells = [split(line, delimiter) for _, line in rows]
     start = _start(cells)
     table = cells[start:]
@@ -116,7 +117,9 @@ def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
     within = [found[2].strip() if found and found[1].strip() else "" for found in beside]
 
     # a comma in numbers is their decimal sign, but between commas only in quotes, where a thousand may be meant by it
-    commas = [cell for row in table for cell in row if "," in cell and not _STAMP.fullmatch(cell)]
+    commas = [
+        cell for row in table for cell in row if "," in cell and cell[0] not in "[(" and not _STAMP.fullmatch(cell)
+    ]
     thousands = delimiter == "," and all(re.fullmatch(r"[+-]?\d{1,3}(,\d{3})+", cell) for cell in commas)
     decimal = delimiter != "," or any(is_value(cell) for cell in commas)
     return Layout(
@@ -225,10 +228,15 @@ def split(line: str, delimiter: str) -> list[str]:
         return [cell.strip() for cell in line.split(delimiter)]
     if delimiter == " ":
         return [cell.strip("\"'") for cell in line.split()]
+    before = csv.field_size_limit(
+        max(len(line), csv.field_size_limit())
+    )  # a line, which is no longer than `MAX_LINE`, may be one cell
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
     except csv.Error as error:
         raise InputError(f"is not a table of numbers ({error})") from error
+    finally:
+        csv.field_size_limit(before)
 
 
 def _decode(file: IO[bytes]) -> tuple[str, list[str]]:

@@ -1,0 +1,63 @@
+"""Columns from JSON: a list of records, or an object of columns; a column of lists is a matrix."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from bristle.data.columns import Key, bounded, is_vector, numeric, reading
+from bristle.errors import InputError, short_list
+
+_WHAT, _HOW = 'JSON of records, as [{"t": 0, "q": 1}, ...], or of columns', "expected as many numbers in each"
+SCHEMA = "schema"
+"""A key of every JSON file that bristle writes."""
+
+
+def is_json_log(path: Path) -> bool:
+    """Whether a JSON file holds a log, and no results of bristle; of one that cannot be read it is not asked."""
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(data, list) or (isinstance(data, dict) and SCHEMA not in data)
+
+
+def read_json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
+    """Columns by name or by number from 0, or of no keys the names of all that are vectors of numbers.
+
+    Raises InputError where the file is no such JSON, or a column is not there or holds no numbers.
+    """
+    import pandas as pd
+
+    with reading(_WHAT, _HOW):
+        data = json.loads(path.read_bytes())
+        if not isinstance(data, list | dict):
+            raise InputError(f"is no {_WHAT}; {_HOW}")
+        frame = pd.DataFrame(data)
+    bounded(frame.size)
+    names = [str(name) for name in frame.columns]
+    columns = [_array(frame.iloc[:, k]) for k in range(len(names))]
+    if keys is None:
+        yield from (name for name, x in zip(names, columns, strict=True) if is_vector(x.shape, x.dtype))
+        return
+    for key in keys:
+        at = key.column if isinstance(key.column, int) else names.index(key.column) if key.column in names else -1
+        if not 0 <= at < len(names):
+            raise InputError(f"no column named {key}; there are: {short_list(names)}")
+        yield numeric(columns[at], key)
+
+
+def _array(column: Any) -> np.ndarray[Any, np.dtype[Any]]:
+    """The values of a column, (n,), or of one of lists of one length, (n, k); null is nan."""
+    if column.dtype.kind == "O":
+        lists = column.map(lambda x: len(x) if isinstance(x, list) else -1)
+        if lists.iloc[0] >= 0 and (lists == lists.iloc[0]).all():
+            with reading(_WHAT, _HOW):
+                return np.array(column.tolist())
+        known = column.map(lambda x: x is None or isinstance(x, int | float))
+        if known.all():
+            with reading(_WHAT, _HOW):
+                return np.asarray(column, dtype=float)
+    return np.asarray(column)
