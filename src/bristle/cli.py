@@ -67,7 +67,10 @@ def asked(metavar: str, meaning: str) -> Any:
 
 def per_signal(metavar: str, what: str) -> Any:
     """An option that tells something of one signal, and may be given for several."""
-    return asked(f"SIGNAL={metavar}", f"{what}; SIGNAL: time, position, velocity, torque, current or voltage.")
+    return asked(
+        f"SIGNAL={metavar}",
+        f"{what}; SIGNAL: time, position, velocity, torque, current, voltage, command or velocity_command.",
+    )
 
 
 ExperimentFile = Annotated[
@@ -104,6 +107,10 @@ Inertia = Annotated[
 Gravity = Annotated[str | None, asked("QUANTITY", "Largest torque of gravity, of a joint that coasts, as 0.7 N*m.")]
 Coasting = Annotated[
     bool, typer.Option("--coasting", help="Nothing drives the joint: --inertia or --gravity says what is known.")
+]
+Held = Annotated[
+    bool | None,
+    typer.Option("--held/--not-held", help="Whether the drive holds commands between samples.", show_default=False),
 ]
 Directions = Annotated[str | None, asked("WORD", "One friction for both, or one each: auto, symmetric or separate.")]
 Name = Annotated[str | None, asked("NAME", "Of the joint.")]
@@ -211,6 +218,7 @@ def identify(
     torque_limit: TorqueLimit = None,
     gear: Gear = None,
     inertia: Inertia = None,
+    held: Held = None,
     gravity: Gravity = None,
     coasting: Coasting = False,
     directions: Directions = None,
@@ -231,7 +239,7 @@ def identify(
     told = _told(
         column, unit, scale, rate,
         torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit, gear=gear,
-        inertia=inertia, gravity=gravity, coasting=coasting, directions=directions, name=name, hold_out=tuple(hold_out or ()),
+        inertia=inertia, held=held, gravity=gravity, coasting=coasting, directions=directions, name=name, hold_out=tuple(hold_out or ()),
     )  # fmt: skip  # a list
     guessed: tuple[str, ...] = ()
     with shown() as progress:
@@ -634,6 +642,7 @@ def new(
     torque_limit: TorqueLimit = None,
     gear: Gear = None,
     inertia: Inertia = None,
+    held: Held = None,
     gravity: Gravity = None,
     coasting: Coasting = False,
     directions: Directions = None,
@@ -651,7 +660,7 @@ def new(
     told = _told(
         column, unit, scale, rate,
         torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit, gear=gear,
-        inertia=inertia, gravity=gravity, coasting=coasting, directions=directions, name=name, hold_out=tuple(hold_out or ()),
+        inertia=inertia, held=held, gravity=gravity, coasting=coasting, directions=directions, name=name, hold_out=tuple(hold_out or ()),
     )  # fmt: skip  # a list
     halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:

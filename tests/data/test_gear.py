@@ -183,6 +183,9 @@ def test_commands_are_the_torque_that_the_drive_makes(tmp_path: Path, side: str)
     np.testing.assert_allclose(torque(), expected, atol=1e-9)
     np.testing.assert_allclose(torque(velocity=None), expected, atol=5e-3)
     np.testing.assert_allclose(torque(velocity_command=None), np.clip(60 * (q_d - Q) - 0.5 * W, -1.0, 1.0), atol=1e-9)
+    mean = (q_d + np.roll(q_d, 1)) / 2, (dq_d + np.roll(dq_d, 1)) / 2
+    held = np.clip(60 * (mean[0] - Q) + 0.5 * (mean[1] - W), -1.0, 1.0)  # half a sample old
+    np.testing.assert_allclose(torque(command={**signals["command"], "held": True})[1:], held[1:], atol=1e-9)
     late = torque(command={**signals["command"], "delay": "-10 ms"})
     np.testing.assert_allclose(late[10:], expected[:-10], atol=1e-9)
 

@@ -208,13 +208,29 @@ def test_a_drive_that_is_told_what_to_follow_tells_friction(tmp_path: Path, late
     (tmp_path / "log.yaml").write_text(text, encoding="utf-8")
     joint = bristle.identify(tmp_path / "log.yaml").joint()
     near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+    assert "ASSUMED not held between samples: held (--held), alpha_2 is" in joint.settings["chosen delay"]
     found, error = map(float, joint.settings["chosen delay"].split(" s late")[0].split(", ")[1].split(" +/- "))
     assert abs(found - late) <= 3 * error < 0.001
     declared = text.replace('"q_des", unit: "rad"', f'"q_des", unit: "rad", delay: {-late!r} s')
     (tmp_path / "log.yaml").write_text(declared, encoding="utf-8")
     again = bristle.identify(tmp_path / "log.yaml").joint()
     assert "chosen delay" not in again.settings
+    assert "commands-at-once" in codes(again.warnings)
     near(again, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+
+
+def test_a_drive_that_would_act_before_it_is_told_is_not_believed(tmp_path: Path) -> None:
+    """Commands that were logged 20 ms late, or gains that are wrong, look so: critical."""
+    t, q, v, _ = motion()
+    torque = clean() + white(t.size, 0.01)
+    q_d = q + (np.interp(t - 0.02, t, torque) + 1.5 * v) / 40
+    np.savetxt(tmp_path / "log.csv", np.stack([t, q, v, q_d], 1), "%.9g", ",", header="t,q,dq,q_des", comments="")
+    text, _ = bristle.draft(tmp_path / "log.csv", told=bristle.Told(kp="40 N*m/rad", kd="1.5 N*m*s/rad", held=False))
+    (tmp_path / "log.yaml").write_text(text, encoding="utf-8")
+    joint = bristle.identify(tmp_path / "log.yaml").joint()
+    assert verdict(joint).trust is Trust.DO_NOT_USE
+    assert "acts-early" in codes(joint.warnings)
+    assert "commands-at-once" not in codes(joint.warnings)
 
 
 @pytest.mark.slow

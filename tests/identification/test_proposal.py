@@ -160,6 +160,19 @@ def test_what_the_joint_is_can_be_told(tmp_path: Path) -> None:
         api.draft(tmp_path / "arm.urdf", *logs, told=told)
 
 
+def test_what_contradicts_coasting_is_refused_before_the_log_is_drafted(tmp_path: Path) -> None:
+    """A column of a torque, or gains, beside coasting, and gravity without it: none is passed over."""
+    log = swung(tmp_path)
+    for told in (
+        Told(coasting=True, columns={"current": "motor_current_A"}), Told(coasting=True, kp="2 N*m/rad"), Told(gravity="2 N*m"),
+    ):  # fmt: skip  # a list
+        with pytest.raises(
+            InputError,
+            match=r"got --(coasting and|gravity without).*; expected --coasting of a joint that nothing drives",
+        ):
+            api.draft(log, told=told)
+
+
 def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:
     """A torque that opposes the motion cannot be drafted into a file that runs: the sentence has the scale that turns it."""
     told = Told(torque_constant="0.5 N*m/A", scales={"current": "-1"})

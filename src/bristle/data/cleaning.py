@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.encoder import whole_positions
-from bristle.data.experiment.constants import commanded_torque
+from bristle.data.experiment.constants import commanded_torque, followed_at_once
 from bristle.data.experiment.schema import MotorConstants
 from bristle.data.experiment.signals import COMMANDS, Cleaning, Context, Position, Signal, Signals, Time
 from bristle.data.experiment.tables import keys_of
@@ -88,7 +88,9 @@ def make_record(
         _unwrap(rows, signals.position, context, told=whole is not None)
     if signals.drive() == "command" and motor is not None:
         period = None if signals.position is None else signals.position.period(context)
-        rows.data["torque"] = commanded_torque(rows.data, motor, starts, period)
+        held = signals.command.held if signals.command else False
+        rows.data["torque"] = commanded_torque(rows.data, motor, starts, period, held=bool(held))
+        rows.warnings += [followed_at_once(file, rows.data, motor, context)] if held is None else []
         rows.data = {name: values for name, values in rows.data.items() if name not in COMMANDS}
     _refuse_constant(rows)
     _undelay(rows, signals, starts)

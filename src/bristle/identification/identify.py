@@ -20,7 +20,7 @@ from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
-from bristle.findings import CAUTION, NOTE, Finding
+from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.accuracy import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
@@ -64,7 +64,7 @@ from bristle.identification.static.set_up import (
 )
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
-from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load
+from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, unit
 from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9
@@ -74,6 +74,8 @@ _CLEARLY = 10.0
 _LATEST = 0.05
 """s: no log is later, and what asks for more is another term, as friction that rises with load."""
 _SHIFTS = 3
+_SURE = 5.0
+"""Standard errors, by which a drive is told to act before its commands."""
 """Times that a delay of the torque is looked for: each is told to first order."""
 _ROUNDS = 4
 """Times that holds are told what they had not settled, at the most."""
@@ -115,7 +117,7 @@ def identify_joint(
     measured, laws = _with_law(with_periods(measured))
     under = laws
     joint = identified(measured, under)
-    measured, joint, delay = _on_time(measured, joint, partial(identified, laws=under))
+    measured, joint, delay, doubts = _on_time(measured, joint, partial(identified, laws=under))
     told |= delay
     of_motion = auto and not bic
     if of_motion:
@@ -137,7 +139,7 @@ def identify_joint(
         joint = identified(measured, under, near=joint.tracking, crosscheck=crosscheck, uncertainty=uncertainty)
     step(progress, "comparing friction models")
     models = _models(measured, joint, timings, ended)
-    joint = replace(joint, models=models, laws=laws, warnings=(*law_warnings(laws), *joint.warnings))
+    joint = replace(joint, models=models, laws=laws, warnings=(*law_warnings(laws), *doubts, *joint.warnings))
     joint, other = replace(joint, settings={**joint.settings, **told}), 0.0
     if {APART, SYMMETRIC} <= bic.keys():
         apart = measured.experiment.fit.directions == "separate"
@@ -189,8 +191,8 @@ def _law_of_motion(
 
 def _on_time(
     measured: Measured, joint: Joint, identified: Callable[..., Joint]
-) -> tuple[Measured, Joint, dict[str, str]]:
-    """Moving runs whose torque was logged late or early, without that, identified anew, and what is said of it; else as they were.
+) -> tuple[Measured, Joint, dict[str, str], tuple[Finding, ...]]:
+    """Moving runs whose torque was logged late or early, without that, identified anew, and what is said of it, and doubted; else as they were.
 
     A delay is told to first order, and taken where it is one of a log and the fit then leaves a tenth less. A drive that was told
     what to follow has one: it is taken where the fit then leaves no more, with its interval.
@@ -199,7 +201,7 @@ def _on_time(
     told_by = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
     declared = told_by is not None and "delay" in getattr(signals, told_by).model_fields_set
     if declared or joint.moving is None or measured.experiment.fit.set_up == AS_WRITTEN:
-        return measured, joint, {}
+        return measured, joint, {}, ()
     for _ in range(_SHIFTS):
         more, error = joint.moving.late
         if told_by not in COMMANDS:
@@ -216,10 +218,27 @@ def _on_time(
             break
         measured, joint, late = shifted, again, late + more
     if told_by in COMMANDS and joint.moving is not None:
-        return measured, joint, {"chosen delay": _of_drive(late + joint.moving.late[0], joint.moving.late[1])}
+        late, error = late + joint.moving.late[0], joint.moving.late[1]
+        message = (
+            f"The drive would act {late:.2g} s before it was told: its gains, their units, or the time stamps of its commands are wrong, "
+            "and so is friction."
+        )
+        early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
+        doubts = (early,) if late > _SURE * error else ()
+        return measured, joint, {"chosen delay": _of_drive(late, error) + _at_once(measured)}, doubts
     when = "late" if late > 0 else "early"
     told = f"logged {abs(late):.3g} s {when}, which is taken off (signals.torque.delay overrules)"
-    return measured, joint, {"chosen delay": told} if late else {}
+    return measured, joint, {"chosen delay": told} if late else {}, ()
+
+
+def _at_once(measured: Measured) -> str:
+    """That commands are assumed not to be held between samples, where nothing says so."""
+    said = (w for run in measured.runs for w in run.record.warnings if w.code == "commands-at-once")
+    lower = next((float(w.numbers["lower"]) for w in said), None)
+    of = unit("alpha_2", measured.experiment.joint.kind)
+    return (
+        "" if lower is None else f"; ASSUMED not held between samples: held (--held), alpha_2 is {lower:.2g} {of} lower"
+    )
 
 
 def _of_drive(late: float, error: float) -> str:

@@ -11,9 +11,9 @@ from bristle.data import units
 from bristle.data.differentiation import without_ends
 from bristle.data.experiment.schema import Coasting, MotorConstants, PlusMinus
 from bristle.data.experiment.signals import Context, Signals, motor_si, si
-from bristle.data.record import Record
+from bristle.data.record import OTHER_FILES, Record
 from bristle.errors import InputError
-from bristle.findings import NOTE, Finding
+from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model.functions import drive_torque_slopes_function
 from bristle.model.parameters import slides
 from bristle.model.vectorize import evaluate
@@ -61,30 +61,52 @@ def torque_constants(signals: Signals, motor: MotorConstants | None, context: Co
 
 
 def commanded_torque(
-    rows: Mapping[str, Array], motor: MotorConstants, starts: Sequence[int], period: float | None
+    rows: Mapping[str, Array], motor: MotorConstants, starts: Sequence[int], period: float | None, *, held: bool
 ) -> Array:
     """The torque that a drive makes of its commands, K_p (q_d - q) + K_d (dq_d - dq), within its limit, N*m, (n,).
+
+    Held commands are half a sample old in the mean, which the measurements of a drive that is faster than the log are not.
 
     Args:
         rows: position, and velocity where it was logged, with what was told, by signal, SI, (n,) each.
         motor: its gains and limit.
         starts: the first row of each part between gaps.
         period: where the position wraps, rad; None: nowhere.
+        held: whether commands are held between samples.
     """
+
+    def less(name: str, measured: Array, period: float | None = None) -> Array:
+        """A command less what was measured; held, the mean of this sample's and of the one before."""
+        told, before = rows.get(name, np.zeros(measured.size)), np.zeros(measured.size)
+        before[1:] = told[:-1]
+        before[list(starts)] = told[list(starts)]
+        errors = [x - measured for x in ([told, before] if held else [told])]
+        return np.mean([e if period is None else e - period * np.round(e / period) for e in errors], axis=0)
+
     at_joint, v, torque = motor.at_joint(), rows.get("velocity"), np.zeros(rows["time"].size)
     K_p, K_d = (0.0 if gain is None else gain.value for gain in (at_joint.kp, at_joint.kd))
     if "command" in rows:
-        error = rows["command"] - rows["position"]
-        error -= 0.0 if period is None else period * np.round(error / period)
-        torque += K_p * error
+        torque += K_p * less("command", rows["position"], period)
     if v is None and K_d:  # such a drive takes it from its encoder
         parts = [np.split(rows[name], starts[1:]) for name in ("position", "time")]
         slopes = [np.gradient(q, t) if t.size > 1 else np.zeros(t.size) for q, t in zip(*parts, strict=True)]
         v = np.concatenate(slopes)
     if v is not None:
-        torque += K_d * (rows.get("velocity_command", 0.0) - v)
+        torque += K_d * less("velocity_command", v)
     most = at_joint.torque_limit
     return torque if most is None else np.clip(torque, -most, most)
+
+
+def followed_at_once(file: str, rows: Mapping[str, Array], motor: MotorConstants, context: Context) -> Finding:
+    """That commands are taken as not held between samples, and what it would change if they were."""
+    gain, step = motor.at_joint().kp, float(np.median(np.diff(rows["time"])))
+    lower = step / 2 * (gain.value if gain else 0.0)
+    message = (
+        f"Commands of {file}{OTHER_FILES} are taken as followed at once. Where a drive that is faster than the log holds each until the next, "
+        f"alpha_2 is about {lower:.2g} {si('alpha_2', context)} lower: write `held: true` (or `false`) under signals.command, or --held "
+        "(--not-held)."
+    )
+    return Finding("commands-at-once", CAUTION, message, {"files": (file,), "lower": lower})
 
 
 def coasting_constant(coasting: Coasting, context: Context) -> Constant:
@@ -132,7 +154,9 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
     if not exact:
         return None
     first = exact[0]
-    line = f"{first.name.split()[0]}: {first.value:g} +/- {abs(first.value) / 50:.2g} {first.unit}".removesuffix(" 1")
+    key, _, known = first.name.partition(" ")
+    value = f"{first.value:g} +/- {abs(first.value) / 50:.2g} {first.unit}".removesuffix(" 1")
+    line = f"{key}: {{{known}: {value}}}" if key == "coasting" else f"{key}: {value}"
     message = (
         f"Torque: assuming {_listed(exact)} exact: no interval contains that error, which is often the largest; "
         f"give it, as in {line} for 2 %."

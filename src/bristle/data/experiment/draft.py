@@ -57,6 +57,8 @@ class Told:
     kp: str | None = None
     kd: str | None = None
     torque_limit: str | None = None
+    held: bool | None = None
+    """Whether the drive holds its commands between samples."""
     gear: str | None = None
     """As under `motor`: `ratio: 100, position: motor, velocity: motor`."""
     inertia: str | None = None
@@ -142,6 +144,12 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         check_name(file.name, f"{file}: the file name")
     log = _Log(first)
     guesses, by_step = _guesses(log, told)
+    driven = [name for name in (*DRIVES, *COMMANDS) if name in told.columns] + [f"--{name}" for name in told.motor]
+    if (told.coasting and driven) or (told.gravity and not told.coasting):
+        got = f"--coasting and {driven[0]}" if told.coasting else "--gravity without --coasting"
+        raise InputError(
+            f"{log.path}: got {got}; expected --coasting of a joint that nothing drives, and --gravity of such a one alone"
+        )
     drive = "" if told.coasting else _drive(log, guesses, told)
     of_points = _of_points(log, guesses, told) and not told.coasting
     kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
@@ -159,7 +167,8 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     for name in ("velocity", *drives) if of_points else ("time", "position", "velocity", *drives):
         if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
             wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(files, guess, told) else ""
-            lines.append(_signal(name, guess, kind, told, log, guessed) + f"{wraps}}}")
+            held = f", held: {str(told.held).lower()}" if name == "command" and told.held is not None else ""
+            lines.append(_signal(name, guess, kind, told, log, guessed) + f"{wraps}{held}}}")
             guessed += ["position: wraps at a full turn, for it jumps by one"] if wraps else []
     motor = [f"{name}: {quoted(value)}" for name, value in told.motor.items()]
     motor += [f"gear: {{{told.gear}}}"] if told.gear else []
@@ -324,7 +333,8 @@ def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
     if drive is None:
         raise InputError(
             f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME --unit "
-            f"torque=N*m, or --column command=NAME --kp '20 N*m/rad' --kd '1 N*m*s/rad' (there are: {short(log.described)})"
+            f"torque=N*m, or --column command=NAME --kp '20 N*m/rad' --kd '1 N*m*s/rad'; of a joint that nothing drives, --coasting "
+            f"(there are: {short(log.described)})"
         )
     if drive == "command":
         gains = [

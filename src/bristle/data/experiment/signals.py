@@ -215,6 +215,13 @@ class Position(Signal):
         return units.to_si("360 deg", "rad") * by if self.wraps else None
 
 
+class Command(Signal):
+    """What a drive was told to follow."""
+
+    held: bool | None = None
+    """Whether a drive that is faster than the log holds it from sample to sample; None: taken as not, which is said."""
+
+
 class Enabled(Signal):
     """Whether the drive is on: 0 where it is not. There the motor is open and its torque unknown, so those rows are left out."""
 
@@ -242,7 +249,7 @@ class Signals(StrictModel):
     torque: Signal | None = None
     voltage: Signal | None = None
     current: Signal | None = None
-    command: Signal | None = None
+    command: Command | None = None
     """The position that the drive was told to follow; its delay is that of the torque which the drive makes of it."""
     velocity_command: Signal | None = None
     enabled: Annotated[Enabled | None, BeforeValidator(_as_column)] = None
