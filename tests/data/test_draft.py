@@ -82,6 +82,8 @@ _NAMES: dict[str, tuple[str, str | None] | None] = {
     "q_ref": ("command", None),
     "goal_position [deg]": ("command", "deg"),
     "goal": ("command", None),
+    "positions": ("position", None),
+    "efforts [Nm]": ("torque", "N*m"),
     "torque_enable": None,
     "position_error": None,
     "Torque [parsec]": None,

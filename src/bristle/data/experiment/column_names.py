@@ -13,9 +13,21 @@ from bristle.model.parameters import unit as unit_of
 
 _NAMES = {
     "time": ("t", "time", "timestamp", "timestamps", "stamp", "zeit", "zeitstempel"),
-    "position": ("q", "qm", "pos", "position", "angle", "theta", "phi", "winkel", "lage"),
-    "velocity": ("dq", "qd", "vel", "velocity", "speed", "omega", "qdot", "velo", "geschwindigkeit", "drehzahl"),
-    "torque": ("tau", "torque", "trq", "effort", "force", "moment", "drehmoment", "kraft"),
+    "position": ("q", "qm", "pos", "position", "positions", "angle", "theta", "phi", "winkel", "lage"),
+    "velocity": (
+        "dq",
+        "qd",
+        "vel",
+        "velocity",
+        "velocities",
+        "speed",
+        "omega",
+        "qdot",
+        "velo",
+        "geschwindigkeit",
+        "drehzahl",
+    ),
+    "torque": ("tau", "torque", "torques", "trq", "effort", "efforts", "force", "moment", "drehmoment", "kraft"),
     "current": ("i", "iq", "current", "curr", "amps", "strom"),
     "voltage": ("u", "v_in", "voltage", "volt", "volts", "spannung"),
 }

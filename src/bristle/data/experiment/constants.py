@@ -81,7 +81,9 @@ def commanded_torque(
         before[1:] = told[:-1]
         before[list(starts)] = told[list(starts)]
         errors = [x - measured for x in ([told, before] if held else [told])]
-        return np.mean([e if period is None else e - period * np.round(e / period) for e in errors], axis=0)
+        wrapped = [e if period is None else e - period * np.round(e / period) for e in errors]
+        mean: Array = sum(wrapped, np.zeros(measured.size)) / len(wrapped)
+        return mean
 
     at_joint, v, torque = motor.at_joint(), rows.get("velocity"), np.zeros(rows["time"].size)
     K_p, K_d = (0.0 if gain is None else gain.value for gain in (at_joint.kp, at_joint.kd))
