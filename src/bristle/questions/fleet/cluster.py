@@ -72,7 +72,7 @@ def told_where_lost(client: Client) -> Iterator[None]:
         yield
     except (CommClosedError, DaskTimeoutError, TimeoutError) as error:
         raise SchedulerLostError(client) from error
-    except RuntimeError as error:  # of a client that has noticed
+    except (RuntimeError, AttributeError) as error:  # of a client that has noticed, or has let go of its scheduler
         if client.status == "running":
             raise
         raise SchedulerLostError(client) from error
