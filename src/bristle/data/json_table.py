@@ -16,7 +16,9 @@ SCHEMA = "schema"
 
 
 def is_json_log(path: Path) -> bool:
-    """Whether a JSON file holds a log, and no results of bristle; of one that cannot be read it is not asked."""
+    """Whether a JSON file holds a log, and no results of bristle; what is no such file, or cannot be read, does not."""
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return False
     try:
         data = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError):
