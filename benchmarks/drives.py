@@ -227,7 +227,7 @@ def experiment(entry: Entry, data: Path, place: Path) -> str:
         text = (data / entry.logs).read_text(encoding="utf-8")
     else:
         words = dict(word.split("=", 1) for word in entry.told.split())
-        more = {
+        more: dict[str, Any] = {
             name: words.pop(name) for name in ("rate", "torque_constant", "resistance", "kp", "kd") if name in words
         }
         parts = {signal: [*word.split(","), "", ""][:3] for signal, word in words.items()}
