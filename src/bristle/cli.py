@@ -1,7 +1,9 @@
 """The command line: its commands and options; what they print goes through `terminal`, and `__main__` ends the process."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
+from functools import wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -92,32 +94,58 @@ Strict = Annotated[bool, typer.Option("--strict", help="Exit with 3 where a join
 Need = Annotated[
     str | None, asked("PERCENT", "To how much of friction it has to be known (95 %), to be used [default: 10%].")
 ]
-Column = Annotated[list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0")]
-Unit = Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")]
-Scale = Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")]
-Rate = Annotated[str | None, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")]
-TorqueConstant = Annotated[str | None, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")]
-Resistance = Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")]
-Kp = Annotated[str | None, asked("QUANTITY", "Of a drive that is told a position, at the joint, as 20 N*m/rad.")]
-Kd = Annotated[str | None, asked("QUANTITY", "Of a drive that is told a velocity, at the joint, as 1 N*m*s/rad.")]
-Gear = Annotated[str | None, asked("GEAR", "As under motor: 'ratio: 100, position: motor, velocity: motor'.")]
-Inertia = Annotated[
-    str | None, asked("QUANTITY", "Of the joint, as 0.0089 kg*m^2, or with its error: then it is a prior.")
-]
-Gravity = Annotated[str | None, asked("QUANTITY", "Largest torque of gravity, of a joint that coasts, as 0.7 N*m.")]
-Coasting = Annotated[
-    bool, typer.Option("--coasting", help="Nothing drives the joint: --inertia or --gravity says what is known.")
-]
-Held = Annotated[
-    bool | None,
-    typer.Option("--held/--not-held", help="Whether the drive holds commands between samples.", show_default=False),
-]
-Directions = Annotated[str | None, asked("WORD", "One friction for both, or one each: auto, symmetric or separate.")]
-Name = Annotated[str | None, asked("NAME", "Of the joint.")]
-HoldOut = Annotated[list[Path] | None, asked("LOG", "A log that is kept for validation; may be given again.")]
-TorqueLimit = Annotated[
-    str | None, asked("QUANTITY", "What a drive gives at the most, where commands are logged, as 23 N*m.")
-]
+OF_LOGS: dict[str, Any] = {
+    "column": Annotated[list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0")],
+    "unit": Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")],
+    "scale": Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")],
+    "rate": Annotated[str | None, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")],
+    "torque_constant": Annotated[str | None, asked("QUANTITY", "Of the motor, at the joint, as 0.35 N*m/A.")],
+    "resistance": Annotated[str | None, asked("QUANTITY", "Of the motor, as 2.1 ohm, where voltage is logged.")],
+    "kp": Annotated[str | None, asked("QUANTITY", "Of a drive that is told a position, at the joint, as 20 N*m/rad.")],
+    "kd": Annotated[str | None, asked("QUANTITY", "Of a drive that is told a velocity, at the joint, as 1 N*m*s/rad.")],
+    "torque_limit": Annotated[
+        str | None, asked("QUANTITY", "What a drive gives at the most, where commands are logged, as 23 N*m.")
+    ],
+    "gear": Annotated[str | None, asked("GEAR", "As under motor: 'ratio: 100, position: motor, velocity: motor'.")],
+    "inertia": Annotated[
+        str | None, asked("QUANTITY", "Of the joint, as 0.0089 kg*m^2, or with its error: then it is a prior.")
+    ],
+    "held": Annotated[
+        bool | None,
+        typer.Option("--held/--not-held", help="Whether the drive holds commands between samples.", show_default=False),
+    ],
+    "gravity": Annotated[
+        str | None, asked("QUANTITY", "Largest torque of gravity, of a joint that coasts, as 0.7 N*m.")
+    ],
+    "coasting": Annotated[
+        bool, typer.Option("--coasting", help="Nothing drives the joint: --inertia or --gravity says what is known.")
+    ],
+    "directions": Annotated[
+        str | None, asked("WORD", "One friction for both, or one each: auto, symmetric or separate.")
+    ],
+    "name": Annotated[str | None, asked("NAME", "Of the joint.")],
+    "hold_out": Annotated[list[Path] | None, asked("LOG", "A log that is kept for validation; may be given again.")],
+}
+"""Options of what is told of logs, by name."""
+
+
+def tells_of_logs(command: Callable[..., None]) -> Callable[..., None]:
+    """A command that has those options behind its own; it is given them in `of_logs`, by name."""
+    own = [p for p in signature(command).parameters.values() if p.name != "of_logs"]
+    more = [
+        Parameter(name, Parameter.POSITIONAL_OR_KEYWORD, default=False if name == "coasting" else None, annotation=of)
+        for name, of in OF_LOGS.items()
+    ]
+
+    @wraps(command)
+    def run(**given: Any) -> None:
+        of_logs = {name: given.pop(name) for name in OF_LOGS}
+        command(**given, of_logs=of_logs)
+
+    # what typer reads
+    run.__signature__ = Signature([*own, *more])  # type: ignore[attr-defined]  # as PEP 362 has it
+    run.__annotations__ = {p.name: p.annotation for p in (*own, *more)}
+    return run
 
 
 @app.callback(invoke_without_command=True)
@@ -182,6 +210,7 @@ def report(
 
 
 @app.command()
+@tells_of_logs
 def identify(
     sources: Annotated[
         list[Path] | None,
@@ -207,23 +236,8 @@ def identify(
     workers: Workers = None,
     need: Need = None,
     strict: Strict = False,
-    column: Column = None,
-    unit: Unit = None,
-    scale: Scale = None,
-    rate: Rate = None,
-    torque_constant: TorqueConstant = None,
-    resistance: Resistance = None,
-    kp: Kp = None,
-    kd: Kd = None,
-    torque_limit: TorqueLimit = None,
-    gear: Gear = None,
-    inertia: Inertia = None,
-    held: Held = None,
-    gravity: Gravity = None,
-    coasting: Coasting = False,
-    directions: Directions = None,
-    name: Name = None,
-    hold_out: HoldOut = None,
+    *,
+    of_logs: Mapping[str, Any],
 ) -> None:
     """Print how well friction is known, and the values to use.
 
@@ -236,11 +250,7 @@ def identify(
     for path in (output, save):  # what takes minutes is not computed to be refused
         if path is not None:
             check_absent(path)
-    told = _told(
-        column, unit, scale, rate,
-        torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit, gear=gear,
-        inertia=inertia, held=held, gravity=gravity, coasting=coasting, directions=directions, name=name, hold_out=tuple(hold_out or ()),
-    )  # fmt: skip  # a list
+    told = _told(of_logs)
     guessed: tuple[str, ...] = ()
     with shown() as progress:
         from bristle import Told, draft
@@ -250,12 +260,12 @@ def identify(
 
         files: list[Any] = list(sources or [])
         own = {"", ".yaml", ".yml", *([] if files and is_json_log(files[0]) else [".json"])}
-        of_logs = bool(files) and files[0].suffix.lower() not in own
-        if not of_logs and (save is not None or told != Told()):
+        are_logs = bool(files) and files[0].suffix.lower() not in own
+        if not are_logs and (save is not None or told != Told()):
             raise InputError(
                 "an experiment file, or none, was given with options of logs; write them into it, or give logs"
             )
-        if of_logs:
+        if are_logs:
             text, guessed = draft(*files, told=told, folder=save and save.parent, progress=progress)
             files = [load_text(text, save or files[0].with_name(f"the draft for {files[0].name}"))]
         if save is not None:
@@ -621,6 +631,7 @@ def plan(
 
 
 @app.command()
+@tells_of_logs
 def new(
     logs: Annotated[
         list[Path],
@@ -631,23 +642,8 @@ def new(
         ),
     ],
     output: Annotated[Path | None, to("FILE", "Write the draft here instead of printing it.")] = None,
-    column: Column = None,
-    unit: Unit = None,
-    scale: Scale = None,
-    rate: Rate = None,
-    torque_constant: TorqueConstant = None,
-    resistance: Resistance = None,
-    kp: Kp = None,
-    kd: Kd = None,
-    torque_limit: TorqueLimit = None,
-    gear: Gear = None,
-    inertia: Inertia = None,
-    held: Held = None,
-    gravity: Gravity = None,
-    coasting: Coasting = False,
-    directions: Directions = None,
-    name: Name = None,
-    hold_out: HoldOut = None,
+    *,
+    of_logs: Mapping[str, Any],
 ) -> None:
     """Draft an experiment file from logs.
 
@@ -657,11 +653,7 @@ def new(
     """
     if output is not None:
         check_absent(output)
-    told = _told(
-        column, unit, scale, rate,
-        torque_constant=torque_constant, resistance=resistance, kp=kp, kd=kd, torque_limit=torque_limit, gear=gear,
-        inertia=inertia, held=held, gravity=gravity, coasting=coasting, directions=directions, name=name, hold_out=tuple(hold_out or ()),
-    )  # fmt: skip  # a list
+    told = _told(of_logs)
     halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:
         if halves:
@@ -727,14 +719,14 @@ def _tell(texts: Iterable[str]) -> None:
     print_found(wrapped(line for text in texts for line in text.rstrip("\n").split("\n")))
 
 
-def _told(column: Column, unit: Unit, scale: Scale, rate: Rate, **more: Any) -> "Told":
+def _told(of_logs: Mapping[str, Any]) -> "Told":
     """What the options tell of logs. Raises InputError where one is no SIGNAL=VALUE of a signal."""
     from bristle.data.experiment.draft import Told, told_by
 
-    columns, units, scales = (
-        told_by(x or (), f"--{name}") for name, x in (("column", column), ("unit", unit), ("scale", scale))
-    )
-    return Told(columns=columns, units=units, scales=scales, rate=rate, **more)
+    given = dict(of_logs)
+    columns, units, scales = (told_by(given.pop(name) or (), f"--{name}") for name in ("column", "unit", "scale"))
+    held_out = tuple(given.pop("hold_out") or ())
+    return Told(columns=columns, units=units, scales=scales, hold_out=held_out, **given)
 
 
 def _finish(results: "Results", strict: bool) -> None:

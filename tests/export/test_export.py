@@ -190,7 +190,7 @@ def test_one_direction_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_current_or_a_voltage_is_no_torque(handed: Handed) -> None:
-    """A joint whose torque is known as one goes to the documents, to C and to the FMU, and is refused elsewhere."""
+    """A joint whose torque is known as one, or per inertia, goes to the documents, to C and to the FMU, and is refused elsewhere."""
     request = Request()
     for kind, alone in (
         ("revolute in A", "current alone, .* give motor\\.torque_constant, id"),
@@ -198,6 +198,7 @@ def test_a_current_or_a_voltage_is_no_torque(handed: Handed) -> None:
             "revolute in V",
             "voltage alone, .* give motor\\.torque_constant and motor\\.resistance, id",
         ),
+        ("revolute per inertia", "deceleration alone, .* give coasting\\.inertia or coasting\\.gravity, id"),
     ):
         joint = handed(kind=kind)
         for to in TARGETS:

@@ -228,9 +228,8 @@ def split(line: str, delimiter: str) -> list[str]:
         return [cell.strip() for cell in line.split(delimiter)]
     if delimiter == " ":
         return [cell.strip("\"'") for cell in line.split()]
-    before = csv.field_size_limit(
-        max(len(line), csv.field_size_limit())
-    )  # a line, which is no longer than `MAX_LINE`, may be one cell
+    before = csv.field_size_limit()
+    csv.field_size_limit(max(len(line), before))  # a line, which is no longer than `MAX_LINE`, may be one cell
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
     except csv.Error as error:

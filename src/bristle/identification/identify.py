@@ -15,7 +15,7 @@ from scipy.special import expit
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.constants import torque_scale
 from bristle.data.experiment.load import Experiment
-from bristle.data.experiment.schema import AS_WRITTEN, GONE, Coasting
+from bristle.data.experiment.schema import AS_WRITTEN, GONE
 from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
@@ -282,8 +282,7 @@ def _with_directions(measured: Measured, directions: str | None = None) -> Measu
     fit, training = measured.experiment.fit, measured.moving(hold_out=False)
     ways = len(moved_in(training)) if training else 0
     chosen = directions or ("symmetric" if ways == len(DIRECTIONS) and fit.predict == "torque" else "separate")
-    made = {r.made_of for r in training}
-    asked = (("inertia",) if training and "inertia" not in made else ()) if fit.regressors is None else fit.regressors
+    asked = (("inertia",) if training else ()) if fit.regressors is None else fit.regressors
     about = ("offset",) if chosen == "symmetric" else ()
     return with_options(measured, directions=chosen, regressors=(*(x for x in asked if x != "offset"), *about))
 
@@ -592,7 +591,7 @@ def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[
         message = f"fit.{key} is a key of earlier versions, and is not read as it was: {GONE[key]}."
         warnings.append(Finding("key-gone", CAUTION, message, {"key": key}))
     told = {w.code for w in warnings}
-    if experiment.coasting == Coasting():
+    if experiment.coasting is not None and experiment.coasting.known is None:
         of = effort_unit(experiment.joint.kind)
         message = f"Nothing of the joint is known, so friction is per inertia, in {of}: write `coasting: {{inertia: 0.02 kg*m^2}}`, or its gravity."
         warnings.append(Finding("per-inertia", CAUTION, message, {"unit": of}))

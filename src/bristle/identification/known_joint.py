@@ -119,8 +119,11 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
     rows = []
     for row in moving:
         name, d = row.parameter
-        in_stage = _within(d, static) if of_curve(name) else name in beside
-        if not in_stage or (_within(d, curves) if of_curve(name) else curves):
+        # what was fitted beside a curve goes with it
+        has, is_of_stage = (
+            (_within(d, curves), _within(d, static)) if of_curve(name) else (bool(curves), name in beside)
+        )
+        if has or not is_of_stage:
             rows.append(row)
     for row in staged:
         name, d = row.parameter

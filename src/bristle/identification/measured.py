@@ -12,7 +12,6 @@ from bristle.data.bandwidth import decimation
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
 from bristle.data.differentiation import estimate_motion, usable, without_short_segments
 from bristle.data.experiment.load import Experiment, Run, in_own_unit, load_experiment, read_runs
-from bristle.data.experiment.schema import Coasting
 from bristle.data.record import Record
 from bristle.data.run_kinds import FEWEST
 from bristle.data.signal_checks import merged
@@ -108,7 +107,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     runs = read_runs(experiment)
     refuse_repeated(experiment, runs)
     drive, coasting = experiment.signals_of(experiment.runs[0]).drive(), experiment.coasting
-    unknown = coasting == Coasting() if coasting else experiment.motor_constants is None
+    unknown = coasting.known is None if coasting else experiment.motor_constants is None
     if unknown and drive != "torque":
         experiment = in_own_unit(experiment, experiment.fit.regressors)
     measured = measured_of(experiment, runs)

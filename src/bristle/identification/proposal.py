@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from bristle.data.experiment.draft import Draft, DraftedRun, Told, draft_experim
 from bristle.data.experiment.load import experiment_of, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.yaml_file import parse, read_text
-from bristle.data.robot.draft import draft_robot
+from bristle.data.robot.draft import OF_ROBOTS, draft_robot
 from bristle.data.robot.robot_file import robot_of
 from bristle.data.run_kinds import kinds_of, stretches
 from bristle.errors import InputError
@@ -55,11 +56,8 @@ def draft_of_logs(
     tell = teller(progress, 3)
     tell("reading the logs")
     if files[0].suffix.lower() == ".urdf":
-        if given := [
-            name
-            for name in ("gear", "inertia", "coasting", "directions", "name", "hold_out", "kp", "kd")
-            if getattr(told, name)
-        ]:
+        of_one = (x.name for x in fields(told) if x.name not in OF_ROBOTS)
+        if given := [name for name in of_one if getattr(told, name) not in (None, False, ())]:
             raise InputError(
                 f"{files[0]}: {given[0]} is of one joint, and a robot has several; write it into the draft"
             )

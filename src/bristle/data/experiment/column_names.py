@@ -7,6 +7,7 @@ from contextlib import suppress
 from functools import cache
 from typing import NamedTuple
 
+from bristle.data.experiment.signals import COMMANDS
 from bristle.data.units import factor
 from bristle.errors import InputError
 from bristle.model.parameters import unit as unit_of
@@ -15,24 +16,12 @@ _NAMES = {
     "time": ("t", "time", "timestamp", "timestamps", "stamp", "zeit", "zeitstempel"),
     "position": ("q", "qm", "pos", "position", "positions", "angle", "theta", "phi", "winkel", "lage"),
     "velocity": (
-        "dq",
-        "qd",
-        "vel",
-        "velocity",
-        "velocities",
-        "speed",
-        "omega",
-        "qdot",
-        "velo",
-        "geschwindigkeit",
-        "drehzahl",
+        "dq", "qd", "vel", "velocity", "velocities", "speed", "omega", "qdot", "velo", "geschwindigkeit", "drehzahl",
     ),
     "torque": ("tau", "torque", "torques", "trq", "effort", "efforts", "force", "moment", "drehmoment", "kraft"),
     "current": ("i", "iq", "current", "curr", "amps", "strom"),
     "voltage": ("u", "v_in", "voltage", "volt", "volts", "spannung"),
-}
-_OF_COMMANDS = {"command": "position", "velocity_command": "velocity"}
-"""Whose names, beside a word of what was asked for, mean them."""
+}  # fmt: skip  # a list of words
 _WITH_UNIT = {"position": ("x", "y", "p", "encoder"), "velocity": ("v", "w"), "torque": ("f", "m"), "voltage": ("v",)}
 """Names that mean a signal where a unit of it follows."""
 _UNITS = {
@@ -108,7 +97,7 @@ def guess_columns(names: Sequence[str], stated: Sequence[str] = ()) -> dict[str,
     units = dict(zip(names, stated, strict=False))
     best = [max(_readings(name, units.get(name, "")), default=None) for name in once]
     guesses: dict[str, ColumnGuess] = {}
-    for signal in (*_NAMES, *_OF_COMMANDS):
+    for signal in (*_NAMES, *COMMANDS):
         found = [(x.score, name, x.unit) for name, x in zip(once, best, strict=True) if x and x.signal == signal]
         if found:
             score, name, unit = max(found, key=lambda x: x[0])  # the first of those that are alike
@@ -135,7 +124,7 @@ def _fits(unit: str, signal: str) -> bool:
     """Whether a unit is one of a signal, of a joint that turns or slides."""
     for kind in ("revolute", "prismatic"):
         with suppress(InputError):
-            return bool(factor(unit, unit_of(_OF_COMMANDS.get(signal, signal), kind)))
+            return bool(factor(unit, unit_of(COMMANDS.get(signal, signal), kind)))
     return False
 
 
@@ -153,7 +142,7 @@ def _readings(name: str, stated: str) -> list[_Reading]:
     parted = re.sub(r"(?<=[a-z]{2})(?=[A-Z][a-z]{2})", "_", bare.strip()).lower()
     words = [word for x in re.split(r"[^\w*/·°.-]+|_", parted) if (word := re.sub(r"\d+$", "", x))]
     readings = []
-    of_commands = {name: _UNITS[of] for name, of in _OF_COMMANDS.items()}
+    of_commands = {name: _UNITS[of] for name, of in COMMANDS.items()}
     for signal, units in {**_UNITS, **of_commands}.items():
         if stated and _fits(stated, signal) and (score := _score(words, signal, stated)):
             readings.append(_Reading(score, signal, stated))
@@ -168,10 +157,10 @@ def _readings(name: str, stated: str) -> list[_Reading]:
 
 def _score(words: list[str], signal: str, unit: str) -> float:
     """How plainly some words mean a signal; 0: not at all."""
-    if signal in _OF_COMMANDS:
+    if signal in COMMANDS:
         stem = [word for word in words if word not in _ASKED]
         alone = signal == "command" and not set(words) - _ASKED - _BESIDE
-        return 0.0 if len(stem) == len(words) else 1.0 if alone else _score(stem, _OF_COMMANDS[signal], unit)
+        return 0.0 if len(stem) == len(words) else 1.0 if alone else _score(stem, COMMANDS[signal], unit)
     usual = (*_NAMES[signal], *(_WITH_UNIT.get(signal, ()) if unit else ()))
     at = max((k for k, word in enumerate(words) if word in usual), default=None)
     rest = set(words) - set(usual)

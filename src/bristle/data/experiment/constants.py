@@ -41,9 +41,15 @@ class Constant(NamedTuple):
         return f"{self.name} {self.value:g}{error} {self.unit}".removesuffix(" 1")
 
 
-def torque_constants(signals: Signals, motor: MotorConstants | None, context: Context) -> Iterator[Constant]:
+def torque_constants(
+    signals: Signals, motor: MotorConstants | None, context: Context, coasting: Coasting | None = None
+) -> Iterator[Constant]:
     """The constants that the torque of a run with these signals is computed with; a mere change of sign is none."""
     drive = signals.drive()
+    if coasting is not None and coasting.known is not None:
+        made, size = coasting.made_of, coasting.known
+        unit = si("torque" if made == "gravity" else made, context)
+        yield Constant(f"coasting {made}", size.value, size.standard_error, unit)
     if drive is None:
         return
     known: dict[str, PlusMinus | None] = {name: getattr(motor, name, None) for name in _OF_DRIVE[drive]}
@@ -111,21 +117,16 @@ def followed_at_once(file: str, rows: Mapping[str, Array], motor: MotorConstants
     return Finding("commands-at-once", CAUTION, message, {"files": (file,), "lower": lower})
 
 
-def coasting_constant(coasting: Coasting, context: Context) -> Constant:
-    """What is known of a joint that coasts."""
-    unit = si({"gravity": "torque", "inertia": "inertia"}[coasting.made_of], context)
-    return Constant(f"coasting {coasting.made_of}", coasting.size.value, coasting.size.standard_error, unit)
-
-
 def coasted(record: Record, coasting: Coasting, context: Context) -> Record:
     """The record of a joint that coasts, with the torque that what is known of it makes: gravity's, or less inertia times acceleration.
 
     Its position counts from where it hangs, which a regression of the acceleration on sin(q), cos(q), sgn(v) and v tells. Raises
     InputError where gravity is known, and a run has no position or the joint slides.
     """
+    size = 1.0 if coasting.known is None else coasting.known.value
     if coasting.made_of == "inertia":
         inner = without_ends(record)
-        return replace(inner, torque=-coasting.size.value * np.asarray(inner.acceleration), made_of="inertia")
+        return replace(inner, torque=-size * np.asarray(inner.acceleration), made_of="inertia")
     v, a = np.asarray(record.velocity), np.asarray(record.acceleration)
     if record.position is None or slides(context.kind):
         raise InputError(f"{record.file}: gravity of a joint that coasts needs the position of one that turns")
@@ -135,7 +136,7 @@ def coasted(record: Record, coasting: Coasting, context: Context) -> Record:
     q = record.position - hangs
     message = f"Position counted from where the joint hangs, which is at {hangs:.5g} rad."
     note = Finding("hangs-at", NOTE, message, {"position": hangs})
-    torque = -coasting.size.value * np.sin(q)
+    torque = -size * np.sin(q)
     return replace(record, position=q, torque=torque, made_of="gravity", notes=(*record.notes, note))
 
 
@@ -170,13 +171,19 @@ def _listed(constants: Sequence[Constant]) -> str:
     return " and ".join(map(str, constants))
 
 
-def torque_shifts(record: Record, signals: Signals, motor: MotorConstants | None, context: Context) -> dict[str, Array]:
+def torque_shifts(
+    record: Record,
+    signals: Signals,
+    motor: MotorConstants | None,
+    context: Context,
+    coasting: Coasting | None = None,
+) -> dict[str, Array]:
     """Change of a run's torque per standard error of each constant that has one, by how the constant prints, N*m, (n,).
 
     Torque from a current, or measured itself, goes with its constants by one factor; from a voltage it is (7)-(8).
     """
     shifts: dict[str, Array] = {}
-    for constant in torque_constants(signals, motor, context):
+    for constant in torque_constants(signals, motor, context, coasting):
         if constant.error is not None and record.torque is not None:
             by = record.torque / constant.value
             m = None if motor is None else motor.at_joint()

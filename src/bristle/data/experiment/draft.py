@@ -17,7 +17,7 @@ from bristle.data.binary_tables import names_of
 from bristle.data.columns import Key
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
-from bristle.data.experiment.signals import COMMANDS, DRIVE
+from bristle.data.experiment.signals import COMMANDS, DRIVE, GAINS
 from bristle.data.ros.files import is_bag, open_bag
 from bristle.data.ros.read import bag_columns, bag_joints, read_bag, state_topic
 from bristle.data.ros.topics import RECEIVED, Topic, target_of, topics_of
@@ -337,11 +337,7 @@ def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
             f"(there are: {short(log.described)})"
         )
     if drive == "command":
-        gains = [
-            gain
-            for name, gain in zip(COMMANDS, ("kp", "kd"), strict=True)
-            if name in commands and gain not in told.motor
-        ]
+        gains = [gain for name, gain in GAINS.items() if name in commands and gain not in told.motor]
         if gains:
             raise InputError(
                 f"{log.path}: column {short(guesses[commands[0]].column)} is a command, and no torque is logged; the one that the drive makes of it "

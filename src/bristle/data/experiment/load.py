@@ -14,7 +14,7 @@ from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_
 
 from bristle.data.cleaning import make_record
 from bristle.data.constant_velocity.acceptance import Thresholds
-from bristle.data.experiment.constants import Constant, coasted, coasting_constant, torque_constants, torque_shifts
+from bristle.data.experiment.constants import Constant, coasted, torque_constants, torque_shifts
 from bristle.data.experiment.gear import SIDED, Gear
 from bristle.data.experiment.run_files import RunFiles, matches, sources_of
 from bristle.data.experiment.schema import (
@@ -31,7 +31,7 @@ from bristle.data.experiment.schema import (
     TrueSet,
     read_inertia,
 )
-from bristle.data.experiment.signals import DRIVE, Cleaning, Context, Signal, Signals, quantity, si
+from bristle.data.experiment.signals import DRIVE, GAINS, Cleaning, Context, Signal, Signals, quantity, si
 from bristle.data.experiment.tables import Source, joined, keys_of, part_of, read_columns
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
@@ -103,11 +103,9 @@ class Experiment(StrictModel):
         found = (
             constant
             for run in self.runs
-            for constant in torque_constants(self.signals_of(run), self.motor_constants, self.context)
+            for constant in torque_constants(self.signals_of(run), self.motor_constants, self.context, self.coasting)
         )
-        known = self.coasting and (self.coasting.gravity or self.coasting.inertia)
-        coasts = [coasting_constant(self.coasting, self.context)] if self.coasting and known else []
-        return tuple(dict.fromkeys([*found, *coasts]))
+        return tuple(dict.fromkeys(found))
 
     @property
     def context(self) -> Context:
@@ -160,9 +158,8 @@ class Experiment(StrictModel):
             if not moving and (signals.velocity is None or drive != "torque"):
                 raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
             constants = self.motor_constants
-            gains = {"command": "kp", "velocity_command": "kd"}
             lacks = [
-                x for name, x in gains.items() if getattr(signals, name) and not (constants and getattr(constants, x))
+                x for name, x in GAINS.items() if getattr(signals, name) and not (constants and getattr(constants, x))
             ]
             if lacks:
                 raise InputError(
@@ -360,10 +357,8 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
             *check_units(shown, stated, signals),
             *check_signals(record, run.experiment, signals, experiment.context),
         ]
-        shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context)
-        if experiment.coasting and (error := experiment.coasting.size.standard_error) and record.torque is not None:
-            constant = coasting_constant(experiment.coasting, experiment.context)
-            shifts[str(constant)] = record.torque * (error / constant.value)
+        about = (experiment.motor_constants, experiment.context, experiment.coasting)
+        shifts = torque_shifts(record, signals, *about)
     return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
 
 

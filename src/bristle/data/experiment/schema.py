@@ -213,9 +213,9 @@ class Coasting(StrictModel):
         return "inertia" if self.gravity is None else "gravity"
 
     @property
-    def size(self) -> PlusMinus:
-        """Of what is known."""
-        return self.gravity or self.inertia or PlusMinus(value=1.0)
+    def known(self) -> PlusMinus | None:
+        """Its size; None where nothing is known."""
+        return self.gravity or self.inertia
 
 
 def read_rows(value: object) -> object:

@@ -26,6 +26,8 @@ DRIVE = ("torque", "voltage", "current")
 """The three ways to log what the drive does; a run has exactly one of them, or commands."""
 COMMANDS = {"command": "position", "velocity_command": "velocity"}
 """What a drive was told to follow, each in the unit, and on the side of the gear, of what follows it."""
+GAINS = {"command": "kp", "velocity_command": "kd"}
+"""What the drive multiplies each with, less what follows it."""
 
 
 def _counted_from_zero(column: int | str) -> int | str:

@@ -17,6 +17,8 @@ from bristle.data.text_table import is_text, naming
 from bristle.errors import InputError, short_list
 from bristle.model.parameters import unit as unit_of
 
+OF_ROBOTS = ("columns", "units", "scales", "rate", "torque_constant")
+"""What can be told of a robot's logs; the rest of `Told` is of one joint."""
 _NUMBERED = re.compile(r"(.*?)[\[_ ]?([0-9]{1,3})\]?")
 
 

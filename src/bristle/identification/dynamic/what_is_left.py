@@ -97,7 +97,8 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     names = [*(name.name for name in problem.extra_names), *problem.given]
     every = candidates(problem.velocity, problem.time, problem.position, names, kind)
     late = _equations(motions, [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)])
-    every.append(Candidate(partial(_delay, problem, solution, fit, late), (late[:, None],)))
+    made = weight**2 * _made_by_counts(problem, solution)
+    every.append(Candidate(partial(_delay, problem, solution, fit, late, made), (late[:, None],)))
     grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
     every.append(Candidate(partial(_drift, size), (_equations(motions, grows)[:, None],), is_friction=True))
     weighs = [k for k, name in enumerate(names[: extra.size]) if name.startswith("gravity")]
@@ -121,7 +122,6 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
     errors[seen] = lacks.errors
     worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
     errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
-    made = weight**2 * _made_by_counts(problem, solution)
     late_by = _without_counts(score(known, rest, (weight * late)[:, None]), made)
     return Left([*lacks.findings, *patterns], errors, size, late_by)
 
@@ -146,16 +146,23 @@ def columns_of(problem: DynamicProblem, regressors: Sequence[str]) -> Array:
 
 
 def _delay(
-    problem: DynamicProblem, solution: MultistartSolution[Unknown], fit: Fitted, column: Array, found: Score, _: int
+    problem: DynamicProblem,
+    solution: MultistartSolution[Unknown],
+    fit: Fitted,
+    column: Array,
+    made: Array,
+    found: Score,
+    _: int,
 ) -> Finding | None:
     """Whether the torque was logged early or late: all equations ask for it, and those far from reversals as well.
+
+    `made`, (n,), is what counts make of it.
 
     At a reversal a bristle that the model does not describe, or that the encoder does not show, delays the torque as
     well; and what only some equations ask for is no delay.
     """
     far = _far_from_reversals(problem, solution)
     apart = score(fit.known[far], fit.rest[far], (fit.weight * column)[far, None])
-    made = fit.weight**2 * _made_by_counts(problem, solution)
     (whole, error), (beyond, its_error) = (
         _without_counts(x, made[rows]) for x, rows in ((found, slice(None)), (apart, far))
     )

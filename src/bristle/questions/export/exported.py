@@ -171,11 +171,13 @@ class ExportedJoint:
         return {name: value for name, value in found.items() if value is not None}
 
     def in_newton(self, target: str) -> "ExportedJoint":
-        """The joint. Raises InputError where its torque is known as a current or a voltage alone, which the target does not take."""
+        """The joint. Raises InputError where its torque is known in another unit alone, which the target does not take."""
         if has_own_unit(self.kind):
+            of = effort(self.kind)
+            lacks = {"current": "motor.torque_constant", "voltage": "motor.torque_constant and motor.resistance"}
             raise InputError(
-                f"{self.name}: its torque is known as a {effort(self.kind)} alone, and {target} takes N*m or N; give motor.torque_constant"
-                f"{' and motor.resistance' * (effort(self.kind) == 'voltage')}, identify, and export again"
+                f"{self.name}: its torque is known as a {of} alone, and {target} takes N*m or N; give "
+                f"{lacks.get(of, 'coasting.inertia or coasting.gravity')}, identify, and export again"
             )
         return self
 

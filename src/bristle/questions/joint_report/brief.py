@@ -16,7 +16,7 @@ from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName, of_curve, of_friction, unit
+from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, of_curve, of_friction, unit
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.wording import FITS, counted, number, printable, shortened
 from bristle.questions.joint_report.sentences import known_to
@@ -102,7 +102,8 @@ _MADE_EVEN = {
 def _chosen(joint: Joint) -> Iterator[str]:
     """Regressors, directions, and samples, low pass and decimation of moving runs whose values these are, where the data chose them."""
     told = {"regressors": "chosen regressors"}
-    if any(isinstance(fit, TrackingFit) or INERTIA.name in fit.parameters for fit in value_fits(joint)):
+    of_points = any(x.data == "points" for x in joint.models)  # else what is static is of moving runs, too
+    if any(isinstance(fit, TrackingFit) or not of_points for fit in value_fits(joint)):
         told |= {"torque": "chosen delay", "directions": "chosen directions", "filters": "filters"}
         notes = [note for x in joint.inputs for note in x.notes]
         gaps = sum(note.numbers["gaps"] for note in notes if note.code == "gaps-bridged")
