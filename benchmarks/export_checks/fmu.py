@@ -20,6 +20,7 @@ from bristle.arrays import Array
 from bristle.control.plant import plant_rates
 from bristle.errors import one_line
 from bristle.model import motor
+from bristle.model.functions import cogging_function
 from bristle.model.parameters import Motor
 from bristle.model.vectorize import bound
 from bristle.page.output_folder import zipped
@@ -77,30 +78,32 @@ def python_joint(joint: ExportedJoint, torque: Array, step: float, longest: floa
     x, T, function = ca.SX.sym("x", 4), ca.SX.sym("T"), printed_joint(joint.law).function
     pair = ca.vertcat(*joint.pair.positive, *joint.pair.negative)
     rest: list[Any] = [joint.inertia, T, step / n]
+    rest[1] -= cogging_function(joint.cogging)(x[0])
     one = ca.Function("one", [x, T], [function(pair, x[:3], ca.vertcat(*rest))])
     rows = one.mapaccum(torque.size * n)(np.zeros(4), np.repeat(torque, n)[None, :]).full()[:, n - 1 :: n]
     return Played(*rows)
 
 
 _Rates = Callable[[float, Array], Array]
-"""(time, (v, z)) -> as `solve_ivp` takes it."""
+"""(time, (v, z, q)) -> as `solve_ivp` takes it."""
 
 
 def continuous_joint(
     joint: ExportedJoint, torque: Callable[[float], float], load: Callable[[Any], Any] = lambda _: 0.0
 ) -> tuple[_Rates, _Rates]:
-    """d(v, z)/dt of the continuous equations under a torque of time, (2,), and its derivatives by (v, z), (2, 2).
+    """d(v, z, q)/dt of the continuous equations under a torque of time, (3,), and its derivatives by (v, z, q), (3, 3).
 
     `load` is a torque that the velocity makes, N*m, as an expression of CasADi.
     """
-    x, T = ca.SX.sym("x", 2), ca.SX.sym("T")
+    x, T = ca.SX.sym("x", 3), ca.SX.sym("T")
     motor_of = Motor(1.0, 1.0, 0.0, joint.inertia)
-    rates = plant_rates(x[0], x[1], T, load(x[0]), joint.pair, motor_of, motor.current_for)
+    beside = load(x[0]) - cogging_function(joint.cogging)(x[2])
+    rates = ca.vertcat(plant_rates(x[0], x[1], T, beside, joint.pair, motor_of, motor.current_for), x[0])
     f, df = (ca.Function("f", [x, T], [ca.densify(y)]) for y in (rates, ca.jacobian(rates, x)))
 
     def evaluated(function: Any) -> _Rates:
         """It as a function of time; called some ten thousand times, without a copy of its inputs."""
-        state, now, rows = np.empty(2), np.empty(1), np.empty(function.size_out(0)[::-1])
+        state, now, rows = np.empty(3), np.empty(1), np.empty(function.size_out(0)[::-1])
         evaluate = bound(function, [state, now], [rows])
 
         def at(t: float, x: Array) -> Array:
@@ -120,7 +123,7 @@ def radau_held(joint: ExportedJoint, torque: Array, step: float) -> Array:
 
     now = {"torque": 0.0}
     rates, slopes = continuous_joint(joint, lambda _: now["torque"])
-    x, found = np.zeros(2), np.empty(torque.size)
+    x, found = np.zeros(3), np.empty(torque.size)
     for k, now["torque"] in enumerate(torque.tolist()):
         solved = solve_ivp(rates, (0, step), x, "Radau", jac=slopes, rtol=_RTOL, atol=_ATOL, first_step=step)
         x = np.asarray(solved.y[:, -1])
@@ -143,7 +146,7 @@ def radau_continuous(
 
     (rates, slopes), (rtol, atol) = continuous_joint(joint, torque, load), tolerances
     solved = solve_ivp(
-        rates, (0, times[-1]), np.zeros(2), "Radau", times, jac=slopes, rtol=rtol, atol=atol, max_step=10 * STEP
+        rates, (0, times[-1]), np.zeros(3), "Radau", times, jac=slopes, rtol=rtol, atol=atol, max_step=10 * STEP
     )
     return np.asarray(solved.y[0])
 

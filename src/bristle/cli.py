@@ -115,7 +115,7 @@ OF_LOGS: dict[str, Any] = {
         typer.Option("--held/--not-held", help="Whether the drive holds commands between samples.", show_default=False),
     ],
     "gravity": Annotated[
-        str | None, asked("QUANTITY", "Largest torque of gravity, of a joint that coasts, as 0.7 N*m.")
+        str | None, asked("GRAVITY", "Its largest torque, as 0.7 N*m, or 'mass: 1.2 kg, centre: 0.06 m', or a URDF.")
     ],
     "coasting": Annotated[
         bool, typer.Option("--coasting", help="Nothing drives the joint: --inertia or --gravity says what is known.")

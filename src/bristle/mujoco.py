@@ -23,6 +23,7 @@ from bristle.control.compensator import CompensatorState, advanced
 from bristle.control.plant import State, plant_step
 from bristle.errors import InputError, short, short_list
 from bristle.model import law, motor
+from bristle.model.functions import cogging_function
 from bristle.model.laws.parts import Law
 from bristle.model.parameters import Motor, Pair, fields_of, pair_of, slides
 from bristle.model.vectorize import bound
@@ -46,7 +47,8 @@ class Friction:
 
     Velocity and bristle are stepped together, by the exponential of their linear system, at the acceleration that the
     joint would have without this friction and at its effective inertia, 1 / (M**-1)_ii; the torque is the constant one
-    that takes the joint there in one step. So a stiff bristle is stable in stick at any time step. It assumes:
+    that takes the joint there in one step. So a stiff bristle is stable in stick at any time step. Where friction rises
+    with load, it does so with what actuators, `torque`, gravity and links do to the joint. It assumes:
 
     - the integrator is Euler, implicit or implicitfast: RK4 evaluates the forces four times in a step;
     - during a step all other forces are constant: actuators, gravity, springs, contacts and the friction of other joints;
@@ -87,7 +89,13 @@ class Friction:
         self._one, self._response = np.zeros((1, model.nv)), np.zeros((1, model.nv))
         self._one[0, self._dof] = 1.0
         self._inputs, self._outputs = np.zeros(9), np.zeros(4)
+        cogging = cogging_function(handed.cogging)
+        self._cogging: Callable[[float], float] = lambda q: float(cogging(q)) if handed.cogging else 0.0
+        self._place = int(model.joint(joint).qposadr[0])
         self._constants = np.array([*handed.pair.positive, *handed.pair.negative, handed.quadratic])
+        self._rises, of_law = handed.rises, fields_of(handed.law)
+        self._levels = [of_law.index("alpha_0"), len(of_law) + of_law.index("alpha_0")]
+        self._alpha_0 = self._constants[self._levels]
         self._run: Callable[[], None] = bound(
             _coupled_step(handed.law), [self._inputs, self._constants], [self._outputs]
         )
@@ -117,14 +125,18 @@ class Friction:
 
         Args:
             data: `mujoco.MjData`, whose controls and forces on other joints are set.
-            torque: of your own on this joint, N*m: `data.qfrc_applied` of this joint is overwritten by this less the friction.
+            torque: of your own on this joint, N*m: `data.qfrc_applied` of this joint is overwritten by this less friction and cogging.
 
         A second call at the same `data.time` begins from where the first one did. It evaluates the model's forward
         dynamics once. Raises InputError where a time step was left out since the last call.
         """
         applied, dof = data.qfrc_applied, self._dof
-        applied[dof] = torque
+        applied[dof] = torque - self._cogging(float(data.qpos[self._place]))
         self._forward(data)
+        if self._rises:  # what the motor gives, and what gravity and links do to the joint
+            tau_m, tau_l = float(data.qfrc_actuator[dof]) + torque, float(data.qfrc_passive[dof] - data.qfrc_bias[dof])
+            self._constants[self._levels] = self._alpha_0 + float(law.load_rise(self._rises, tau_m, tau_l))
+        torque = float(applied[dof])
         self._solve(data, self._response, self._one)
         h, v = self._options.timestep, float(data.qvel[dof])
         last = self._last(data.time, v)

@@ -13,7 +13,8 @@ from bristle.data.robot.robot_file import Robot
 from bristle.errors import InputError, short
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
-from bristle.identification.measured import Measured, measure
+from bristle.identification.known_gravity import measure_scaled
+from bristle.identification.measured import Measured
 from bristle.identification.results import NEED, Joint
 from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
@@ -108,7 +109,7 @@ def _identified(
     chosen = _chosen(files, joint)
     # What each joint measured; what cannot be used is said before minutes are spent on the others.
     every = list[Measured]()
-    alone = iter(share(measure, [loaded for loaded, _ in files if isinstance(loaded, Experiment)]))
+    alone = iter(share(measure_scaled, [loaded for loaded, _ in files if isinstance(loaded, Experiment)]))
     for loaded, _ in files:
         every += [next(alone)] if isinstance(loaded, Experiment) else measure_robot(loaded, progress, share)
     every = [one for one in every if one.experiment.joint.name in chosen]

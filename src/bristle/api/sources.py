@@ -13,7 +13,8 @@ from bristle.data.robot.robot_file import Robot, is_robot, pick, robot_of
 from bristle.errors import InputError, check_name, check_regular, short, unreadable
 from bristle.identification.document import is_results
 from bristle.identification.fits import Estimate
-from bristle.identification.measured import Measured, measure
+from bristle.identification.known_gravity import measure_scaled
+from bristle.identification.measured import Measured
 from bristle.identification.results import Joint, WrittenExperiment
 from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress
@@ -153,7 +154,7 @@ def measure_joints(
 ) -> tuple[Measured, ...]:
     """What each joint of a file measured; arguments as of `measure_robot`. Raises InputError where its logs cannot be used."""
     if isinstance(loaded, Experiment):
-        return (measure(loaded),)
+        return (measure_scaled(loaded),)
     return measure_robot(loaded, progress, only=only, constant=constant)
 
 

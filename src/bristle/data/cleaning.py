@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.encoder import whole_positions
-from bristle.data.experiment.constants import commanded_torque, followed_at_once
+from bristle.data.experiment.constants import ONE, commanded_torque, followed_at_once
 from bristle.data.experiment.schema import MotorConstants
 from bristle.data.experiment.signals import COMMANDS, Cleaning, Context, Position, Signal, Signals, Time
 from bristle.data.experiment.tables import keys_of
@@ -86,7 +86,8 @@ def make_record(
         whole = whole_positions(file, table.columns[keys_of(signals)["position"]], signals.position, context)
         rows.warnings += [whole] if whole else []
         _unwrap(rows, signals.position, context, told=whole is not None)
-    if signals.drive() == "command" and motor is not None:
+    if signals.drive() == "command":
+        motor = motor or ONE
         period = None if signals.position is None else signals.position.period(context)
         held = signals.command.held if signals.command else False
         rows.data["torque"] = commanded_torque(rows.data, motor, starts, period, held=bool(held))

@@ -119,6 +119,8 @@ def identify_joint(
     joint = identified(measured, under)
     measured, joint, delay, doubts = _on_time(measured, joint, partial(identified, laws=under))
     told |= delay
+    if (scale := next((w for w in measured.findings if w.code == "scale-by-gravity"), None)) is not None:
+        told["chosen scale"] = scale.message
     of_motion = auto and not bic
     if of_motion:
         measured, joint, bic, ended = _sided(measured, joint, partial(identified, laws=under))
@@ -217,6 +219,10 @@ def _on_time(
         if again.moving is None or again.moving.rms > less * joint.moving.rms:
             break
         measured, joint, late = shifted, again, late + more
+    error = np.inf if joint.moving is None else joint.moving.late[1]
+    if late or (told_by in COMMANDS and np.isfinite(error)):  # an error of the delay is one of the torque
+        measured = in_time(as_logged, late, error)
+        joint = identified(measured, near=joint.tracking)
     if told_by in COMMANDS and joint.moving is not None:
         late, error = late + joint.moving.late[0], joint.moving.late[1]
         message = (
@@ -224,7 +230,8 @@ def _on_time(
             "and so is friction."
         )
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
-        doubts = (early,) if late > _SURE * error else ()
+        half = max(r.step for r in measured.moving(hold_out=False)) / 2  # of a sample: rows are told apart no finer
+        doubts = (early,) if late > max(_SURE * error, half) else ()
         return measured, joint, {"chosen delay": _of_drive(late, error) + _at_once(measured)}, doubts
     when = "late" if late > 0 else "early"
     told = f"logged {abs(late):.3g} s {when}, which is taken off (signals.torque.delay overrules)"
@@ -597,8 +604,16 @@ def _joint_warnings(measured: Measured, points: Sequence[Segment], static: dict[
         warnings.append(Finding("per-inertia", CAUTION, message, {"unit": of}))
     elif has_own_unit(experiment.joint.kind) and "constant-unseen" not in told and measured.link_inertia is None:
         of = effort_unit(experiment.joint.kind)
-        lacks, more = ("torque constant is", "") if of == "A" else ("motor constants are", ", resistance: 2.1 ohm")
-        message = f"No {lacks} given, so friction is in {of}: write `motor: {{torque_constant: 0.35 N*m/A{more}}}`, as seen at the joint."
+        constant = "torque_constant: 0.35 N*m/A"
+        lacks, lines = {
+            "A": ("torque constant is", constant),
+            "V": ("motor constants are", f"{constant}, resistance: 2.1 ohm"),
+        }.get(of, ("gain of the drive is", f"kp: 20 {'N*m/rad' if of == 'rad' else 'N/m'}"))
+        share = "" if of in ("A", "V") else ", as a share of kp, and alpha_2 holds what the drive damps"
+        message = (
+            f"No {lacks} given, so friction is in {of}{share}: write `motor: {{{lines}}}`, as seen at the joint, or "
+            "the torque of a known gravity."
+        )
         warnings.append(Finding("no-torque-constant", CAUTION, message, {"unit": of}))
     if experiment.fit.directions == "separate" and len(set(static) & set(DIRECTIONS)) == 1:
         other = next(d for d in DIRECTIONS if d not in static)

@@ -195,8 +195,11 @@ def through_wider(measured: Measured, factor: float) -> Measured:
     return replace(measured, runs=runs)
 
 
-def in_time(measured: Measured, late: float) -> Measured:
-    """The same with the torque of every moving run as it was logged so much later, s; beyond its end the last value stays."""
+def in_time(measured: Measured, late: float, error: float = 0.0) -> Measured:
+    """The same with the torque of every moving run as it was logged so much later, s; beyond its end the last value stays.
+
+    A standard error of that, s, is one of the torque, as that of a constant is.
+    """
 
     def earlier(record: Record) -> Record:
         def moved(x: Array) -> Array:
@@ -204,6 +207,8 @@ def in_time(measured: Measured, late: float) -> Measured:
 
         torque, voltage = (None if x is None else moved(x) for x in (record.torque, record.voltage))
         shifts = {name: moved(x) for name, x in record.torque_shifts.items()}
+        if error and torque is not None:
+            shifts[f"the delay, {late:.3g} +/- {error:.2g} s"] = error * np.gradient(torque, record.time)
         return replace(record, torque=torque, voltage=voltage, torque_shifts=shifts)
 
     return replace(measured, runs=_changed(measured.runs, earlier))

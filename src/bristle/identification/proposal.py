@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,9 @@ from bristle.data.experiment.load import experiment_of, read_runs
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.draft import OF_ROBOTS, draft_robot
+from bristle.data.robot.rigid_body import largest_gravity
 from bristle.data.robot.robot_file import robot_of
+from bristle.data.robot.urdf import read_urdf
 from bristle.data.run_kinds import kinds_of, stretches
 from bristle.errors import InputError
 from bristle.findings import Severity
@@ -63,6 +65,8 @@ def draft_of_logs(
             )
         return _of_robot(files[0], files[1:], told, folder)
     files = (*files, *told.hold_out)
+    if told.gravity and Path(told.gravity).suffix.lower() == ".urdf":
+        told = replace(told, gravity=f"{largest_gravity(read_urdf(Path(told.gravity)), told.name):.6g} N*m")
     draft = draft_experiment(files, told, folder)
     path = (files[0].parent if folder is None else folder) / f"the draft for {files[0].name}"
     kept = [k >= len(files) - len(told.hold_out) for k in range(len(files))]

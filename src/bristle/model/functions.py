@@ -82,6 +82,16 @@ def periodic_terms_function() -> ca.Function:
     return _function("periodic_terms", s, law.periodic_terms(**s))
 
 
+@cache
+def cogging_function(waves: tuple[tuple[float, float, float], ...]) -> ca.Function:
+    """(q) -> the cogging torque of some waves, (k, cogging_sin, cogging_cos) each, by `law.periodic_terms`, N*m."""
+    q = ca.SX.sym("q")
+    terms = [(law.periodic_terms(q, ca.SX(0), k), a, b) for k, a, b in waves]
+    return ca.Function(
+        "cogging", [q], [sum((a * x["cogging_sin"] + b * x["cogging_cos"] for x, a, b in terms), ca.SX(0))]
+    )
+
+
 def drive_torque_slopes_function() -> ca.Function:
     """(V, w, k_t, R) -> (T_V, T_k_t, T_R): derivatives of `motor.drive_torque` (7)-(8), N*m/V, A and N*m/ohm."""
     s = _symbols("V", "w", "k_t", "R")

@@ -20,10 +20,10 @@ from bristle.model.laws.registry import LOADS, friction_names, own_parameter
 T = TypeVar("T")
 Kind = Literal[
     "revolute", "prismatic", "revolute in A", "prismatic in A", "revolute in V", "prismatic in V",
-    "revolute per inertia", "prismatic per inertia",
+    "revolute in rad", "prismatic in m", "revolute per inertia", "prismatic per inertia",
 ]  # fmt: skip  # a list of words
-"""Of a joint; in A or V: its torque is known as a current or a voltage alone, in whose unit all of it is; per inertia: as
-an acceleration."""
+"""Of a joint; in A, V, rad or m: its torque is known as a current, a voltage or a position error alone, in whose unit all
+of it is; per inertia: as an acceleration."""
 
 
 class Direction(StrEnum):
@@ -344,7 +344,7 @@ def unit(name: str, kind: Kind = "revolute") -> str:
         return f"1/{effort}"
     over = {"kg*m**2": "s**2/rad", "kg": "s**2/m"}.get(own)  # in which a torque is unseen
     told = f"{effort}*{over}" if over else own if own == "ohm" else own.replace(torque, effort, 1)
-    return _PER_INERTIA.get(told, told)
+    return _SHORTER.get(told, told)
 
 
 def units_of(kind: Kind) -> dict[str, str]:
@@ -352,17 +352,16 @@ def units_of(kind: Kind) -> dict[str, str]:
     return {name: unit(name, kind) for name in _UNITS}
 
 
-_PER_INERTIA = {
-    f"{one}/s**2{own}": told
+_SHORTER = {
+    f"{one}{of}{own}": told
     for one in ("rad", "m")
-    for own, told in {
-        f"*s/{one}": "1/s",
-        f"/{one}": "1/s**2",
-        f"*s**2/{one}": "1",
-        f"*s**2/{one}**2": f"1/{one}",
+    for of, short in {
+        "": ("s", "1", "s**2", f"s**2/{one}"),
+        "/s**2": ("1/s", "1/s**2", "1", f"1/{one}"),
     }.items()
+    for own, told in zip((f"*s/{one}", f"/{one}", f"*s**2/{one}", f"*s**2/{one}**2"), short, strict=True)
 }
-"""Units of a joint that is known per inertia, by what they come from."""
+"""Units of a joint that is known as a position error or per inertia, by what they come from."""
 
 
 def slides(kind: Kind) -> bool:
@@ -371,20 +370,27 @@ def slides(kind: Kind) -> bool:
 
 
 def effort_unit(kind: Kind) -> str:
-    """SI unit of a joint's torque: of its own, A, V or that of an acceleration, or N*m or N."""
+    """SI unit of a joint's torque: of its own, A, V, that of a position or of an acceleration, or N*m or N."""
     per_inertia = kind.endswith("inertia")
     own = _UNITS["acceleration" if per_inertia else "torque"][slides(kind)]
-    return kind[-1] if has_own_unit(kind) and not per_inertia else own
+    return kind.rpartition(" in ")[2] if has_own_unit(kind) and not per_inertia else own
 
 
 def has_own_unit(kind: Kind) -> bool:
-    """Whether the torque of a joint is known as a current or a voltage alone, A or V, or per inertia."""
-    return kind.endswith(("A", "V", "inertia"))
+    """Whether the torque of a joint is known as a current, a voltage or a position error alone, or per inertia."""
+    return kind not in ("revolute", "prismatic")
 
 
 def effort(kind: Kind) -> str:
-    """What a joint's torque is called: a joint that slides has a force, one without motor constants a current or a voltage."""
-    own = {"A": "current", "V": "voltage", "N": "force", "N*m": "torque"}
+    """What a joint's torque is called: a joint that slides has a force, one without motor constants a current, a voltage or a position error."""
+    own = {
+        "A": "current",
+        "V": "voltage",
+        "N": "force",
+        "N*m": "torque",
+        "rad": "position error",
+        "m": "position error",
+    }
     return own.get(effort_unit(kind), "deceleration")
 
 

@@ -66,6 +66,10 @@ def torque_constants(
         yield Constant(f"scale of {drive}", number, None if relative is None else abs(number) * relative, unit)
 
 
+ONE = MotorConstants(kp=PlusMinus(value=1.0))
+"""Gains of a drive of which nothing is known: its torque is in rad of position error."""
+
+
 def commanded_torque(
     rows: Mapping[str, Array], motor: MotorConstants, starts: Sequence[int], period: float | None, *, held: bool
 ) -> Array:
@@ -108,10 +112,10 @@ def commanded_torque(
 def followed_at_once(file: str, rows: Mapping[str, Array], motor: MotorConstants, context: Context) -> Finding:
     """That commands are taken as not held between samples, and what it would change if they were."""
     gain, step = motor.at_joint().kp, float(np.median(np.diff(rows["time"])))
-    lower = step / 2 * (gain.value if gain else 0.0)
+    lower, of = step / 2 * (gain.value if gain else 0.0), "s" if motor is ONE else si("alpha_2", context)
     message = (
         f"Commands of {file}{OTHER_FILES} are taken as followed at once. Where a drive that is faster than the log holds each until the next, "
-        f"alpha_2 is about {lower:.2g} {si('alpha_2', context)} lower: write `held: true` (or `false`) under signals.command, or --held "
+        f"alpha_2 is about {lower:.2g} {of} lower: write `held: true` (or `false`) under signals.command, or --held "
         "(--not-held)."
     )
     return Finding("commands-at-once", CAUTION, message, {"files": (file,), "lower": lower})
@@ -127,17 +131,25 @@ def coasted(record: Record, coasting: Coasting, context: Context) -> Record:
     if coasting.made_of == "inertia":
         inner = without_ends(record)
         return replace(inner, torque=-size * np.asarray(inner.acceleration), made_of="inertia")
-    v, a = np.asarray(record.velocity), np.asarray(record.acceleration)
-    if record.position is None or slides(context.kind):
-        raise InputError(f"{record.file}: gravity of a joint that coasts needs the position of one that turns")
-    columns = np.stack([np.sin(record.position), np.cos(record.position), np.sign(v), v], axis=1)
-    by_sin, by_cos, *_ = np.linalg.lstsq(columns, a, rcond=None)[0]
-    hangs = float(np.arctan2(by_cos, -by_sin))
-    q = record.position - hangs
+    hangs = hangs_at(record, context, -np.asarray(record.acceleration))
+    q = np.asarray(record.position) - hangs
     message = f"Position counted from where the joint hangs, which is at {hangs:.5g} rad."
     note = Finding("hangs-at", NOTE, message, {"position": hangs})
     torque = -size * np.sin(q)
     return replace(record, position=q, torque=torque, made_of="gravity", notes=(*record.notes, note))
+
+
+def hangs_at(record: Record, context: Context, effort: Array, *beside: Array) -> float:
+    """Where a joint hangs, rad: the zero of the sine that a regression of an effort on sin(q), cos(q), sgn(v), v and others, (n,) each, finds.
+
+    Raises InputError where the run has no position, or the joint slides.
+    """
+    if record.position is None or slides(context.kind):
+        raise InputError(f"{record.file}: a known gravity needs the position of a joint that turns")
+    v = np.asarray(record.velocity)
+    columns = np.stack([np.sin(record.position), np.cos(record.position), np.sign(v), v, *beside], axis=1)
+    by_sin, by_cos, *_ = np.linalg.lstsq(columns, effort, rcond=None)[0]
+    return float(np.arctan2(-by_cos, by_sin))
 
 
 def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding | None:

@@ -6,7 +6,7 @@ What was guessed is said; what cannot be guessed, and was not told, is refused w
 import os
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -47,7 +47,7 @@ class Told:
     """What names and data do not tell, in the words of an experiment file, by signal."""
 
     columns: Mapping[str, str] = field(default_factory=dict)
-    """Name, or number from 0."""
+    """Name, or number from 0; `FILE:NAME` of one that is logged in another file, with a time of its own."""
     units: Mapping[str, str] = field(default_factory=dict)
     scales: Mapping[str, str] = field(default_factory=dict)
     rate: str | None = None
@@ -63,7 +63,7 @@ class Told:
     """As under `motor`: `ratio: 100, position: motor, velocity: motor`."""
     inertia: str | None = None
     gravity: str | None = None
-    """Torque of the gravity of a joint that coasts, m g l."""
+    """Its largest torque, m g l, or `mass: 1.2 kg, centre: 0.06 m`, or a URDF that tells it of the joint of that name."""
     coasting: bool = False
     """That nothing drives the joint."""
     directions: str | None = None
@@ -105,14 +105,14 @@ class Draft:
     guessed: tuple[str, ...]
     """A sentence each."""
     inertia: str | None = None
-    coasting: str = ""
-    """The line that says so, and what is known."""
+    known: str = ""
+    """The line that says that the joint coasts, and what is known of it, or of its gravity."""
 
     def text(self, runs: Sequence[DraftedRun], fit: str = "") -> str:
         """The experiment file, with what each file is of, and lines about the fit."""
         lines = [f"joint: {{name: {quoted(self.name)}, kind: {self.kind}}}   # revolute or prismatic"]
         lines += [f"motor: {{{self.motor}}}   # at the joint, gear included"] if self.motor else []
-        lines += [self.coasting] if self.coasting else []
+        lines += [self.known] if self.known else []
         lines += [
             f"inertia: {quoted(self.inertia)}"
             if self.inertia
@@ -143,12 +143,26 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     for file in files:
         check_name(file.name, f"{file}: the file name")
     log = _Log(first)
-    guesses, by_step = _guesses(log, told)
+    parts = {name: column.rpartition(":") for name, column in told.columns.items()}
+    apart = {name: Path(file) for name, (file, _, _) in parts.items() if file and Path(file).is_file()}
+    told = replace(told, columns={**told.columns, **{name: parts[name][2] for name in apart}})
+    here = {name: column for name, column in told.columns.items() if name not in apart}
+    guesses, by_step = _guesses(log, replace(told, columns=here))
+    beside = {}
+    for name, path in apart.items():
+        other = _Log(path)
+        found, _ = _guesses(other, replace(told, columns={name: told.columns[name]}, rate=None))
+        if "time" not in found:
+            raise InputError(
+                f"{path}: no column is named as the time, which a signal of another file needs; write it into the draft of bristle new"
+            )
+        guesses[name], time = found[name], found["time"]
+        own_time = f"{{column: {quoted(time.column)}, unit: {quoted(time.unit or 's')}}}"
+        beside[name] = other, f", file: {quoted(relative(path, folder or first.parent))}, time: {own_time}"
     driven = [name for name in (*DRIVES, *COMMANDS) if name in told.columns] + [f"--{name}" for name in told.motor]
-    if (told.coasting and driven) or (told.gravity and not told.coasting):
-        got = f"--coasting and {driven[0]}" if told.coasting else "--gravity without --coasting"
+    if told.coasting and driven:
         raise InputError(
-            f"{log.path}: got {got}; expected --coasting of a joint that nothing drives, and --gravity of such a one alone"
+            f"{log.path}: got --coasting and {driven[0]}; expected --coasting of a joint that nothing drives"
         )
     drive = "" if told.coasting else _drive(log, guesses, told)
     of_points = _of_points(log, guesses, told) and not told.coasting
@@ -161,34 +175,61 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         guessed.append(
             f"torque: as a {drive}, in {of}, for no torque constant was told (--torque-constant '0.35 N*m/A'{constants} gives N*m)"
         )
+    if drive == "command" and not told.motor:
+        of = unit_of("position", kind)
+        guessed.append(
+            f"torque: as a position error, in {of}, for no gain was told (--kp '20 N*m/rad', and --kd, gives N*m)"
+        )
+        if "velocity_command" in guesses:
+            guessed.append(
+                f"velocity_command: column {guesses['velocity_command'].column} is left out, for no kd was told"
+            )
     if told.rate is not None:
         lines.append(f"time: {{rate: {quoted(told.rate)}}}")
-    drives = [*COMMANDS] if drive == "command" else [drive] if drive else []
+    drives = [drive] if drive else []
+    if drive == "command" and told.motor:
+        drives = [*COMMANDS]
     for name in ("velocity", *drives) if of_points else ("time", "position", "velocity", *drives):
         if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
-            wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(files, guess, told) else ""
+            source, of_file = beside.get(name, (log, ""))
+            where = [source.path] if of_file else files
+            wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(where, guess, told) else ""
             held = f", held: {str(told.held).lower()}" if name == "command" and told.held is not None else ""
-            lines.append(_signal(name, guess, kind, told, log, guessed) + f"{wraps}{held}}}")
+            lines.append(_signal(name, guess, kind, told, source, guessed) + f"{of_file}{wraps}{held}}}")
             guessed += ["position: wraps at a full turn, for it jumps by one"] if wraps else []
     motor = [f"{name}: {quoted(value)}" for name, value in told.motor.items()]
-    motor += [f"gear: {{{told.gear}}}"] if told.gear else []
+    motor += [f"gear: {_mapping(told.gear)}"] if told.gear else []
     return Draft(
         name=told.name or _common(files),
         kind=kind,
         inertia=None if told.coasting else told.inertia,
-        coasting=_coasting(told),
+        known=_known(told),
         motor=", ".join(motor),
         columns=log.described,
         signals=tuple(lines),
-        files=tuple(Path(os.path.relpath(f, first.parent if folder is None else folder)).as_posix() for f in files),
+        files=tuple(relative(file, folder or first.parent) for file in files),
         of_points=of_points,
         guessed=tuple(guessed),
     )
 
 
-def _coasting(told: Told) -> str:
-    known = [f"{name}: {quoted(x)}" for name in ("gravity", "inertia") if (x := getattr(told, name))]
-    return f"coasting: {{{', '.join(known)}}}" if known and told.coasting else "coasting: true" * told.coasting
+def _known(told: Told) -> str:
+    size = told.gravity or ""
+    gravity = size and f"gravity: {_mapping(size) if ':' in size else quoted(size)}"
+    if not told.coasting:
+        return gravity
+    known = [x for x in (gravity, f"inertia: {quoted(told.inertia)}" if told.inertia else "") if x]
+    return f"coasting: {{{', '.join(known)}}}" if known else "coasting: true"
+
+
+def _mapping(text: str) -> str:
+    """Keys with values in braces, which they may have already."""
+    return f"{{{text.strip().removeprefix('{').removesuffix('}')}}}"
+
+
+def relative(path: Path, folder: Path) -> str:
+    """The path of a file from a folder, as drafts name it."""
+    return Path(os.path.relpath(path, folder)).as_posix()
 
 
 def _common(files: Sequence[Path]) -> str:
@@ -338,7 +379,8 @@ def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
         )
     if drive == "command":
         gains = [gain for name, gain in GAINS.items() if name in commands and gain not in told.motor]
-        if gains:
+        alone = gains[:1] == ["kp"] and not told.motor and not told.gear and "velocity_command" not in told.columns
+        if gains and not alone:
             raise InputError(
                 f"{log.path}: column {short(guesses[commands[0]].column)} is a command, and no torque is logged; the one that the drive makes of it "
                 f"needs its gains at the joint, as in --kp '20 N*m/rad' --kd '1 N*m*s/rad' --torque-limit '23 N*m' (missing: --{gains[0]})"

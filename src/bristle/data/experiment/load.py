@@ -22,6 +22,7 @@ from bristle.data.experiment.schema import (
     AdaptOptions,
     Coasting,
     FitOptions,
+    Gravity,
     JointDescription,
     MotorConstants,
     PlanOptions,
@@ -31,7 +32,7 @@ from bristle.data.experiment.schema import (
     TrueSet,
     read_inertia,
 )
-from bristle.data.experiment.signals import DRIVE, GAINS, Cleaning, Context, Signal, Signals, quantity, si
+from bristle.data.experiment.signals import DRIVE, GAINS, Cleaning, Context, Signals, quantity, si
 from bristle.data.experiment.tables import Source, joined, keys_of, part_of, read_columns
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
@@ -52,6 +53,8 @@ class Experiment(StrictModel):
     joint: JointDescription
     motor_constants: MotorConstants | None = Field(default=None, alias="motor")
     inertia: Annotated[PlusMinus, BeforeValidator(read_inertia)] | None = None
+    gravity: Gravity | None = None
+    """What is known of it, which scales a torque that is known as a voltage, a current or a position error alone."""
     declared_count: Annotated[float, quantity("position", of_motor=True), Field(gt=0)] | None = Field(
         default=None, alias="encoder_resolution"
     )
@@ -158,20 +161,25 @@ class Experiment(StrictModel):
             if not moving and (signals.velocity is None or drive != "torque"):
                 raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
             constants = self.motor_constants
+            alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
             lacks = [
                 x for name, x in GAINS.items() if getattr(signals, name) and not (constants and getattr(constants, x))
             ]
-            if lacks:
+            if lacks and not (alone and lacks == ["kp"]):
                 raise InputError(
                     f"{where}: the torque that a drive makes of a command needs motor.{lacks[0]}; add it, as in motor: {{kp: 20 N*m/rad, "
-                    "kd: 1 N*m*s/rad}: without it friction is known as a share of that gain alone"
+                    "kd: 1 N*m*s/rad}; of a position command alone, without motor, friction is in rad, as a share of kp"
                 )
             if signals.command is not None and signals.position is None:
                 raise InputError(
                     f"{where}: no position, which a drive compares its command with; name it under signals"
                 )
+            if self.gravity is not None and (drive in ("torque", None) or not alone or not moving):
+                raise InputError(
+                    f"{where}: gravity: expected it of runs whose voltage, current or command has no constants under motor, which it "
+                    "gives; of a torque it is found, and of a joint that coasts it stands under coasting"
+                )
             k_t = constants and constants.torque_constant
-            alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
             if (
                 drive not in ("torque", "command", None)
                 and not alone
@@ -234,15 +242,15 @@ def experiment_from(data: dict[str, Any], path: Path, where: str) -> Experiment:
 
 
 def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experiment:
-    """The joint whose torque is a current or a voltage, or known per inertia, all that follows with it, an inertia too, and these regressors."""
+    """The joint whose torque is a current, a voltage or a position error, or known per inertia, all that follows with it, and these regressors."""
     drive = experiment.signals_of(experiment.runs[0]).drive()
-    effort = {"voltage": "in V", "current": "in A"}.get(drive or "", "per inertia")
+    error = "in m" if experiment.joint.kind == "prismatic" else "in rad"
+    effort = {"voltage": "in V", "current": "in A", "command": error}.get(drive or "", "per inertia")
 
     def renamed(signals: Signals) -> Signals:
         """The current or the voltage as the torque."""
         logged = signals.voltage if drive == "voltage" else signals.current
-        own = None if logged is None else Signal(**{**dict(logged), "unit": effort[-1]})
-        return signals.model_copy(update={"current": None, "voltage": None, "torque": own})
+        return signals.model_copy(update={"current": None, "voltage": None, "torque": logged})
 
     runs = tuple(
         run if run.signals is None else run.model_copy(update={"signals": renamed(run.signals)})

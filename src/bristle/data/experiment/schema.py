@@ -1,7 +1,7 @@
 """The parts of an experiment file: joint, motor, thresholds, fit options, runs; quantities are in SI once validated."""
 
 from dataclasses import dataclass
-from math import inf
+from math import hypot, inf
 from typing import Annotated, Any, Literal
 
 from pydantic import (
@@ -194,11 +194,35 @@ class MotorConstants(StrictModel):
         return self.model_copy(update=at_joint)
 
 
+class Hung(StrictModel):
+    """What hangs on a joint that turns, in place of the torque of its gravity."""
+
+    mass: Annotated[PlusMinus, read_constant("kg")]
+    centre: Annotated[PlusMinus, read_constant("m")]
+    """How far its centre of mass is from the axis, which is horizontal."""
+
+    @property
+    def torque(self) -> PlusMinus:
+        """Of its gravity a quarter turn from where it hangs, m g l, N*m; the errors of both are independent."""
+        parts = [x.standard_error / x.value for x in (self.mass, self.centre) if x.standard_error]
+        size = self.mass.value * GRAVITY * self.centre.value
+        return PlusMinus(value=size, standard_error=size * hypot(*parts) if parts else None)
+
+
+GRAVITY = 9.81
+"""m/s**2."""
+Gravity = Annotated[
+    PlusMinus,
+    read_constant("torque"),
+    BeforeValidator(lambda x, info: Hung.model_validate(x, context=info.context).torque if isinstance(x, dict) else x),
+]
+"""Torque of a joint's gravity a quarter turn from where it hangs, m g l, or the mass and the centre that make it."""
+
+
 class Coasting(StrictModel):
     """That nothing drives the joint but its gravity and its inertia, of which one is known at the most."""
 
-    gravity: Annotated[PlusMinus, read_constant("torque")] | None = None
-    """Its torque where the joint is a quarter turn from where it hangs, m g l."""
+    gravity: Gravity | None = None
     inertia: Annotated[PlusMinus, read_constant("inertia")] | None = None
 
     @model_validator(mode="after")

@@ -1,12 +1,11 @@
 """The draft of a robot's file: joints from its URDF, columns from the joint states of a bag, from names, or as told."""
 
-import os
 import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from bristle.data.experiment.column_names import guess_columns
-from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, is_there, quoted
+from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, is_there, quoted, relative
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
 from bristle.data.ros.files import is_bag, open_bag
@@ -45,7 +44,7 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
     said += [f"{name}: unit {units[name]}" for name in templates if name not in told.units]
     constant = told.torque_constant or FREE
     lines = [
-        f"robot: {{urdf: {quoted(_relative(urdf_path, base))}, gravity: [0, 0, -9.81]}}   # m/s^2, in the frame of the base",
+        f"robot: {{urdf: {quoted(relative(urdf_path, base))}, gravity: [0, 0, -9.81]}}   # m/s^2, in the frame of the base",
         "joints:",
         *(f"  - {_entry(joint, drive, constant, templates, units, told)}" for joint in joints),
         "",
@@ -59,7 +58,7 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
         "",
         "runs:",
         *(
-            f"  - {{files: {quoted(_relative(log, base))}, experiment: tracking{', hold_out: true' if 0 < k == len(logs) - 1 else ''}}}"
+            f"  - {{files: {quoted(relative(log, base))}, experiment: tracking{', hold_out: true' if 0 < k == len(logs) - 1 else ''}}}"
             for k, log in enumerate(logs)
         ),
         "",
@@ -163,7 +162,3 @@ def _signal(columns: str, unit: str, scale: str | None) -> str:
         else f"column: {columns if columns.isdecimal() else quoted(columns)}"
     )
     return f"{{{key}, unit: {unit}{f', scale: {scale}' if scale else ''}}}"
-
-
-def _relative(path: Path, base: Path) -> str:
-    return Path(os.path.relpath(path, base)).as_posix()

@@ -8,8 +8,9 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.columns import reading
+from bristle.data.experiment.schema import GRAVITY
 from bristle.data.robot.urdf import Payload, Urdf
-from bristle.errors import InputError
+from bristle.errors import InputError, short_list
 
 MAX_JOINTS = 100
 """Most joints that move: what Pinocchio keeps for a robot grows with their cube."""
@@ -49,6 +50,26 @@ class RigidBody:
         still = self.torques(q, zero, zero)
         moved = [self.torques(q, zero, zero + e)[:, k] for k, e in enumerate(unit)]
         return np.stack(moved, axis=1) - still
+
+
+def largest_gravity(urdf: Urdf, name: str | None) -> float:
+    """Torque of a joint's gravity a quarter turn from where it hangs, N*m, while the others rest at zero; None: of the only joint.
+
+    Raises InputError as `rigid_body`, where no joint of several is named, or it slides, or its axis is vertical.
+    """
+    known = [joint.name for joint in urdf.joints]
+    if name is None and len(known) != 1:
+        raise InputError(
+            f"{urdf.file}: has {len(known)} joints: {short_list(known)}; name the one of the log, as in --name {known[0]}"
+        )
+    body = rigid_body(urdf, [name or known[0]], (0.0, 0.0, -GRAVITY), None)
+    still = np.zeros((2, 1))
+    size = float(np.hypot(*body.torques(np.array([[0.0], [np.pi / 2]]), still, still)[:, 0]))
+    if urdf.joint(name or known[0]).kind != "revolute" or not size > 1e-9:
+        raise InputError(
+            f"{urdf.file}: gravity makes no torque of {name or known[0]}, which slides, or turns about a vertical axis"
+        )
+    return size
 
 
 def rigid_body(urdf: Urdf, names: Sequence[str], gravity: Sequence[float], payload: Payload | None) -> RigidBody:

@@ -85,21 +85,21 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
     return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
 
 
-def torque_constant(found: LinkScale, kind: Kind) -> Estimate:
-    """The torque constant as the links tell it, N*m/A or N/A; without a value where they do not."""
-    in_torque = unit("torque_constant", kind)
+def torque_constant(found: LinkScale, kind: Kind, effort: str = "A") -> Estimate:
+    """N*m or N per unit of an effort, that of a current its torque constant, as the links tell it; without a value where they do not."""
+    of = unit("torque", kind)
+    in_torque = f"{of}/{effort}"
     if found.scale + _SURELY * found.error < 0 and found.explained > found.left:
         message = (
-            f"The current goes against the torque of the links ({found.scale:.3g} +/- {found.error:.2g} A/(N*m)): check "
-            "robot.gravity, the order of the joints, and the sign of the current."
+            f"The effort goes against the torque of the links ({found.scale:.3g} +/- {found.error:.2g} {effort}/({of})): check "
+            "gravity, the order of the joints, and the sign of the effort."
         )
         why = Finding("links-oppose", CRITICAL, message, {"scale": found.scale, "error": found.error})
         return Estimate(value=None, unit=in_torque, warnings=(why,))
     if not found.told or found.scale <= 0:
         message = (
-            f"Torque constant not identifiable: the links explain {found.explained:.2g} A of the current, and "
-            f"{found.left:.2g} A stay unexplained. Friction is in A; give torque_constant, or log a motion that loads this "
-            "joint more."
+            f"Torque per {effort} not identifiable: the links explain {found.explained:.2g} {effort}, and {found.left:.2g} {effort} stay "
+            f"unexplained. Friction is in {effort}; give the constant under motor, or log a motion that loads this joint more."
         )
         why = Finding("constant-unseen", CAUTION, message, {"explained": found.explained, "left": found.left})
         return Estimate(value=None, unit=in_torque, warnings=(why,))

@@ -17,6 +17,7 @@ from bristle.control.compensator import Compensator
 from bristle.control.running import RunningCompensator
 from bristle.control.symbolic import settings_of
 from bristle.errors import InputError
+from bristle.model.functions import cogging_function
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import Pair, has_own_unit, lugre_of, slides, unit
@@ -94,11 +95,19 @@ def header(joint: ExportedJoint, compensator: Compensator) -> str:
         notes=[line for text in comments for line in textwrap.wrap(text, 140, break_on_hyphens=False)],
         double_only=compensator.name == "lugre-observer" and compensator.adaptation is not None,
         guard=f"BRISTLE_{guard}", sets=[[digits(getattr(p, name)) for name in printed.fields] for p in numbers_of(joint)],
-        settings=[(name, digits(given[name])) for name in printed.settings],
+        cogging=_cogging(joint), torque_unit=unit("torque", joint.kind), settings=[(name, digits(given[name])) for name in printed.settings],
         rows=[[*map(digits, row)] for row in rows], columns=printed.inputs,
         tolerances=(digits(_DOUBLE), digits(_SINGLE)), allowed=(digits(_DOUBLE * peak), digits(_SINGLE * peak)), **code,
     )  # fmt: skip  # a list of values
     return c_code.filled("bristle.h", context)
+
+
+def _cogging(joint: ExportedJoint) -> list[str]:
+    """The statements of its cogging torque at a position; none where it has none."""
+    if not joint.cogging:
+        return []
+    lines, (torque,) = c_code.printed(cogging_function(joint.cogging), lambda *_: "position")
+    return [*lines, f"return {torque.text};"]
 
 
 def test_vector(joint: ExportedJoint, compensator: Compensator, printed: PrintedStep) -> Array:
@@ -193,7 +202,9 @@ def _write(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     model = lugre(joint.with_bristle("c with this compensator").pair) if whole else alone
     found = () if whole and not joint.quadratic else losses(joint, model, stated_motions(joint))
     content, holds = header(joint, request.compensator).encode("ascii"), _HOLDS[request.compensator.name]
-    return artefact_of(joints, "c", ".h", content, holds, {joint.name: found} if found else {}, counted=[*joint.rises])
+    holds += f"; cogging by {identifier(joint)}_cogging(position)" if joint.cogging else ""
+    counted = [*joint.rises, *joint.cogging_names]
+    return artefact_of(joints, "c", ".h", content, holds, {joint.name: found} if found else {}, counted=counted)
 
 
 _HOLDS = {

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from bristle.arrays import Interval, Number
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
@@ -46,6 +48,8 @@ from bristle.model.parameters import (
     lugre_of,
     of_friction,
     peak_parameters,
+    periodic,
+    slides,
     static_fields_of,
     static_of,
     unit,
@@ -143,6 +147,21 @@ class ExportedJoint:
         return next((x.value for x in self.parameters if x.parameter.name == "quadratic"), 0.0)
 
     @property
+    def cogging(self) -> tuple[tuple[float, float, float], ...]:
+        """Its waves: of each k, rad per rad (per m where the joint slides), and what multiplies sin(k q) and cos(k q), N*m."""
+        found: dict[int, dict[str, float]] = {}
+        for x in self.parameters:
+            if (of := periodic(x.parameter.name)) is not None and of[0] == "cogging":
+                found.setdefault(of[2], {})[of[1]] = x.value
+        turn = 2 * np.pi if slides(self.kind) else 1.0
+        return tuple((k * turn, x.get("sin", 0.0), x.get("cos", 0.0)) for k, x in sorted(found.items()))
+
+    @property
+    def cogging_names(self) -> tuple[str, ...]:
+        """The parameters that `cogging` is of."""
+        return tuple(x.parameter.name for x in self.parameters if x.parameter.name.startswith("cogging"))
+
+    @property
     def rises(self) -> dict[str, float]:
         """The coefficients by which friction rises with load (`law.load_levels`), by name; none where it does not."""
         return rises_among({x.parameter: x.value for x in self.parameters})
@@ -174,7 +193,11 @@ class ExportedJoint:
         """The joint. Raises InputError where its torque is known in another unit alone, which the target does not take."""
         if has_own_unit(self.kind):
             of = effort(self.kind)
-            lacks = {"current": "motor.torque_constant", "voltage": "motor.torque_constant and motor.resistance"}
+            lacks = {
+                "current": "motor.torque_constant",
+                "voltage": "motor.torque_constant and motor.resistance",
+                "position error": "motor.kp",
+            }
             raise InputError(
                 f"{self.name}: its torque is known as a {of} alone, and {target} takes N*m or N; give "
                 f"{lacks.get(of, 'coasting.inertia or coasting.gravity')}, identify, and export again"

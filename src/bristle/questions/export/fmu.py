@@ -146,6 +146,7 @@ def _sources(joint: ExportedJoint, lost: Sequence[Loss]) -> dict[str, bytes]:
         "tool": f"bristle {__version__}",
         "description": f"{shortened(joint.name)}: joint and LuGre friction, {effort(joint.kind)} in"
         + (", identified from SIMULATED data" if joint.simulated else ""),
+        "cogging": bool(joint.cogging),
         "variables": variables,
         "first_parameter": [v.causality for v in variables].index("parameter"),
         "outputs": [k + 1 for k, v in enumerate(variables) if v.causality == "output"],
@@ -213,8 +214,9 @@ def write_fmu(joints: Sequence[ExportedJoint], request: Request) -> Artefact:  #
         "fmu",
         ".fmu",
         zipped(files),
-        f"{_HOLDS}; FMI 2.0 for co-simulation, {form}",
+        f"{_HOLDS}{', and cogging' * bool(joint.cogging)}; FMI 2.0 for co-simulation, {form}",
         {joint.name: lost} if lost else {},
+        counted=joint.cogging_names,
     )
 
 

@@ -13,6 +13,8 @@ MuJoCo's dry friction is a soft constraint: near standstill it is steep and visc
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
+import numpy as np
+
 from bristle.errors import InputError, one_line, short
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import slides, unit
@@ -47,7 +49,7 @@ class MjcfHeld(NamedTuple):
 
 
 def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
-    """One `<dcmotor>` for each joint, and a `<general>` where there is a bias."""
+    """One `<dcmotor>` for each joint, one more for each order of cogging, and a `<general>` where there is a bias."""
     found = [mjcf_held(joint, request) for joint in joints]
     blocks = [(one.joint, _comment(one), mjcf_actuators(one)) for one in found]
     content = _merged(blocks, request) if request.into is not None else mjcf_example(found, blocks)
@@ -56,7 +58,9 @@ def write_mjcf(joints: Sequence[ExportedJoint], request: Request) -> Artefact:
     alone = "; ".join(f"{shortened(one.joint.name)} {told(one.alone, one.joint)}" for one in biased)
     holds = [_HOLDS if not alone else f"{_HOLDS} and a constant bias; the set alone has a torque RMS error of: {alone}"]
     holds += [_CLOSEST] if any(joint.law != GAUSSIAN for joint in joints) else []
-    return artefact_of(joints, NAME, ".xml", content, "; ".join(holds), lost, armature=True)
+    holds += ["cogging"] if any(joint.cogging for joint in joints) else []
+    counted = [name for joint in joints for name in joint.cogging_names]
+    return artefact_of(joints, NAME, ".xml", content, "; ".join(holds), lost, counted=counted, armature=True)
 
 
 def mjcf_held(joint: ExportedJoint, request: Request) -> MjcfHeld:
@@ -77,6 +81,12 @@ def mjcf_actuators(held: MjcfHeld) -> str:
         f'<dcmotor name={attribute(own_actuator(name))} joint={attribute(name)} gear="1" lugre="{numbers}" '
         f'damping="{p.alpha_2!r} 0 0" resistance="1" motorconst="1e-9" saturation="1e9 0 0"/>'
     ]
+    for n, (k, of_sin, of_cos) in enumerate(held.joint.cogging, 1):  # against the drive
+        wave = f"{float(np.hypot(of_sin, of_cos))!r} {k!r} {float(np.arctan2(-of_cos, -of_sin))!r}"
+        lines.append(
+            f'<dcmotor name={attribute(f"{own_actuator(name)} cogging {n}")} joint={attribute(name)} gear="1" cogging="{wave}" '
+            f'damping="0 0 0" resistance="1" motorconst="1e-9" saturation="1e9 0 0"/>'
+        )
     if bias:
         lines.append(
             f'<general name={attribute(own_actuator(name) + " bias")} joint={attribute(name)} gear="1" dyntype="none" gaintype="fixed" gainprm="0" '
@@ -198,7 +208,7 @@ def _joint(document: XmlDocument, joint: ExportedJoint) -> XmlElement:
     """The joint of that name in <worldbody>. Raises InputError where it is not there once, or cannot take the friction."""
     own = own_actuator(joint.name)
     actuators = [x for section in document.root.children if section.tag == "actuator" for x in section.children]
-    if {x.attributes.get("name") for x in actuators} & {own, f"{own} bias"}:
+    if {x.attributes.get("name") for x in actuators} & {own, f"{own} bias", f"{own} cogging 1"}:
         held = f"{document.what}: has an actuator {short(own)} already, which holds this joint's friction"
         raise InputError(f"{held}; merge into the model as it was before")
     there = [x for world in document.root.children if world.tag == "worldbody" for x in world.find_all("joint")]

@@ -104,7 +104,12 @@ def _chosen(joint: Joint) -> Iterator[str]:
     told = {"regressors": "chosen regressors"}
     of_points = any(x.data == "points" for x in joint.models)  # else what is static is of moving runs, too
     if any(isinstance(fit, TrackingFit) or not of_points for fit in value_fits(joint)):
-        told |= {"torque": "chosen delay", "directions": "chosen directions", "filters": "filters"}
+        told |= {
+            "scale": "chosen scale",
+            "torque": "chosen delay",
+            "directions": "chosen directions",
+            "filters": "filters",
+        }
         notes = [note for x in joint.inputs for note in x.notes]
         gaps = sum(note.numbers["gaps"] for note in notes if note.code == "gaps-bridged")
         made = [f"{gaps} gap{'s' * (gaps > 1)} bridged by the motion beside"] * bool(gaps)

@@ -220,6 +220,16 @@ static const br_params {{ name }} = {
 {% endfor %}
 };
 
+{% if cogging %}
+/* {{ torque_unit }}: cogging, which repeats with the position; add it to the torque of br_step where it is to be compensated. */
+static inline br_real {{ name }}_cogging(br_real position)
+{
+{% for line in cogging %}
+    {{ line }}
+{% endfor %}
+}
+
+{% endif %}
 /* Test vector, by bristle in Python ({{ rows | length }} steps from rest at position 0, one after the other):
  * {{ columns | join(", ") }}, torque
 {% for row in rows %}

@@ -145,7 +145,7 @@ static int br_joint_finite(const br_joint *j)
 static void br_refresh(br_model *m)
 {
     br_joint j = m->joint;
-    br_joint_step(&m->p, m->inertia, &j, m->torque, 0.0);
+    br_joint_step(&m->p, m->inertia, &j, m->torque{% if cogging %} - {{ name }}_cogging(j.position){% endif %}, 0.0);
     m->joint.friction = j.friction;
 }
 
@@ -513,7 +513,7 @@ BR_FUNCTION(fmi2Status, fmi2DoStep, (fmi2Component c, fmi2Real now, fmi2Real h, 
     }
     next = m->joint;
     for (k = 0.0; k < n; k += 1.0) {
-        br_joint_step(&m->p, m->inertia, &next, m->torque, h / n);
+        br_joint_step(&m->p, m->inertia, &next, m->torque{% if cogging %} - {{ name }}_cogging(next.position){% endif %}, h / n);
     }
     if (!br_joint_finite(&next)) {
         return br_say(i, fmi2Discard, "fmi2DoStep: the motion from %g s on is not finite; check parameters and torque", now);

@@ -1,0 +1,93 @@
+"""What a joint measured whose torque is known as a voltage, a current or a position error alone, and whose gravity tells its scale."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from bristle.data.experiment.constants import ONE, hangs_at
+from bristle.data.experiment.load import Experiment, Run
+from bristle.data.experiment.schema import PlusMinus
+from bristle.data.experiment.signals import Signals
+from bristle.findings import NOTE, Finding
+from bristle.identification.measured import Measured, measure, measured_of
+from bristle.identification.moving_runs import regressors
+from bristle.identification.robot.links import LinkScale, link_scale, scale_beside_bristles, torque_constant
+from bristle.model.parameters import effort, effort_unit, unit
+
+_CONSTANTS = {"current": "torque_constant", "position error": "kp"}
+"""What of the motor makes a torque of an effort; a voltage has no one constant, for its back-EMF takes part of it."""
+_DAMPED = {"voltage": "what the motor damps by its back-EMF", "position error": "what the drive damps"}
+"""What viscous friction then holds beside its own."""
+
+
+def measure_scaled(experiment: Experiment) -> Measured:
+    """What an experiment measured; where a known gravity scales its effort, in N*m.
+
+    Gravity is to a joint what the links are to that of a robot: a regressor of known size, whose scale is found. Raises
+    InputError as `measure`, and where a moving run has no position.
+    """
+    measured, gravity = measure(experiment), experiment.gravity
+    if gravity is None:
+        return measured
+
+    def with_gravity(run: Run) -> Run:
+        """The run, with the torque of its gravity where it moves."""
+        record = run.record
+        if run.kind != "tracking" or record.torque is None or record.acceleration is None:
+            return run
+        hangs = hangs_at(record, experiment.context, record.torque, record.acceleration, np.ones(record.time.size))
+        return _with(run, link_torque=gravity.value * np.sin(np.asarray(record.position) - hangs))
+
+    own = measured.experiment
+    asked = [name for name in regressors(own) if name != "gravity" and name not in own.fit.load]
+    beside = own.model_copy(update={"fit": own.fit.model_copy(update={"regressors": (*asked, "links")})})
+    records = [with_gravity(run).record for run in measured.runs if run.kind == "tracking" and not run.hold_out]
+    seen = (link_scale(beside, records) if records else None) or LinkScale(
+        scale=0.0, error=np.inf, explained=0.0, left=0.0
+    )
+    refined = scale_beside_bristles(beside, records, seen)
+    kind, drive, of = experiment.joint.kind, effort(own.joint.kind), effort_unit(own.joint.kind)
+    constant = torque_constant(refined if seen.told else seen, kind, of)
+    if constant.value is None:
+        return replace(measured, findings=(*measured.findings, *constant.warnings))
+
+    # The effort in N*m, with that error and the one of the gravity.
+    K, name = constant.value, _CONSTANTS.get(drive)
+    relative = (gravity.standard_error or 0.0) / gravity.value
+    error = float(np.hypot(constant.standard_error or 0.0, K * relative))
+    known = PlusMinus(value=K, standard_error=error)
+
+    def scaled(signals: Signals) -> Signals:
+        """The torque in its effort, times that scale."""
+        told = {"unit": of, "scale": f"{K!r} +/- {error!r} {constant.unit}"}
+        return signals.model_copy(update={"torque": signals.torque and signals.torque.model_copy(update=told)})
+
+    of_runs = (r if r.signals is None else r.model_copy(update={"signals": scaled(r.signals)}) for r in own.runs)
+    in_torque = own.model_copy(
+        update={
+            "joint": experiment.joint,
+            "inertia": experiment.inertia,
+            "plan": experiment.plan,
+            "motor_constants": ONE.model_copy(update={"kp": None, name: known}) if name else None,
+            "signals": scaled(own.signals),
+            "runs": tuple(of_runs),
+        }
+    )
+    (told,) = in_torque.torque_constants
+    torques = [K * np.asarray(run.record.torque) for run in measured.runs]
+    runs = tuple(
+        _with(run, torque=T, torque_shifts={str(told): T / K * error})
+        for run, T in zip(measured.runs, torques, strict=True)
+    )
+    exact = "" if gravity.standard_error else ", assumed exact,"
+    damped = f"; alpha_2 holds {_DAMPED[drive]}" if drive in _DAMPED else ""
+    message = (
+        f"{name or f'torque per {drive}'} {K:g} +/- {error:.2g} {constant.unit}, which the gravity of {gravity.value:g} "
+        f"{unit('torque', kind)}{exact} takes{damped} (gravity overrules)."
+    )
+    found = Finding("scale-by-gravity", NOTE, message, {"scale": K, "error": error})
+    return replace(measured_of(in_torque, runs), findings=(*measured.findings, found))
+
+
+def _with(run: Run, **changed: object) -> Run:
+    return replace(run, record=replace(run.record, **changed))  # type: ignore[arg-type]  # fields by name
