@@ -86,6 +86,20 @@ def test_a_pendulum_that_was_let_go(tmp_path: Path, known: str, zero: float) -> 
     assert inertia_of(load_experiment(tmp_path / "draft.yaml"), joint) == pytest.approx(J, rel=0.001)
 
 
+def test_a_hand_that_holds_before_it_lets_go_is_no_friction(tmp_path: Path) -> None:
+    """One to three seconds of a hand that trembles, and the rest at the end: left out, which is said, and friction is as without."""
+    logs, rng = swing(tmp_path), np.random.default_rng(4)
+    for k, log in enumerate(logs, 1):
+        q = np.loadtxt(log, delimiter=",", skiprows=1)[:, 1]
+        trembles = COUNT * np.round(rng.normal(0, 0.2, 150 * k).cumsum())
+        whole = np.concatenate([q[0] + trembles - trembles[-1], q])
+        written(log, np.arange(whole.size) / 150, whole)
+    joint = identified(logs, bristle.Told(coasting=True, gravity=f"{GRAVITY} N*m"))
+    near(joint, 0.15, alpha_0=COULOMB, alpha_2=VISCOUS)
+    said = [next(n for n in x.notes if n.code == "rests-left-out") for x in joint.inputs]
+    assert [n.numbers["rows"] >= 140 * k for k, n in enumerate(said, 1)] == [True, True, True]
+
+
 @pytest.mark.parametrize(
     ("told", "kind", "by"),
     [(f"{J / 100} +/- {J / 1e4} kg*m^2", "revolute", 1.0), (None, "revolute per inertia", 100 / J)],

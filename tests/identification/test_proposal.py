@@ -13,6 +13,7 @@ from bristle.data.experiment.draft import Told
 from bristle.data.experiment.load import load_experiment
 from bristle.data.experiment.schema import PlusMinus
 from bristle.errors import InputError
+from bristle.identification.known_joint import chosen
 from bristle.identification.measured import measure
 from bristle.model.parameters import SIGNED, Direction, Lugre, Pair
 
@@ -168,6 +169,46 @@ def test_what_contradicts_coasting_is_refused_before_the_log_is_drafted(tmp_path
             InputError, match=r"got --coasting and .*; expected --coasting of a joint that nothing drives"
         ):
             api.draft(log, told=told)
+
+
+def test_a_signal_of_another_file(tmp_path: Path) -> None:
+    """A torque in a file of its own, with its own clock, told by FILE:COLUMN: the draft names both, and identifies as one file does."""
+    whole = np.loadtxt(swung(tmp_path), delimiter=",", skiprows=1)
+    encoder = written(tmp_path / "encoder.csv", "t,joint_pos_deg", *whole[:, :2].T)
+    t = np.arange(0.003, whole[-1, 0], 0.004)
+    drive = written(tmp_path / "drive.csv", "stamp [ms],Mz", 1000 * t, 0.5 * np.interp(t, whole[:, 0], whole[:, 2]))
+    told = Told(columns={"torque": f"{drive}:Mz"}, units={"torque": "N*m"})
+    text, said = api.draft(encoder, told=told, folder=tmp_path)
+    assert 'torque: {column: "Mz", unit: "N*m", file: "drive.csv", time: {column: "stamp [ms]", unit: "ms"}}' in text
+    assert not any("torque" in x for x in said)
+    (tmp_path / "both.yaml").write_text(text, encoding="utf-8")
+    found = chosen_of(tmp_path / "both.yaml")
+    assert [found["alpha_0"], found["inertia"]] == pytest.approx([2.0, 0.05], rel=0.03)
+    with pytest.raises(InputError, match=r"drive.csv: no column named 'Fz'; there are: stamp \[ms\], Mz"):
+        api.draft(encoder, told=Told(columns={"torque": f"{drive}:Fz"}), folder=tmp_path)
+    written(drive, "Mz", t)
+    with pytest.raises(
+        InputError, match=r"drive.csv: no column is named as the time, which a signal of another file needs"
+    ):
+        api.draft(encoder, told=told, folder=tmp_path)
+
+
+def chosen_of(path: Path) -> dict[str, float]:
+    """The values of a joint, by name."""
+    joint = api.identify(path).joint()
+    return {x.parameter.name: x.estimate.value for x in chosen(joint) if x.estimate.value is not None}
+
+
+def test_a_joint_without_friction_has_the_right_sign(tmp_path: Path) -> None:
+    """An inertia in a bearing of air: a bound on its friction, and no word of a sign; with the sign turned it is turned round."""
+    t = np.arange(int(10 * RATE)) / RATE
+    q = 0.6 * np.sin(2 * np.pi * 0.3 * t) + 0.4 * np.sin(2 * np.pi * 0.8 * t)
+    T = 0.05 * np.gradient(np.gradient(q, t), t) + 0.005 * np.random.default_rng(1).standard_normal(t.size)
+    text, _ = api.draft(written(tmp_path / "air.csv", "t,q,tau", t, q, T), folder=tmp_path)
+    (tmp_path / "air.yaml").write_text(text, encoding="utf-8")
+    found = chosen_of(tmp_path / "air.yaml")
+    assert found["inertia"] == pytest.approx(0.05, rel=0.01)
+    assert found.get("alpha_0", 0.0) < 0.002
 
 
 def test_a_drive_with_the_wrong_sign_is_refused(tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 import math
 
 from bristle.findings import CAUTION, Finding
-from bristle.page.wording import in_percent, in_print, in_symbols
+from bristle.page.wording import in_percent, in_print, in_symbols, number
 
 
 def test_a_diagnostic_in_print_has_symbols_and_units_in_print() -> None:
@@ -22,6 +22,19 @@ def test_parameters_of_a_sentence_become_symbols() -> None:
         "alpha_01, av_s, alpha_0+1": "alpha_01, av_s, α₀+1",
     }
     assert {text: in_symbols(text) for text in written} == written
+
+
+def test_a_number_below_a_million_has_no_exponent() -> None:
+    """Of numbers with more digits than are shown the last are zeros; very large and very small ones have one."""
+    shown = {
+        (456.7, 2): "460",
+        (2000.0, 2): "2000",
+        (123456.0, 4): "123500",
+        (-1234.5, 3): "-1230",
+        (2e6, 2): "2e+06",
+        (1e-5, 2): "1e-05",
+    }
+    assert {x: number(*x) for x in shown} == shown
 
 
 def test_a_share_in_percent_has_two_digits() -> None:

@@ -177,6 +177,28 @@ def without_rests(record: Record) -> Record:
     return _kept(record, long, Finding("rests-left-out", NOTE, message, {"rows": lost}))
 
 
+def let_go(record: Record) -> Record:
+    """The record of a joint that coasts from where it was let go to where it stopped: a hand that holds it is friction, too.
+
+    Before it has gone a fiftieth of its travel from where it is at an end, it rests where it stays within a tenth of that for
+    longer than it then takes: what begins or stops at a constant deceleration takes a half as long.
+    """
+    q = record.position
+    if q is None or record.starts != (0,) or not np.ptp(q) > 0:
+        return record
+    away = 0.02 * np.ptp(q)
+    ends = []
+    for off in (np.abs(q - q[0]), np.abs(q - q[-1])[::-1]):
+        gone = int(np.argmax(off > away))
+        stays = int(np.flatnonzero(off[: gone + 1] <= 0.1 * away)[-1])
+        ends.append(stays if stays > gone - stays else 0)
+    moves = slice(ends[0], q.size - ends[1])
+    if moves.stop - moves.start < SHORTEST or not sum(ends):
+        return record
+    message = f"{sum(ends)} rows before the joint was let go, or after it stopped, are left out."
+    return _kept(record, [moves], Finding("rests-left-out", NOTE, message, {"rows": sum(ends)}))
+
+
 def without_ends(record: Record) -> Record:
     """The record without two periods of its low pass at each end of a segment, where no sample beyond steadies the acceleration.
 

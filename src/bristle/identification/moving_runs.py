@@ -40,6 +40,8 @@ _FEWEST = 4
 """Samples for each column, below which a relation cannot be tested."""
 ONE_RATE = 1.05
 """Ratio of two sampling intervals that count as one."""
+_SURELY = 3.0
+"""Standard errors by which a torque surely opposes the velocity."""
 _SWING = 0.1
 """rad: over less, gravity is a spring and a constant, as a bristle is that does not break away."""
 _DROWNS = 1e9
@@ -215,10 +217,18 @@ def refuse_opposing(
 ) -> None:
     """Raise InputError where the drive's torque (n,) has nothing to do with the motion, or opposes the velocity (n,).
 
-    Friction opposes motion, so its sign is wrong. `others`, (n, k), are what else of the motion may make torque.
+    Friction opposes motion, so its sign is wrong. `others`, (n, k), are what else of the motion may make torque: beside them
+    it does so too, by more than three standard errors, or there is no friction to speak of.
     """
     refuse_noise(experiment, velocity, torque, what, others)
-    if velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0:
+    opposes = velocity.size and float(velocity @ torque) < 0 and np.median(torque * np.sign(velocity)) < 0
+    if opposes and others is not None:
+        basis = np.column_stack([np.sign(velocity), others])
+        beside = np.linalg.lstsq(basis, torque, rcond=None)[0]
+        rest, own = torque - basis @ beside, basis[:, 0] - others @ np.linalg.lstsq(others, basis[:, 0], rcond=None)[0]
+        error = np.sqrt(inflation(rest) * (rest @ rest) / max(torque.size - beside.size, 1) / (own @ own))
+        opposes = beside[0] < -_SURELY * error
+    if opposes:
         raise InputError(
             f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
             "scale: -1 under signals, or its sign where it is a magnitude; or ask for fit.regressors that outweigh friction"

@@ -82,12 +82,13 @@ def axis(quantity: str, kind: Kind, prefix: str = "") -> str:
 
 
 def number(x: float | None, digits: int = 4) -> str:
-    """A number in a few significant digits; None and nan as a dash, infinity as its sign."""
+    """A number in a few significant digits, without an exponent below a million; None and nan as a dash, infinity as its sign."""
     if x is None or math.isnan(x):
         return MISSING
     if math.isinf(x):
         return "∞" if x > 0 else "-∞"
-    return f"{x:.{digits}g}"
+    text = f"{x:.{digits}g}"
+    return f"{float(text):.0f}" if "e+" in text and abs(x) < 1e6 else text
 
 
 def two_digits(x: float) -> str:

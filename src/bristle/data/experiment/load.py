@@ -392,11 +392,12 @@ def from_current(k_t: float, unit: str) -> Finding:
 def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str | None) -> Record:
     """The record with velocity and torque, for tracking with acceleration, and with the low pass that its kind needs."""
     from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading
-    from bristle.data.differentiation import estimate_motion, low_pass, without_rests
+    from bristle.data.differentiation import estimate_motion, let_go, low_pass, without_rests
     from bristle.model.motor import drive_torque
 
     fit, motor = experiment.fit, experiment.motor
     if kind == "tracking":
+        record = record if experiment.coasting is None else let_go(record)
         record = without_rests(estimate_motion(record, fit.position_cutoff or of_motion))
         if experiment.coasting is not None:
             record = coasted(record, experiment.coasting, experiment.context)

@@ -45,8 +45,8 @@ def verdicts(joints: Sequence[Joint]) -> Iterator[str]:
     rows = [("joint", "its values", "friction to", "reason", "hold-out error")]
     for joint in joints:
         found, held = verdict(joint), [x.relative_error for fit in value_fits(joint) for x in fit.hold_out]
-        error, known = f"{max(held):.2g} %" if held else "-", joint.accuracy
-        to = "-" if known is None or not isfinite(known.band) else f"+/- {known.band:.2g} %"
+        error, known = f"{number(max(held), 2)} %" if held else "-", joint.accuracy
+        to = "-" if known is None or not isfinite(known.band) else f"+/- {number(known.band, 2)} %"
         rows.append((shortened(joint.name, 32), str(found.trust), to, _code(found.reason), error))
     yield from columns(rows, indent=0)
 
