@@ -42,8 +42,16 @@ _EXTRA = ["h5"] if find_spec("h5py") else []
 """Formats that an extra reads."""
 _STEP = 5e-3
 _GRIPPER = TABLE_1["gripper rotation"].positive
-_UNITS = {"t": "s", "q": "rad", "v": "rad/s", "tau": "N*m", "i": "A", "u": "V"}
-_SIGNALS = {"t": "time", "q": "position", "v": "velocity", "tau": "torque", "i": "current", "u": "voltage"}
+_UNITS = {"t": "s", "q": "rad", "v": "rad/s", "tau": "N*m", "i": "A", "u": "V", "q_des": "rad"}
+_SIGNALS = {
+    "t": "time",
+    "q": "position",
+    "v": "velocity",
+    "tau": "torque",
+    "i": "current",
+    "u": "voltage",
+    "q_des": "command",
+}
 
 
 @cache
@@ -77,7 +85,8 @@ def rollout_torque(velocity: Array) -> Array:
 def _logged(t: Array, v: Array, tau: Array, rng: np.random.Generator, q: Array | None = None) -> Columns:
     noisy = tau + 2e-5 * rng.standard_normal(t.size)
     position = np.cumsum(v) * _STEP if q is None else q
-    return {"t": t, "q": position, "v": v, "tau": noisy, "i": noisy / 0.35, "u": noisy / 0.35 * 2.1 + 0.35 * v}
+    drives = {"tau": noisy, "i": noisy / 0.35, "u": noisy / 0.35 * 2.1 + 0.35 * v, "q_des": position + noisy / 2}
+    return {"t": t, "q": position, "v": v, **drives}
 
 
 NAMES = st.one_of(
@@ -129,6 +138,14 @@ PLAUSIBLE: Mapping[str, st.SearchStrategy[Any]] = {
     "motor.resistance": _of_or_uncertain("ohm"),
     "motor.inductance": _of("H"),
     "motor.inertia": _of("kg*m**2"),
+    "motor": st.sampled_from([None, {"kp": "2 N*m/rad"}, {"kp": "2 +/- 0.1 N*m/rad", "kd": "0.1 N*m*s/rad", "torque_limit": "0.02 N*m"}]),
+    "motor.kp": _of_or_uncertain("N*m/rad"),
+    "motor.kd": _of_or_uncertain("N*m*s/rad"),
+    "motor.torque_limit": _of("N*m"),
+    "coasting": st.one_of(st.booleans(), _of_or_uncertain("N*m").map(lambda x: {"gravity": x}), _of("kg*m**2").map(lambda x: {"inertia": x})),
+    "gravity": st.one_of(_of_or_uncertain("N*m"), st.tuples(_of_or_uncertain("kg"), _of("m")).map(lambda x: {"mass": x[0], "centre": x[1]})),
+    "signals.command.held": st.booleans(),
+    "signals.command.delay": _of("s"),
     "motor.gear": st.fixed_dictionaries(
         {"ratio": st.one_of(NUMBERS, _POSITIVE, quantities())},
         optional=dict.fromkeys(("position", "velocity", "torque"), st.sampled_from(["motor", "joint"])),
@@ -300,7 +317,7 @@ def experiments(draw: Draw) -> dict[str, bytes]:
         )
     )
     suffix = draw(st.sampled_from(["csv", "csv", "csv", "npz", "mat", "json", "parquet", *_EXTRA]))
-    drive = "tau" if "points" in kinds else draw(st.sampled_from(["tau", "tau", "i", "u"]))
+    drive = "tau" if "points" in kinds else draw(st.sampled_from(["tau", "tau", "i", "u", "q_des"]))
     used = (
         ("v", drive)
         if kinds == ["points"]
@@ -310,7 +327,9 @@ def experiments(draw: Draw) -> dict[str, bytes]:
     )
     document: dict[str, Any] = {
         "joint": {"name": draw(st.one_of(st.just("wrist"), st.just("wrist"), NAMES))},
-        "motor": {"torque_constant": "0.35 N*m/A", "resistance": "2.1 ohm"},
+        "motor": {"kp": "2 N*m/rad"}
+        if drive == "q_des"
+        else {"torque_constant": "0.35 N*m/A", "resistance": "2.1 ohm"},
         "signals": {_SIGNALS[c]: {"column": c, "unit": _UNITS[c]} for c in used},
         "runs": [{"files": f"{kind}.{suffix}", "experiment": kind} for kind in kinds],
     }
@@ -381,6 +400,26 @@ def results(draw: Draw, whole: str) -> bytes:
     return draw(damaged(data)) if draw(st.integers(0, 7)) == 0 else data
 
 
+@st.composite
+def options(draw: Draw, files: list[str]) -> str:
+    """What the command line may tell of a log."""
+    names = st.one_of(st.sampled_from([*_SIGNALS, "q[0]", "q[1]", "9", *(f"{name}:tau" for name in files)]), NAMES)
+    signal = draw(st.sampled_from([*_SIGNALS.values(), "velocity_command", "enabled", "x"]))
+    unit = draw(st.one_of(st.sampled_from([*_UNITS.values(), "deg", "rpm", "ms"]), _TEXT_UNITS))
+    known: dict[str, st.SearchStrategy[str]] = {
+        "column": names.map(lambda x: f"{signal}={x}"), "unit": st.just(f"{signal}={unit}"), "scale": quantities().map(lambda x: f"{signal}={x}"),
+        "rate": _of("Hz"), "torque-constant": _of_or_uncertain("N*m/A"), "resistance": _of("ohm"), "kp": _of_or_uncertain("N*m/rad"),
+        "kd": _of("N*m*s/rad"), "torque-limit": _of("N*m"), "gear": st.just("ratio: 10, position: motor"), "inertia": _of("kg*m**2"),
+        "gravity": st.one_of(_of_or_uncertain("N*m"), st.sampled_from(["mass: 1 kg, centre: 2 mm", "{mass: 1 kg}", "arm.urdf", "e.yaml.urdf"])),
+        "directions": st.sampled_from(["auto", "symmetric", "separate", "up"]), "name": NAMES, "hold-out": st.sampled_from(files),
+    }  # fmt: skip  # a table
+    flag = draw(st.sampled_from([*known, "coasting", "held", "not-held"]))
+    if flag not in known:
+        return f"--{flag}"
+    value = draw(known[flag]) if draw(st.integers(0, 4)) else draw(st.one_of(NAMES, quantities()))
+    return f"--{flag}={value}"
+
+
 JSON = st.one_of(
     NUMBERS, NAMES, st.none(), st.booleans(), st.just([]), st.just({}), st.lists(NUMBERS, max_size=3),
     st.sampled_from(["inf", "-inf", "nan", "static", [[1.0]], [[None, 1e308], [1e-308, 0]]]),
@@ -390,7 +429,7 @@ JSON = st.one_of(
 @st.composite
 def cases(draw: Draw, good_results: str) -> Case:
     """A command line with its files."""
-    what = draw(st.sampled_from(["experiment"] * 18 + ["compare", "new", "read"] * 4 + _FLEETS))
+    what = draw(st.sampled_from(["experiment"] * 18 + ["compare", "new", "log", "read"] * 4 + _FLEETS))
     if what == "compare":
         pair = {"a.json": good_results.encode(), "b.json": draw(results(good_results))}
         names = ("a.json", "b.json") if draw(st.booleans()) else ("b.json", "a.json")
@@ -407,6 +446,10 @@ def cases(draw: Draw, good_results: str) -> Case:
         return Case(
             ("fleet", "catalog.csv", "-o", "out", "--workers", "1"), {**files, **there, "catalog.csv": draw(catalogs())}
         )
+    if what == "log":
+        log = draw(st.sampled_from(sorted(name for name in files if name != "e.yaml")))
+        told = draw(st.lists(options(sorted(files)), max_size=3))
+        return Case(("identify", log, *told, "-o", "out.json"), files)
     if what == "new":
         return Case(("new", draw(st.sampled_from(sorted(files))), "-o", "out.yaml"), files)
     command = draw(st.sampled_from(_COMMANDS))
