@@ -84,7 +84,7 @@ def _curve(joint: Joint) -> Iterator[str]:
     }
     torque = unit("alpha_0", joint.kind)
     told = [
-        f"{' and '.join(f'{number(x, 3)} {torque} at {number(at, 2)} {speed}' for x, at in zip(T, v, strict=True))}{f' ({d})' * bool(d)}"
+        f"{' and '.join(dict.fromkeys(f'{number(x, 3)} {torque} at {number(at, 2)} {speed}' for x, at in zip(T, v, strict=True)))}{f' ({d})' * bool(d)}"
         for d, T in ways.items()
         if np.isfinite(T).all()
     ]
