@@ -105,5 +105,5 @@ def test_rests_are_left_out_unless_nothing_is_left() -> None:
     kept = without_rests(record)
     assert (kept.time.size, kept.starts) == (1499, (0, 800))
     assert [n.code for n in kept.notes] == ["rests-left-out"]
-    slow = Record(file="x", time=1e6 * t, position=np.round(q), velocity=q, torque=q, cutoff=1e-5)
+    slow = Record(file="x", time=1e6 * t, position=np.rint(q), velocity=q, torque=q, cutoff=1e-5)
     assert without_rests(slow) is slow
