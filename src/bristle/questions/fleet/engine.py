@@ -129,7 +129,15 @@ def run_fleet(
     try:
         with told_where_lost(client):
             check_workers(client)
-            reach = reach_of(client, output, _samples(rows))
+            # By the first file of each file system that is there.
+            samples: dict[str, str] = {}
+            for row in rows:
+                system = row.path.partition("://")[0] if is_remote(row.path) else ""
+                if system not in samples and not row.failure:
+                    with suppress(OSError, InputError):
+                        if exists(row.path):
+                            samples[system] = row.path
+            reach = reach_of(client, output, samples.values())
         files = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
         _write_ledger(output, files)
         return _run(client, joint_sessions(rows, files), files, output, reach, identify, progress)
@@ -183,18 +191,6 @@ def held(output: str) -> Iterator[None]:
                     if absent:
                         folder.rmdir()
             raise
-
-
-def _samples(rows: Iterable[CatalogRow]) -> list[str]:
-    """Files by which it is seen whether workers read what the client does: the first of each file system that is there."""
-    found: dict[str, str] = {}
-    for row in rows:
-        system = row.path.partition("://")[0] if is_remote(row.path) else ""
-        if system not in found and not row.failure:
-            with suppress(OSError, InputError):
-                if exists(row.path):
-                    found[system] = row.path
-    return list(found.values())
 
 
 def _ledger(output: str) -> dict[str, str]:
@@ -267,6 +263,8 @@ def _run(
     identify: Identify,
     progress: Progress | None,
 ) -> FleetRun:
+    """Identify what is not known, and write the dataset. Raises InputError where nothing at all is identified."""
+    import pyarrow as pa
     import pyarrow.compute as pc
 
     before = parts_of(output)
@@ -285,7 +283,20 @@ def _run(
     failed = sessions["key"].isin(list(failures)) & (sessions["failure"] == "")
     sessions.loc[failed, "failure"] = sessions.loc[failed, "key"].map(failures)
     sessions.loc[sessions["failure"] != "", "key"] = ""
-    table = _compacted(sessions, known, read, output, before)
+
+    # The dataset in parts; then what tasks and older parts wrote is removed. Where nothing at all is identified, what was known stays.
+    table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
+    ended = [task_file(output, key) for key in task_keys(output)]
+    some = table["failure"].null_count > 0
+    if some:
+        write_parts(output, table, before)
+    for path in ended:
+        remove(path)
+    if not some:
+        file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
+        many = counted(len(table), "joint session")
+        raise InputError(f"none of {many} could be identified; the first is {short(file)}: {reason}")
+
     refused = set(table.filter(pc.is_valid(table["failure"]))["key"].to_pylist())
     unchanged = int(good["key"].isin(list((cached | written) - refused)).sum())
     lost = table["failure"].length() - table["failure"].null_count
@@ -334,27 +345,3 @@ def _identified(
             identified.add(key)
         telling.tell(done)
     return identified, failures
-
-
-def _compacted(
-    sessions: "pd.DataFrame", known: "pa.Table", read: "pa.Table", output: str, before: Sequence[str]
-) -> "pa.Table":
-    """The dataset, written in parts; what tasks and older parts wrote is then removed.
-
-    Raises InputError where nothing at all is identified: then what was known stays.
-    """
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
-    tasks = [task_file(output, key) for key in task_keys(output)]
-    if not pc.any(pc.is_null(table["failure"])).as_py():
-        for path in tasks:
-            remove(path)
-        file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
-        many = counted(len(table), "joint session")
-        raise InputError(f"none of {many} could be identified; the first is {short(file)}: {reason}")
-    write_parts(output, table, before)
-    for path in tasks:
-        remove(path)
-    return table

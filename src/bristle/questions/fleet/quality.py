@@ -101,11 +101,10 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
 def warned(begun: pd.DataFrame, people: Roster) -> pd.DataFrame:
     """Of those the ones that are no chance among so many: unit, joint, code, severity, since, sessions, of."""
     sure = begun[(begun["before"] > 1) & (begun["chance"] * max(len(begun), 1) < NAMED)]
-    who = people.table[["unit", "joint"]].iloc[sure["number"].to_numpy(int)].reset_index(drop=True)
-    rows = pd.concat([who, sure[["code", "severity", "since", "sessions", "of"]].reset_index(drop=True)], axis=1)
-    return rows.sort_values(
-        ["severity", "since", "unit", "joint", "code"], ascending=[False, True, True, True, True], ignore_index=True
-    )
+    rows = sure.join(people.table[["unit", "joint"]], on="number")
+    rows = rows[["unit", "joint", "code", "severity", "since", "sessions", "of"]]
+    order = ["severity", "since", "unit", "joint", "code"]
+    return rows.sort_values(order, ascending=[False, True, True, True, True], ignore_index=True)
 
 
 def new_warnings(

@@ -200,19 +200,13 @@ def in_quality(quality: pd.DataFrame) -> pd.DataFrame:
     """Every kind of warning over all periods, the most frequent first."""
     last = quality[quality["period"] == quality["period"].max()]
     late = dict(zip(last["code"].astype(str), last["percent"], strict=True))
+    meanings = {code: in_print(x.meaning) for code, x in entries().items()}
+    meanings["failed"] = "The session was not identified; the reasons are listed below."
     return _printed({
         "Code": code_link(str(row.code)), "Severity": str(row.severity), "Joint-sessions": row.joint_sessions,
         "of all (%)": number(row.percent, 2), "in the last period (%)": number(late.get(str(row.code), 0.0), 2),
-        "What it says": _sentence_of(str(row.code)),
+        "What it says": meanings.get(str(row.code), ""),
     } for row in rows_of(totals(quality)))  # fmt: skip  # a table
-
-
-def _sentence_of(code: str) -> str:
-    """What a code says, with a dash for every number."""
-    if code == "failed":
-        return "The session was not identified; the reasons are listed below."
-    known = entries().get(code)
-    return in_print(known.meaning) if known else ""
 
 
 def in_warned(begun: pd.DataFrame) -> pd.DataFrame:
