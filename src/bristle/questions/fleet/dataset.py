@@ -137,27 +137,9 @@ def _part(name: str) -> "pa.Table":
     return rows
 
 
-def _codes(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:
-    """The rank of each entry among those of its column, -1 where there is none."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    whole = column.combine_chunks()
-    if pa.types.is_dictionary(whole.type):
-        ranks = pc.rank(whole.dictionary, tiebreaker="min").to_numpy(zero_copy_only=False).astype(np.int64)
-        places = pc.fill_null(whole.indices, -1).to_numpy(zero_copy_only=False)
-        return np.where(places < 0, -1, ranks[np.maximum(places, 0)] if ranks.size else -1)
-    if pa.types.is_string(whole.type):
-        return _codes(pa.chunked_array([whole.dictionary_encode()]))
-    return np.asarray(pc.fill_null(pc.cast(whole, pa.int64()), -(2**62)).to_numpy(zero_copy_only=False))
-
-
 def _once(table: "pa.Table", columns: Sequence[str]) -> "pa.Table":
     """The first of rows that are equal in some columns."""
-    import pandas as pd
-
-    codes = pd.DataFrame({name: _codes(table[name]) for name in columns})
-    kept = np.flatnonzero(~codes.duplicated().to_numpy())
+    kept = np.flatnonzero(~table.select(columns).to_pandas().duplicated().to_numpy())
     return table if kept.size == len(table) else table.take(kept)
 
 
@@ -198,7 +180,9 @@ def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
     )
     failure = pc.coalesce(columns["failure"].cast(pa.string()).combine_chunks(), own)
     table = pa.table({name: (pa.chunked_array([failure]) if name == "failure" else columns[name]) for name in COLUMNS})
-    return _coded(table.take(np.lexsort([_last(table[name]) for name in reversed(ORDER)])))
+    coded = _coded(table)  # text is in the order of its dictionary; what is missing comes last
+    order = coded.select(ORDER).to_pandas().sort_values(list(ORDER)).index
+    return coded.take(order.to_numpy())
 
 
 def _coded(table: "pa.Table") -> "pa.Table":
@@ -217,11 +201,6 @@ def _coded(table: "pa.Table") -> "pa.Table":
             column = pa.DictionaryArray.from_arrays(pa.array(rank).take(whole.indices), whole.dictionary.take(order))
         columns.append(column)
     return pa.table(columns, schema=schema_of(tuple(COLUMNS), coded=True))
-
-
-def _last(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:
-    codes = _codes(column)
-    return np.where(codes < 0, codes.max(initial=0) + 1, codes) if column.null_count else codes
 
 
 def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:

@@ -33,15 +33,8 @@ def _severity(code: str) -> str:
 def codes_of(frame: pd.DataFrame, *whose: str) -> pd.DataFrame:
     """Which warnings each joint session has, once each: session, code, and whose (unit and joint, if not said)."""
     kept = [*(whose or ("unit", "joint")), "session"]
-    said = frame["warnings"].astype("category")
-    words = [str(x).split() for x in said.cat.categories]
-    code = said.cat.codes.to_numpy()
-    length = np.array([*map(len, words), 0])  # the last one is of no text
-    count, begin = length[code], (length.cumsum() - length)[code]
-    rows = np.repeat(np.arange(len(frame)), count)
-    place = np.repeat(begin - (count.cumsum() - count), count) + np.arange(rows.size)
-    text = pd.array([word for listed in words for word in listed], dtype="str")
-    warned = frame.iloc[rows][kept].assign(code=text.take(place))
+    said = frame["warnings"].astype(object).map({x: str(x).split() for x in frame["warnings"].dropna().unique()})
+    warned = frame[kept].assign(code=said)[said.notna()].explode("code").dropna(subset="code").astype({"code": "str"})
     failed = frame[frame["failure"].notna()][kept].assign(code=FAILED)
     return pd.concat([warned, failed]).drop_duplicates()
 
