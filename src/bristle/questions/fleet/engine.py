@@ -121,11 +121,14 @@ def run_fleet(
         verify: whether every input is hashed anew.
         progress: told of every step.
 
-    Raises InputError where the workers cannot be used, and OSError where the output is full, or the scheduler is lost. What is
-    finished by then stays.
+    Raises InputError where the workers cannot be used, or nothing at all is identified, and OSError where the output is full, or
+    the scheduler is lost. What is finished by then stays.
     """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
     step(progress, "checking the workers")
-    known = task_keys(output)
+    written = task_keys(output)
     try:
         with told_where_lost(client):
             check_workers(client)
@@ -140,12 +143,45 @@ def run_fleet(
             reach = reach_of(client, output, samples.values())
         files = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
         _write_ledger(output, files)
-        return _run(client, joint_sessions(rows, files), files, output, reach, identify, progress)
+        sessions, before, known = joint_sessions(rows, files), parts_of(output), known_results(output)
+        good = sessions[sessions["failure"] == ""]
+        wanted = good.drop_duplicates("key").set_index("key")
+        cached = set(known["key"].to_pylist()) & set(wanted.index)
+        todo = wanted[~wanted.index.isin(list(cached | written))]
+        tasks = _tasks(todo, files, output, reach)
+        identified, untold = _identified(client, tasks, len(todo), output, identify, progress, sent=not reach.inputs)
     except SchedulerLostError as error:
-        stay = len(task_keys(output) - known)
+        stay = len(task_keys(output) - written)
         raise OSError(
             f"{error}; what is finished stays ({counted(stay, 'joint session')} of this run); run again to go on"
         ) from error
+
+    step(progress, "writing the dataset")
+    read, damaged = read_tasks(output, set(wanted.index) - cached - set(untold))
+    failures = untold | dict.fromkeys(damaged, "its rows in the output are damaged; run again")
+    for key in damaged:
+        remove(task_file(output, key))
+    failed = sessions["key"].isin(list(failures)) & (sessions["failure"] == "")
+    sessions.loc[failed, "failure"] = sessions.loc[failed, "key"].map(failures)
+    sessions.loc[sessions["failure"] != "", "key"] = ""
+
+    # The dataset in parts; then what tasks and older parts wrote is removed. Where nothing at all is identified, what was known stays.
+    table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
+    ended = [task_file(output, key) for key in task_keys(output)]
+    some = table["failure"].null_count > 0
+    if some:
+        write_parts(output, table, before)
+    for path in ended:
+        remove(path)
+    if not some:
+        file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
+        many = counted(len(table), "joint session")
+        raise InputError(f"none of {many} could be identified; the first is {short(file)}: {reason}")
+
+    refused = set(table.filter(pc.is_valid(table["failure"]))["key"].to_pylist())
+    unchanged = int(good["key"].isin(list((cached | written) - refused)).sum())
+    lost = table["failure"].length() - table["failure"].null_count
+    return FleetRun(table, len(identified - refused - damaged), unchanged, lost)
 
 
 @contextmanager
@@ -252,55 +288,6 @@ def _of_worker(error: BaseException) -> str:
     if isinstance(error, KilledWorker):
         return _MEMORY.format(times=counted(getattr(error, "allowed_failures", 3) + 1, "time"))
     return one_line(f"a defect of bristle: {type(error).__name__}: {error}")
-
-
-def _run(
-    client: Client,
-    sessions: "pd.DataFrame",
-    files: Mapping[str, Surveyed],
-    output: str,
-    reach: Reach,
-    identify: Identify,
-    progress: Progress | None,
-) -> FleetRun:
-    """Identify what is not known, and write the dataset. Raises InputError where nothing at all is identified."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    before = parts_of(output)
-    known = known_results(output)
-    good = sessions[sessions["failure"] == ""]
-    wanted = good.drop_duplicates("key").set_index("key")
-    cached, written = set(known["key"].to_pylist()) & set(wanted.index), task_keys(output)
-    todo = wanted[~wanted.index.isin(list(cached | written))]
-    tasks = _tasks(todo, files, output, reach)
-    identified, untold = _identified(client, tasks, len(todo), output, identify, progress, sent=not reach.inputs)
-    step(progress, "writing the dataset")
-    read, damaged = read_tasks(output, set(wanted.index) - cached - set(untold))
-    failures = untold | dict.fromkeys(damaged, "its rows in the output are damaged; run again")
-    for key in damaged:
-        remove(task_file(output, key))
-    failed = sessions["key"].isin(list(failures)) & (sessions["failure"] == "")
-    sessions.loc[failed, "failure"] = sessions.loc[failed, "key"].map(failures)
-    sessions.loc[sessions["failure"] != "", "key"] = ""
-
-    # The dataset in parts; then what tasks and older parts wrote is removed. Where nothing at all is identified, what was known stays.
-    table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
-    ended = [task_file(output, key) for key in task_keys(output)]
-    some = table["failure"].null_count > 0
-    if some:
-        write_parts(output, table, before)
-    for path in ended:
-        remove(path)
-    if not some:
-        file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
-        many = counted(len(table), "joint session")
-        raise InputError(f"none of {many} could be identified; the first is {short(file)}: {reason}")
-
-    refused = set(table.filter(pc.is_valid(table["failure"]))["key"].to_pylist())
-    unchanged = int(good["key"].isin(list((cached | written) - refused)).sum())
-    lost = table["failure"].length() - table["failure"].null_count
-    return FleetRun(table, len(identified - refused - damaged), unchanged, lost)
 
 
 def _tasks(todo: "pd.DataFrame", files: Mapping[str, Surveyed], output: str, reach: Reach) -> Iterator[FleetTask]:
