@@ -86,14 +86,8 @@ class Adaptation:
             raise InputError(
                 f"adaptation: gamma: got {len(self.gamma)} rates for {len(self.parameters)} parameters; expected one each"
             )
-        for name, values in (
-            ("gamma", self.gamma),
-            ("dead_zone", (self.dead_zone,)),
-            ("leakage", (self.leakage,)),
-            ("forgetting", (self.forgetting,)),
-        ):
-            bad = [x for x in values if not 0 <= x < inf]
-            if bad:
+        for name in ("gamma", "dead_zone", "leakage", "forgetting"):
+            if bad := [x for x in np.ravel(getattr(self, name)) if not 0 <= x < inf]:
                 raise InputError(f"adaptation: {name}: got {bad[0]:g}; expected zero or more, and finite")
         low, high = self.limits
         if not (0 < low <= 1 <= high and isfinite(high)):

@@ -190,7 +190,7 @@ def _urdf_of(data: Mapping[str, Any]) -> str | None:
 
 def _found(path: str, patterns: Sequence[str], beside: Sequence[str]) -> list[tuple[str, str]]:
     """The files by these patterns, and those beside, each with its name from the folder of the file; sorted."""
-    found = {}
+    found = dict[str, str]()
     for pattern in patterns:
         for name, at in _matches(path, pattern):
             if is_folder(at):
