@@ -63,12 +63,26 @@ def failure_bytes(key: str, failure: str) -> bytes:
 
 def _written(rows: list[dict[str, Any]]) -> bytes:
     import pyarrow as pa
+
+    table = pa.Table.from_pylist(rows, schema=schema_of(OF_TASK, coded=False))
+    return parquet_of(table, compression="none", use_dictionary=False, write_statistics=False, store_schema=False)
+
+
+def parquet_of(table: "pa.Table", **how: Any) -> bytes:
+    """A table as the bytes of a Parquet file; `how` as of `pyarrow.parquet.write_table`."""
     import pyarrow.parquet as pq
 
     sink = io.BytesIO()
-    table = pa.Table.from_pylist(rows, schema=schema_of(OF_TASK, coded=False))
-    pq.write_table(table, sink, compression="none", use_dictionary=False, write_statistics=False, store_schema=False)
+    pq.write_table(table, sink, **how)
     return sink.getvalue()
+
+
+def read_parquet(name: str, **how: Any) -> "pa.Table":
+    """The table of a Parquet file; `how` as of `pyarrow.parquet.ParquetFile.read`. Raises what Arrow does, ValueError or OSError."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    return pq.ParquetFile(pa.BufferReader(read_bytes(name))).read(**how)
 
 
 def task_file(folder: str, key: str) -> str:
@@ -85,12 +99,10 @@ def task_keys(folder: str) -> set[str]:
 def read_tasks(folder: str, keys: Collection[str]) -> tuple["pa.Table", set[str]]:
     """The rows of some tasks, and the keys of those whose file is damaged or gone."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     def read(key: str) -> "pa.Table | None":
         try:
-            table = pq.ParquetFile(pa.BufferReader(read_bytes(task_file(folder, key)))).read(use_threads=False)
-            return table.cast(schema_of(OF_TASK, coded=False))
+            return read_parquet(task_file(folder, key), use_threads=False).cast(schema_of(OF_TASK, coded=False))
         except (pa.ArrowException, ValueError, OSError):
             return None
 
@@ -122,10 +134,9 @@ def read_parts(folder: str) -> "pa.Table":
 
 def _part(name: str) -> "pa.Table":
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     try:
-        table = pq.ParquetFile(pa.BufferReader(read_bytes(name))).read()
+        table = read_parquet(name)
         known = (table.schema.metadata or {}).get(b"bristle")
         schema = schema_of(tuple(COLUMNS), coded=True)
         # Another version's results are identified anew; a column that only it has is left out.
@@ -217,11 +228,7 @@ def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:
 
 def part_files(table: "pa.Table") -> Iterator[tuple[str, bytes]]:
     """The parts of a dataset, each with its name."""
-    import pyarrow.parquet as pq
-
     text = [name for name, holds in COLUMNS.items() if holds == _TEXT]
     for k, start in enumerate(range(0, max(len(table), 1), ROWS)):
-        sink = io.BytesIO()
-        pq.write_table(_coded(table.slice(start, ROWS)), sink, compression="zstd", use_dictionary=text)
-        data = sink.getvalue()
+        data = parquet_of(_coded(table.slice(start, ROWS)), compression="zstd", use_dictionary=text)
         yield f"part-{k:05d}-{hashlib.sha256(data).hexdigest()[:8]}.parquet", data

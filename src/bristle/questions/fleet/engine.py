@@ -3,7 +3,6 @@
 What is finished stays whatever ends the run: the rows of each task lie in the output, and the next run goes on from them.
 """
 
-import io
 import os
 import secrets
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -30,7 +29,9 @@ from bristle.questions.fleet.cluster import (
 from bristle.questions.fleet.dataset import (
     assembled,
     known_results,
+    parquet_of,
     parts_of,
+    read_parquet,
     read_tasks,
     task_file,
     task_keys,
@@ -232,10 +233,9 @@ def held(output: str) -> Iterator[None]:
 def _ledger(output: str) -> dict[str, str]:
     """By path, what the last run found of a file; nothing where there is no ledger, or none that can be read."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     try:
-        table = pq.ParquetFile(pa.BufferReader(read_bytes(joined_path(output, LEDGER)))).read(columns=["path", "found"])
+        table = read_parquet(joined_path(output, LEDGER), columns=["path", "found"])
     except (OSError, pa.ArrowException, ValueError, KeyError):
         return {}
     return dict(zip(table["path"].to_pylist(), table["found"].to_pylist(), strict=True))
@@ -243,15 +243,10 @@ def _ledger(output: str) -> dict[str, str]:
 
 def _write_ledger(output: str, files: Mapping[str, Surveyed]) -> None:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    paths = sorted(files)
-    table = pa.table(
-        {"path": pa.array(paths, pa.string()), "found": pa.array([files[x].written() for x in paths], pa.string())}
-    )
-    sink = io.BytesIO()
-    pq.write_table(table, sink, compression="zstd", use_dictionary=False)
-    write_whole(joined_path(output, LEDGER), sink.getvalue())
+    rows = [{"path": path, "found": files[path].written()} for path in sorted(files)]
+    table = pa.Table.from_pylist(rows, schema=pa.schema({"path": pa.string(), "found": pa.string()}))
+    write_whole(joined_path(output, LEDGER), parquet_of(table, compression="zstd", use_dictionary=False))
 
 
 def _survey(
