@@ -58,10 +58,10 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
         known = pd.DataFrame({"unit": frame["unit"].astype(str), "type": frame["type"].astype(str), "pair": pairs})
         days = (unknown["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
         names = unknown[["type"]].assign(unit=unknown["unit"].astype(str), day=days)
-        rows = names.merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
-        asked = rows["type_asked"]
-        own = asked.isna() | (asked.astype(str) == rows["type"])
-        marks.append(rows.loc[own, ["pair", "day"]].assign(marked=True))
+        both = names.merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
+        asked = both["type_asked"]
+        own = asked.isna() | (asked.astype(str) == both["type"])
+        marks.append(both.loc[own, ["pair", "day"]].assign(marked=True))
     marked = pd.concat(marks)
     begun = np.zeros(pairs.size, dtype=np.intp)
     if marked["marked"].any():  # one of successive marked sessions is the baseline's first
