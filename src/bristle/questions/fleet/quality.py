@@ -120,6 +120,6 @@ def critical(codes: "pd.Series[Any]") -> Iterator[str]:
     return (str(code) for code in codes if _severity(code) == "critical")
 
 
-def most_common(codes: Iterator[str], count: int = 3) -> tuple[str, ...]:
-    """The most frequent of some codes."""
-    return tuple(code for code, _ in Counter(codes).most_common(count))
+def most_common(codes: Iterator[str]) -> tuple[str, ...]:
+    """The three most frequent of some codes."""
+    return tuple(code for code, _ in Counter(codes).most_common(3))
