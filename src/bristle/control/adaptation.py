@@ -69,7 +69,6 @@ class Adaptation:
     """Of least squares, 1/s."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work."""
         for name, value, known in (("law", self.law, LAWS), ("step", self.step, STEPS)):
             if value not in known:
                 raise InputError(f"adaptation: {name}: got {value!r}; expected one of {', '.join(known)}")

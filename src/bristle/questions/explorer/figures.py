@@ -222,8 +222,7 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
         x_axis_type="log" if panel.x_log else "linear", toolbar_location="above", background_fill_alpha=0.0,
         border_fill_alpha=0.0, outline_line_color=None, min_border_left=64, output_backend="canvas", **shared,
     )  # fmt: skip  # a list of values
-    plot.toolbar.logo = None
-    plot.toolbar.active_drag = None  # a finger that is drawn over a figure scrolls the page
+    plot.toolbar.update(logo=None, active_drag=None)  # a finger that is drawn over a figure scrolls the page
     drawn[panel.name] = plot
     for name in panel.shaded:
         plot.add_layout(BoxAnnotation(
@@ -245,20 +244,14 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
         tips = [("from", "@place"), ("velocity", "@x{0.0000}"), (torque, "@y{0.000000}")]
         plot.add_tools(HoverTool(renderers=told, tooltips=tips))
     if any(mark.legend for mark in panel.marks) and not panel.keyed:
-        for legend in plot.legend:
-            legend.background_fill_alpha = 0.0
-            legend.border_line_color = None
-            legend.label_text_font_size = "11px"
-            legend.orientation = "horizontal"
-            legend.padding = legend.margin = 2
-            legend.ncols = 4
-            legend.location = "center"
-            legend.click_policy = "hide"
+        plot.legend[0].update(
+            background_fill_alpha=0.0, border_line_color=None, label_text_font_size="11px", orientation="horizontal",
+            padding=2, margin=2, ncols=4, location="center", click_policy="hide",
+        )  # fmt: skip  # a list of values
         plot.add_layout(plot.legend[0], "below")
     # Labels upright, and kept a place for until the page's script sets them; no powers of ten from 1e-6 up.
-    for axis in (*plot.xaxis, *plot.yaxis):
-        axis.axis_label_text_font_style = "normal"
-        axis.axis_label = " "
+    for axis in plot.axis:
+        axis.update(axis_label_text_font_style="normal", axis_label=" ")
         if isinstance(axis.formatter, BasicTickFormatter):
             axis.formatter.power_limit_low = -6
     drawing: Plot = plot
