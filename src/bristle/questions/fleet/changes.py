@@ -104,16 +104,8 @@ def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFr
     first = changes.assign(size=-changes["z"].abs()).sort_values(["number", "p", "size"], kind="stable")
     first = first.drop_duplicates("number").set_index("number")
     own = [
-        "parameter",
-        "direction",
-        "percent",
-        "percent_lower",
-        "percent_upper",
-        "since",
-        "sessions_after",
-        "p",
-        "size",
-    ]
+        "parameter", "direction", "percent", "percent_lower", "percent_upper", "since", "sessions_after", "p", "size",
+    ]  # fmt: skip  # a list of names
     table = people.table.join(first[own])
     table = table.assign(adjusted_p=decided.adjusted, changed=decided.changed)[people.table["now"]]
     table = table.sort_values(["adjusted_p", "p", "size", "unit", "joint"], kind="stable", na_position="last")

@@ -5,7 +5,7 @@ What is finished stays whatever ends the run: the rows of each task lie in the o
 
 import os
 import secrets
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
@@ -78,20 +78,17 @@ class FleetRun(NamedTuple):
     """Those without a result."""
 
 
-class _Telling:
-    """Tells how far a work is, how fast it goes and how long it will take."""
+def _telling(progress: Progress | None, what: str, total: int) -> Callable[[int], None]:
+    """What tells how many are done of a work that begins now, how fast it goes and how long it will take."""
+    begun = monotonic()
 
-    def __init__(self, progress: Progress | None, what: str, total: int) -> None:
-        self._progress, self._what, self._total = progress, what, total
-        self._begun = monotonic()
+    def tell(done: int) -> None:
+        if progress and total:
+            rate = done / max(monotonic() - begun, 1e-3)
+            pace = f", {rate:.3g}/s, {in_words((total - done) / rate)} left" if done else ""
+            progress(f"{what}{pace}", done, total)
 
-    def tell(self, done: int) -> None:
-        """So many are done."""
-        if self._progress is None or not self._total:
-            return
-        rate = done / max(monotonic() - self._begun, 1e-3)
-        pace = f", {rate:.3g}/s, {in_words((self._total - done) / rate)} left" if done else ""
-        self._progress(f"{self._what}{pace}", done, self._total)
+    return tell
 
 
 def in_words(seconds: float) -> str:
@@ -260,7 +257,7 @@ def _survey(
 ) -> dict[str, Surveyed]:
     """What each file of the catalog goes back to; by the workers, where they reach the inputs."""
     paths = list(dict.fromkeys(row.path for row in rows if not row.failure))
-    telling, found = _Telling(progress, "looking at files", len(paths)), dict[str, Surveyed]()
+    tell, found = _telling(progress, "looking at files", len(paths)), dict[str, Surveyed]()
     batches = [[(path, ledger.get(path)) for path in paths[k : k + BATCH]] for k in range(0, len(paths), BATCH)]
     if reach.inputs:
         token = secrets.token_hex(4)
@@ -272,7 +269,7 @@ def _survey(
         for k, (path, _) in enumerate(batch):
             failed = Surveyed(path, failure=_of_worker(end)) if isinstance(end, BaseException) else None
             found[path] = failed or surveyed_of(end[k]) or Surveyed(path, failure="its worker has another version")
-        telling.tell(len(found))
+        tell(len(found))
     return found
 
 
@@ -312,8 +309,8 @@ def _identified(
     token, threads = secrets.token_hex(4), threads_of(client)
     window = SENT_WINDOW * threads if sent else max(LEAST_WINDOW, WINDOW * threads)
     calls = (Call(f"bristle-identify-{task.key}-{token}", identify_task, (task, identify)) for task in tasks)
-    telling, identified, failures = _Telling(progress, "identifying", total), set[str](), dict[str, str]()
-    telling.tell(0)
+    tell, identified, failures = _telling(progress, "identifying", total), set[str](), dict[str, str]()
+    tell(0)
     for done, (call, end) in enumerate(spread(client, calls, window), 1):
         key = call.arguments[0].key
         how = TaskEnd(key, failure=_of_worker(end)) if isinstance(end, BaseException) else end
@@ -325,5 +322,5 @@ def _identified(
             failures[key] = how.failure
         else:
             identified.add(key)
-        telling.tell(done)
+        tell(done)
     return identified, failures

@@ -124,16 +124,8 @@ def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Ite
     """Each parameter in each direction of each type; `said` gets what is said of values that are left out."""
     where = np.flatnonzero(people.usable)
     columns = [
-        "parameter",
-        "direction",
-        "source",
-        "value",
-        "standard_error",
-        "lower",
-        "upper",
-        "value_unit",
-        *COVARIATES,
-    ]
+        "parameter", "direction", "source", "value", "standard_error", "lower", "upper", "value_unit", *COVARIATES,
+    ]  # fmt: skip  # a list of names
     used = frame.iloc[where][columns].reset_index(drop=True)
     used["joint"], used["type"] = people.joint[where], people.table["type"].to_numpy()[people.joint[where]]
     # The fit from which most values of a joint's parameter come: two fits may differ without any wear.
