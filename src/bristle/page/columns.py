@@ -32,12 +32,6 @@ def shown(frame: "pd.DataFrame") -> Table:
     return Table(columns=tuple(map(str, frame.columns)), rows=tuple(rows))
 
 
-def rounded(frame: "pd.DataFrame", digits: int) -> "pd.DataFrame":
-    """The frame with numbers in so many significant digits, and None, not nan, where there is none."""
-    few = frame.astype(object).map(lambda x: float(f"{x:.{digits}g}") if isinstance(x, float) else x)
-    return few.where(frame.notna(), None)
-
-
 def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:
     """A table as CSV.
 

@@ -9,7 +9,6 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bristle.model.parameters import Direction, effort, static_estimated_of, unit
-from bristle.page.columns import rounded
 from bristle.page.page import Drawing
 from bristle.page.plain import columns, pair
 from bristle.page.report import Report, Section, Table
@@ -62,7 +61,7 @@ def report(plan: Plan) -> Report:
             table=table(
                 "intervals",
                 "Half of each 95 % interval",
-                rounded(frames["intervals"], 4),
+                _rounded(frames["intervals"]),
                 "Parameters given as exact are not listed. Now: as fitted. After: predicted, not measured, and lower bounds: 1.96 times the "
                 "standard errors by the Cramér-Rao bound at the estimates. Statistical errors only: those of constants, as of the torque's "
                 "scale, come on top, and no run lowers them. A dash: not identifiable. A guess is assumed, because no run identifies the "
@@ -77,9 +76,9 @@ def report(plan: Plan) -> Report:
         *_of_velocities(
             plan,
             table("velocities", "Constant velocities to run", frames["velocities"]),
-            table("designs", "Designs compared", rounded(frames["designs"], 4)),
+            table("designs", "Designs compared", _rounded(frames["designs"])),
         ),
-        _of_loading(plan, table("loading", "Slow loading", rounded(frames["loading"], 4))),
+        _of_loading(plan, table("loading", "Slow loading", _rounded(frames["loading"]))),
         *_of_motion(
             plan,
             frames,
@@ -90,7 +89,7 @@ def report(plan: Plan) -> Report:
                 "As played, scaled to the limits: amplitude · sin(2π frequency · time + phase), with time from the start of the motion, about "
                 "the middle of the position range.",
             ),
-            table("motions", "Relative standard errors after each motion, percent", rounded(motions, 4)),
+            table("motions", "Relative standard errors after each motion, percent", _rounded(motions)),
         ),
         Section("The whole plan, as played", figure=_whole(plan), id="references"),
     ]
@@ -297,6 +296,12 @@ def _of_motion(plan: Plan, frames: Mapping[str, pd.DataFrame], sines: Table, com
         Section("The tracking motion", text=text, figure=motion, table=sines, lines=lines, id="motion"),
         Section("Comparison with other motions", figure=motions, table=compared, form="part"),
     ]
+
+
+def _rounded(frame: pd.DataFrame) -> pd.DataFrame:
+    """A table with numbers to four digits, and None, not nan, where there is none."""
+    rounded = frame.astype(object).map(lambda x: float(f"{x:.4g}") if isinstance(x, float) else x)
+    return rounded.where(frame.notna(), None)
 
 
 def _beside(plan: Plan, planned: MotionDesign, other: MotionDesign) -> str:

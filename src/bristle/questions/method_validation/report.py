@@ -6,7 +6,6 @@ import pandas as pd
 
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.model.parameters import Kind, unit
-from bristle.page.columns import rounded
 from bristle.page.page import Drawing
 from bristle.page.report import Report, Section, Table
 from bristle.page.wording import counted, in_percent, number, pretty, slugs
@@ -72,7 +71,7 @@ def _of_case(result: CaseResult, kind: Kind, name: str, *, told: bool) -> list[S
     table = Table(
         "methods",
         f"Methods of {case.label}",
-        part=rounded(v_s_by_method(result), 3),
+        part=_rounded(v_s_by_method(result)),
         note=f"Coverage of the intervals by each method's own covariance. Other minimum: more than {SAME_COST:g} (relative) above the "
         "lowest cost of any method; not counted for plain grids, which always are.",
     )
@@ -106,7 +105,7 @@ def _of_all(validation: Validation) -> list[Section]:
     cases = Table(
         "cases",
         "Solvers and plain grids by case",
-        part=rounded(validation.to_frame().rename(columns=_heading), 3),
+        part=_rounded(validation.to_frame().rename(columns=_heading)),
         note="Noise in percent of α₀. No estimate returned: bristle reports vₛ as not identifiable, or gives it no finite interval. "
         f"Other minimum: of {validation.starts} random starts. Lower outside the range: with vₛ free, they find a lower cost outside "
         "the grid's range. IPOPT below the grid: by how much its cost is below the refined grid's within the range. Error of the "
@@ -115,7 +114,7 @@ def _of_all(validation: Validation) -> list[Section]:
     covers = Table(
         "coverage",
         "Coverage of the 95 % intervals",
-        part=rounded(coverage(validation).rename(columns=_heading), 3),
+        part=_rounded(coverage(validation).rename(columns=_heading)),
         note=f"Covariance and profile over {covered} data sets, bootstrap-t over {bootstrapped}, where vₛ is identifiable. With so many "
         f"data sets, a true coverage of 95 % shows as {shown} in nineteen tables of twenty.",
     )
@@ -208,6 +207,13 @@ def _heading(column: str) -> str:
     for name, words in _WORDS.items():
         column = column.replace(name, words)
     return column.replace("_percent", " (%)").replace("_", " ")
+
+
+def _rounded(frame: pd.DataFrame) -> pd.DataFrame:
+    """Numbers to three digits, as text that stays a number."""
+    columns = frame.select_dtypes("float").columns
+    frame[columns] = frame[columns].map(lambda x: float(f"{x:.3g}"))
+    return frame.astype(object).where(frame.notna(), None)
 
 
 def methods(validation: Validation) -> pd.DataFrame:
