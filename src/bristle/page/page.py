@@ -155,8 +155,7 @@ def html(package: str, template: str, context: Mapping[str, Any], number: Callab
 
     `number` gives that of the next figure; None: they are counted from 1.
     """
-    counted = {"next_figure": number or count(1).__next__}
-    return _environment(package).get_template(template, globals=counted).render(context)
+    return _environment(package).get_template(template).render(context, next_figure=number or count(1).__next__)
 
 
 @cache
