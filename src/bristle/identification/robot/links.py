@@ -72,14 +72,15 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale |
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
     """The scale of the links' torque by the fit of all LuGre parameters, where that explains the runs better.
 
-    The static fit takes presliding for something else, the links' torque among it: its error is wide. `experiment` has the
+    The static fit takes presliding for something else, the links' torque among it: its error is wide, and stays where that fit
+    has a wider one, as beside parameters that a motion does not show. `experiment` has the
     links among its regressors, and its torque in the logged unit.
     """
     if not found.scale:
         return found
     fit = fit_alone(experiment, records, fit_moving(experiment, records, (), None)[0])
     links = fit.parameters[ParameterName("links", Direction.SHARED)]
-    if not links.value or not links.standard_error or fit.rms >= found.left:
+    if not links.value or not 0 < (links.standard_error or 0.0) < found.error or fit.rms >= found.left:
         return found
     explained = found.explained * abs(links.value / found.scale)
     return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
