@@ -267,7 +267,9 @@ def known_joint(joint: Joint) -> KnownJoint:
     """
     known = as_identified(joint)
     links = {} if joint.link_inertia is None else {INERTIA: joint.link_inertia}  # a rotor's may be lost in their error
-    for name, own in [(n, e) for n, e in known.estimates.items() if n.name == INERTIA.name]:  # static fits have it in `both`
+    for name, own in [
+        (n, e) for n, e in known.estimates.items() if n.name == INERTIA.name
+    ]:  # static fits have it in `both`
         low, high = own.interval or (0.0, 0.0)
         if not links and low <= (own.value or 0.0) < 0 < high:
             known = replace(known, estimates={n: e for n, e in known.estimates.items() if n != name})

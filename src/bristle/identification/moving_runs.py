@@ -197,6 +197,11 @@ def given_by(records: Sequence[Record]) -> tuple[str, ...]:
 def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str, others: Array | None = None) -> None:
     """Raise InputError where the drive's torque (n,) has nothing to do with the motion (n,), as `unrelated` has it."""
     if unrelated(motion, torque, others):
+        if torque.min() >= 0 and motion.min() < 0 < motion.max():
+            raise InputError(
+                f"{experiment.path.name}: the torque is never below zero {what}, though the joint goes both ways: it is a magnitude, which tells "
+                "no friction; log it with its sign, or name what the drive was told to follow, as in --column command=NAME"
+            )
         raise InputError(
             f"{experiment.path.name}: the torque has nothing to do with the motion {what}, and is noise of {np.std(torque):.3g} "
             f"about {np.mean(torque):.3g} (SI); name the column of the torque under signals, or move against more friction than that noise"

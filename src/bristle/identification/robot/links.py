@@ -80,7 +80,7 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
         return found
     fit = fit_alone(experiment, records, fit_moving(experiment, records, (), None)[0])
     links = fit.parameters[ParameterName("links", Direction.SHARED)]
-    if not links.value or not 0 < (links.standard_error or 0.0) < found.error or fit.rms >= found.left:
+    if not links.value or not links.standard_error or links.standard_error > found.error or fit.rms >= found.left:
         return found
     explained = found.explained * abs(links.value / found.scale)
     return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
