@@ -10,8 +10,7 @@ import bristle
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.errors import InputError
-from bristle.identification.law_comparison import compare_laws
-from bristle.identification.law_ranking import FittedLaw, Known, Solve, ranked
+from bristle.identification.law_comparison import FittedLaw, Known, Solve, compare_laws, ranked
 from bristle.identification.results import LawComparison
 from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import estimate_static

@@ -35,8 +35,14 @@ from bristle.identification.law_comparison import (
     with_averages_of_motion,
 )
 from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_law, with_options
-from bristle.identification.model_criteria import APART, SYMMETRIC
-from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
+from bristle.identification.model_selection import (
+    APART,
+    SYMMETRIC,
+    bic_of_directions,
+    compare_on_motion,
+    compare_on_points,
+    refitted,
+)
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,

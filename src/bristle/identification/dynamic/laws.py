@@ -17,12 +17,12 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.information import power_of
 from bristle.estimation.nonlinear import Unknowns
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem, modelled
 from bristle.identification.dynamic.unknowns import solved, with_deflections
 from bristle.identification.fits import TrackingFit
 from bristle.identification.load_levels import LINEAR
-from bristle.identification.model_criteria import power_of
 from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors
 from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, ParameterName, in_direction

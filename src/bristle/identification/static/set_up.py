@@ -16,6 +16,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.estimation.information import criteria, power_of
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     REGRESSORS,
@@ -131,8 +132,7 @@ def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> d
         if n < p + _FREE or (_drives(problem) and "gravity" not in asked):
             found[way] = np.inf
             continue
-        cost, least = refit(problem).cost, 1e-24 * float(problem.torque @ problem.torque)
-        found[way] = float(n * np.log(max(cost, least)) + p * np.log(n))
+        _, found[way] = criteria(refit(problem).residuals, p, n, power_of(problem.torque))
     return found if np.isfinite(list(found.values())).any() else {}
 
 
