@@ -11,7 +11,6 @@ from itertools import groupby, pairwise
 import numpy as np
 from scipy.special import fdtrc, stdtrit
 
-from bristle.arrays import Array
 from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
@@ -36,7 +35,7 @@ _COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}
 
 def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Finding]:
     """The coefficients of a load that another parameter makes up for: a variance inflation, 1 / (1 - R**2), above 10."""
-    n = sum(m.size for m in problem.motions)
+    n = problem.size
     free = np.flatnonzero(np.isfinite(solution.scaled_errors))
     J = solution.minimum.jacobian[:n, free]
     J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
@@ -67,7 +66,7 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
     order = {name: k for k, name in enumerate(solution.names)}
     doubts: dict[ParameterName, Finding] = {}
     for direction in problem.directions:
-        alpha_1, v_s = ParameterName("alpha_1", direction), ParameterName("v_s", direction)
+        alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
         if alpha_1 not in order or v_s not in order or alpha_1 in problem.with_prior:
             continue
         a, b = order[alpha_1], order[v_s]
@@ -75,19 +74,15 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
         p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
         if not p < SIGNIFICANCE:
-            doubts[alpha_1] = _no_peak(p)
+            message = "Not identifiable from this motion: no sign of a Stribeck peak."
+            doubts[alpha_1] = Finding("unseen-no-peak", NOTE, message)
+            if p < NO_SIGN:
+                message = (
+                    "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
+                    f"{100 * p:.0f} % of cases."
+                )
+                doubts[alpha_1] = Finding("unseen-peak", NOTE, message, {"percent": 100 * p})
     return doubts
-
-
-def _no_peak(p: float) -> Finding:
-    """That noise alone would look as much like a peak, with this probability."""
-    if p < NO_SIGN:
-        message = (
-            "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
-            f"{100 * p:.0f} % of cases."
-        )
-        return Finding("unseen-peak", NOTE, message, {"percent": 100 * p})
-    return Finding("unseen-no-peak", NOTE, "Not identifiable from this motion: no sign of a Stribeck peak.")
 
 
 def bristle_doubts(
@@ -176,7 +171,13 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
         )
         nothing = any(warning.code in {"unseen-unconverged", "unseen-too-few"} for warning in e.warnings)
         if nothing or (name.name not in asked and (alone or name in weak)):
-            out[name] = _without(e, companion if alone else None)
+            # the reason, and the interval where that is not doubted itself
+            own = e.warnings if name in weak else ()
+            told = companion in own or not {"unseen-bend", "unseen-shape"}.isdisjoint(w.code for w in own)
+            reasons = (*own, companion) if alone and not told else own
+            doubted = not {w.code for w in reasons}.isdisjoint(UNRESOLVED)
+            interval = None if doubted else e.interval
+            out[name] = replace(e, value=None, standard_error=None, interval=interval, warnings=reasons)
     return out
 
 
@@ -184,19 +185,13 @@ def _is_weak(e: Estimate) -> bool:
     return any(warning.code in NOT_IDENTIFIABLE for warning in e.warnings)
 
 
-def _without(e: Estimate, alone: Finding | None) -> Estimate:
-    """What is left of an estimate that the motion does not show: the reason, and its interval where that is not doubted itself."""
-    own = e.warnings if _is_weak(e) else ()
-    told = not {"unseen-bend", "unseen-shape"}.isdisjoint(warning.code for warning in own)
-    reasons = own if alone is None or alone in own or told else (*own, alone)
-    doubted = not {warning.code for warning in reasons}.isdisjoint(UNRESOLVED)
-    return replace(e, value=None, standard_error=None, interval=None if doubted else e.interval, warnings=reasons)
-
-
 def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, int]]:
     """After each reversal the new direction, and in how many samples the joint has moved by `reach` from there, if it does."""
-    for velocity, step in _runs(problem):
-        way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * step)])
+    starts = [k for k, m in enumerate(problem.motions) if not m.continues_previous]
+    for begin, end in pairwise([*starts, len(problem.motions)]):  # a stretch without a gap
+        motions = problem.motions[begin:end]
+        time, velocity = (np.concatenate([getattr(m, name) for m in motions]) for name in ("time", "velocity"))
+        way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * np.diff(time))])
         turns = np.flatnonzero(np.diff(np.sign(velocity))) + 1
         for first, last in pairwise([*turns, velocity.size]):
             far = np.abs(way[first:last] - way[first]) >= reach
@@ -204,29 +199,18 @@ def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, 
                 yield Direction("+" if velocity[first:last].mean() > 0 else "-"), int(np.argmax(far))
 
 
-def _runs(problem: DynamicProblem) -> Iterator[tuple[Array, Array]]:
-    """Velocity, rad/s, (N,), and steps, s, (N - 1,), of each stretch without a gap."""
-    starts = [k for k, m in enumerate(problem.motions) if not m.continues_previous]
-    for first, last in pairwise([*starts, len(problem.motions)]):
-        time, velocity = (
-            np.concatenate([getattr(m, name) for m in problem.motions[first:last]]) for name in ("time", "velocity")
-        )
-        yield velocity, np.diff(time)
-
-
 def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
     """The bristle's parameters on which the first halves of all runs and the second ones differ, each fitted by one step.
 
     Whether runs differ from one another is asked apart (`repeats`).
     """
-    n = sum(m.size for m in problem.motions)
+    n = problem.size
     J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
     largest = np.abs(J).max(axis=0)
     J = J / np.where(largest > 0, largest, 1.0)  # how far apart in standard errors is the same in any unit
     parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
-    looked_at = {
-        name: k for name, k in parameters.items() if name.name in BRISTLE and solution.scaled_errors[k] < np.inf
-    }
+    known = solution.scaled_errors < np.inf
+    looked_at = {name: k for name, k in parameters.items() if name.name in BRISTLE and known[k]}
     freedom = n / solution.widening**2 - 2 * len(parameters)
     if freedom < 1 or not looked_at:
         return {}
@@ -242,14 +226,12 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
         spreads.append(np.where(size < np.inf, variance * np.diag(inverse) / size**2, np.inf))
     limit = float(stdtrit(freedom, 1 - SIGNIFICANCE / (2 * len(looked_at))))
     apart = (steps[0] - steps[1]) / np.sqrt(np.maximum(spreads[0] + spreads[1], 1e-300))
-    off = {name: float(abs(apart[k])) for name, k in looked_at.items()}
-    return {name: _halves(x) for name, x in off.items() if x > limit}
-
-
-def _halves(apart: float) -> Finding:
-    """That the halves differ by so many standard errors."""
-    message = (
-        f"Not identifiable from this motion: the halves of the record differ by {apart:.1f} standard errors; slow loading "
-        "from rest (experiment: presliding) would show it."
-    )
-    return Finding("unseen-halves", NOTE, message, {"apart": apart})
+    doubts = dict[ParameterName, Finding]()
+    for name, k in looked_at.items():
+        if (off := float(abs(apart[k]))) > limit:
+            message = (
+                f"Not identifiable from this motion: the halves of the record differ by {off:.1f} standard errors; slow loading "
+                "from rest (experiment: presliding) would show it."
+            )
+            doubts[name] = Finding("unseen-halves", NOTE, message, {"apart": off})
+    return doubts

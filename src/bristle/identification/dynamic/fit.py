@@ -153,7 +153,7 @@ def _settled(
 
     It has the weights that its runs ask for, and not those terms. Of what is shown the code of what spoke against it.
     """
-    if sum(m.size for m in problem.motions) < FEWEST * len(problem.names):  # of which nothing is estimated
+    if problem.size < FEWEST * len(problem.names):  # of which nothing is estimated
         search, others = False, ()
     solution = solve_dynamic(problem, start, others, progress, search=search)
     problem, changed = _weighted(problem, solution)

@@ -93,7 +93,7 @@ def fitted_to_motion(
     known = {**whole.fixed, **middle, **{name: x for name, x in held.items() if name in whole.friction_names}}
     motions = tuple(replace(m, coarsening=_ROUGH) for m in whole.motions)
     problem = replace(whole, fixed=known, motions=motions)
-    if sum(m.size for m in problem.motions) <= len(problem.names) + 1:
+    if problem.size <= len(problem.names) + 1:
         return None
     start = {n: x for n, x in _start(problem, alone).items() if n not in problem.fixed}
     try:
@@ -108,12 +108,11 @@ def fitted_to_motion(
 def _start(problem: DynamicProblem, alone: TrackingFit) -> dict[ParameterName, float]:
     """The values of the other law; a small peak where it has none, no other term, an inertia above zero."""
     known = alone.known
-    fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
     start = {name: in_direction(known, *name) or 0.0 for name in (*problem.friction_names, *problem.extra_names)}
     for name in problem.friction_names:
         if name.name == "alpha_1" and not start[name]:
             start[name] = _START["alpha_1"] * known[name._replace(name="alpha_0")]
-            start[name._replace(name="v_s")] = _START["v_s"] * fastest
+            start[name._replace(name="v_s")] = _START["v_s"] * problem.fastest
     for name in problem.extra_names:
         if name.name in LINEAR and not start[name]:
             start[name] = _START["load"]

@@ -55,11 +55,10 @@ def asked_peak(
     seen = [k for k, n in enumerate(solution.names) if solution.scaled_errors[k] < np.inf and n not in (alpha_1, v_s)]
     known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
     # the derivative of the residuals by an alpha_1 at zero, at some values of v_s
-    fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
     fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
     values = {name: value for name, value in solution.values.items() if name != v_s} | {alpha_1: 0.0}
     weight = problem.weight
-    speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * fastest
+    speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * problem.fastest
     columns = np.zeros((rest.size, _SPEEDS))
     for k, speed in enumerate(speeds.tolist()):
         posed = replace(problem, fixed={**fixed, v_s: speed}, priors=())

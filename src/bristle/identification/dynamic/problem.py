@@ -150,6 +150,21 @@ class DynamicProblem:
         return (*(n for n in every if n not in self.fixed), *starts)
 
     @property
+    def size(self) -> int:
+        """Equations, n."""
+        return sum(m.size for m in self.motions)
+
+    @property
+    def fastest(self) -> float:
+        """The largest speed, rad/s."""
+        return max(float(np.abs(m.velocity).max()) for m in self.motions)
+
+    @property
+    def travel(self) -> float:
+        """The longest way between two positions of a motion, rad."""
+        return max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in self.motions)
+
+    @property
     def with_prior(self) -> frozenset[ParameterName]:
         """The parameters of which another stage says something."""
         return frozenset(name for prior in self.priors for name in prior.names)
@@ -333,10 +348,8 @@ def equation_error(
     keys = [ParameterName(name, d) for d, name in product(problem.directions, fields_of(problem.law))]
     for parts, raised, given in _together(problem, known):
         size, (first, *others) = given["velocity"].size, parts
-        every: tuple[Unknown, ...] = (
-            *keys,
-            InitialState("z0", first),
-        )  # a motion by itself has memory; a shared parameter has it once
+        every: tuple[Unknown, ...] = (*keys, InitialState("z0", first))
+        # a motion by itself has memory; a shared parameter has it once
         own: dict[Unknown, Array] = {} if others else memory[first]
         own_memory = (own.pop(key, None) for key in every)
         rows = [np.empty(size) if row is None else row for row in own_memory]

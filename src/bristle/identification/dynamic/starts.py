@@ -93,7 +93,7 @@ def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
     sigma_0 = [n for n in few.friction_names if n.name == "sigma_0" and n not in few.fixed and n not in few.with_prior]
     if not sigma_0:
         return []
-    softest = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in few.motions) / 3
+    softest = few.travel / 3
     way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step for m in problem.motions])))
     at, ends, costs = dict(start), list[Values](), [np.inf]
     for reach in np.geomspace(max(few.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist():

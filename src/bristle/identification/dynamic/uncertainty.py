@@ -128,7 +128,7 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
     free = np.flatnonzero(np.isfinite(solved.solution.scaled_errors))
     unknowns = posed.unknowns
     slope = np.where(unknowns.logarithmic, 1.0, unknowns.scale)[free]
-    n, file = sum(m.size for m in solved.problem.motions), solved.problem.file
+    n, file = solved.problem.size, solved.problem.file
     J, left = -minimum.jacobian[:n, free] / slope, minimum.residuals[:n]
     names = [solved.solution.names[k] for k in free]
     shared = np.array([isinstance(name, ParameterName) for name in names])

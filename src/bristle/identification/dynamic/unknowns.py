@@ -63,9 +63,8 @@ def solved(
     unknowns = posed.unknowns
     begin, bounds = unknowns.scaled(start), (unknowns.lower, unknowns.upper)
     few, between = thinned(problem), thinned(problem, _EVERY // 2)
-    if (
-        few is not problem
-    ):  # a quick descent over a few of many samples, if samples between those like its end better than the start
+    if few is not problem:
+        # a quick descent over a few of many samples, if samples between those like its end better than the start
         with suppress(InputError):
             rough = unknowns.values(minimise(_evaluation(few, unknowns), begin, *bounds, most, _NEAR).x)
             left = [np.sum((between.measured - np.concatenate(modelled(between, x))) ** 2) for x in (rough, start)]
@@ -78,17 +77,9 @@ def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
     if problem.quantity != "torque" or sum(m.time.size for m in problem.motions) < _LARGE:
         return problem
     names, at = ("time", "velocity", "torque", "extra", "measured"), slice(first, None, _EVERY)
-    motions = (
-        replace(
-            m,
-            smooth=None,
-            coarsening=_ROUGH,
-            load=m.load and m.load.at(at),
-            **{name: getattr(m, name)[at] for name in names},
-        )
-        for m in problem.motions
-    )
-    return replace(problem, motions=tuple(motions))
+    few = ({name: getattr(m, name)[at] for name in names} | {"load": m.load and m.load.at(at)} for m in problem.motions)
+    pairs = zip(problem.motions, few, strict=True)
+    return replace(problem, motions=tuple(replace(m, smooth=None, coarsening=_ROUGH, **own) for m, own in pairs))
 
 
 def polished(
@@ -115,8 +106,8 @@ def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
     ten times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held
     the joint. z0 lies within twice the typical deflection.
     """
-    torque, speed = (max(float(np.abs(getattr(m, x)).max()) for m in problem.motions) for x in ("torque", "velocity"))
-    travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions) or speed
+    torque, speed = max(float(np.abs(m.torque).max()) for m in problem.motions), problem.fastest
+    travel = problem.travel or speed
     known: Values = {**problem.fixed, **at}
     alpha_0, sigma_0 = ([x for n, x in known.items() if n.name == name] for name in ("alpha_0", "sigma_0"))
     damping, position = torque / speed, max(float(np.ptp(m.measured)) for m in problem.motions) or 1.0

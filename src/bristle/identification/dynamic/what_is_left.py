@@ -128,7 +128,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
 
 def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
     """Derivatives of the equations by all that they tell, (n, p), and what the fit leaves of them, (n,)."""
-    n = sum(m.size for m in problem.motions)
+    n = problem.size
     jacobian, rest = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
     return jacobian[:, solution.scaled_errors < np.inf], rest
 
@@ -224,7 +224,7 @@ def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], w
 
     It turns within so much of the largest speed. A difference of the modelled torque of each motion, (N,).
     """
-    top = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    top = problem.fastest
     small, motions = _SMALL * max(float(np.ptp(m.position)) for m in problem.motions), []
     for m in problem.motions:
         record = Record(file=m.file, time=m.time)
@@ -333,7 +333,7 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
     """
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
     if not (problem.count and problem.cutoff and inertia):
-        return np.zeros(sum(m.size for m in problem.motions))
+        return np.zeros(problem.size)
     noises = []  # acceleration that comes of counting the motion anew, with the joint resting elsewhere in a count, rad/s**2
     for m in problem.motions:
         record, noise = Record(file=m.file, time=m.time), np.zeros(m.time.size)
