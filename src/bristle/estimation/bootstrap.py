@@ -38,7 +38,7 @@ from bristle.findings import NOTE, Finding
 DRAWS, REFITS = 2000, 1999
 """Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
 _AT_ONCE = 4_000_000
-"""Numbers that are drawn at once, so that memory does not grow with the equations."""
+"""Numbers that are drawn, or scores of blocks that are computed, at once, so that memory does not grow with the equations."""
 FEW = 8
 """Blocks below which a bootstrap has little to draw from, and gives no interval."""
 ENOUGH = 20
@@ -51,8 +51,6 @@ _CELLS = 2000
 """At most; longer records have longer cells."""
 _TIMES = 4.0
 """Integrated autocorrelation times in a block, at least."""
-_AT_ONCE = 4_000_000
-"""Scores of blocks in draws, computed together."""
 _SIX = np.sqrt(np.array([0.5, 1.0, 1.5]))
 _WEBB = np.concatenate([-_SIX, _SIX])
 """Mean 0, variance 1, third moment 0 (Webb 2014)."""
@@ -227,8 +225,24 @@ def block_bootstrap(
     edges, of_segment = cells(residuals.size, starts, length)
     grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    resampled = _resample(grams, scores, of_segment, prior_rows / size, sigma, draws, seed)
-    return resampled._replace(steps=resampled.steps / size)
+    grams, scores, share = _blocks(grams, scores, of_segment)
+    prior_rows = prior_rows / size
+    number, count, p = max(round(float(share.sum())), 1), share.size, size.size
+    rng = np.random.default_rng(seed)
+    drawn = rng.choice(count, (draws, number), p=share / share.sum()) + count * np.arange(draws)[:, None]
+    weight = float(share.sum()) / number
+    times = weight * np.bincount(drawn.ravel(), minlength=draws * count).reshape(draws, count)
+    gram = (times @ grams.reshape(count, -1)).reshape(draws, p, p) + prior_rows.T @ prior_rows
+    inverse: Array = np.asarray(np.linalg.pinv(gram, hermitian=True), dtype=np.float64)
+    # centred, so that steps vanish where each block is drawn as often as any other
+    news = sigma * rng.standard_normal((draws, prior_rows.shape[0])) @ prior_rows
+    steps = -np.einsum("bij,bj->bi", inverse, times @ scores - share @ scores + news)
+    squares = times * weight * number / max(number - 1, 1)
+    parts = np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE))
+    errors = [_errors(grams, scores, prior_rows, sigma, squares[k], inverse[k], steps[k]) for k in parts]
+    with np.errstate(over="ignore"):  # a resample without scatter: its step is infinitely many errors, or none
+        studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
+    return Resampled(steps / size, studentised, number)
 
 
 def block_length(scores: Array) -> int:
@@ -253,42 +267,6 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
         np.linspace(a, b, k, endpoint=False).astype(int) for (a, b), k in zip(pairwise(firsts), counts, strict=True)
     ]
     return np.append(np.concatenate(inner), n), np.repeat(np.arange(len(counts)), counts)
-
-
-def _resample(
-    grams: Array, scores: Array, of_segment: Array, prior_rows: Array, sigma: float, draws: int, seed: int
-) -> Resampled:
-    """The steps where blocks of cells, (C, ...), are drawn.
-
-    They are centred, so that they vanish where each block is drawn as often as any other.
-    """
-    grams, scores, share = _blocks(grams, scores, of_segment)
-    number = max(round(float(share.sum())), 1)
-    rng = np.random.default_rng(seed)
-    count, p = share.size, scores.shape[1]
-    drawn = rng.choice(count, (draws, number), p=share / share.sum()) + count * np.arange(draws)[:, None]
-    weight = float(share.sum()) / number
-    times = weight * np.bincount(drawn.ravel(), minlength=draws * count).reshape(draws, count)
-    gram = (times @ grams.reshape(count, -1)).reshape(draws, p, p) + prior_rows.T @ prior_rows
-    inverse: Array = np.asarray(np.linalg.pinv(gram, hermitian=True), dtype=np.float64)
-    score = times @ scores
-    news = sigma * rng.standard_normal((draws, prior_rows.shape[0])) @ prior_rows
-    steps = -np.einsum("bij,bj->bi", inverse, score - share @ scores + news)
-    errors = [
-        _errors(
-            grams,
-            scores,
-            prior_rows,
-            sigma,
-            times[part] * weight * number / max(number - 1, 1),
-            inverse[part],
-            steps[part],
-        )
-        for part in np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE))
-    ]
-    with np.errstate(over="ignore"):  # a resample without scatter: its step is infinitely many errors, or none
-        studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
-    return Resampled(steps, studentised, number)
 
 
 def _errors(

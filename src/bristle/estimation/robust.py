@@ -134,36 +134,23 @@ def fit_differences(
         if change < _SETTLED * np.sqrt(float(np.median(s2))):
             break
     freedom = max(n * 2 / 3 * SCALE_EFFICIENCY - p, 0.0)  # neighbours share an observation: 2/3 of independent ones
-    cov, free = _covariance(d - X @ b, X, v, variance, (y.size, known, pairs, groups))
-    return RobustFit(b, cov, variance, freedom, free if free else freedom)
-
-
-def _covariance(
-    r: Array, X: Array, v: Array, variance: float, of: tuple[int, Array, Differences, NDArray[np.intp]]
-) -> tuple[Array, float]:
-    """Of the coefficients, (p, p), and its degrees of freedom where the groups gave it, else 0."""
-    count, known, pairs, groups = of
-    p = X.shape[1]
     if p == 0:
-        return np.zeros((0, 0)), 0.0
+        return RobustFit(b, np.zeros((0, 0)), variance, freedom, freedom)
     s2 = np.maximum(2 * variance + v, np.finfo(float).tiny)
-    u = r / np.sqrt(s2)
-    inner = (X * ((np.abs(u) < BEND) / s2)[:, None]).T @ X
-    inverse = np.linalg.pinv(inner, hermitian=True)
-    owner = groups[pairs.first]
-    names, owner = np.unique(owner, return_inverse=True)
+    u = (d - X @ b) / np.sqrt(s2)
+    names, owner = np.unique(groups[pairs.first], return_inverse=True)
     if names.size >= _MANY:
+        inverse = np.linalg.pinv((X * ((np.abs(u) < BEND) / s2)[:, None]).T @ X, hermitian=True)
         scores = np.zeros((names.size, p))
         np.add.at(scores, owner, X * (np.clip(u, -BEND, BEND) / np.sqrt(s2))[:, None])
         outer, free = scores.T @ scores * (names.size / (names.size - 1)), names.size - 1.0
     else:
-        pull = np.zeros((count, p))
+        inverse = np.linalg.pinv((X / s2[:, None]).T @ X, hermitian=True)
+        pull = np.zeros((y.size, p))
         np.add.at(pull, pairs.second, X / s2[:, None])
         np.add.at(pull, pairs.first, -X / s2[:, None])
-        outer, free = (pull * (variance + known)[:, None]).T @ pull, 0.0
-        inverse = np.linalg.pinv((X / s2[:, None]).T @ X, hermitian=True)
-    cov: Array = inverse @ outer @ inverse
-    return cov, free
+        outer, free = (pull * (variance + known)[:, None]).T @ pull, freedom
+    return RobustFit(b, inverse @ outer @ inverse, variance, freedom, free)
 
 
 class Population(NamedTuple):

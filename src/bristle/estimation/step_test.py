@@ -124,16 +124,11 @@ def _both_beyond(c: Array, correlation: Array) -> Array:
     out = np.empty(c.size)
     for begin in range(0, c.size, _AT_ONCE):
         part = slice(begin, begin + _AT_ONCE)
-        out[part] = _beyond(c[part][:, None], correlation[part][:, None])
+        limit, rho = c[part][:, None], correlation[part][:, None]
+        rate, rest = np.maximum(limit, 1.0), np.sqrt(np.maximum(1 - rho**2, 1e-14))
+        first = limit + _NODES / rate
+        log_first = -(first**2) / 2 + _NODES - 0.5 * np.log(2 * np.pi) - np.log(rate)
+        upper, lower = log_ndtr(-(limit - rho * first) / rest), log_ndtr((-limit - rho * first) / rest)
+        values = np.exp(np.minimum(log_first + np.logaddexp(upper, lower), 0.0))
+        out[part] = 2 * (_WEIGHTS * values).sum(axis=1)
     return out
-
-
-def _beyond(c: Array, rho: Array) -> Array:
-    rate = np.maximum(c, 1.0)
-    t = _NODES / rate
-    rest = np.sqrt(np.maximum(1 - rho**2, 1e-14))
-    log_first = -((c + t) ** 2) / 2 + _NODES - 0.5 * np.log(2 * np.pi) - np.log(rate)
-    upper = log_ndtr(-(c - rho * (c + t)) / rest)
-    lower = log_ndtr((-c - rho * (c + t)) / rest)
-    values: Array = 2 * (_WEIGHTS * np.exp(np.minimum(log_first + np.logaddexp(upper, lower), 0.0))).sum(axis=1)
-    return values

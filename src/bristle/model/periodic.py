@@ -37,25 +37,17 @@ def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples:
         frequency: Hz, > 0.
         samples: equal steps of the period, >= 8.
     """
-    nodes = _period(amplitude, frequency, min(float(p.v_s.min()) for p in joints), samples)
-    count = joints.positive.v_s.size
-    parts = np.array_split(np.arange(count), ceil(count * nodes.v.size / _BLOCK))
-    rows = (pair_of([x[joint, None] for p in joints for x in p], joints.law) for joint in parts)
-    return np.concatenate([_rms(pair, nodes) for pair in rows])
-
-
-def _period(amplitude: float, frequency: float, v_s: float, samples: int) -> Nodes:
-    """One period of the velocity from its largest value on, with nodes as close as the smallest v_s asks for."""
+    # one period of the velocity from its largest value on, with nodes as close as the smallest v_s asks for
     v = 2 * pi * frequency * amplitude * np.cos(2 * pi * np.arange(samples + 1) / samples)
-    return with_extra_nodes(Nodes(v, 1 / (frequency * samples), slice(0, samples + 1)), v_s)
-
-
-def _rms(pair: Pair[Array], nodes: Nodes) -> Array:
-    z = _deflection(pair, nodes)
-    (T,) = evaluate(functions.torque_function(pair.law), z, nodes.v, *_acting(pair, z, nodes.v))
-    h = np.broadcast_to(nodes.h, nodes.v.size - 1)
-    mean: Array = (T[:, :-1] ** 2 + T[:, 1:] ** 2) @ h / (2 * h.sum())
-    return np.sqrt(mean)
+    one = Nodes(v, 1 / (frequency * samples), slice(0, samples + 1))
+    nodes, count = with_extra_nodes(one, min(float(p.v_s.min()) for p in joints)), joints.positive.v_s.size
+    h, means = np.broadcast_to(nodes.h, nodes.v.size - 1), list[Array]()
+    for joint in np.array_split(np.arange(count), ceil(count * nodes.v.size / _BLOCK)):
+        pair = pair_of([x[joint, None] for p in joints for x in p], joints.law)
+        z = _deflection(pair, nodes)
+        (T,) = evaluate(functions.torque_function(pair.law), z, nodes.v, *_acting(pair, z, nodes.v))
+        means.append((T[:, :-1] ** 2 + T[:, 1:] ** 2) @ h / (2 * h.sum()))
+    return np.sqrt(np.concatenate(means))
 
 
 def _deflection(pair: Pair[Array], nodes: Nodes) -> Array:

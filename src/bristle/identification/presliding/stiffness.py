@@ -11,7 +11,7 @@ the joint rests is not known: only differences of y are. One encoder count is q.
                  torque noise follow the time
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -133,24 +133,19 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
     return _estimates(loadings, level, quantum, kind)
 
 
-def _either(near: Sequence[Finding], far: Sequence[Finding]) -> Iterator[Finding]:
-    """What both warn of, each kind once; a range that both exclude is the wider one."""
-    other = {x.code: x for x in far}
-    for one in near:
-        two = other.pop(one.code, one)
-        if one.code == "rest-excludes":
-            ends = [x.numbers[name] for x in (one, two) for name in ("low", "high")]
-            yield _rest_excludes(min(ends), max(ends), one.numbers["unit"])
-        else:
-            yield one
-    yield from other.values()
-
-
 def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
-    """The estimate in the middle, with the interval that g0 anywhere between leaves, and their distance in its error."""
-    warnings = tuple(_either(near.warnings, far.warnings))
-    ends = [x.interval for x in (near, far) if x.interval]
-    interval = (min(low for low, _ in ends), max(high for _, high in ends)) if len(ends) == 2 else None
+    """The estimate in the middle, with the interval that g0 anywhere between leaves, and their distance in its error.
+
+    And what near and far warn of, each kind once; a range that both exclude is the wider one.
+    """
+    other, told = {x.code: x for x in far.warnings}, list[Finding]()
+    for one in near.warnings:
+        both = (one, other.pop(one.code, one))
+        ends = [x.numbers[name] for x in both for name in ("low", "high") if one.code == "rest-excludes"]
+        told.append(_rest_excludes(min(ends), max(ends), one.numbers["unit"]) if ends else one)
+    warnings = (*told, *other.values())
+    known = [x.interval for x in (near, far) if x.interval]
+    interval = (min(low for low, _ in known), max(high for _, high in known)) if len(known) == 2 else None
     if near.value is None or middle.value is None or far.value is None:
         if interval:
             interval = (interval[0], float("inf"))
@@ -281,19 +276,18 @@ def _first_count(
     off = 1.96 * noise / float(np.sqrt(T.size))
     low = max(float(np.mean(U)) - off, 0.0) / (quantum * farthest)
     high = (float(np.mean(U)) + off) / (quantum * nearest)
-    printed, corrected = (_within(float(np.mean(x)) / quantum, low, high, unit("sigma_0", kind)) for x in (T, U))
-    return printed, corrected, low
-
-
-def _within(value: float, low: float, high: float, of: str) -> Estimate:
-    """By the first count alone, with its interval where that holds it."""
-    if low <= value <= high:
-        message = (
-            "Assumes that the joint moves a whole count to the first edge; it may be any part of one. "
-            "The interval allows for an unknown rest position."
-        )
-        return Estimate(value=value, unit=of, interval=(low, high), warnings=(Finding("whole-count", NOTE, message),))
-    return Estimate(value=value, unit=of, warnings=(_rest_excludes(low, high, of),))
+    of, found = unit("sigma_0", kind), list[Estimate]()
+    for value in (float(np.mean(x)) / quantum for x in (T, U)):
+        if low <= value <= high:
+            message = (
+                "Assumes that the joint moves a whole count to the first edge; it may be any part of one. "
+                "The interval allows for an unknown rest position."
+            )
+            why, interval = Finding("whole-count", NOTE, message), (low, high)
+        else:
+            why, interval = _rest_excludes(low, high, of), None
+        found.append(Estimate(value=value, unit=of, interval=interval, warnings=(why,)))
+    return found[0], found[1], low
 
 
 def _rest_excludes(low: float, high: float, of: str) -> Finding:

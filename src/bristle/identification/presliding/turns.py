@@ -58,13 +58,6 @@ _TINY = 1e-300
 """No division by zero."""
 
 
-class _Lag(NamedTuple):
-    """How much later the torque turns than the displacement, and the standard error of that, s."""
-
-    value: float
-    error: float
-
-
 def turning_lag(
     records: Sequence[Record],
     loadings: Sequence[Loading],
@@ -113,55 +106,41 @@ def turning_lag(
     return [Finding("turns-late", CAUTION, message, numbers)]
 
 
-def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float]) -> list[_Lag]:
-    """Of each turn before which the joint does not slide."""
+def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float]) -> list[tuple[float, float]]:
+    """How much later the torque turns than the displacement, and the standard error of that, s, at each turn before which nothing slides."""
     own = [x for x in loadings if x.file == record.file]
     slid = [x.start for x in own if x.breakaway is not None]
     torque, position, time = np.asarray(record.torque), np.asarray(record.position), record.time
     lags = []
-    for turn in _turns(record):
-        side = _SIDE * float(min(time[turn.at] - time[turn.before], time[turn.after] - time[turn.at]))
-        g0 = levels.get("+" if turn.sign > 0 else "-", 0.0)
-        if any(turn.before <= start < turn.at for start in slid) or not g0:
+    for before, at, after, sign in _turns(record):
+        side = _SIDE * float(min(time[at] - time[before], time[after] - time[at]))
+        g0 = levels.get("+" if sign > 0 else "-", 0.0)
+        if any(before <= start < at for start in slid) or not g0:
             continue
-        near = np.flatnonzero(abs(time - time[turn.at]) < side)
+        near = np.flatnonzero(abs(time - time[at]) < side)
         near = near[:: 1 + near.size // _MOST]
-        s, sides = (time[near] - time[turn.at]) / side, (near < turn.at, near > turn.at)
-        y = turn.sign * position[near]
-        if not all(
-            np.count_nonzero(rows) > _PER_SIDE and np.ptp(y[rows]) >= max(_COUNTS * own[0].quantum, _TINY)
-            for rows in sides
-        ):
-            continue
-        lag = _lag(s, turn.sign * torque[near], y, g0)
-        lags.append(_Lag(side * lag.value, float(np.hypot(side * lag.error, record.step / 2))))
+        s, y, far = (time[near] - time[at]) / side, sign * position[near], max(_COUNTS * own[0].quantum, _TINY)
+        if all(np.count_nonzero(rows) > _PER_SIDE and np.ptp(y[rows]) >= far for rows in (near < at, near > at)):
+            value, error = _lag(s, sign * torque[near], y, g0)
+            lags.append((side * value, float(np.hypot(side * error, record.step / 2))))
     return lags
 
 
-class _Turn(NamedTuple):
-    """A turn of the torque: samples of the turn before, of itself and of the one after, or the ends of the segment."""
+def _turns(record: Record) -> list[tuple[int, int, int, float]]:
+    """The turns of a presliding run's torque through the low pass.
 
-    before: int
-    at: int
-    after: int
-    sign: float
-    """1 where the torque is largest, -1 where it is smallest."""
-
-
-def _turns(record: Record) -> list[_Turn]:
-    """The turns of a presliding run's torque through the low pass."""
+    Of each the sample of the turn before, or the segment's first, its own, and that of the turn after, or the segment's last;
+    and 1 where the torque is largest, -1 where it is smallest.
+    """
     torque = np.asarray(record.torque)
     slow = smoothed(record, torque, record.cutoff) if record.cutoff < 0.5 / record.step else torque
-    found = []
+    found = list[tuple[int, int, int, float]]()
     for segment in between_gaps(record):
         tops, bottoms = torque_turns(slow[segment])
         turns = np.sort(np.concatenate([tops, bottoms])) + segment.start
         bounds = [segment.start, *turns.tolist(), segment.stop - 1]
-        top = set((tops + segment.start).tolist())
-        found += [
-            _Turn(a, k, b, 1.0 if k in top else -1.0)
-            for a, k, b in zip(bounds[:-2], bounds[1:-1], bounds[2:], strict=True)
-        ]
+        signs = np.where(np.isin(turns, tops + segment.start), 1.0, -1.0).tolist()
+        found += zip(bounds[:-2], bounds[1:-1], bounds[2:], signs, strict=True)
     return found
 
 
@@ -217,8 +196,8 @@ def _torque(s: Array, T: Array, g0: float) -> _Torque:
     return _Torque(sides[0][0], sides[1][0], float(turns[0]), error, max(g0, _BELOW * top))
 
 
-def _lag(s: Array, T: Array, y: Array, g0: float) -> _Lag:
-    """The lag, in sides, from times, in sides about the turn, torques and displacements towards the turn, (n,)."""
+def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
+    """The lag and its error, in sides, from times, in sides about the turn, torques and displacements towards the turn, (n,)."""
     torque = _torque(s, T, g0)
 
     def fitted(delay: float) -> Array:
@@ -235,4 +214,4 @@ def _lag(s: Array, T: Array, y: Array, g0: float) -> _Lag:
     beside = slope - columns @ (inverse_gram(columns) @ (columns.T @ slope))
     variance = float(rest @ rest) / (rest.size - columns.shape[1] - 1) * inflation(rest)
     error = np.sqrt(variance / max(float(beside @ beside), _TINY))
-    return _Lag(delay, float(np.hypot(error, torque.error)))
+    return delay, float(np.hypot(error, torque.error))

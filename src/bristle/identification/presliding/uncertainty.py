@@ -101,25 +101,21 @@ def stiffness_uncertainty(
     error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
     drawn, draws = _drawn(pieces, line, error, seed, inverse=inverse)
     few = f"{drawn.blocks} blocks of {'samples' if inverse else 'count edges'}"
-    bootstrap = _pair(_natural(line.at(0.0)[0] + np.array(drawn.interval(0, error)), inverse=inverse))
-    bootstrap_or_none = None if drawn.blocks < FEW else bootstrap
-    warnings = interval_comparison.warnings(
-        estimate.value,
-        estimate.interval,
-        profile,
-        bootstrap_or_none,
-        few=few if drawn.blocks < ENOUGH else None,
-    )
-    if bootstrap_or_none is None:
+    bootstrap = None
+    if drawn.blocks >= FEW:
+        bootstrap = _pair(_natural(line.at(0.0)[0] + np.array(drawn.interval(0, error)), inverse=inverse))
+    told = few if drawn.blocks < ENOUGH else None
+    warnings = interval_comparison.warnings(estimate.value, estimate.interval, profile, bootstrap, few=told)
+    if bootstrap is None:
         warnings = (*warnings, too_few(few))
     values, shown = _natural(about, inverse=inverse), _natural(draws, inverse=inverse)
     order = np.argsort(values)
     return Uncertainty(
         covariance=estimate.interval,
         profile=profile,
-        bootstrap=bootstrap_or_none,
+        bootstrap=bootstrap,
         curve=np.stack([values, profiles.heights(0, about, 0.0)])[:, order[np.isfinite(values[order])]],
-        draws=np.zeros(0) if bootstrap_or_none is None else shown[np.isfinite(shown)][:SHOWN],
+        draws=np.zeros(0) if bootstrap is None else shown[np.isfinite(shown)][:SHOWN],
         warnings=warnings,
     )
 
