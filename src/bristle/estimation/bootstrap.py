@@ -99,12 +99,7 @@ def too_few(few: str) -> Finding:
 
 
 def residual_bootstrap(
-    jacobian: Array,
-    residuals: Array,
-    place: Array,
-    refit: Refit | None = None,
-    draws: int = REFITS,
-    seed: int = 0,
+    jacobian: Array, residuals: Array, place: Array, refit: Refit | None = None, draws: int = REFITS, seed: int = 0
 ) -> tuple[Resampled, Array]:
     """The steps of an estimate from equations that err independently, and its own standard errors, (p,).
 

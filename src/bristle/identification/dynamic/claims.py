@@ -86,9 +86,7 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
 
 
 def bristle_doubts(
-    problem: DynamicProblem,
-    solution: MultistartSolution[Unknown],
-    estimates: Mapping[ParameterName, Estimate],
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], estimates: Mapping[ParameterName, Estimate]
 ) -> dict[ParameterName, Finding]:
     """Why a sigma_0 or sigma_1 is not identifiable, by name; one that has a prior of its own stands.
 

@@ -142,12 +142,7 @@ def fit_tracking(
 
 
 def _settled(
-    problem: DynamicProblem,
-    start: Values,
-    others: Sequence[Values],
-    progress: Progress | None,
-    *,
-    search: bool,
+    problem: DynamicProblem, start: Values, others: Sequence[Values], progress: Progress | None, *, search: bool
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
     """The problem as it is solved in the end, its solution, why Stribeck terms that are none are not in it, and which are shown to be there.
 

@@ -246,10 +246,7 @@ def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimat
         return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(why,))
     reach = student(freedom) * error
     return Estimate(
-        value=value,
-        unit=unit("sigma_0", kind),
-        standard_error=error,
-        interval=(max(value - reach, 0.0), value + reach),
+        value=value, unit=unit("sigma_0", kind), standard_error=error, interval=(max(value - reach, 0.0), value + reach)
     )
 
 

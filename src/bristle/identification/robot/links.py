@@ -166,11 +166,7 @@ def _score(course: Course, moved: Array, links: Array) -> float:
 
 
 def order_warnings(
-    course: Course,
-    moved: Array,
-    names: Sequence[str],
-    body: RigidBody,
-    gravity: Sequence[float],
+    course: Course, moved: Array, names: Sequence[str], body: RigidBody, gravity: Sequence[float]
 ) -> tuple[Finding, ...]:
     """Whether the log would go better with the URDF if its columns stood in another order, or gravity had another direction.
 

@@ -56,11 +56,7 @@ def full_fit(
 
 
 def crosscheck(
-    problem: Regression,
-    theta: Array,
-    cost: float,
-    standard_errors: Array,
-    v_s_range: tuple[float, float],
+    problem: Regression, theta: Array, cost: float, standard_errors: Array, v_s_range: tuple[float, float]
 ) -> Crosscheck:
     """The full fit beside the grid's: costs, parameters in units of the grid fit's standard errors, and a verdict.
 

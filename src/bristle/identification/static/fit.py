@@ -25,14 +25,7 @@ from bristle.identification.static.solution import StaticSolution, apart, solve_
 from bristle.identification.static.stray_report import StrayReport, report_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
-from bristle.model.parameters import (
-    Direction,
-    ParameterName,
-    of_curve,
-    peak_parameters,
-    static_fields_of,
-    unit,
-)
+from bristle.model.parameters import Direction, ParameterName, of_curve, peak_parameters, static_fields_of, unit
 from bristle.model.parameters import Kind as JointKind
 
 _ONE_SPEED = 1.25

@@ -102,12 +102,7 @@ def _places(searches: Sequence[PointSearch]) -> frozenset[tuple[str, int, int]]:
     return frozenset(x.points[k].place for x in searches if not x.misfit for k in x.strays)
 
 
-def _search(
-    sides: tuple[str, ...],
-    points: tuple[Segment, ...],
-    asked: Sequence[str],
-    law: Law,
-) -> PointSearch:
+def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence[str], law: Law) -> PointSearch:
     problem = points_problem(points, sides, asked, law)
     problem = with_best_shape(problem, default_range(problem.velocity))
     n = len(points)

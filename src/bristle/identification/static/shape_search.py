@@ -62,10 +62,7 @@ def _searched(
     k = int(np.argmin([least for _, least in first]))
     around = float(values[max(k - 1, 0)]), float(values[min(k + 1, values.size - 1)])
     found = minimize_scalar(
-        lambda u: inner(float(u))[1],
-        bounds=around,
-        method="bounded",
-        options={"xatol": _SETTLED, "maxiter": _STEPS},
+        lambda u: inner(float(u))[1], bounds=around, method="bounded", options={"xatol": _SETTLED, "maxiter": _STEPS}
     )
     return min(first[k], inner(float(found.x)), key=lambda x: x[1])
 

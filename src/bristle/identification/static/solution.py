@@ -31,14 +31,7 @@ from bristle.model.parameters import Kind as JointKind
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
 is invented."""
-_THERE = {
-    "peak-left-out",
-    "bend",
-    "one-speed",
-    "v-s-down-to-zero",
-    "v-s-up-to-any",
-    "none-below-v-s",
-}
+_THERE = {"peak-left-out", "bend", "one-speed", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
 """Reasons to drop a term that is more than noise."""
 
 
@@ -209,11 +202,7 @@ def _without_peak(
     return {} if options.model == "stribeck" else none, solution
 
 
-def _unbounded(
-    problem: Regression,
-    solution: Solution,
-    likelihood: StaticProfiles,
-) -> dict[Direction, Finding]:
+def _unbounded(problem: Regression, solution: Solution, likelihood: StaticProfiles) -> dict[Direction, Finding]:
     """Directions whose v_s has an end outside the range searched, or no speed below it, each with the reason."""
     unbounded = {}
     for direction, name, v_s in zip(
