@@ -45,19 +45,13 @@ ENOUGH = 20
 """Blocks below which a bootstrap that parts from the other intervals is explained by them."""
 SHOWN = 500
 """Draws kept of each unknown, to be drawn."""
-_OVERLAP = 4
-"""Cells in a block: blocks begin at each cell."""
-_CELLS = 2000
-"""At most; longer records have longer cells."""
-_TIMES = 4.0
-"""Integrated autocorrelation times in a block, at least."""
+_OVERLAP = 4  # cells in a block: blocks begin at each cell
+_CELLS = 2000  # at most; longer records have longer cells
+_TIMES = 4.0  # integrated autocorrelation times in a block, at least
 _SIX = np.sqrt(np.array([0.5, 1.0, 1.5]))
-_WEBB = np.concatenate([-_SIX, _SIX])
-"""Mean 0, variance 1, third moment 0 (Webb 2014)."""
-_UNEVEN = 0.01
-"""Significance at which variances differ."""
-_FULL = 1.0 - 1e-6
-"""A point with this leverage leaves no residual."""
+_WEBB = np.concatenate([-_SIX, _SIX])  # mean 0, variance 1, third moment 0 (Webb 2014)
+_UNEVEN = 0.01  # significance at which variances differ
+_FULL = 1.0 - 1e-6  # a point with this leverage leaves no residual
 
 Refit = Callable[[Array, bool], tuple[Array, Array]]
 """(what is added to the model, (n, sets); whether variances differ) -> steps off the estimate and standard errors, (p,

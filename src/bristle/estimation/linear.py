@@ -8,10 +8,8 @@ from scipy.optimize import nnls
 
 from bristle.arrays import Array
 
-_RANK = 1e-14
-"""Below this reciprocal condition number columns count as dependent."""
-_INDEPENDENT = 1e-10
-"""A column this much of which, relative, is left by those before it counts as independent."""
+_RANK = 1e-14  # below this reciprocal condition number columns count as dependent
+_INDEPENDENT = 1e-10  # a column this much of which, relative, is left by those before it counts as independent
 
 
 def least_squares(design: Array, torque: Array) -> Array:

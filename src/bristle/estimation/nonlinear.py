@@ -38,19 +38,13 @@ _FLAT = 1e-6
 _SLOW, _CREEPS = 1e-2, 3
 """Steps end as well where so many in a row lower it by less than this share of the variance each, a tenth of a standard error: along a
 narrow bend they would go on for hundreds."""
-_HOPELESS = 4
-"""Steps in a row that gain too little, after which a descent is given up:"""
-_STILL_ABOVE = 1.2
-"""it stays above this many times the lowest end known, ..."""
-_PROMISED = 3.0
-"""... were all that is left to gain this many times what the step gained."""
+_HOPELESS = 4  # steps in a row that gain too little, after which a descent is given up:
+_STILL_ABOVE = 1.2  # it stays above this many times the lowest end known, ...
+_PROMISED = 3.0  # ... were all that is left to gain this many times what the step gained
 _BLOCK_DAMPING, _MOST_BLOCK_DAMPING = 1e-2, 1e6
-_INNER = 8
-"""Evaluations in which blocks settle, where the shared unknowns moved a little ..."""
-_FIRST = 40
-"""... and the first time."""
-_BLOCK_SETTLED = 1e-7
-"""A block has settled when a step lowers its cost by less than this share."""
+_INNER = 8  # evaluations in which blocks settle, where the shared unknowns moved a little ...
+_FIRST = 40  # ... and the first time
+_BLOCK_SETTLED = 1e-7  # a block has settled when a step lowers its cost by less than this share
 
 
 class Block(NamedTuple):

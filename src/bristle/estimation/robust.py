@@ -23,8 +23,7 @@ _PASSES = 60
 _SETTLED = 1e-7
 _HALVINGS = 40
 _LEAST_VARIANCE = 1e-200
-_MANY = 20
-"""Groups from which on the covariance is that of their scores, not of the model."""
+_MANY = 20  # groups from which on the covariance is that of their scores, not of the model
 
 
 def expected_square(bend: float) -> float:

@@ -16,10 +16,8 @@ from bristle.identification.moving_runs import REGRESSORS, load_columns, regress
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.parameters import periodic, slides
 
-_HARMONICS = 64
-"""Most ripples looked for."""
-_FEW = 8
-"""Equations, below which nothing is asked of them."""
+_HARMONICS = 64  # most ripples looked for
+_FEW = 8  # equations, below which nothing is asked of them
 
 
 def candidates(

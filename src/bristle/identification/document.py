@@ -21,12 +21,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 LARGEST = 100_000_000
 """Bytes that a results file may have: about two million equations; the four embedded joints have a few millions."""
-_MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}
-"""What else it may have."""
-_DIGITS = 18
-"""Of a whole number: counts have fewer."""
-_SHOWN = 300
-"""Characters of a reason that are quoted."""
+_MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}  # what else it may have
+_DIGITS = 18  # of a whole number: counts have fewer
+_SHOWN = 300  # characters of a reason that are quoted
 
 
 @contextmanager
@@ -54,8 +51,7 @@ def is_results(path: Path) -> bool:
         return b'"bristle-results/' in begun + file.read(LARGEST)  # one that is damaged is told so when it is read
 
 
-_BEGINNING = 4096
-"""Bytes by which a file of another kind is told."""
+_BEGINNING = 4096  # bytes by which a file of another kind is told
 
 
 def parsed(text: str) -> Any:

@@ -80,9 +80,9 @@ _CLEARLY = 10.0
 _LATEST = 0.05
 """s: no log is later, and what asks for more is another term, as friction that rises with load."""
 _SHIFTS = 3
+"""Times that a delay of the torque is looked for: each is told to first order."""
 _SURE = 5.0
 """Standard errors, by which a drive is told to act before its commands."""
-"""Times that a delay of the torque is looked for: each is told to first order."""
 _ROUNDS = 4
 """Times that holds are told what they had not settled, at the most."""
 _NOTHING = 1e-3

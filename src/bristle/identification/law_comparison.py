@@ -64,16 +64,12 @@ _WORTH = 1.05
 """Times the error at speeds that were left out, which a term has to lower the error by, to be taken unasked."""
 _MOSTLY = float(np.sqrt(2))
 """The same of a load: a torque that is logged late imitates friction that rises with load, and explains less of what is left."""
-_STICKS_OUT = 0.1
-"""Of an interval's width."""
+_STICKS_OUT = 0.1  # of an interval's width
 GAIN = 10.0
 """Of BIC, by which another law has to be better than the paper's."""
-_SPREAD = 0.95
-"""A law with less than this of the weights is not the only one that the data allow."""
-_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")
-"""What means the same in every law: v_s does not."""
-_LIKELY = 1e-3
-"""A law with a smaller weight does not move an average."""
+_SPREAD = 0.95  # a law with less than this of the weights is not the only one that the data allow
+_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # what means the same in every law: v_s does not
+_LIKELY = 1e-3  # a law with a smaller weight does not move an average
 LeftOut = tuple[float | None, float | None]
 """100 * norm(error) / norm(measured), percent, over blocks of speed and over runs, each predicted from the others; None where these are too few."""
 Known = dict[ParameterName, tuple[float, float, float]]

@@ -19,10 +19,8 @@ from bristle.model.parameters import ParameterName
 from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
 
-_WEIGHTS = ("gravity", "links")
-"""Regressors that are load."""
-_SETTLED, _MOST = 1e-9, 60
-"""Of the largest weight, that a step moves them at most once they have settled; and steps."""
+_WEIGHTS = ("gravity", "links")  # regressors that are load
+_SETTLED, _MOST = 1e-9, 60  # of the largest weight, that a step moves them at most once they have settled; and steps
 _NAMES = tuple(dict.fromkeys(name for terms in LEVELS.values() for name in terms.names))
 """In the order of `law.load_levels`."""
 LINEAR = tuple(name for name in _NAMES if not name.endswith("squared"))

@@ -31,14 +31,11 @@ COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck cu
 """Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s;
 sigma_0 and sigma_1."""
 SYMMETRIC, APART, ONE = "symmetric", "per direction", "one direction"
-_SAME = 2.0
-"""A difference in BIC below this is worth a bare mention."""
+_SAME = 2.0  # a difference in BIC below this is worth a bare mention
 _STEPS = 100
 """Of the LuGre fit that no stage has done yet, at the most: one set of friction for directions that differ has a long way along a flat valley."""
-_WORTH = 0.05
-"""Of BIC: less decides nothing about directions."""
-_DEPENDENT = 1e8
-"""Condition number beyond which columns are told apart by rounding alone."""
+_WORTH = 0.05  # of BIC: less decides nothing about directions
+_DEPENDENT = 1e8  # condition number beyond which columns are told apart by rounding alone
 HELD_OUT = Finding("held-out-runs", NOTE, "Hold-out: held-out runs.")
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
 """(directions, regressors) -> the equations to fit, and those to predict."""

@@ -28,22 +28,15 @@ from bristle.model.vectorize import evaluate
 
 _PASSES, _MOSTLY = 0.3, 0.5
 """A slow torque passes its mean less often, in periods of the cut-off (noise: 1.15), and has more of the variance."""
-_RELATED = 0.01
-"""Probability, by chance, of so close a relation between torque and motion."""
-_ROUGHER = 3.0
-"""Times one less the correlation with the next sample: noise against a motion."""
-_EXPLAINED = 0.1
-"""Of the variance of a torque that belongs to a motion, at the least."""
-_AT_REST = 0.01
-"""Of the way: a direction in which less is gone is none."""
-_FEWEST = 4
-"""Samples for each column, below which a relation cannot be tested."""
+_RELATED = 0.01  # probability, by chance, of so close a relation between torque and motion
+_ROUGHER = 3.0  # times one less the correlation with the next sample: noise against a motion
+_EXPLAINED = 0.1  # of the variance of a torque that belongs to a motion, at the least
+_AT_REST = 0.01  # of the way: a direction in which less is gone is none
+_FEWEST = 4  # samples for each column, below which a relation cannot be tested
 ONE_RATE = 1.05
 """Ratio of two sampling intervals that count as one."""
-_SWING = 0.1
-"""rad: over less, gravity is a spring and a constant, as a bristle is that does not break away."""
-_DROWNS = 1e9
-"""Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
+_SWING = 0.1  # rad: over less, gravity is a spring and a constant, as a bristle is that does not break away
+_DROWNS = 1e9  # times the measured torque: an inertia's torque this large leaves nothing of it in the last digits
 DIRECTIONS = {"+": 1.0, "-": -1.0}
 
 
@@ -67,16 +60,12 @@ LEVELS = {name: Regressor(coefficients) for name, coefficients in registry.LOADS
 """By what the friction level rises (`load_levels`): a part of the law, fitted like regressors."""
 LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)
 """In the order of `law.load_terms`."""
-_NEEDED = ("position", "velocity", "acceleration", "link_torque")
-"""What `law.load_terms` is of, in its order."""
-_PER_METRE = "/m"
-"""At the end of an order that is of a joint that slides."""
-_ENDS = 5
-"""Times the transients of a decimation, which a run has at the least."""
+_NEEDED = ("position", "velocity", "acceleration", "link_torque")  # what `law.load_terms` is of, in its order
+_PER_METRE = "/m"  # at the end of an order that is of a joint that slides
+_ENDS = 5  # times the transients of a decimation, which a run has at the least
 _KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8
 """Where the smoothing kernel is cut, relative to its peak, and where it has died out: ends of a segment within are dropped."""
-_PART = 0.02
-"""Of the weights of an equation: samples that have less do not have part in it."""
+_PART = 0.02  # of the weights of an equation: samples that have less do not have part in it
 
 
 def terms_of(regressor: str) -> Regressor:

@@ -17,8 +17,7 @@ from bristle.identification.same_runs import is_superseded
 from bristle.identification.static.points import point_regressors
 from bristle.model.parameters import SIGNED, Direction, ParameterName
 
-_LEAST = 0.01
-"""Of alpha_0: a smaller offset is not worth a sentence."""
+_LEAST = 0.01  # of alpha_0: a smaller offset is not worth a sentence
 
 
 def offset_or_friction(

@@ -22,10 +22,8 @@ from bristle.identification.moving_runs import directions, turn_of, with_orders
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
 
-_MOST = 200
-"""Orders that are tried."""
-_AT_ONCE = 3
-"""Orders that are found at most."""
+_MOST = 200  # orders that are tried
+_AT_ONCE = 3  # orders that are found at most
 
 
 def with_periods(measured: Measured) -> Measured:

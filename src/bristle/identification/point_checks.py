@@ -16,18 +16,12 @@ from bristle.identification.moving_runs import DIRECTIONS
 from bristle.model import functions
 from bristle.model.vectorize import evaluate
 
-_ENOUGH = 5
-"""Points of a direction that show an order, or a drift."""
-_COPIES = 3
-"""Points that repeat others, from which that is no chance."""
-_SWINGS = 0.15
-"""Of its mean: a velocity that swings by less, rms, bends no torque."""
-_PHASES = 16
-"""Of a sine, for the average over it."""
-_IN_ORDER = 0.9
-"""Rank correlation of speed and order from which they cannot be told apart."""
-_SETTLES = 6
-"""The first of so many parts of a segment may still be settling."""
+_ENOUGH = 5  # points of a direction that show an order, or a drift
+_COPIES = 3  # points that repeat others, from which that is no chance
+_SWINGS = 0.15  # of its mean: a velocity that swings by less, rms, bends no torque
+_PHASES = 16  # of a sine, for the average over it
+_IN_ORDER = 0.9  # rank correlation of speed and order from which they cannot be told apart
+_SETTLES = 6  # the first of so many parts of a segment may still be settling
 
 
 def point_warnings(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:

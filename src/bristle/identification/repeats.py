@@ -26,8 +26,7 @@ from bristle.model.parameters import ParameterName, least_of
 
 Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-_FEWEST = 3
-"""Runs: two tell too little of how runs scatter."""
+_FEWEST = 3  # runs: two tell too little of how runs scatter
 _ALONE = 10.0
 """Times the standard error of all runs that one without some run has, where that run alone tells the parameter."""
 

@@ -366,7 +366,5 @@ def first_reason(error: Exception) -> str:
     return f"{one_line(where, _SHOWN)}: {one_line(first['msg'], _SHOWN)}"
 
 
-_WRONG = 1000
-"""Wrong entries of which the first is looked for."""
-_SHOWN = 120
-"""Characters of what is quoted."""
+_WRONG = 1000  # wrong entries of which the first is looked for
+_SHOWN = 120  # characters of what is quoted

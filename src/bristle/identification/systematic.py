@@ -16,8 +16,7 @@ Key = TypeVar("Key")
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
 NORMAL = 1.96
 """Half-width of a 95 % interval of a normal distribution, in standard errors."""
-_ROUNDING = 1e-9
-"""Of a value: a smaller change is none."""
+_ROUNDING = 1e-9  # of a value: a smaller change is none
 
 
 def combined(interval: tuple[float, float], value: float, systematic: float, least: float = 0.0) -> tuple[float, float]:

@@ -16,14 +16,10 @@ from bristle.model.vectorize import evaluate, scan
 
 SAMPLES = 200
 """Of a period, before nodes are added where the velocity is low."""
-_BLOCK = 400_000
-"""Nodes of all joints worked on at a time: what bounds the memory."""
-_PASSES = 12
-"""Over the sign of z, which tells the stiffness of a pair ..."""
-_STILL = 1e-12
-"""... until z moves by no more than this share of its largest value."""
-_ELASTIC = 1e-14
-"""What a bristle forgets in a period is taken as no less: it starts from no deflection then."""
+_BLOCK = 400_000  # nodes of all joints worked on at a time: what bounds the memory
+_PASSES = 12  # over the sign of z, which tells the stiffness of a pair ...
+_STILL = 1e-12  # ... until z moves by no more than this share of its largest value
+_ELASTIC = 1e-14  # what a bristle forgets in a period is taken as no less: it starts from no deflection then
 
 
 def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples: int = SAMPLES) -> Array:

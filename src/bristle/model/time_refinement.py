@@ -14,12 +14,9 @@ from bristle.arrays import Array
 
 Index = NDArray[np.intp]
 
-_FINE = 0.05
-"""Between neighbouring nodes at low speed, v changes by at most this many v_s ..."""
-_NEAR = 4.0
-"""... where low speed is below this many v_s; faster, exp(-(v / v_s)**2) is nothing ..."""
-_MOST = 64
-"""... and a step is cut into at most about this many."""
+_FINE = 0.05  # between neighbouring nodes at low speed, v changes by at most this many v_s ...
+_NEAR = 4.0  # ... where low speed is below this many v_s; faster, exp(-(v / v_s)**2) is nothing ...
+_MOST = 64  # ... and a step is cut into at most about this many
 
 
 @dataclass(frozen=True, slots=True)

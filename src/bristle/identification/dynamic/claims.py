@@ -22,15 +22,11 @@ from bristle.model.parameters import Direction, ParameterName, of_load, peak_par
 
 WIDE = 0.5
 """A relative standard error beyond which a parameter is called not identifiable from the motion."""
-_SAMPLES = 5
-"""In which a motion has to pass the bristle's deflection."""
-_NOTHING = 1e-8
-"""Share of its column that a half must have, to say anything of a parameter."""
-_INFLATED = 10.0
-"""A variance inflation beyond which two parameters are told apart badly."""
+_SAMPLES = 5  # in which a motion has to pass the bristle's deflection
+_NOTHING = 1e-8  # share of its column that a half must have, to say anything of a parameter
+_INFLATED = 10.0  # a variance inflation beyond which two parameters are told apart badly
 BRISTLE = ("sigma_0", "sigma_1")
-_COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}
-"""What means nothing without another parameter, and without which."""
+_COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}  # what means nothing without another parameter, and without which
 
 
 def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Finding]:

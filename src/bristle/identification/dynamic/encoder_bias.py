@@ -33,19 +33,13 @@ from bristle.model.parameters import ParameterName, of_friction
 
 REPETITIONS = 6
 """Rest positions inside a count at which the motion is measured again."""
-_STEPS = 8
-"""Steps from the estimate to where counting moves it: what counts hide may take many more."""
-_EXACT = 0.03
-"""Of a standard error, to which that place is found: six of them scatter by more."""
+_STEPS = 8  # steps from the estimate to where counting moves it: what counts hide may take many more
+_EXACT = 0.03  # of a standard error, to which that place is found: six of them scatter by more
 _SEED = 0
-_LOST = 2.0
-"""Times the residuals at the readings, which those at the smooth motion may have."""
-_UNSURE = 0.5
-"""Of a standard error, by which the bias may change on the way to the truth."""
-_LADDER = 1.25
-"""Between two cut-offs tried."""
-_SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")
-"""What shows near reversals alone."""
+_LOST = 2.0  # times the residuals at the readings, which those at the smooth motion may have
+_UNSURE = 0.5  # of a standard error, by which the bias may change on the way to the truth
+_LADDER = 1.25  # between two cut-offs tried
+_SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")  # what shows near reversals alone
 Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProblem]
 
 

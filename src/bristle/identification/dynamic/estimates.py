@@ -23,10 +23,8 @@ from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import INERTIA, Kind, Lugre, ParameterName, bends_down, least_of, of_friction, unit
 
-_NOTHING = 100.0
-"""Percent: what no model at all would leave."""
-_UNSEEN = 1e-2
-"""A direction whose singular value is this share of the largest is not seen."""
+_NOTHING = 100.0  # percent: what no model at all would leave
+_UNSEEN = 1e-2  # a direction whose singular value is this share of the largest is not seen
 
 
 def estimates_of(

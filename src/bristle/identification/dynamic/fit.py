@@ -35,14 +35,10 @@ from bristle.identification.shared_findings import not_shown
 from bristle.model.parameters import Kind, ParameterName
 from bristle.progress import Progress
 
-_EDGE = 0.01
-"""In log(v_s): this near to the end of its range is at it."""
-_TRIES = 30
-"""Steps that the start of a held-out window is given."""
-_BENT = 4.0
-"""Times as large, beyond which the squares that are left without a term show one that bends the whole curve."""
-_UNEVEN = 1.5
-"""Runs whose residuals differ by less than this factor count alike."""
+_EDGE = 0.01  # in log(v_s): this near to the end of its range is at it
+_TRIES = 30  # steps that the start of a held-out window is given
+_BENT = 4.0  # times as large, beyond which the squares that are left without a term show one that bends the whole curve
+_UNEVEN = 1.5  # runs whose residuals differ by less than this factor count alike
 
 
 class DynamicSolution(NamedTuple):

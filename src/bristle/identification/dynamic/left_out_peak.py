@@ -12,8 +12,7 @@ from bristle.estimation.score_test import moved_by, scores
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, residuals
 from bristle.model.parameters import Direction, ParameterName
 
-_SPEEDS = 8
-"""Values of v_s at which the term is looked for, from this share of the fastest speed on."""
+_SPEEDS = 8  # values of v_s at which the term is looked for, from this share of the fastest speed on
 _SLOWEST = 1e-2
 
 

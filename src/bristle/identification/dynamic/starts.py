@@ -23,14 +23,11 @@ from bristle.identification.moving_runs import DIRECTIONS
 from bristle.model.parameters import SIGNED, Direction, ParameterName, in_direction
 from bristle.progress import Progress
 
-_RUNGS, _STEPS = 8, 6
-"""Deflections of the bristle that are tried, and steps of a descent at each."""
-_LOST = 10.0
-"""Times the lowest cost, from which no descent begins."""
+_RUNGS, _STEPS = 8, 6  # deflections of the bristle that are tried, and steps of a descent at each
+_LOST = 10.0  # times the lowest cost, from which no descent begins
 _OFFSET = ParameterName("offset", Direction.SHARED)
 _WINDOWS = 2  # of a simulated position, for the jackknife over them
-_WORTH = 0.1
-"""A Stribeck term that noise alone would ask for less often than this is worth a start."""
+_WORTH = 0.1  # a Stribeck term that noise alone would ask for less often than this is worth a start
 
 
 def solve_dynamic(

@@ -17,8 +17,7 @@ from bristle.identification.dynamic.output_error import with_more_torque
 from bristle.identification.dynamic.problem import residuals
 from bristle.model.parameters import ParameterName
 
-_STEP = 1e-2
-"""Of a standard error: by so much either way a constant is moved where the motor is simulated."""
+_STEP = 1e-2  # of a standard error: by so much either way a constant is moved where the motor is simulated
 
 
 def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:

@@ -29,22 +29,14 @@ FEWEST = 2
 """Equations for each unknown, at the least: fewer estimate nothing."""
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
 """What the descent sees as its logarithm."""
-_LARGE = 50_000
-"""Samples from which a descent begins on a few of them."""
-_EVERY = 8
-"""Those few are every 8th, ..."""
-_ROUGH = 10.0
-"""... with nodes this many times farther apart, ..."""
-_NEAR = 0.1
-"""... and end within about a third of their own standard errors."""
-_POLISH = 25
-"""Steps, each with some evaluations in which windows settle."""
-_MORE = 200
-"""Steps more of a predicted torque, where the lowest of its ends ran out of them."""
-_RISES = 0.1
-"""Of a load, that friction rises by: a typical size."""
-_MOST = 10.0
-"""Of the largest torque: alpha_1 at most."""
+_LARGE = 50_000  # samples from which a descent begins on a few of them
+_EVERY = 8  # those few are every 8th, ...
+_ROUGH = 10.0  # ... with nodes this many times farther apart, ...
+_NEAR = 0.1  # ... and end within about a third of their own standard errors
+_POLISH = 25  # steps, each with some evaluations in which windows settle
+_MORE = 200  # steps more of a predicted torque, where the lowest of its ends ran out of them
+_RISES = 0.1  # of a load, that friction rises by: a typical size
+_MOST = 10.0  # of the largest torque: alpha_1 at most
 
 
 def fit(

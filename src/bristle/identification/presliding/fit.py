@@ -38,21 +38,15 @@ from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
-_FEW = 8
-"""Count edges in a loading below which they are called few."""
-_MOVED = 3.0
-"""Counts by which the end of a closed cycle has surely moved from its beginning, ..."""
-_MOVES = 0.01
-"""... and the share of its range from which that is said."""
-_OUTLIER = 0.2
-"""A breakaway torque this far from the median, relative, is named."""
-_SINGLE = 0.1
-"""Standard error of a breakaway torque seen once, relative: a guess, said where it is used."""
+_FEW = 8  # count edges in a loading below which they are called few
+_MOVED = 3.0  # counts by which the end of a closed cycle has surely moved from its beginning, ...
+_MOVES = 0.01  # ... and the share of its range from which that is said
+_OUTLIER = 0.2  # a breakaway torque this far from the median, relative, is named
+_SINGLE = 0.1  # standard error of a breakaway torque seen once, relative: a guess, said where it is used
 _CREEP = 1 / (ONSET - 1)
 """Of a breakaway torque found by speed: how far above it g0 may lie. LuGre's creep is ONSET times as fast as at first where
 1 - T / g0 is one over ONSET; a joint that lets go at once slides there."""
-_SURE = 3.0
-"""Standard errors of g0 above which a torque that was held contradicts it."""
+_SURE = 3.0  # standard errors of g0 above which a torque that was held contradicts it
 
 
 def identify_presliding(

@@ -38,10 +38,8 @@ _YIELDS = 3.0
 """An edge-to-edge stiffness this many times below what the first count allows is that of a joint that slides."""
 _STRAIGHT = 1e6
 """Times the largest torque held: a g0 this large bends nothing, which is the other end of what a lower bound allows."""
-_PHASES = 64
-"""Where inside a count the joint may rest, for the spread that counts alone cause."""
-_NONE = 1e-60
-"""A compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20."""
+_PHASES = 64  # where inside a count the joint may rest, for the spread that counts alone cause
+_NONE = 1e-60  # a compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20
 
 
 class KnownValue(NamedTuple):

@@ -24,38 +24,23 @@ from bristle.identification.presliding.stiffness import by_samples, of_loading
 from bristle.model import functions
 from bristle.model.vectorize import evaluate
 
-_SURE = 4.0
-"""Standard errors from zero, beyond which it is said, ..."""
-_SHARE = 0.02
-"""... and how much of sigma_0 it must change: less is not worth a sentence."""
-_ORDER = 5
-"""Coefficients of the torque on each side."""
-_SIDE = 0.4
-"""Of the time to the next turn: a side that is fitted."""
-_APART = 0.1
-"""Of a side: next to a turn not fitted, since the low pass does not tell its time better."""
+_SURE = 4.0  # standard errors from zero, beyond which it is said, ...
+_SHARE = 0.02  # ... and how much of sigma_0 it must change: less is not worth a sentence
+_ORDER = 5  # coefficients of the torque on each side
+_SIDE = 0.4  # of the time to the next turn: a side that is fitted
+_APART = 0.1  # of a side: next to a turn not fitted, since the low pass does not tell its time better
 _HELD = 4.0
 """Times what the torque may stay below where its sides meet (two standard errors more), as a time: what that can do to a turn."""
-_BELOW = 1.05
-"""g0 over the torque of a turn, at the least."""
-_COUNTS = 8.0
-"""By which the joint moves on each side at the least: of fewer the turn is not told."""
-_PER_SIDE = 20
-"""Samples on a side at the least."""
-_MOST = 2000
-"""Samples about a turn, about: more are thinned."""
-_DRAWS = 100
-"""Of the torque's coefficients, for the error of its turn."""
-_GRID = 601
-"""Times at which it is sought."""
-_LOOKS = (0.4, 0.04, 0.004)
-"""Sides about the last delay found in which it is sought, ..."""
-_LOOK = 21
-"""... at so many."""
-_PIECE = 0.005
-"""Of a side: a step of the derivative by the delay."""
-_TINY = 1e-300
-"""No division by zero."""
+_BELOW = 1.05  # g0 over the torque of a turn, at the least
+_COUNTS = 8.0  # by which the joint moves on each side at the least: of fewer the turn is not told
+_PER_SIDE = 20  # samples on a side at the least
+_MOST = 2000  # samples about a turn, about: more are thinned
+_DRAWS = 100  # of the torque's coefficients, for the error of its turn
+_GRID = 601  # times at which it is sought
+_LOOKS = (0.4, 0.04, 0.004)  # sides about the last delay found in which it is sought, ...
+_LOOK = 21  # ... at so many
+_PIECE = 0.005  # of a side: a step of the derivative by the delay
+_TINY = 1e-300  # no division by zero
 
 
 def turning_lag(

@@ -38,17 +38,12 @@ from bristle.identification.presliding.stiffness import (
 from bristle.identification.repeats import less, scatter_of
 
 SEED = 0
-_LEAST_FREEDOM = 4.0
-"""Degrees of freedom from which a run says by itself how sure it is."""
-_NODES = 17
-"""Values of g0 at which the estimator is evaluated; linear between them, ..."""
-_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)
-"""... at so many, in one look."""
-_LEAST = 0.2
-"""Of g0: what it may be at least."""
+_LEAST_FREEDOM = 4.0  # degrees of freedom from which a run says by itself how sure it is
+_NODES = 17  # values of g0 at which the estimator is evaluated; linear between them, ...
+_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)  # ... at so many, in one look
+_LEAST = 0.2  # of g0: what it may be at least
 _CURVE = 41
-_BEYOND = 1.3
-"""How far the curve is drawn, in half-widths of the interval."""
+_BEYOND = 1.3  # how far the curve is drawn, in half-widths of the interval
 
 
 class _Line(NamedTuple):

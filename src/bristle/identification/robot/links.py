@@ -21,14 +21,10 @@ from bristle.identification.static.problem import from_records
 from bristle.identification.static.runs import fit_moving
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-_SURELY = 3.0
-"""Standard errors by which a number is surely not another."""
-_OFF = 0.1
-"""A scale of the links' torque that is off by less is within what masses of a URDF are."""
-_BETTER = 0.5
-"""By which another order lowers the sum of log(relative error) over the joints where it is the right one."""
-_SAMPLES = 4000
-"""Samples by which orders are compared."""
+_SURELY = 3.0  # standard errors by which a number is surely not another
+_OFF = 0.1  # a scale of the links' torque that is off by less is within what masses of a URDF are
+_BETTER = 0.5  # by which another order lowers the sum of log(relative error) over the joints where it is the right one
+_SAMPLES = 4000  # samples by which orders are compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,17 +24,13 @@ from bristle.identification.static.profiles import profiled
 GRID = 128
 """Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them.
 """
-_IN_CACHE = 400_000
-"""Residuals of sets, of which robust errors are computed at a time."""
+_IN_CACHE = 400_000  # residuals of sets, of which robust errors are computed at a time
 COARSE = 48
 """As many are enough for the minimum alone."""
 _NEWTON = 4
-_CROSSING = 12
-"""Secant steps to where a profile crosses its threshold."""
-_CROSSED = 1e-8
-"""This near to one, the statistic's root is on the threshold."""
-_LOOKS = Looks(first=17, near=9, again=4, drawn=1)
-"""Over v_s's interval, for the extremes of the other parameters."""
+_CROSSING = 12  # secant steps to where a profile crosses its threshold
+_CROSSED = 1e-8  # this near to one, the statistic's root is on the threshold
+_LOOKS = Looks(first=17, near=9, again=4, drawn=1)  # over v_s's interval, for the extremes of the other parameters
 _UNSEEN = 300.0
 """Logarithm of how much alpha_1 may be of the torque, where hardly anything is left of its column; squares stay finite."""
 _NEIGHBOURS = np.arange(-2, 4)

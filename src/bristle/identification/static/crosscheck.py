@@ -23,8 +23,7 @@ from bristle.model.parameters import Direction, ParameterName, of_curve, static_
 STARTS = 8
 """Random starts of the full fit."""
 SEED = 0
-_SAME = 1e-6
-"""Relative difference in cost below which two minima are the same."""
+_SAME = 1e-6  # relative difference in cost below which two minima are the same
 OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
 """Of IPOPT, for a fit to the last digits."""
 

@@ -28,12 +28,10 @@ from bristle.identification.systematic import with_systematic
 from bristle.model.parameters import Direction, ParameterName, of_curve, peak_parameters, static_fields_of, unit
 from bristle.model.parameters import Kind as JointKind
 
-_ONE_SPEED = 1.25
-"""Times the slowest speed: where the fastest is less, they are one."""
+_ONE_SPEED = 1.25  # times the slowest speed: where the fastest is less, they are one
 _MANY, _MIXED = 10, 0.5
 """Points of a direction whose torque may go with their rows, and the rank correlation of speed and row up to which that is no matter of speed."""
-_LOGARITHMIC = ("v_s",)
-"""What is compared, and widened, as its logarithm."""
+_LOGARITHMIC = ("v_s",)  # what is compared, and widened, as its logarithm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,18 +26,15 @@ from bristle.model.parameters import ParameterName
 
 T = TypeVar("T")
 _NONE = np.zeros(0, dtype=np.intp)
-_FLAT = 1e-10
-"""A Stribeck column this close to the others, relative, tells nothing."""
+_FLAT = 1e-10  # a Stribeck column this close to the others, relative, tells nothing
 GRID = 32
 """Values of v_s in the refined grid."""
 PLAIN_GRID = 500
 """Values of v_s in the paper's plain grid."""
 _TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))
 """From five equally spaced values to the coefficients of the polynomial through them, highest power first."""
-_BLOCK = 500
-"""Values of v_s worked on at a time, of many sets."""
-_AT_ONCE = 4_000_000
-"""Elements of the columns of one set, over values of v_s, worked on at a time."""
+_BLOCK = 500  # values of v_s worked on at a time, of many sets
+_AT_ONCE = 4_000_000  # elements of the columns of one set, over values of v_s, worked on at a time
 _STEPS = 20
 _SETTLED = 1e-12
 """A further step is not worth it if it lowers the cost by less than this part of the residuals' variance."""

@@ -25,8 +25,7 @@ from bristle.model.laws.parts import Law
 
 _MOST, _NEIGHBOURS, _MOVES = 0.1, 3, 0.01
 """Of the points: more than this are no strays, nor are so many in a row; of the curve: what moves it by less is none of its business."""
-_ASLEEP = 0.85
-"""Of alpha_0 of faster points: what is slow and has less does not slide."""
+_ASLEEP = 0.85  # of alpha_0 of faster points: what is slow and has less does not slide
 
 
 @result

@@ -31,8 +31,7 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, Direction, ParameterName, least_of, of_curve
 from bristle.model.vectorize import evaluate
 
-_AT_ONCE = 1_000_000
-"""Samples times values of v_s that are smoothed together."""
+_AT_ONCE = 1_000_000  # samples times values of v_s that are smoothed together
 Tables = tuple[Array, ...]
 """Columns over v_s, one table per output of a function, each (n, k)."""
 

@@ -28,20 +28,13 @@ _LOOKS = (
     Looks(first=25, near=7, again=5, drawn=33),
 )
 """Over how many v_s extremes are looked for, by the number of peaks."""
-_DRAWN = 61
-"""Values of a parameter at which its profile is drawn."""
-_NEAR = 40
-"""Values of v_s around the minimum at which its profile is drawn."""
-_BEYOND = 0.5
-"""How far beyond its interval, in widths of it."""
-_AROUND = (0.5, 2.0, 101)
-"""Of two peaks, where the other v_s is searched, over its best: from, to, values."""
-_ROUNDING = 1e-13
-"""Of what the linear columns leave of the torque: costs this near are the same."""
-_NODES = 1000
-"""Velocities that stand for all of moving data."""
-_SLOWEST = 1e-7
-"""Of the fastest speed: where they begin."""
+_DRAWN = 61  # values of a parameter at which its profile is drawn
+_NEAR = 40  # values of v_s around the minimum at which its profile is drawn
+_BEYOND = 0.5  # how far beyond its interval, in widths of it
+_AROUND = (0.5, 2.0, 101)  # of two peaks, where the other v_s is searched, over its best: from, to, values
+_ROUNDING = 1e-13  # of what the linear columns leave of the torque: costs this near are the same
+_NODES = 1000  # velocities that stand for all of moving data
+_SLOWEST = 1e-7  # of the fastest speed: where they begin
 
 
 class StaticProfiles(NamedTuple):

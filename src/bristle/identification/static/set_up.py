@@ -32,22 +32,15 @@ from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.strays import refit
 from bristle.model.parameters import of_curve, slides
 
-_PARTS = 5
-"""Held out in turn; ..."""
+_PARTS = 5  # held out in turn; ...
 _BLOCKS = 25
 """... of moving runs each is every fifth of so many stretches, so that none is a motion that the others do not hold."""
-_BENT = (0.03, 0.1, 0.3)
-"""Shares of the fastest speed: v_s of the columns that stand in for the Stribeck term."""
-_CLEARLY = 0.75
-"""Of the error of what was asked for: another set-up has to bring it below that, to be named."""
-_WORTH = 1.05
-"""Times the error of the best set-up: one more parameter is not worth less."""
-_SPARE = 2
-"""Equations per column, at the least."""
-_FREE = 4
-"""Points more than parameters, with which BIC tells one friction from two."""
-_RANK = 1e-10
-"""Of the largest eigenvalue: what is below is not told apart."""
+_BENT = (0.03, 0.1, 0.3)  # shares of the fastest speed: v_s of the columns that stand in for the Stribeck term
+_CLEARLY = 0.75  # of the error of what was asked for: another set-up has to bring it below that, to be named
+_WORTH = 1.05  # times the error of the best set-up: one more parameter is not worth less
+_SPARE = 2  # equations per column, at the least
+_FREE = 4  # points more than parameters, with which BIC tells one friction from two
+_RANK = 1e-10  # of the largest eigenvalue: what is below is not told apart
 
 
 @dataclass(frozen=True, slots=True)

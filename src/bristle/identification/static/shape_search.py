@@ -15,14 +15,10 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, profiled
 from bristle.model.parameters import ParameterName
 
-_FIRST = 7
-"""Values even in their logarithm at which each parameter is tried first ..."""
-_STEPS = 14
-"""... and at most so many more, between the neighbours of the best."""
-_SETTLED = 1e-4
-"""Of its logarithm: a parameter that moves less is found."""
-_WITHIN = 5
-"""Values between the ends of its interval at which the intervals of the others are worked out."""
+_FIRST = 7  # values even in their logarithm at which each parameter is tried first ...
+_STEPS = 14  # ... and at most so many more, between the neighbours of the best
+_SETTLED = 1e-4  # of its logarithm: a parameter that moves less is found
+_WITHIN = 5  # values between the ends of its interval at which the intervals of the others are worked out
 
 
 def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regression:

@@ -15,8 +15,7 @@ from bristle.identification.static.strays import SINGLY, most_strays
 from bristle.model.parameters import Direction
 from bristle.model.parameters import Kind as JointKind
 
-_LISTED = 50
-"""Points that a warning names; of more it says how many there are."""
+_LISTED = 50  # points that a warning names; of more it says how many there are
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

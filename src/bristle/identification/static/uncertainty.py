@@ -37,8 +37,7 @@ SEED = 0
 """Of the bootstrap."""
 MANY = 2_000
 """Points from which on one step does for the bootstrap: errors are then too small for the law to bend within them."""
-_FEW = 8
-"""Points beyond the parameters, below which they are few."""
+_FEW = 8  # points beyond the parameters, below which they are few
 _DRAWN, _BEYOND = 61, 0.6
 """Values of v_s at which its profile is drawn, and how far beyond its interval, in shares of its logarithmic width."""
 

@@ -28,11 +28,9 @@ _PARTS: dict[str, Peak | ViscousTerm] = {
 }
 _COMPETE = {gaussian.PEAK.name, exponential.PEAK.name, lorentzian.PEAK.name, quadratic.TERM.name}
 """Those that `auto` chooses from; the free exponent is fitted by name alone."""
-_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
-"""What a parameter may be called: it is a name in C and MATLAB as well."""
+_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")  # what a parameter may be called: it is a name in C and MATLAB as well
 _LOG = logging.getLogger(__name__)
-_looked: list[bool] = []
-"""Not empty once installed packages have been asked for theirs."""
+_looked: list[bool] = []  # not empty once installed packages have been asked for theirs
 
 
 def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:
