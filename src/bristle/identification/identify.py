@@ -57,12 +57,11 @@ from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
-from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.runs import fit_moving, fit_points
+from bristle.identification.static.runs import beside_moving, fit_moving, fit_points, is_superseded
 from bristle.identification.static.set_up import (
     better_for_motion,
     better_for_points,

@@ -12,8 +12,14 @@ from bristle.estimation.covariance import student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import MATTERS, moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction
-from bristle.identification.dynamic.claims import WIDE, bristle_doubts, peak_doubts, warned, without_weak
-from bristle.identification.dynamic.left_out_peak import beside_a_peak
+from bristle.identification.dynamic.claims import (
+    WIDE,
+    beside_a_peak,
+    bristle_doubts,
+    peak_doubts,
+    warned,
+    without_weak,
+)
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters
 from bristle.identification.dynamic.unknowns import FEWEST, LOGARITHMIC, equations_left
 from bristle.identification.dynamic.what_is_left import Left, known_and_left

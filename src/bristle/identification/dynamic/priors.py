@@ -23,8 +23,12 @@ from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
 from bristle.identification.dynamic.starts import carried, solve_dynamic
-from bristle.identification.dynamic.systematic import shifts_of
-from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, with_three_ways
+from bristle.identification.dynamic.uncertainty import (
+    parts_of_runs,
+    profile_until_stable,
+    shifts_of,
+    with_three_ways,
+)
 from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, with_deflections, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors

@@ -9,7 +9,7 @@ import numpy as np
 
 from bristle.errors import InputError
 from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
-from bristle.identification.dynamic.left_out_peak import asked_peak
+from bristle.identification.dynamic.claims import asked_peak
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
 from bristle.identification.dynamic.unknowns import (
     fit,

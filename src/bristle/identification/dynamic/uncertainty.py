@@ -5,6 +5,11 @@ Each of several runs fitted apart as well, from where the fit of all ended, for 
 What encoder counts add is taken off after the fit (`encoder_bias`): the estimate is moved, and its error widened by a
 factor. The profile's ends and the bootstrap's draws, which know nothing of it, are moved and spread about the estimate
 in the same way; an end that is open stays so.
+
+And what errors of constants do to a fit, to first order. A constant that is off by its standard error changes the
+measured torque by dT, and so the residuals by dr; the minimum then moves by -(J'J)**-1 J' dr, J being the Jacobian of
+the residuals. Rows of priors move as the stages behind them do: what has the same cause is not averaged out. An inertia
+that is given holds its ground.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,15 +21,20 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at, too_few
+from bristle.estimation.covariance import seen
+from bristle.estimation.linear import first_order
+from bristle.estimation.nonlinear import projected
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution
-from bristle.identification.dynamic.problem import Unknown, Values
+from bristle.identification.dynamic.output_error import with_more_torque
+from bristle.identification.dynamic.problem import Unknown, Values, residuals
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName
 from bristle.progress import Progress
 
 _RESTARTS = 3
+_STEP = 1e-2  # of a standard error: by so much either way a constant is moved where the motor is simulated
 
 Refit = Callable[[Values], DynamicSolution]
 """Fits again, also from a start with every unknown in it."""
@@ -36,7 +46,7 @@ def profile_until_stable(
     """The profile of each parameter, and the fit; solved again, and saying so, where a profile found a better optimum."""
     warnings: tuple[Finding, ...] = ()
     for refits in range(_RESTARTS + 1):
-        seen, better = profiles(solved.solution, progress, stop_at_better=refits < _RESTARTS)
+        found, better = profiles(solved.solution, progress, stop_at_better=refits < _RESTARTS)
         if better is None:
             break
         end = solved.solution.posed.unknowns.values(better)
@@ -45,7 +55,7 @@ def profile_until_stable(
     if refits == _RESTARTS:
         message = f"Profiles still find lower costs after {_RESTARTS} new fits: do not use this fit."
         warnings = (*warnings, Finding("still-lower", CRITICAL, message, {"fits": _RESTARTS}))
-    return solved._replace(fit=replace(solved.fit, warnings=(*solved.fit.warnings, *warnings))), seen
+    return solved._replace(fit=replace(solved.fit, warnings=(*solved.fit.warnings, *warnings))), found
 
 
 def with_three_ways(solved: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
@@ -143,3 +153,34 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
 
     parts = {name: part(np.flatnonzero(file == name)) for name in dict.fromkeys(file.tolist())}
     return [name for name, each in zip(names, shared, strict=True) if each], parts
+
+
+def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:
+    """Change of each free parameter that lies at no bound, per standard error of each constant, by constant."""
+    problem, posed, minimum = solved.problem, solved.solution.posed, solved.solution.minimum
+    held = [*(m.shifts for m in problem.motions), *(prior.shifts for prior in problem.priors)]
+    constants = dict.fromkeys(constant for by in held for constant in by)
+    x, unknowns, shared = minimum.x, posed.unknowns, posed.shared
+    if not constants or not shared.size:  # nothing is uncertain, or every parameter is given
+        return {constant: {} for constant in constants}
+    inside = (x > unknowns.lower) & (x < unknowns.upper)
+    chosen = shared[seen(minimum.jacobian[:, shared]) & inside[shared]]
+    J, slopes = projected(minimum.jacobian, chosen, posed.blocks), unknowns.slopes(x)[chosen]
+    weight, shifts = problem.weight, dict[str, Mapping[ParameterName, float]]()
+    for constant in constants:
+        if problem.quantity == "torque":
+            rows = [m.smoothed(m.shifts.get(constant, np.zeros(m.time.size))) for m in problem.motions]
+            change = np.concatenate(rows)
+        else:
+            more, less = (
+                residuals(with_more_torque(problem, constant, by), solved.values)[0] for by in (_STEP, -_STEP)
+            )
+            change = (more - less) / (2 * _STEP)
+        of_priors = [
+            -problem.sigma * (prior.root @ prior.shifts.get(constant, np.zeros(prior.value.size)))
+            for prior in problem.priors
+        ]
+        moved = -first_order(J, np.concatenate([change * weight, *of_priors])) * slopes
+        names = (unknowns.names[k] for k in chosen.tolist())
+        shifts[constant] = {n: by for n, by in zip(names, moved.tolist(), strict=True) if isinstance(n, ParameterName)}
+    return shifts

@@ -17,7 +17,6 @@ from bristle.identification.candidates import candidates
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
 from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
-from bristle.identification.static.fit_warnings import speeds_of
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
@@ -81,7 +80,7 @@ def fit_static(
     # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
     lost = set[ParameterName]()
     for d in problem.directions if problem.smooth is None else ():
-        speeds = speeds_of(problem, d)
+        speeds = problem.speeds(d)
         if speeds.size and speeds.max() < _ONE_SPEED * speeds.min():
             lost.add(ParameterName("alpha_2", d))
     if lost:
@@ -135,7 +134,7 @@ def _split_unknown(
     whole = parameters.get("alpha_0")
     if "alpha_2" in parameters or whole is None or whole.value is None or whole.interval is None:
         return {}
-    speed, high = float(np.mean(speeds_of(problem, part))), whole.interval[1]
+    speed, high = float(np.mean(problem.speeds(part))), whole.interval[1]
     message = (
         f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
         f"{whole.standard_error or 0.0:.2g}{unit_of('torque')}. How it splits is not known, and alpha_2 is taken as 0; measure at other speeds."

@@ -89,6 +89,12 @@ class Regression:
         """How a parameter prints beside a fit of these directions: bare where there is but one."""
         return name.name if len(self.directions) == 1 else str(name)
 
+    def speeds(self, direction: str) -> Array:
+        """The speeds of a direction, or of `both`, that are not zero, rad/s."""
+        moving = {"+": self.velocity > 0, "-": self.velocity < 0}.get(direction, self.velocity != 0)
+        speeds: Array = np.abs(self.velocity[moving])
+        return speeds
+
     @property
     def least(self) -> Array:
         """What each parameter may be at least: 0 for friction, -inf for the extra regressors, the inertia among them.

@@ -6,19 +6,19 @@ Which Stribeck terms the data support, and an interval and its warnings on each 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import compress
+from math import sqrt
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
-from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.autocorrelation import correlated, inflation
 from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
 from bristle.estimation.linear import best_column_p_value, first_order
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
-from bristle.identification.static.fit_warnings import fit_warnings, is_closed, speeds_of
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import StaticProfiles, drawn_profiles, profiled
@@ -109,7 +109,7 @@ def solve_static(
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
     v_s = {d: intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)}
-    warnings = fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
+    warnings = _fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return StaticSolution(
         problem=problem,
@@ -144,7 +144,7 @@ def _beside(
             if d in problem.peaks:
                 beside[ParameterName(name, d)] = shown
         if problem.law.terms:
-            fastest, values = float(speeds_of(problem, d).max()), dict(zip(problem.names, solution.theta, strict=True))
+            fastest, values = float(problem.speeds(d).max()), dict(zip(problem.names, solution.theta, strict=True))
             held = min(values[ParameterName(name, d)] for name in problem.law.coefficients) < 0
             measured = Finding("fastest-measured", NOTE, "Not estimated: the fastest speed that was measured.")
             told = (measured, *((curve_held(fastest),) if held else ()))
@@ -209,7 +209,7 @@ def _unbounded(problem: Regression, solution: Solution, likelihood: StaticProfil
         problem.peaks, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1].tolist(), strict=False
     ):
         low, high = likelihood.intervals[name]
-        speeds, why = speeds_of(problem, direction), None
+        speeds, why = problem.speeds(direction), None
         if low == 0:
             why = Finding("v-s-down-to-zero", NOTE, "these speeds set no lower limit on v_s (slower ones would)")
         elif np.isinf(high):
@@ -244,7 +244,7 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Fin
         unexplained = max(solution.cost, noise) or 1.0  # a torque of zero throughout has neither
         ratio = gain / unexplained / variance_inflation
         p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
-        speeds, why = speeds_of(problem, direction), None
+        speeds, why = problem.speeds(direction), None
         fastest, slowest = float(speeds.max()), float(speeds.min())
         if p > SIGNIFICANCE:
             why = Finding("no-peak", NOTE, "no sign of a Stribeck peak")
@@ -328,3 +328,64 @@ def _outcome(
         message = "A parameter lies at its physical bound; its interval is one-sided."
         return Finding("static-at-bound", CAUTION, message)
     return Finding("static-converged", NOTE, "Converged.")
+
+
+def _fit_warnings(
+    problem: Regression,
+    solution: Solution,
+    jacobian: Array,
+    intervals: Mapping[Direction, tuple[float, float]],
+    profiles: Mapping[Direction, Profile],
+    v_s_range: tuple[float, float],
+    variance_inflation: float,
+) -> tuple[Finding, ...]:
+    """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p), `intervals` are of v_s."""
+    warnings = []
+    for name in map(problem.text, solution.at_bound):
+        message = f"{name} lies at its physical bound of zero; an unconstrained fit would make it negative."
+        warnings.append(Finding("bound", CAUTION, message, {"name": name}))
+    low, high = v_s_range
+    for direction, profile in profiles.items():
+        interval, where = intervals[direction], in_direction(direction)
+        if interval[0] == 0 and np.isinf(interval[1]):
+            message = f"v_s is not identifiable from these speeds{where}: its profile is flat."
+            warnings.append(Finding("flat-profile", CRITICAL, message, {"direction": direction}))
+        elif not is_closed(interval):
+            side = "below" if interval[0] == 0 else "above"
+            message = f"The interval of v_s is one-sided{where}: the data do not bound v_s from {side}."
+            warnings.append(Finding("one-sided-profile", CAUTION, message, {"direction": direction, "side": side}))
+        if not low * 1.001 < profile.best < high / 1.001:
+            message = (
+                f"The best v_s lies at the edge of the range searched{where}, {low:.3g}{unit_of('velocity')} to "
+                f"{high:.3g}{unit_of('velocity')}."
+            )
+            warnings.append(Finding("at-edge", CRITICAL, message, {"direction": direction, "low": low, "high": high}))
+        inner = np.r_[False, (profile.cost[1:-1] < profile.cost[:-2]) & (profile.cost[1:-1] < profile.cost[2:]), False]
+        inner &= np.abs(np.log(profile.v_s / profile.best)) > 2 * np.log(profile.v_s[1] / profile.v_s[0])
+        for v_s in profile.v_s[inner & (profile.cost <= profile.threshold)].tolist():
+            message = f"The cost has a second minimum{where} at v_s = {v_s:.3g}, below the 95 % threshold."
+            warnings.append(Finding("second-minimum", CAUTION, message, {"direction": direction, "v_s": v_s}))
+        speeds = np.abs(problem.velocity) if direction == "both" else problem.speeds(direction)
+        below, points = int(np.count_nonzero(speeds < profile.best)), speeds.size
+        if below < 3:
+            message = (
+                f"Only {below} of {points} points lie below v_s{in_direction(direction)}; measure slower speeds to identify the "
+                "Stribeck term."
+            )
+            numbers = {"below": below, "points": points, "direction": direction}
+            warnings.append(Finding("few-below-v-s", CAUTION, message, numbers))
+    condition = uncertainty.condition(jacobian)
+    if condition > 1e3:
+        message = (
+            f"Ill conditioned: the scaled Jacobian's condition number is {condition:.2g}; some parameters are "
+            "strongly correlated."
+        )
+        warnings.append(Finding("ill-conditioned", CAUTION, message, {"condition": condition}))
+    if variance_inflation > 2:
+        warnings.append(correlated(problem.residuals(solution.theta), sqrt(variance_inflation)))
+    return tuple(warnings)
+
+
+def is_closed(interval: tuple[float, float]) -> bool:
+    """Whether an interval of v_s is limited on both sides."""
+    return interval[0] > 0 and bool(np.isfinite(interval[1]))
