@@ -1,5 +1,6 @@
 """How far the scatter of the residuals leaves the unknowns of a least-squares problem uncertain, and Student's t."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -96,8 +97,7 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
 def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     """The jackknife over blocks, linearised: nothing is said of the unknowns that blocks have to themselves.
 
-    With A_w the block's part of J'J and b_w of J'r, its own unknowns eliminated, leaving the block out moves the
-    estimate by G**-1 (I - A_w G**-1)**-1 b_w, where G = sum of A_w.
+    Of the block's part of J'J and of J'r its own unknowns are eliminated.
     """
     blocks, rest, shared = problem.blocks, minimum.residuals, problem.shared
     influential = shared[seen(minimum.jacobian[:, shared])]
@@ -106,11 +106,9 @@ def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     grams = [left[rows].T @ left[rows] for rows, _ in blocks]
     slopes = [left[rows].T @ rest[rows] for rows, _ in blocks]
     priors = left[blocks[-1].rows.stop :]
-    inner = np.linalg.pinv(sum(grams) + priors.T @ priors, hermitian=True)
-    one, count = np.eye(influential.size), len(blocks)
-    moves = np.array(
-        [inner @ np.linalg.lstsq(one - A @ inner, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
-    )
+    inner = np.asarray(np.linalg.pinv(sum(grams) + priors.T @ priors, hermitian=True), dtype=np.float64)
+    count = len(blocks)
+    moves = moved_without_each(inner, grams, slopes)
     spread = (count - 1) / count * moves.T @ moves + problem.sigma**2 * inner @ priors.T @ priors @ inner
     spread /= np.outer(size, size)
     plain = np.diag(inner) / size**2 * minimum.cost / max(rest.size - minimum.x.size, 1)
@@ -119,6 +117,17 @@ def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     freedom = max(count - 1.0, 1.0)
     freedoms = np.full(known.size, freedom)
     return _in_units(problem, minimum.x, known, spread.diagonal(), spread, freedom, widening, freedoms)
+
+
+def moved_without_each(inverse: Array, grams: Sequence[Array], slopes: Sequence[Array]) -> Array:
+    """How far the estimate moves without each of k blocks of equations, (k, p), to first order (Bell and McCaffrey, Survey Methodology 28, 2002).
+
+    With A_i = J_i'J_i of a block, b_i = J_i'r_i and G the sum of all A_i, by G**-1 (I - A_i G**-1)**-1 b_i. The jackknife's
+    covariance is (k - 1) / k times the sum of squares of these.
+    """
+    one = np.eye(len(inverse))
+    moves = [inverse @ np.linalg.lstsq(one - A @ inverse, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
+    return np.array(moves)
 
 
 def _in_units(

@@ -63,7 +63,12 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         differs, explained = _differs(joint, opinion, v)
         worse = opinion.held_out > WORSE * max(fit.relative_error or 0.0 for fit in fits)
         apart = differs if differs > max(explained, APART) and not worse else 0.0
-    sides = float(100 * NORMAL * np.sqrt(other * (1 - other)) * _offset(joint) / size)
+    # between one friction and two lies the offset, or half of what the levels differ by; nothing beside gravity, which an offset is part of
+    values = {row.parameter: row.estimate.value or 0.0 for row in chosen(joint)}
+    plus, minus = (values.get(ParameterName("alpha_0", d), 0.0) for d in SIGNED)
+    gravity = any(name.name == "gravity_cos" for name in values)
+    offset = next((x for name, x in values.items() if name.name == "offset"), (plus - minus) / 2)
+    sides = 0.0 if gravity else float(100 * NORMAL * np.sqrt(other * (1 - other)) * abs(offset) / size)
     effects = [100 * x.effect["torque"] / size for x in value_warnings(joint) if "torque" in x.effect]
     effects += [100 * _withheld(fit, v) / size for fit in fits if isinstance(fit, TrackingFit)]
     torque = np.concatenate([fit.measured if isinstance(fit, TrackingFit) else fit.torque for fit in fits])
@@ -95,15 +100,6 @@ def _withheld(fit: TrackingFit, v: Array) -> float:
             peak = own.stribeck
             lacks[side] = curve(v[side], peak) - curve(v[side], peak._replace(alpha_1=0.0))
     return _rms(lacks)
-
-
-def _offset(joint: Joint) -> float:
-    """The torque that is an offset, or half of what the levels of two directions differ by, N*m; 0 beside gravity, which an offset is part of."""
-    values = {row.parameter: row.estimate.value or 0.0 for row in chosen(joint)}
-    plus, minus = (values.get(ParameterName("alpha_0", d), 0.0) for d in SIGNED)
-    if any(name.name == "gravity_cos" for name in values):
-        return 0.0
-    return abs(next((x for name, x in values.items() if name.name == "offset"), (plus - minus) / 2))
 
 
 def _differs(joint: Joint, opinion: SecondOpinion, v: Array) -> tuple[float, float]:

@@ -32,7 +32,7 @@ from bristle.data.experiment.schema import AS_WRITTEN, FitOptions
 from bristle.estimation.covariance import covariance, seen, student
 from bristle.estimation.information import criteria, power_of
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
+from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
 from bristle.identification.load_levels import load_is_known
@@ -171,7 +171,8 @@ def _of_motion(one: MovingLaw, effective: float, load: tuple[str, ...]) -> Fitte
 
     def left_out() -> LeftOut:
         """Over blocks of speed, and over runs."""
-        part, runs = parts_by_speed(one.problem.velocity), masks_of_runs(one.problem)
+        part, names = parts_by_speed(one.problem.velocity), dict.fromkeys(one.problem.file.tolist())
+        runs = [one.problem.file == name for name in names] if len(names) > 1 else []
         by_speed = percent_of(left_out_costs(one, [part == k for k in range(BLOCKS)]), power)
         return by_speed, percent_of(left_out_costs(one, runs), power) if runs else None
 
@@ -278,24 +279,20 @@ def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> 
         pose: the solves of a law.
         in_force: the law of the fits.
     """
-    return ranked("points", [_fitted(law, pose(law)) for law in laws_beside(in_force)], in_force.name)
-
-
-def _fitted(law: Law, problems: Sequence[Regression]) -> FittedLaw | None:
-    """A law fitted to points; None where there are too few."""
-    if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
-        return None
-    shaped = [with_best_shape(p, default_range(p.velocity)) for p in problems]
-    solutions = [solve(p, default_range(p.velocity)) for p in shaped]
-    return FittedLaw(
-        law=law,
-        solves=tuple(
+    fitted = list[FittedLaw]()
+    for law in laws_beside(in_force):
+        problems = pose(law)
+        if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
+            continue
+        shaped = [with_best_shape(p, default_range(p.velocity)) for p in problems]
+        solutions = [solve(p, default_range(p.velocity)) for p in shaped]
+        solves = tuple(
             Solve(s.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured))
             for p, s in zip(shaped, solutions, strict=True)
-        ),
-        left_out=partial(_left_out, shaped),
-        known=partial(_known, shaped, solutions),
-    )
+        )
+        left_out, known = partial(_left_out, shaped), partial(_known, shaped, solutions)
+        fitted.append(FittedLaw(law=law, solves=solves, left_out=left_out, known=known))
+    return ranked("points", fitted, in_force.name)
 
 
 def percent_of(costs: Sequence[float | None], power: float) -> float | None:

@@ -81,6 +81,8 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
 
     Raises InputError where the load of the links is asked for and nothing says what it is.
     """
+    from scipy import signal
+
     levels, weighing = levels_of(regressors), [name for name in regressors if name in _WEIGHTS]
     if not levels:
         return None
@@ -90,27 +92,18 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
         raise InputError(
             f"fit.law: {asked} needs what gravity does to the joint; add gravity under fit.regressors, or identify the joint in a robot"
         )
-    columns = extra_columns(weighing, record)
-    n = record.time.size
+    columns, n, motor = extra_columns(weighing, record), record.time.size, needed(record, "torque")
+    if decimation > 1:  # without what the decimation filter takes off, segment by segment
+        sections, torque, motor = signal.butter(4, 0.8 / decimation, output="sos"), motor, motor.copy()
+        for part in between_gaps(record):
+            motor[part] = signal.sosfiltfilt(sections, torque[part], padlen=min(part.stop - part.start - 1, 15))
     return Load(
         levels=levels,
-        motor=_smoothed(record, needed(record, "torque"), decimation),
+        motor=motor,
         weights=tuple(columns),
         columns=np.column_stack(list(columns.values())) if columns else np.zeros((n, 0)),
         known=np.zeros(n) if links is None else links,
     )
-
-
-def _smoothed(record: Record, torque: Array, decimation: int) -> Array:
-    """Without what the decimation filter takes off, segment by segment, (N,)."""
-    from scipy import signal
-
-    if decimation == 1:
-        return torque
-    sections, smooth = signal.butter(4, 0.8 / decimation, output="sos"), torque.copy()
-    for part in between_gaps(record):
-        smooth[part] = signal.sosfiltfilt(sections, torque[part], padlen=min(part.stop - part.start - 1, 15))
-    return smooth
 
 
 def level_columns(

@@ -150,9 +150,3 @@ def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[f
                 break
         costs.append(power_of(left[part] / share[part]))
     return costs
-
-
-def masks_of_runs(problem: DynamicProblem) -> list[NDArray[np.bool_]]:
-    """The equations of each run, (n,) each; none where there is but one."""
-    names = dict.fromkeys(problem.file.tolist())
-    return [problem.file == name for name in names] if len(names) > 1 else []

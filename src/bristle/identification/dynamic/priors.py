@@ -162,7 +162,12 @@ def posed_and_start(
 ) -> tuple[DynamicProblem, Mapping[ParameterName, float]]:
     """The problem of the training runs, and where its fit begins."""
     whole = _problem(experiment, moving, records, {})
-    fixed = {**whole.fixed, **_shape(whole, static), **_fixed(experiment, whole)}
+    # what the peak has beside v_s as the static fit found it, which motion hardly shows; else the middle of what is searched
+    shape = dict[ParameterName, float]()
+    for d, own in product(whole.directions, whole.law.peak.own):
+        fit = _static_of(static, d)
+        shape[ParameterName(own.name, d)] = _value(fit.parameters.get(own.name) if fit else None, own.middle)
+    fixed = {**whole.fixed, **shape, **_fixed(experiment, whole)}
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
     whole = replace(whole, fixed=fixed)
     if experiment.fit.predict == "torque":
@@ -274,16 +279,6 @@ def _stiffness(slow: Presliding | None, direction: Direction) -> Estimate | None
 
 def _value(e: Estimate | None, otherwise: float) -> float:
     return otherwise if e is None or not e.value else e.value
-
-
-def _shape(problem: DynamicProblem, static: Mapping[str, StaticFit]) -> dict[ParameterName, float]:
-    """What the peak has beside v_s: as the static fit found it, which motion hardly shows; else the middle of what is searched."""
-    shape = dict[ParameterName, float]()
-    for d, own in product(problem.directions, problem.law.peak.own):
-        fit = _static_of(static, d)
-        known = fit.parameters.get(own.name) if fit is not None else None
-        shape[ParameterName(own.name, d)] = _value(known, own.middle)
-    return shape
 
 
 def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterName, float]:

@@ -100,7 +100,12 @@ def stiffness_by_amplitude(
             strict=True,
         )
     )  # fmt: skip  # one row, one line
-    error = float(np.hypot(line.error, _by_level(points, knots, level)))
+    by_level = 0.0  # what the error of g0 adds to that of the fall
+    if level.standard_error and not level.is_bound:
+        width = min(level.standard_error, 0.1 * level.value)
+        falls = [other.fall for s in (-1, 1) if (other := _line(points, knots, level.value + s * width)) is not None]
+        by_level = abs(falls[-1] - falls[0]) / (2 * width) * level.standard_error if len(falls) == 2 else np.inf
+    error = float(np.hypot(line.error, by_level))
     if line.fall > stdtrit(line.freedom, RARE) * error or np.exp(line.fall) > 1 - _SMALLEST:
         return rows, None
     low, high, of, d = float(knots[0]), float(knots[-1]), unit("torque", kind), loadings[0].direction
@@ -153,15 +158,6 @@ def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
         ends.append(far if nearest is None else float(brentq(lambda x: cost(x) - limit, best, nearest)))
     most = level.value / ends[1] if ends[1] > _STRAIGHT else np.inf
     return level._replace(value=level.value / ends[0], most=most)
-
-
-def _by_level(points: _Points, knots: Array, level: KnownValue) -> float:
-    """What the error of g0 adds to that of the fall."""
-    if level.is_bound or not level.standard_error:
-        return 0.0
-    width = min(level.standard_error, 0.1 * level.value)
-    falls = [line.fall for s in (-1, 1) if (line := _line(points, knots, level.value + s * width)) is not None]
-    return abs(falls[-1] - falls[0]) / (2 * width) * level.standard_error if len(falls) == 2 else np.inf
 
 
 def _points(loadings: Sequence[Loading], g0: float) -> _Points:

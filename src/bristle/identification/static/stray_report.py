@@ -130,15 +130,15 @@ def _told(points: Sequence[str]) -> tuple[str, ...]:
 
 def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
     """The first points by name, and how many there are beside them."""
-    rest = len(rows) - _LISTED
-    return (*(_named(search, k) for k in rows[:_LISTED]), *([f"and {rest} more"] if rest > 0 else []))
-
-
-def _named(search: PointSearch, k: int) -> str:
-    s = search.points[k]
-    file, where = s.subject
-    off = f", {search.deviations[k]:+.0f} standard deviations off" if search.deviations[k] else ""
-    return f"{file} {where} ({s.torque:.4g}{unit_of('torque')} at {s.velocity:.3g}{unit_of('velocity')}{off})"
+    named, rest = list[str](), len(rows) - _LISTED
+    for k in rows[:_LISTED]:
+        s = search.points[k]
+        file, where = s.subject
+        off = f", {search.deviations[k]:+.0f} standard deviations off" if search.deviations[k] else ""
+        named.append(
+            f"{file} {where} ({s.torque:.4g}{unit_of('torque')} at {s.velocity:.3g}{unit_of('velocity')}{off})"
+        )
+    return (*named, *([f"and {rest} more"] if rest > 0 else []))
 
 
 def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) -> Stray:
