@@ -22,7 +22,7 @@ studentised.
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import ceil
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
@@ -165,10 +165,8 @@ def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dic
     which = problem.shared[inside[problem.shared]]
     J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
     starts = [block.rows.start for block in problem.blocks] if whole else problem.starts
-    prior_rows, length = J[n:], n if whole else None
-    drawn = block_bootstrap(
-        J[:n], minimum.residuals[:n], starts, priors=prior_rows, sigma=problem.sigma, length=length, seed=seed
-    )
+    options: dict[str, Any] = {"sigma": problem.sigma, "length": n if whole else None, "seed": seed}
+    drawn = block_bootstrap(J[:n], minimum.residuals[:n], starts, priors=J[n:], **options)
     out: dict[Name, tuple[Array, Array]] = {}
     for column, j in enumerate(which.tolist()):
         box, ends = (unknowns.lower[j], unknowns.upper[j]), x[j] + np.array(drawn.interval(column, float(errors[j])))

@@ -108,9 +108,8 @@ def document_of(found: Any) -> Document:
     """
     document = validated(found, adapter())
     check_most("joints", len(document.joints))
-    return replace(
-        document, joints={name: replace(joint, name=name).with_subjects() for name, joint in document.joints.items()}
-    )
+    named = {name: replace(joint, name=name).with_subjects() for name, joint in document.joints.items()}
+    return replace(document, joints=named)
 
 
 def joints_of(document: Document) -> tuple[Joint, ...]:

@@ -234,16 +234,12 @@ def with_averages(fits: Mapping[str, StaticFit], laws: LawComparison | None) -> 
     An average is of what was compared: a fit of other points, or without the Stribeck term that every compared law has, is
     as it was.
     """
-    same = (
-        laws is not None and laws.data == "points" and sum(fit.n for d, fit in fits.items() if d != "shared") == laws.n
-    )
-    averaged = laws.averaged if laws is not None and same else {}
-    return {
-        d: replace(fit, parameters=_told(fit.parameters, {n.name: x for n, x in averaged.items() if n.direction == d}))
-        if "v_s" in fit.parameters
-        else fit
-        for d, fit in fits.items()
-    }
+    n, told = sum(fit.n for d, fit in fits.items() if d != "shared"), dict(fits)
+    if laws is not None and laws.data == "points" and n == laws.n:
+        for d, fit in fits.items():
+            own = {n.name: x for n, x in laws.averaged.items() if n.direction == d and "v_s" in fit.parameters}
+            told[d] = replace(fit, parameters=_told(fit.parameters, own))
+    return told
 
 
 def with_averages_of_motion(fit: TrackingFit | None, laws: LawComparison | None) -> TrackingFit | None:

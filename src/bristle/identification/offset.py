@@ -35,19 +35,14 @@ def offset_or_friction(
     """
     order = {name: k for k, name in enumerate(names)}
     pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
-    free = [
-        pair for pair in pairs if all(name in order and np.isfinite(covariance[order[name]]).all() for name in pair)
-    ]
+    told = {name for name, k in order.items() if np.isfinite(covariance[k]).all()}
+    free = [pair for pair in pairs if told.issuperset(pair)]
     if pairs[0] not in free:
         return []
     plus, minus = (np.array([order[pair[k]] for pair in free]) for k in (0, 1))
     apart = np.array([values[a] - values[b] for a, b in free])
-    S = (
-        covariance[np.ix_(plus, plus)]
-        + covariance[np.ix_(minus, minus)]
-        - covariance[np.ix_(plus, minus)]
-        - covariance[np.ix_(minus, plus)]
-    )
+    (S_pp, S_pm), (S_mp, S_mm) = ([covariance[np.ix_(a, b)] for b in (plus, minus)] for a in (plus, minus))
+    S = S_pp + S_mm - S_pm - S_mp
     weight = np.linalg.pinv(S[1:, 1:], hermitian=True)
     others, rest = float(apart[1:] @ weight @ apart[1:]), len(free) - 1
     twice = float(apart[0] - S[0, 1:] @ weight @ apart[1:])
@@ -84,9 +79,8 @@ def offset_of_points(experiment: Experiment, static: Mapping[str, StaticFit]) ->
         both = block_diag(*(fit.covariance for fit in fits))
         if found := offset_or_friction(names, values, both, min(fit.degrees_of_freedom or 0 for fit in fits)):
             return found
-    (plus, one), (minus, other) = (
-        (e.value, e.standard_error or 0.0) for e in (fit.parameters["alpha_0"] for fit in fits)
-    )
+    levels = (fit.parameters["alpha_0"] for fit in fits)
+    (plus, one), (minus, other) = ((e.value, e.standard_error or 0.0) for e in levels)
     if plus is None or minus is None or abs(plus - minus) < 2 * np.hypot(one, other):
         return []
     offset, common, T = (plus - minus) / 2, (plus + minus) / 2, unit_of("torque")

@@ -66,9 +66,7 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     error = float(np.sqrt(weight**2 @ (slopes - mean) ** 2 / (1 - weight.max())))
     times = [s.time for s in points if s.time is not None]
     one = len({s.file for s in points}) == 1 and len(times) == len(points)
-    across = abs(mean) * (
-        max(times) - min(times) if one else float(durations.sum())
-    )  # from the first point to the last
+    across = abs(mean) * (max(times) - min(times) if one else float(durations.sum()))  # from first point to last
     level_of_test = SIGNIFICANCE if in_order else RARE
     chance = 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) if error else 1.0
     if chance > level_of_test or across < 2 * scatter:

@@ -46,9 +46,8 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
         if run.kind == "ramp" and record.velocity is not None and record.torque is not None and points:
             velocity, torque = np.array(record.velocity), np.empty(record.time.size)
             begins = {k: found[k].start for k in points}
-            for k in (
-                points
-            ):  # without noise, which changes the sign in a slow hold: from where its position is as straight on
+            for k in points:
+                # without noise, which changes the sign in a slow hold: from where its position is as straight on
                 s = found[k]
                 if record.position is not None:
                     line = record.position - s.velocity * record.time

@@ -27,10 +27,8 @@ WIDE = 0.5
 _SAMPLES = 5  # in which a motion has to pass the bristle's deflection
 _NOTHING = 1e-8  # share of its column that a half must have, to say anything of a parameter
 _INFLATED = 10.0  # a variance inflation beyond which two parameters are told apart badly
-_SPEEDS, _SLOWEST = (
-    8,
-    1e-2,
-)  # values of v_s at which a left-out term is looked for, from this share of the fastest speed on
+_SPEEDS = 8  # values of v_s at which a left-out term is looked for, ...
+_SLOWEST = 1e-2  # ... from this share of the fastest speed on
 BRISTLE = ("sigma_0", "sigma_1")
 _COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}  # what means nothing without another parameter, and without which
 
@@ -166,9 +164,8 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
     out, companion = dict(estimates), Finding("unseen-companion", NOTE, message)
     for name, e in estimates.items():
         first = _COMPANION.get(name.name)
-        alone = first is not None and not weak.isdisjoint(
-            (name._replace(name=first), ParameterName(first, Direction.BOTH))
-        )
+        companions = {ParameterName(first, d) for d in (name.direction, Direction.BOTH)} if first else set()
+        alone = not weak.isdisjoint(companions)
         nothing = any(warning.code in {"unseen-unconverged", "unseen-too-few"} for warning in e.warnings)
         if nothing or (name.name not in asked and (alone or name in weak)):
             # the reason, and the interval where that is not doubted itself
@@ -289,6 +286,5 @@ def asked_peak(
     if not (size > 0 and _SPEEDS * found[best].p / 2 < chance):
         return None
     moved = moved_by(known, -size * columns[:, best])
-    return AskedPeak(
-        size, float(speeds[best]), dict(zip([solution.names[k] for k in seen], moved.tolist(), strict=True))
-    )
+    by_name = dict(zip([solution.names[k] for k in seen], moved.tolist(), strict=True))
+    return AskedPeak(size, float(speeds[best]), by_name)

@@ -72,9 +72,8 @@ def without_count_bias(
     torque = np.concatenate(modelled(smooth, solved.values))
     torques = np.split(torque, np.cumsum([r.time.size for r in true])[:-1])
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
-    priors = tuple(
-        replace(prior, value=np.array([solved.values[name] for name in prior.names])) for prior in solved.problem.priors
-    )
+    told = ([solved.values[name] for name in prior.names] for prior in solved.problem.priors)
+    priors = tuple(replace(x, value=np.array(own)) for x, own in zip(solved.problem.priors, told, strict=True))
     known = [name for name in solved.problem.names if isinstance(name, ParameterName)]
     minimum = solved.solution.minimum
     enough = _EXACT**2 * minimum.cost / minimum.residuals.size
@@ -116,9 +115,8 @@ def between_counts(record: Record, resolution: float) -> Record:
         if np.sqrt(np.mean((smoother - position) ** 2)) > resolution / np.sqrt(12):
             break
         smooth, lower = smoother, lower / _LADDER
-    return replace(
-        record, position=smooth, velocity=derivative(record, smooth), acceleration=derivative(record, smooth, 2)
-    )
+    velocity, acceleration = (derivative(record, smooth, order) for order in (1, 2))
+    return replace(record, position=smooth, velocity=velocity, acceleration=acceleration)
 
 
 def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:

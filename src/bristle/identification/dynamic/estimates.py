@@ -95,12 +95,9 @@ def estimates_of(
 
 def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
-    scale = solution.posed.unknowns.scale
-    out = {}
+    out, columns = {}, np.array([solution.minimum.x, solution.scaled_errors, solution.posed.unknowns.scale])
     reaches = [student(x) for x in solution.freedoms.tolist()]
-    for name, x, error, size, reach in zip(
-        solution.names, solution.minimum.x, solution.scaled_errors.tolist(), scale.tolist(), reaches, strict=True
-    ):
+    for name, (x, error, size), reach in zip(solution.names, columns.T.tolist(), reaches, strict=True):
         if not isinstance(name, ParameterName):
             continue
         bare, value = name.name, solution.values[name]
@@ -108,8 +105,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
         if bare in LOGARITHMIC:
             with np.errstate(over="ignore"):
                 low, high = (float(np.exp(x + s * reach * error)) for s in (-1, 1))
-            se = value * error
-            relative = error
+            se, relative = value * error, error
         else:
             se = size * error
             low, high = value - reach * se, value + reach * se
@@ -183,9 +179,8 @@ def search_findings(
 
 def seen_parameters(solution: MultistartSolution[Unknown]) -> list[int]:
     """Columns of the parameters, starts of the motions apart, of which anything is seen."""
-    return [
-        k for k, n in enumerate(solution.names) if isinstance(n, ParameterName) and solution.scaled_errors[k] < np.inf
-    ]
+    seen = np.flatnonzero(solution.scaled_errors < np.inf).tolist()
+    return [k for k in seen if isinstance(solution.names[k], ParameterName)]
 
 
 def hardly_seen_findings(
@@ -199,9 +194,8 @@ def hardly_seen_findings(
     warnings = []
     for value, direction in zip(values, directions, strict=True):
         if value < _UNSEEN * values[0]:
-            members = [
-                (solution.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
-            ]
+            large = np.flatnonzero(np.abs(direction) > 0.3 * np.abs(direction).max())
+            members = [(solution.names[keep[k]], direction[k]) for k in large]
             if any(name in unseen or not of_friction(name.name) for name, _ in members):
                 warnings.append(hardly_seen(members))
     for k, name in enumerate(solution.names):
@@ -250,8 +244,7 @@ def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterNa
         if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             warnings.append(not_passive(lugre, d))
         if bends_down(lugre):
-            fastest = getattr(lugre, FASTEST)
-            warnings.append(curve_held(fastest))
+            warnings.append(curve_held(getattr(lugre, FASTEST)))
         if J and J > 0 and not {ParameterName(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
             ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
             if not 0.02 < ratio < 5:

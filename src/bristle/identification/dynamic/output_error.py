@@ -156,13 +156,12 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
     """The simulated motor with its drive changed as by this share of a constant's standard error."""
     plant = problem.equations
     per = plant.motor.R / plant.motor.k_t if isinstance(plant, Simulated) else 1.0  # volts, or the torque itself
-    windows = (m for m in problem.motions if isinstance(m, Window))
-    return replace(
-        problem,
-        motions=tuple(
-            replace(w, drive=w.drive + share * per * w.shifts[constant]) if constant in w.shifts else w for w in windows
-        ),
-    )
+    moved = [
+        replace(w, drive=w.drive + share * per * w.shifts[constant]) if constant in w.shifts else w
+        for w in problem.motions
+        if isinstance(w, Window)
+    ]
+    return replace(problem, motions=tuple(moved))
 
 
 def _means(samples: int, decimation: int) -> sparse.csr_array | None:

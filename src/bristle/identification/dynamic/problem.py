@@ -204,9 +204,8 @@ class DynamicProblem:
     def extent(self) -> float:
         """What residuals are relative to: the norm of the measured torque, or of the way from each motion's mean position."""
         rows = [m.smoothed(m.measured) for m in self.motions]
-        return float(
-            np.linalg.norm(np.concatenate(rows if self.quantity == "torque" else [r - r.mean() for r in rows]))
-        )
+        rows = rows if self.quantity == "torque" else [r - r.mean() for r in rows]
+        return float(np.linalg.norm(np.concatenate(rows)))
 
     def percent(self, rows: Array) -> float:
         """100 * norm(rows) / extent, percent; nan where its squares are too small to be numbers."""
@@ -396,9 +395,8 @@ def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[Parameter
     load = motion.load
     if load is None:
         return None, ()
-    levels, weights = (
-        [ParameterName(name, Direction.SHARED) for name in names] for names in (load.levels, load.weights)
-    )
+    both = (load.levels, load.weights)
+    levels, weights = ([ParameterName(name, Direction.SHARED) for name in names] for names in both)
     rises, slopes = load.by({name.name: known[name] for name in weights})
     by = np.array([known[name] for name in levels])
     return np.vstack([by @ rises, rises, np.einsum("m,mkn->kn", by, slopes)]), (*levels, *weights)

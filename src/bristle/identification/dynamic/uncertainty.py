@@ -116,9 +116,9 @@ def _three(
     elif blocks < FEW:
         warnings.append(too_few(few))
     if e.value is not None:
-        warnings += interval_comparison.warnings(
-            e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < ENOUGH else None
-        )
+        told = few if blocks < ENOUGH else None
+        ways = (e.interval, (low, high), bootstrap)
+        warnings += interval_comparison.warnings(e.value, *ways, at_bound=at_bound, few=told)
     return Uncertainty(
         covariance=e.interval if profile.curve.size else None,
         profile=(low, high),
@@ -172,15 +172,12 @@ def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float
             rows = [m.smoothed(m.shifts.get(constant, np.zeros(m.time.size))) for m in problem.motions]
             change = np.concatenate(rows)
         else:
-            more, less = (
-                residuals(with_more_torque(problem, constant, by), solved.values)[0] for by in (_STEP, -_STEP)
-            )
+            both = (with_more_torque(problem, constant, by) for by in (_STEP, -_STEP))
+            more, less = (residuals(moved, solved.values)[0] for moved in both)
             change = (more - less) / (2 * _STEP)
-        of_priors = [
-            -problem.sigma * (prior.root @ prior.shifts.get(constant, np.zeros(prior.value.size)))
-            for prior in problem.priors
-        ]
-        moved = -first_order(J, np.concatenate([change * weight, *of_priors])) * slopes
+        of_priors = ((x.root, x.shifts.get(constant, np.zeros(x.value.size))) for x in problem.priors)
+        rows = [change * weight, *(-problem.sigma * (root @ shift) for root, shift in of_priors)]
+        moves = (-first_order(J, np.concatenate(rows)) * slopes).tolist()
         names = (unknowns.names[k] for k in chosen.tolist())
-        shifts[constant] = {n: by for n, by in zip(names, moved.tolist(), strict=True) if isinstance(n, ParameterName)}
+        shifts[constant] = {n: by for n, by in zip(names, moves, strict=True) if isinstance(n, ParameterName)}
     return shifts

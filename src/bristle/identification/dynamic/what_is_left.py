@@ -154,9 +154,7 @@ def _delay(
     """
     far = _far_from_reversals(problem, solution)
     apart = score(fit.known[far], fit.rest[far], (fit.weight * column)[far, None])
-    (whole, error), (beyond, its_error) = (
-        _without_counts(x, made[rows]) for x, rows in ((found, slice(None)), (apart, far))
-    )
+    (whole, error), (beyond, its_error) = _without_counts(found, made), _without_counts(apart, made[far])
     alike = beyond * whole > 0 and abs(beyond) > _ALIKE * its_error
     if abs(whole) < _SURE * error or (not alike and _SURE * its_error < abs(whole)):
         return None  # sliding would have shown it
@@ -348,9 +346,8 @@ def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
 def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:
     """Which equations see only samples at which the joint slides, (n,)."""
     known = parameters(problem, solution.values)
-    reach = _SLID * max(
-        (p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in ([known] if isinstance(known, Lugre) else known)
-    )
+    sets = [known] if isinstance(known, Lugre) else known
+    reach = _SLID * max((p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in sets)
     filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0
     far = []
     for m in problem.motions:

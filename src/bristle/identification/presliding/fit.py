@@ -320,16 +320,15 @@ def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estim
         )
         none = Finding("no-sigma-1", NOTE, f"No estimate: (15) needs J and sigma_0, but {why}.", {"why": why})
         return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(none,))
-    value, by_sigma_0, by_J = (
-        float(x) for x in evaluate(functions.presliding_damping_function(), sigma_0.value, inertia.value, DAMPING_RATIO)
-    )
+    damping = functions.presliding_damping_function()
+    value, by_sigma_0, by_J = map(float, evaluate(damping, sigma_0.value, inertia.value, DAMPING_RATIO))
     message = (
         f"An assumption, not an estimate: (15) with an assumed damping ratio of {DAMPING_RATIO:g} (J: "
         f"{inertia.source.message}); without an error, since that ratio is known no better than a factor."
     )
     assumed = Finding("prior", CAUTION, message, {"ratio": DAMPING_RATIO, "source": inertia.source})
     prior = Estimate(value=value, unit=unit("sigma_1", kind), warnings=(assumed,))
-    constants = dict.fromkeys((*sigma_0.shifts, *inertia.shifts))
-    return shifted(
-        prior, {c: by_sigma_0 * sigma_0.shifts.get(c, 0.0) + by_J * inertia.shifts.get(c, 0.0) for c in constants}
-    )
+    shifts = {c: by_sigma_0 * by for c, by in sigma_0.shifts.items()}
+    for c, by in inertia.shifts.items():
+        shifts[c] = shifts.get(c, 0.0) + by_J * by
+    return shifted(prior, shifts)

@@ -169,10 +169,8 @@ def _points(loadings: Sequence[Loading], g0: float) -> _Points:
             y, U, weight = piece.edge_y, piece.edge_U, piece.weight
         else:
             stretches = np.linspace(0, piece.y.size, min(_BLOCKS, piece.y.size) + 1).astype(int)[:-1]
-            y, U = (
-                np.add.reduceat(x, stretches) / np.diff([*stretches, x.size]) if x.size else x
-                for x in (piece.y, piece.U)
-            )
+            sizes = np.diff([*stretches, piece.y.size])
+            y, U = (np.add.reduceat(x, stretches) / sizes if x.size else x for x in (piece.y, piece.U))
             weight = np.exp(-2 * np.maximum(U, 0.0) / g0)
         rows.append([y, -g0 * np.expm1(-U / g0), weight, np.full(y.size, k)])
     return _Points(*(np.concatenate(column) for column in zip(*rows, strict=True)))
@@ -192,10 +190,8 @@ def _finest(points: _Points, g0: float) -> tuple[Array, _Bending] | None:
 
 def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
     """The line f by weighted least squares; None where the points do not determine it."""
-    U, at = (
-        evaluate(functions.loading_displacement_function(), np.minimum(T, LIMIT * g0), g0, 1.0)[0]
-        for T in (points.T, knots)
-    )
+    bent = functions.loading_displacement_function()
+    U, at = (evaluate(bent, np.minimum(T, LIMIT * g0), g0, 1.0)[0] for T in (points.T, knots))
     columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
     centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
     y, A = centred[:, 0], centred[:, 1:]

@@ -101,10 +101,8 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
     """
     if level.is_bound:
         most = min(level.most, _STRAIGHT * level.value)
-        near, middle, far = (
-            stiffness(loadings, KnownValue(g0, 0.0, level.source), kind)
-            for g0 in (level.value, level.middle.value, most)
-        )
+        each = (KnownValue(g0, 0.0, level.source) for g0 in (level.value, level.middle.value, most))
+        near, middle, far = (stiffness(loadings, given, kind) for given in each)
         found = {name: _between(near[name], middle[name], far[name]) for name in near}
         ends = found["edges"].interval
         if ends is None:
@@ -243,9 +241,8 @@ def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimat
         why = Finding("not-positive", CRITICAL, message)
         return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(why,))
     reach = student(freedom) * error
-    return Estimate(
-        value=value, unit=unit("sigma_0", kind), standard_error=error, interval=(max(value - reach, 0.0), value + reach)
-    )
+    interval = max(value - reach, 0.0), value + reach
+    return Estimate(value=value, unit=unit("sigma_0", kind), standard_error=error, interval=interval)
 
 
 def _first_count(
@@ -347,9 +344,8 @@ def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     score, freedom = y * (U - slope * y), y.size - len(starts) - 1
     variance_inflation = inflation(score)
     # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
-    variance = (
-        float(score @ score) * y.size / freedom * variance_inflation / float(y @ y) ** 2 if freedom > 0 else slope**2
-    )
+    scattered = float(score @ score) * y.size / max(freedom, 1) * variance_inflation / float(y @ y) ** 2
+    variance = scattered if freedom > 0 else slope**2
     return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(starts) - 1, 1.0)
 
 
@@ -368,9 +364,8 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     score = t * rest  # what scatters, correlated and of a variance that grows with the torque
     variance_inflation = inflation(score)
     freedom = max(y.size / variance_inflation - len(starts) - 1, 1.0)
-    error = np.sqrt(float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)) / abs(
-        along or 1.0
-    )
+    scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)
+    error = np.sqrt(scatter) / abs(along or 1.0)
     if abs(compliance) < _NONE:
         return np.inf, np.inf, freedom
     return 1 / compliance, float(error / compliance**2), freedom
@@ -431,9 +426,8 @@ def with_shifts(
         if quantum > 0 and first.size:
             by_g0 = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[1]
             slopes["corrected"] = float(np.mean(by_g0)) / quantum
-    return {
-        name: shifted(
-            e, {c: (e.value or 0.0) * shares.get(c, 0.0) + slopes.get(name, 0.0) * moved[c] for c in constants}
-        )
-        for name, e in estimates.items()
-    }
+    found = dict[str, Estimate]()
+    for name, e in estimates.items():
+        value, slope = e.value or 0.0, slopes.get(name, 0.0)
+        found[name] = shifted(e, {c: value * shares.get(c, 0.0) + slope * moved[c] for c in constants})
+    return found

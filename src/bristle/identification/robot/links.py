@@ -49,9 +49,8 @@ class LinkScale:
 def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale | None:
     """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor; None of too few samples."""
     asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
-    problem = from_records(
-        records, directions(experiment, records), asked, experiment.fit.decimation or decimation(records), None
-    )[0]
+    every = experiment.fit.decimation or decimation(records)
+    problem = from_records(records, directions(experiment, records), asked, every, None)[0]
     if problem.torque.size <= len(problem.names):
         return None
     estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]

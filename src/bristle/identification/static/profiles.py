@@ -82,9 +82,8 @@ def profiled(
     peaks = len(problem.peaks)
     names, best = few.names[: len(few.names) - peaks], solution.theta[solution.theta.size - peaks :]
     projected, v_s = Projected(few), dict[ParameterName, tuple[float, float]]()
-    for k, name in enumerate(
-        few.names[len(names) :]
-    ):  # of two, the other's v_s is searched on the grid and near its best
+    for k, name in enumerate(few.names[len(names) :]):
+        # of two, the other's v_s is searched on the grid and near its best
         costs = partial(projected.profile, peak=k, others=others(solution, peaks, k))
         v_s[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
     box = np.array([np.clip(ends, solution.grid[0], solution.grid[-1]) for ends in v_s.values()]).reshape(peaks, 2)
@@ -124,9 +123,8 @@ def drawn_profiles(
     for k, direction in enumerate(problem.peaks):
         best = float(solution.theta[k - len(problem.peaks)])
         costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
-        plain_v_s = (
-            np.linspace(*v_s_range, PLAIN_GRID) if len(problem.peaks) == 1 and problem.smooth is None else solution.grid
-        )
+        plain = len(problem.peaks) == 1 and problem.smooth is None
+        plain_v_s = np.linspace(*v_s_range, PLAIN_GRID) if plain else solution.grid
         # even in log(v_s), where the profile is below ten times the threshold's height
         grid, low = solution.grid, solution.profiles[k] <= solution.cost + 10 * (threshold - solution.cost)
         near = np.append(np.flatnonzero(low), np.searchsorted(grid, best))
@@ -138,7 +136,7 @@ def drawn_profiles(
             near_v_s=around,
             near_cost=costs(around),
             plain_v_s=plain_v_s,
-            plain_cost=costs(plain_v_s) if plain_v_s is not solution.grid else solution.profiles[k],
+            plain_cost=costs(plain_v_s) if plain else solution.profiles[k],
             best=best,
             best_cost=solution.cost,
             threshold=threshold,

@@ -60,10 +60,8 @@ def fit_points(
     searches = {search.sides: search for search in measured.searches}
     for sides, group in groups(experiment, points):
         signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())
-        own = by_file(s for s in held if np.sign(s.velocity) in signs)
-        tests, apart = (
-            [(file, points_problem(s, sides, asked, law)) for file, s in of.items()] for of in (own, by_file(group))
-        )
+        both = by_file(s for s in held if np.sign(s.velocity) in signs), by_file(group)
+        tests, apart = ([(file, points_problem(s, sides, asked, law)) for file, s in of.items()] for of in both)
         runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
         # a run of one point has no course over time
         known = [[s.time for s in group] if len(apart) < len(group) else [None], [s.position for s in group]]

@@ -92,9 +92,8 @@ def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> Bett
 
 def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> BetterSetUp | None:
     """The same of points at constant velocity; a part is every fifth of them in the order of speed."""
-    asked = SetUp(
-        _sides(points) if experiment.fit.directions == "separate" else ("both",), point_regressors(experiment)
-    )
+    sides = _sides(points) if experiment.fit.directions == "separate" else ("both",)
+    asked = SetUp(sides, point_regressors(experiment))
     return _better(asked, _of_points(points, asked.regressors))
 
 
@@ -136,14 +135,12 @@ def proposed_for_points(points: Sequence[Segment]) -> BetterSetUp | None:
 
 def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     fixed, _ = inertia(experiment)
-    has = {
-        name for name in ("position", "velocity", "acceleration") if all(getattr(r, name) is not None for r in records)
-    }
-    has |= {"link_torque"} if "links" in regressors(experiment) else set()  # else it is known, and no column
-    possible = [
-        name for name, terms in REGRESSORS.items() if set(terms.needs) <= has and (name != "inertia" or fixed is None)
-    ] + _periodic(regressors(experiment))
-    possible = [name for name in possible if name not in {r.made_of for r in records}]
+    signals, asked = ("position", "velocity", "acceleration"), regressors(experiment)
+    has = {name for name in signals if all(getattr(r, name) is not None for r in records)}
+    has |= {"link_torque"} if "links" in asked else set()  # else it is known, and no column
+    known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
+    possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has] + _periodic(asked)
+    possible = [name for name in possible if name not in known]
     turns = not slides(experiment.joint.kind) and "position" in has
     if "gravity" in possible and not (turns and swings([np.asarray(r.position) for r in records])):
         possible.remove("gravity")

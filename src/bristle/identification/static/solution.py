@@ -68,9 +68,8 @@ class StaticSolution:
 def apart(one: StaticSolution, other: StaticSolution) -> float:
     """By how much another fit of some of the points differs from one over all of its own, N*m, rms."""
     posed = replace(one.problem, peaks=other.problem.peaks)
-    return float(
-        np.sqrt(np.mean((posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)) ** 2))
-    )
+    off = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
+    return float(np.sqrt(np.mean(off**2)))
 
 
 def solve_static(
@@ -89,9 +88,8 @@ def solve_static(
     jacobian = solution.jacobian
     intervals, of_shape = over_shapes(problem, likelihood, v_s_range)
     more = own_columns(problem, solution)
-    with_more, freedom = uncertainty.covariance(
-        np.concatenate([jacobian[:, free], more], axis=1), solution.cost, variance_inflation
-    )
+    J = np.concatenate([jacobian[:, free], more], axis=1)
+    with_more, freedom = uncertainty.covariance(J, solution.cost, variance_inflation)
     alone = free.sum() + more.shape[1] * (len(problem.directions) == 1)  # of two directions the shape is of neither
     covariance = with_more[:alone, :alone]
     full, _ = uncertainty.covariance(np.concatenate([jacobian, more], axis=1), solution.cost, variance_inflation)
@@ -204,10 +202,8 @@ def _without_peak(
 
 def _unbounded(problem: Regression, solution: Solution, likelihood: StaticProfiles) -> dict[Direction, Finding]:
     """Directions whose v_s has an end outside the range searched, or no speed below it, each with the reason."""
-    unbounded = {}
-    for direction, name, v_s in zip(
-        problem.peaks, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1].tolist(), strict=False
-    ):
+    unbounded, names, best = {}, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1].tolist()
+    for direction, name, v_s in zip(problem.peaks, names, best, strict=False):
         low, high = likelihood.intervals[name]
         speeds, why = problem.speeds(direction), None
         if low == 0:
