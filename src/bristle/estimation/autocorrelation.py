@@ -72,10 +72,7 @@ def _inflation(x: Array, along: Array | None) -> float:
 
 
 def standard_error(x: Array) -> float | None:
-    """Standard error of the mean of x, corrected for autocorrelation.
-
-    None where x holds fewer than two independent samples.
-    """
+    """Standard error of the mean of correlated x; None of fewer than two independent samples."""
     tau = inflation(x)
     return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
 

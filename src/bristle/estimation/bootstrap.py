@@ -22,7 +22,7 @@ studentised.
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 from math import ceil
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import chdtrc
@@ -123,10 +123,7 @@ def residual_bootstrap(
 
 
 def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Array]:
-    """Coefficients of columns (n, p) that fit values, (n, sets), and their standard errors, (p, sets) each.
-
-    Errors are HC3 if `uneven`.
-    """
+    """Coefficients of columns (n, p) that fit values, (n, sets), and their errors, HC3 if `uneven`, (p, sets) each."""
     inner = inverse_gram(columns)
     weights = inner @ columns.T
     theta = weights @ values
@@ -139,10 +136,7 @@ def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Ar
 
 
 def variances_differ(residuals: Array, place: Array) -> bool:
-    """Whether the residuals' variance depends on the place (Koenker's test against a parabola over its logarithm, 1 %).
-
-    Never with few equations.
-    """
+    """Whether the variance depends on the place: Koenker's test, a parabola in its logarithm, 1 %; not of few."""
     x, square = np.log(np.abs(place)), residuals**2
     if residuals.size < 10 or not np.ptp(x) > 0 or not square.any():
         return False
@@ -153,11 +147,11 @@ def variances_differ(residuals: Array, place: Array) -> bool:
     return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
 
 
-def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dict[Name, tuple[Array, Array]], int]:
+def bootstrap_at(solution: MultistartSolution[Name]) -> tuple[dict[Name, tuple[Array, Array]], int]:
     """What resampled blocks, and blocks that err independently, say of a problem's shared unknowns at its minimum.
 
     Returns the ends of the interval, (2,), and draws, (B,), of each unknown that data show and that lies at no bound,
-    in its unit, by name; what leaves the bounds is open. And the number of blocks drawn. `seed` is the generator's.
+    in its unit, by name; what leaves the bounds is open. And the number of blocks drawn.
     """
     problem, minimum, errors = solution.posed, solution.minimum, solution.scaled_errors
     x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
@@ -165,8 +159,8 @@ def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dic
     which = problem.shared[inside[problem.shared]]
     J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
     starts = [block.rows.start for block in problem.blocks] if whole else problem.starts
-    options: dict[str, Any] = {"sigma": problem.sigma, "length": n if whole else None, "seed": seed}
-    drawn = block_bootstrap(J[:n], minimum.residuals[:n], starts, priors=J[n:], **options)
+    length, sigma = n if whole else None, problem.sigma
+    drawn = block_bootstrap(J[:n], minimum.residuals[:n], starts, priors=J[n:], sigma=sigma, length=length)
     out: dict[Name, tuple[Array, Array]] = {}
     for column, j in enumerate(which.tolist()):
         box, ends = (unknowns.lower[j], unknowns.upper[j]), x[j] + np.array(drawn.interval(column, float(errors[j])))
@@ -233,20 +227,14 @@ def block_bootstrap(
 
 
 def block_length(scores: Array) -> int:
-    """Equations in a block.
-
-    Four integrated autocorrelation times of the most correlated column of scores, (n, p), and n**(1/3) at least.
-    """
+    """Equations in a block: four correlation times of the most correlated column of scores, (n, p), or n**(1/3)."""
     n = scores.shape[0]
     times = max(inflation(score) for score in scores.T)
     return int(min(max(ceil(_TIMES * times), ceil(n ** (1 / 3))), n))
 
 
 def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
-    """Quarters of blocks.
-
-    The first equation of each and n, (C + 1,), and the number of the segment that each lies in, (C,).
-    """
+    """Quarters of blocks: the first equation of each and n, (C + 1,), and which segment each lies in, (C,)."""
     step = max(length / _OVERLAP, n / _CELLS)
     firsts = [*starts, n]
     counts = [max(round((stop - first) / step), 1) for first, stop in pairwise(firsts)]
@@ -259,10 +247,7 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
 def _errors(
     grams: Array, scores: Array, prior_rows: Array, sigma: float, times: Array, inverse: Array, steps: Array
 ) -> Array:
-    """Standard errors of resampled estimates from the scores that blocks have left there, (b, p).
-
-    `times` (b, C) counts squares.
-    """
+    """Standard errors of resampled estimates from the scores left in blocks, whose squares count `times`, (b, p)."""
     count, p = scores.shape
     left = scores.T + (steps @ grams.transpose(1, 2, 0).reshape(p, -1)).reshape(-1, p, count)
     influence = inverse @ left
@@ -273,10 +258,7 @@ def _errors(
 
 
 def _blocks(grams: Array, scores: Array, of_segment: Array) -> tuple[Array, Array, Array]:
-    """Sums over the block that begins at each cell, and its weight.
-
-    One over the number of blocks that each of its cells lies in.
-    """
+    """Sums over the block that begins at each cell, and one over the number of blocks that hold each of its cells."""
     sizes = np.bincount(of_segment)
     first, size = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
     place = np.arange(of_segment.size) - first

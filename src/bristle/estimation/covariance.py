@@ -50,10 +50,7 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
 
 
 def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """The covariance at a problem's minimum.
-
-    It is by the jackknife where its blocks err independently, else robust to autocorrelation.
-    """
+    """The covariance at a minimum: by the jackknife where blocks err independently, else robust to correlation."""
     return _jackknife(problem, minimum) if problem.independent else _robust(problem, minimum)
 
 
@@ -70,10 +67,7 @@ def _lengths(jacobian: Array) -> Array:
 
 
 def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """Each unknown's error is a weighted sum of the residuals.
-
-    Its variance allows for their correlation and for a variance that changes.
-    """
+    """Errors as weighted sums of residuals, which may be correlated and of a variance that changes."""
     rest, known = minimum.residuals, seen(minimum.jacobian)
     jacobian = minimum.jacobian[:, known]
     (n, p), priors = jacobian.shape, problem.priors

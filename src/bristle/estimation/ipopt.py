@@ -37,10 +37,7 @@ class SecondRoute(NamedTuple, Generic[Name]):
 
 
 def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
-    """The solver of min cost(x, given), x a column; called with x0, lbx, ubx and, for what is given, p.
-
-    `options` are IPOPT's own.
-    """
+    """The solver of min cost(x, given), called with x0, lbx, ubx and, for what is given, p; `options` are IPOPT's."""
     problem: dict[str, Any] = {"x": x, "f": cost} | ({"p": ca.vertcat(*given)} if given else {})
     settings: dict[str, Any] = {
         "print_time": False,

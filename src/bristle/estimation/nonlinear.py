@@ -204,10 +204,7 @@ def minimise(
 
 
 def _step(gram: Array, slope: Array, scale: Array, free: NDArray[np.bool_], damping: float) -> tuple[Array, float]:
-    """The damped Gauss-Newton step (p,), and by how much it lowers the linearised cost.
-
-    It is zero where an unknown is not free.
-    """
+    """The damped Gauss-Newton step (p,), zero where not free, and by how much it lowers the linearised cost."""
     size = scale[free]
     inner, right = gram[np.ix_(free, free)] / np.outer(size, size), slope[free] / size
     taken = -np.linalg.lstsq(inner + damping * np.eye(size.size), right, rcond=1e-15)[0]
@@ -225,10 +222,7 @@ def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:
     lowest = np.inf
 
     def outer(p: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and their projected Jacobian at shared unknowns, with each block settled.
-
-        Remembers the best.
-        """
+        """Residuals, (n,), and projected Jacobian, with each block settled; remembers the best."""
         nonlocal best, lowest
         x = best.copy()
         x[shared] = p

@@ -59,10 +59,7 @@ class Profiled(NamedTuple):
 
 
 def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
-    """The cost at which a profiled unknown leaves its 95 % interval, J_min + d.
-
-    S is the `inflation` of the variance.
-    """
+    """The cost at which a profiled unknown leaves its 95 % interval, J_min + d; S is the `inflation`."""
     freedom = max(n / inflation - p, 1.0)
     return cost * (1 + inflation * float(fdtri(1, freedom, CONFIDENCE)) / max(n - p, 1))
 
@@ -191,10 +188,7 @@ class _Path:
         return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), tuple(warnings))
 
     def _end(self, reach: float, limit: float) -> float | None:
-        """Where the root crosses one, on the side of `limit`, first looked for `reach` away from the estimate.
-
-        None where it does not.
-        """
+        """Where the root crosses one towards `limit`, first looked for `reach` from the estimate; None: nowhere."""
         best, self.spent = float(self.minimum.x[self.which]), 0
         side = float(np.sign(limit - best))
         try:
@@ -242,10 +236,7 @@ class _Path:
         return out
 
     def _solved(self, start: Array, value: float) -> float | None:
-        """The statistic's root of the fit with the unknown held at a value.
-
-        None where nothing can be computed at the start.
-        """
+        """The statistic's root with the unknown held at a value; None where nothing can be computed at the start."""
         held, cost = np.arange(start.size) == self.which, self.minimum.cost
         box = (self.problem.unknowns.lower, self.problem.unknowns.upper)
         lower, upper = (np.where(held, value, bound) for bound in box)

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 from scipy.special import chdtr, chdtri
 
 from bristle.arrays import Array
+from bristle.estimation.levels import CONFIDENCE
 
 SCALE = 2.0
 """c of the variance, standard deviations."""
@@ -65,9 +66,9 @@ def _bounded(squares: Array, variance: Array) -> Array:
     return total
 
 
-def variance_interval(variance: float, known: float, freedom: float, level: float = 0.95) -> tuple[float, float]:
+def variance_interval(variance: float, known: float, freedom: float) -> tuple[float, float]:
     """95 % interval of a common variance beside a typical known one, by chi-squared of the sum; the lower end is 0 where the data allow it."""
-    total, tail = variance + known, (1 - level) / 2
+    total, tail = variance + known, (1 - CONFIDENCE) / 2
     if freedom <= 0 or total <= 0:
         return 0.0, float("inf")
     low, high = total * freedom / float(chdtri(freedom, tail)), total * freedom / float(chdtri(freedom, 1 - tail))

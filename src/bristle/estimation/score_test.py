@@ -70,19 +70,18 @@ class Candidate(NamedTuple):
     """Whether what it explains is friction too."""
 
 
-def score(known: Array, rest: Array, columns: Array, inflated: float = 1.0) -> Score:
+def score(known: Array, rest: Array, columns: Array) -> Score:
     """The test of columns, (n, k), beside known ones, (n, p), on residuals, (n,), in an order in which they may be correlated.
 
     In directions at right angles b = D'r, whose variances are those of what is left, times what its autocorrelation makes of them
-    along each, `inflated` at least; or, of many, those of the products D r about their means, as there were nothing to explain, where these are
-    larger.
+    along each; or, of many, those of the products D r about their means, as there were nothing to explain, where these are larger.
     mean(b**2 / variance) is F. What is made of others is left out.
     """
-    return scores(known, rest, [columns], inflated)[0]
+    return scores(known, rest, [columns])[0]
 
 
 def scores(known: Array, rest: Array, columns: Sequence[Array], inflated: float = 1.0) -> list[Score]:
-    """The same of several, each tested alone."""
+    """The same of several, each tested alone; autocorrelation makes of a variance `inflated` times as much at least."""
     basis = _basis(known)
     left = rest - basis @ (basis.T @ rest)
     return [_score(basis, left, x, inflated) for x in columns]

@@ -118,10 +118,7 @@ def needed(record: Record, name: str) -> Array:
 
 
 def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
-    """The columns of some regressors by parameter, each (N,).
-
-    Raises InputError where the record lacks what one needs.
-    """
+    """The columns of some regressors by parameter, each (N,). Raises InputError where a signal is missing."""
     return load_columns(regressors, lambda signal: needed(record, signal), record.time.size)
 
 

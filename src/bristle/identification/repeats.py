@@ -166,10 +166,7 @@ Spread = Callable[[Array], Array]
 
 
 def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = False) -> Spread:
-    """What spreads the ends of intervals about an estimate by a factor, (k,) -> (k,).
-
-    An open end stays open, and none leaves what the parameter may be.
-    """
+    """Spreads ends of intervals about an estimate by a factor, (k,) -> (k,), within what the parameter may be."""
     least = least_of(bare)
 
     def spread(ends: Array) -> Array:

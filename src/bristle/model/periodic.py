@@ -47,10 +47,7 @@ def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples:
 
 
 def _deflection(pair: Pair[Array], nodes: Nodes) -> Array:
-    """The periodic z at the nodes, (m, N).
-
-    Repeated with the signs that it had, for sigma_0 is that of the sign of z.
-    """
+    """The periodic z at the nodes, (m, N), again with the signs that it had: sigma_0 is that of the sign of z."""
     heading = np.sign(nodes.heading)
     a, b = evaluate(functions.step_function(pair.law), *nodes.steps, *_acting(pair, heading, nodes.heading))
     z = _closed(a, b)

@@ -58,10 +58,7 @@ class Nodes:
 
 
 def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nodes:
-    """The samples, and between them the zero crossings of v and what fast changes at low speed need.
-
-    The latter stand `coarsening` times farther apart.
-    """
+    """The samples, the zero crossings of v, and nodes at low speed, `coarsening` times farther apart."""
     v0, v1, _ = samples.steps
     product, change = v0 * v1, np.abs(v1 - v0)
     product[samples.begins - 1] = change[samples.begins - 1] = 0.0
@@ -81,10 +78,7 @@ def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nod
 
 
 def inserted(nodes: Nodes, steps: Index, fractions: Array) -> tuple[Nodes, Index]:
-    """More nodes: one inside each of `steps` (k,), at that fraction of its duration (k,).
-
-    Also returns where the old nodes went, (N,).
-    """
+    """More nodes: one inside each of `steps` (k,), at a fraction of it (k,); and where the old ones went, (N,)."""
     order = np.lexsort((fractions, steps))
     steps, fractions = steps[order], fractions[order]
     new = steps + 1 + np.arange(steps.size)

@@ -206,10 +206,7 @@ def hardly_seen_findings(
 
 
 def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
-    """What data say of a direction of parameters that they hardly see.
-
-    Its members are names with their shares of it.
-    """
+    """What data say of a direction that they hardly see; its members are names with their shares of it."""
     if len(members) == 1:
         name = members[0][0]
         return Finding("hardly-seen", CAUTION, f"{name} is hardly identifiable from these data.", {"name": name})
@@ -232,10 +229,7 @@ OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})
 
 
 def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
-    """Verdicts that need no data: passivity, and damping in presliding.
-
-    None that rests on what the motion does not show.
-    """
+    """Passivity and damping in presliding, which need no data; none of what the motion does not show."""
     warnings = []
     p = parameters(problem, values)
     sets = dict(zip(problem.directions, [p] if isinstance(p, Lugre) else p, strict=True))

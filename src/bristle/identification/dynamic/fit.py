@@ -42,10 +42,7 @@ _UNEVEN = 1.5  # runs whose residuals differ by less than this factor count alik
 
 
 class DynamicSolution(NamedTuple):
-    """A fit with the problem that it solved in the end, every free value, and the minimum.
-
-    What the motion does not show is fixed in that problem.
-    """
+    """A fit, the problem as it was solved, with what is not shown fixed, every free value, and the minimum."""
 
     fit: TrackingFit
     problem: DynamicProblem

@@ -50,10 +50,7 @@ Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 
 
 class DynamicStages(NamedTuple):
-    """What moving runs tell, and how it stands beside the other stages.
-
-    None, or empty, where there is no such thing.
-    """
+    """What moving runs tell, alone and beside the other stages; None, or empty, where there is no such thing."""
 
     alone: TrackingFit | None = None
     """All parameters from the moving runs alone."""

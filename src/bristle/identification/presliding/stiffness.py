@@ -43,10 +43,7 @@ _NONE = 1e-60  # a compliance below is rounding: no signal is smaller than 1e-20
 
 
 class KnownValue(NamedTuple):
-    """A quantity from elsewhere.
-
-    g0 = alpha_0 + alpha_1, the torque at which slow loading slides (N*m), or the inertia (kg*m**2).
-    """
+    """A quantity from elsewhere: g0 = alpha_0 + alpha_1, at which slow loading slides (N*m), or J (kg*m**2)."""
 
     value: float
     standard_error: float

@@ -153,10 +153,7 @@ def _pair(ends: Array) -> tuple[float, float]:
 
 
 def _line(loadings: Sequence[Loading], level: KnownValue, spread: float, *, inverse: bool) -> _Line:
-    """The estimator at values of g0 about the level, as far as any edges lie below them.
-
-    `spread` is what counts add to e.
-    """
+    """The estimator at values of g0, as far as any edges lie below them; `spread` is what counts add to e."""
 
     def at(g0: float) -> tuple[float, float, float]:
         """u, e and degrees of freedom at one g0; no u where nothing is left to estimate from."""

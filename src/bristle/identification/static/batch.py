@@ -138,10 +138,7 @@ class Batch:
         return self._floored(self.theta - reach), self.theta + reach
 
     def profile_intervals(self) -> tuple[Array, Array]:
-        """Lower and upper ends where the profile crosses its threshold, (p, sets) each.
-
-        0 and inf where it does not within the range of v_s.
-        """
+        """Ends where the profile crosses its threshold, (p, sets) each; 0 and inf where it does not in the range."""
         best = self.cost
         threshold = best * profile_threshold(1.0, self.torques.shape[0], len(self.problem.names))
         ends, broken = zip(*(self._crossing(threshold, last) for last in (0.0, self.grid - 1.0)), strict=True)

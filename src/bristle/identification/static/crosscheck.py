@@ -28,9 +28,7 @@ OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
 """Of IPOPT, for a fit to the last digits."""
 
 
-def full_fit(
-    problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS, seed: int = SEED
-) -> list[Array]:
+def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS) -> list[Array]:
     """All parameters of a static problem at once, by IPOPT.
 
     theta, in the order of the problem's `names`, where each random start ended.
@@ -39,13 +37,12 @@ def full_fit(
         problem: the data.
         v_s_range: bounds of v_s, rad/s.
         starts: random starts, >= 1.
-        seed: of the starts.
     """
     unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
     residual = _residuals(problem, natural(unknowns, x), v_s_range) / (float(np.abs(problem.torque).max()) or 1.0)
     full = solver("full", x, ca.dot(residual, residual), **OPTIONS)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(SEED)
     begun = []
     for _ in range(starts):
         x0 = rng.uniform(0.0, 1.0, len(problem.names))
@@ -98,10 +95,7 @@ def crosscheck(
 
 
 def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[float, float]) -> ca.MX:
-    """Measured minus modelled torque as a CasADi expression.
-
-    For smoothed equations, of fewer ones with the same sum of squares up to a constant.
-    """
+    """Measured minus modelled torque in CasADi; where smoothed of fewer equations with the same sum of squares."""
     few = reduced(problem, v_s_range)
     value = dict(zip(few.names, theta, strict=True))
     others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]

@@ -119,10 +119,7 @@ def fit_static(
 def estimate_static(
     problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float] | None = None
 ) -> Mapping[str, Estimate]:
-    """The parameters of one direction alone, with their intervals, and nothing that stands beside them.
-
-    What a study of many data sets repeats.
-    """
+    """The parameters of one direction alone with their intervals: what a study of many data sets repeats."""
     core = solve_static(problem, options, kind, v_s_range)
     return {name.name: e for name, e in core.estimates.items()}
 

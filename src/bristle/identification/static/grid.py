@@ -95,10 +95,7 @@ class Projected:
         return inside, columns - self.q @ inside
 
     def off(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
-        """Stribeck columns less their part in the linear ones (n, k), and their squared lengths (k,).
-
-        A length is inf where a column vanishes.
-        """
+        """Stribeck columns off the linear ones (n, k), and their squared lengths (k,), inf where one vanishes."""
         shapes = self.problem.shapes(v_s, direction)
         inside, _, length = self._split(shapes)
         return shapes - self.q @ inside, length
@@ -116,10 +113,7 @@ class Projected:
         return costs
 
     def _bounded(self, shapes: Array) -> Array:
-        """J_s with each of some Stribeck columns (n, k), every bound kept.
-
-        The least of what breaks none, with any friction columns dropped, (k,).
-        """
+        """The least J_s with each of some Stribeck columns (n, k), on any face that breaks no bound, (k,)."""
         bounded = [name for name, low in zip(self.problem.linear_names, self.lower, strict=True) if np.isfinite(low)]
         least = np.full(shapes.shape[1], np.inf)
         for dropped in subsets(bounded)[1:]:
@@ -146,10 +140,7 @@ class Projected:
         return solve_at(self.problem, [v_s])
 
     def _split(self, shapes: Array) -> tuple[Array, Array, Array]:
-        """Coefficients in Q (m, k), s'r with r the torque off Q (k,), and the squared lengths of what is off Q (k,).
-
-        A length is inf where nothing is off Q.
-        """
+        """Coefficients in Q (m, k), s'r with r the torque off Q, and squared lengths off Q, inf for none, (k,)."""
         products = self.q_and_rest @ shapes
         inside, along = products[:-1], products[-1]
         total = np.einsum("nk,nk->k", shapes, shapes)
@@ -192,10 +183,7 @@ class Projected:
         return np.maximum(self.rest_cost - gain, 0.0), without
 
     def conditional(self, v_s: Array) -> Conditional:
-        """The linear parameters, bounds apart, at values of v_s, (K, peaks of the problem).
-
-        alpha_1 is zero where a peak touches no point.
-        """
+        """The linear parameters, bounds apart, at v_s, (K, peaks); alpha_1 is zero where a peak touches no point."""
         K, P, p = v_s.shape[0], len(self.peaks), self.size
         off, inside = np.empty((K, P, self.rest.size)), np.empty((K, P, self.q.shape[1]))
         for row, k in enumerate(self.peaks):
@@ -301,10 +289,7 @@ def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID)
 def descended(
     problem: Regression, solution: Solution, v_s: Sequence[float], v_s_range: tuple[float, float]
 ) -> Solution:
-    """The solution with the minimum nearest to other v_s, one per peak, in place of its own.
-
-    What was solved on the grid stays.
-    """
+    """The solution with the minimum nearest to other v_s, one per peak; what was solved on the grid stays."""
     inner = solve_at(problem, _descend(problem, list(v_s), v_s_range))
     return replace(solution, **inner._asdict())
 

@@ -97,10 +97,7 @@ class Regression:
 
     @property
     def least(self) -> Array:
-        """What each parameter may be at least: 0 for friction, -inf for the extra regressors, the inertia among them.
-
-        In the order of `names`.
-        """
+        """What each of `names` may be at least: 0 for friction, -inf for the extra regressors, the inertia too."""
         return np.array([-np.inf if name == INERTIA else least_of(name.name) for name in self.names])
 
     @property
@@ -232,10 +229,7 @@ def from_points(
     shifts: Mapping[str, Array] | None = None,
     law: Law = GAUSSIAN,
 ) -> Regression:
-    """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m.
-
-    `extra` holds known columns by name, `shifts` are as in `Regression`.
-    """
+    """The problem (12) for points, rad/s and N*m, (n,), known columns by name, and shifts as in `Regression`."""
     return replace(_build(velocity, torque, directions, extra or {}, None, law), shifts=shifts or {})
 
 
@@ -310,10 +304,7 @@ def from_records(
 def with_prior(
     problem: Regression, name: ParameterName, value: float, standard_error: float, sigma: float
 ) -> Regression:
-    """The problem with one more equation.
-
-    Parameter `name` (a linear one) is value +- standard_error, where residuals scatter by sigma.
-    """
+    """The problem with one more equation: a linear parameter is value +- standard_error, residuals scatter by sigma."""
     weight = sigma / standard_error
     row = np.array([[weight if n == name else 0.0 for n in problem.linear_names]])
     smooth = problem.smooth if problem.smooth is not None else sparse.eye_array(problem.velocity.size, format="csr")
@@ -367,10 +358,7 @@ def _moves(velocity: Array, direction: str) -> Array:
 
 
 def unknowns_of(problem: Regression, v_s_range: tuple[float, float]) -> Unknowns[ParameterName]:
-    """The parameters in the order of the problem's `names`.
-
-    A typical size is the torque over the column's largest entry.
-    """
+    """The parameters in the order of `names`; a typical size is the torque over the column's largest entry."""
     torque, peaks = float(np.abs(problem.torque).max()) or 1.0, len(problem.peaks)
     columns = np.abs(problem.linear).max(axis=0)
     columns[columns == 0] = 1.0

@@ -55,10 +55,7 @@ class StaticProfiles(NamedTuple):
         return None if self.linear.better is None else np.exp(self.linear.better)
 
     def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
-        """A linear parameter's profile about its estimate, (2, k).
-
-        From half a width below its interval to half a width above.
-        """
+        """A linear parameter's profile, (2, k), from half a width below its interval to half a width above."""
         j, wide = self.problem.names.index(name), high - low
         least = 0.0 if self.linear.bounded[j] else -np.inf
         ends = max(low - _BEYOND * wide, least), high + _BEYOND * wide
@@ -208,9 +205,6 @@ def _over_log(projected: Projected) -> Face:
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:
-    """Over which values of the other v_s the profile of a peak's own is minimised, where there are two.
-
-    Near its best, and the grid, (k,).
-    """
+    """Values of the other of two v_s over which a peak's profile is minimised: near its best, and the grid, (k,)."""
     other = float(solution.theta[solution.theta.size - 1 - peak])
     return solution.grid if peaks < 2 else np.append(other * np.geomspace(*_AROUND), solution.grid)

@@ -181,10 +181,7 @@ def _refitted(
     best, logarithmic = solution.theta[:, None], problem.logarithmic[:, None]
 
     def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
-        """How far the whole grid's estimates lie off, and their standard errors.
-
-        inf where nothing is seen of a parameter.
-        """
+        """How far the grid's estimates lie off, and their errors, inf where nothing is seen of a parameter."""
         torques = (problem.torque - solution.residuals)[:, None] + residuals
         if not problem.peaks:
             theta, errors = linear_refit(problem.linear, torques, uneven)
