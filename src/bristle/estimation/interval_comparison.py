@@ -23,15 +23,8 @@ def warnings(
 ) -> tuple[Finding, ...]:
     """A diagnostic, with the reason, where the three intervals differ by more than `FACTOR`; else none.
 
-    What is compared is how far each reaches to one side of the estimate.
-
-    Args:
-        value: the estimate.
-        covariance: as in `Uncertainty`.
-        profile: as in `Uncertainty`.
-        bootstrap: as in `Uncertainty`.
-        at_bound: whether the estimate lies at its physical bound, where a covariance means little.
-        few: what there are few of; None where there are enough.
+    What is compared is how far each reaches to one side of the estimate. `at_bound`: whether that lies at its physical bound, where
+    a covariance means little; `few`: what there are few of, None where there are enough.
     """
     known = {"covariance": covariance, "profile": profile, "bootstrap": bootstrap}
     ends = tuple((name, *interval) for name, interval in known.items() if interval is not None)

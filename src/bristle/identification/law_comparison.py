@@ -138,14 +138,10 @@ def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
 def laws_of_motion(
     measured: Measured, alone: TrackingFit, *, every: bool
 ) -> tuple[LawComparison | None, dict[str, Values]]:
-    """The laws on the moving runs, and where the fit of each ended, by name.
+    """The laws on the moving runs, beside the fit of these under the law in force, and where the fit of each ended, by name.
 
-    None where there are too few equations, or the fit of the runs is not about a torque.
-
-    Args:
-        measured: with moving runs.
-        alone: their fit under the law in force.
-        every: whether laws with other peaks are compared although that fit shows no peak, of which their shapes are.
+    None where there are too few equations, or that fit is not about a torque. `every`: whether laws with other peaks are compared
+    although it shows no peak.
     """
     records = measured.moving(hold_out=False)
     if alone.quantity != "torque":
@@ -269,11 +265,9 @@ def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged])
 
 
 def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> LawComparison | None:
-    """The laws that compete, and the one in force, on the same points; None where there are too few for any other than the paper's.
+    """The laws that compete, and the one in force, on the same points, which `pose` makes the solves of a law of.
 
-    Args:
-        pose: the solves of a law.
-        in_force: the law of the fits.
+    None where there are too few for any other than the paper's.
     """
     fitted = list[FittedLaw]()
     for law in laws_beside(in_force):

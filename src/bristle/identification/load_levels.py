@@ -122,9 +122,7 @@ def settled_weights(
 ) -> dict[str, float]:
     """What gravity and links are where the level rises with their load: the weights that a fit with that load gives again.
 
-    Args:
-        fitted: the parameters under a load of such weights, by name.
-        start: where to begin; None: without a load.
+    `fitted` gives the parameters under a load of such weights, by name; `start` is where to begin; None: without a load.
     """
     own = {name for regressor in _WEIGHTS for name in terms_of(regressor).names}
     weights = dict(start or {})

@@ -61,15 +61,9 @@ class ModelCandidate:
 def compare_on_points(
     experiment: Experiment, velocity: Array, pose: Pose, static: Mapping[str, StaticFit]
 ) -> ModelComparison | None:
-    """The models on points at constant velocity, where LuGre is its Stribeck curve (9); None where no model can be fitted.
+    """The models on points at constant velocity, rad/s, (n,), where LuGre is its Stribeck curve (9); None where none can be fitted.
 
     Without held-out points each point is predicted from all others, to first order: its residual over 1 - its leverage.
-
-    Args:
-        experiment: with its options.
-        velocity: of the points, rad/s, (n,).
-        pose: poses the problem.
-        static: what the fit found.
     """
     present = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
     candidates, left, power = _static_candidates(experiment, _variants(present), pose, press=True)
@@ -91,15 +85,8 @@ def compare_on_motion(
     """The models on moving runs: every equation of all of them, with the same decimation and regressors; None where the position is predicted.
 
     Symmetric models have the experiment's offset; two Coulomb terms take its part in those per direction. LuGre in the directions of the
-    experiment's fit is that fit, `alone`; in the others it is fitted here, from where that fit ended.
-
-    Args:
-        experiment: with its options.
-        records: training runs.
-        held: hold-out runs.
-        static: static fits of the moving runs themselves; empty where other runs gave them, or `alone` is the one to use.
-        alone: all parameters of the moving runs.
-        apart: where LuGre with a friction for each direction ended, if that is known.
+    experiment's fit is that fit, `alone`; in the others it is fitted here, from where that fit ended, or `apart`. `static` are fits of the
+    moving runs themselves; empty where other runs gave them, or `alone` is the one to use.
 
     Raises InputError as the fits of moving runs do.
     """

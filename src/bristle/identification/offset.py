@@ -25,13 +25,8 @@ def offset_or_friction(
 ) -> list[Finding]:
     """A difference of the two directions that is one of alpha_0 alone, as an offset of the torque makes it.
 
-    Wald tests: the directions agree on all else that a curve has, and with these made equal they differ in alpha_0.
-
-    Args:
-        names: of the unknowns, in the order of the covariance; those that are not `ParameterName` do not matter.
-        values: by name.
-        covariance: (p, p).
-        freedom: degrees of it.
+    Wald tests: the directions agree on all else that a curve has, and with these made equal they differ in alpha_0. `names` of p
+    unknowns are in the order of the covariance, (p, p), with its degrees of freedom; those that are no `ParameterName` do not matter.
     """
     order = {name: k for k, name in enumerate(names)}
     pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
@@ -64,12 +59,7 @@ def offset_or_friction(
 
 
 def offset_of_points(experiment: Experiment, static: Mapping[str, StaticFit]) -> list[Finding]:
-    """The same of two fits of points; where they differ in more than a constant, a note what it would be.
-
-    Args:
-        experiment: how its directions are fitted.
-        static: the fits.
-    """
+    """The same of two fits of points; where they differ in more than a constant, a note what it would be."""
     fits = [static[d] for d in DIRECTIONS if d in static]
     if experiment.fit.directions != "separate" or len(fits) < 2 or any(map(is_superseded, fits)):
         return []

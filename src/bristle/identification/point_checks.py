@@ -25,13 +25,7 @@ _SETTLES = 6  # the first of so many parts of a segment may still be settling
 
 
 def point_warnings(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
-    """Warnings about the points of an experiment taken together.
-
-    Args:
-        measured: the runs that the segments were cut from.
-        points: those that are fitted.
-        static: their fits.
-    """
+    """Warnings about the points of an experiment that are fitted, taken together."""
     records = {run.record.file: run.record for run in measured.runs if run.kind == "ramp" and not run.hold_out}
     scatter = [fit.rms for fit in static.values() if fit.rms is not None]
     if scatter:

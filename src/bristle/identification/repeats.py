@@ -138,10 +138,7 @@ def _fewer(most: int, own: float) -> float:
 def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], logarithmic: Container[str] = ()) -> Fitted:
     """The fit of all runs with its errors and intervals widened as they scatter, and a caution that says so.
 
-    Args:
-        fit: of all runs.
-        scatter: by the names of its parameters.
-        logarithmic: bare names of the parameters whose intervals are spread as logarithms.
+    `logarithmic` are bare names of the parameters whose intervals are spread as logarithms.
     """
     parameters, three = dict(fit.parameters), dict(fit.uncertainty)
     for name, x in scatter.items():

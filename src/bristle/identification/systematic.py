@@ -41,10 +41,7 @@ def statistical(e: Estimate) -> tuple[float, float] | None:
 def shifted(e: Estimate, shifts: Mapping[str, float], least: float = 0.0) -> Estimate:
     """The estimate with what errors of constants do to it, which its interval then includes.
 
-    Args:
-        e: with its statistical error alone.
-        shifts: change of the value per standard error of each constant, in its unit.
-        least: as in `combined`.
+    `shifts` are changes of the value per standard error of each constant, in its unit; `least` is as in `combined`.
     """
     if not shifts or e.value is None:
         return e

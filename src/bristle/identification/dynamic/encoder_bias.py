@@ -53,11 +53,8 @@ def without_count_bias(
     estimates. Their mean distance from that without counts, differentiated alike, is the bias: what filters alone do,
     at the ends of runs above all, is not that of counts. What counts hide loses its value.
 
-    Args:
-        solved: the fit.
-        records: its training runs, whose velocity comes from the position.
-        pose: makes the problem from such runs, with some parameters fixed.
-        resolution: one count, rad.
+    `records` are the training runs, whose velocity comes from the position; `pose` makes the problem from such runs, with
+    some parameters fixed; `resolution` is one count, rad.
     """
     if any(r.position is None for r in records):
         return solved.fit

@@ -59,13 +59,7 @@ def profile_until_stable(
 
 
 def with_three_ways(solved: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-    """The fit with each parameter's intervals three ways.
-
-    Args:
-        solved: as it was profiled.
-        fit: the same, the bias of encoder counts taken off.
-        profiles: by name.
-    """
+    """The fit, the bias of encoder counts taken off, with intervals three ways of the parameters of what was profiled."""
     (drawn, blocks), three = bootstrap_at(solved.solution), {}
     for name, e in fit.parameters.items():
         if e.value is None and e.interval is None:

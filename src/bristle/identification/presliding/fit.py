@@ -105,11 +105,8 @@ def fit_presliding(
 ) -> PreslidingFit:
     """sigma_0 of one direction by four estimators, side by side, and sigma_1 by (15).
 
-    Args:
-        loadings: of one direction, at least one.
-        level: g0 of this direction; a lower bound where its error is infinite.
-        inertia: for (15); None: sigma_1 is absent, with the reason.
-        kind: of the joint.
+    Of loadings of that direction, at least one, and its g0, a lower bound where its error is infinite; without an inertia sigma_1
+    is absent, with the reason.
     """
     quantum, direction = max(loading.quantum for loading in loadings), loadings[0].direction
     pieces = [of_loading(loading, level.value) for loading in loadings]

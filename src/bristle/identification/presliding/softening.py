@@ -79,12 +79,8 @@ def stiffness_by_amplitude(
 ) -> tuple[tuple[AmplitudeStiffness, ...], Finding | None]:
     """The stiffness of one direction at some amplitudes, the initial one first, and whether it softens beyond LuGre.
 
-    Nothing where the loadings show too few count edges, or too few samples.
-
-    Args:
-        loadings: of one direction.
-        level: its g0; where that is a lower bound LuGre bends most at the bound, and what falls more than that softens.
-        kind: of the joint.
+    Nothing where the loadings show too few count edges, or too few samples. Where its g0 is a lower bound LuGre bends most at
+    the bound, and what falls more than that softens.
     """
     points = _points(loadings, level.value)
     found = _finest(points, level.value)

@@ -85,16 +85,11 @@ Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
 
 
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dict[str, Estimate]:
-    """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`.
+    """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`, from at least one loading.
 
     A lower bound where counts hide the motion. Where g0 itself is a lower bound, sigma_0 falls as g0 rises, nearly in
     proportion to 1 / g0: its interval reaches from that of the largest g0 to that of the bound, and it is that of the
     middle.
-
-    Args:
-        loadings: of one direction, at least one.
-        level: g0 of this direction.
-        kind: of the joint.
     """
     if level.is_bound:
         most = min(level.most, _STRAIGHT * level.value)

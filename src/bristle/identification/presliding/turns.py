@@ -50,14 +50,9 @@ def turning_lag(
     options: FitOptions,
     resolution: float | None,
 ) -> list[Finding]:
-    """That the torque was logged late or early, where it is sure and changes sigma_0.
+    """That the torque of presliding runs was logged late or early, where it is sure and changes sigma_0.
 
-    Args:
-        records: presliding runs.
-        loadings: of them.
-        levels: g0 per direction, N*m.
-        options: the experiment's `fit`.
-        resolution: one encoder count, rad; None: from the data.
+    `levels` are g0 per direction, N*m; `resolution` is one encoder count, rad; None: from the data.
     """
     lags = [lag for record in records for lag in _lags(record, loadings, levels)]
     if not lags:

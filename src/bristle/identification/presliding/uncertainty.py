@@ -66,14 +66,9 @@ class _Line(NamedTuple):
 def stiffness_uncertainty(
     loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, seed: int = SEED
 ) -> Uncertainty:
-    """The intervals of sigma_0 of one direction.
+    """The intervals of sigma_0 of one direction, estimated by `edges` or `samples`.
 
-    Args:
-        loadings: of it.
-        level: its g0.
-        estimator: `edges` or `samples`.
-        estimate: by that; without a value it is a lower bound, which is all there is.
-        seed: of the bootstrap.
+    Without a value it is a lower bound, which is all there is.
     """
     if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
         return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=estimate.warnings)

@@ -29,14 +29,9 @@ OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
 
 
 def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS) -> list[Array]:
-    """All parameters of a static problem at once, by IPOPT.
+    """All parameters of a static problem at once, by IPOPT, v_s within a range, rad/s.
 
-    theta, in the order of the problem's `names`, where each random start ended.
-
-    Args:
-        problem: the data.
-        v_s_range: bounds of v_s, rad/s.
-        starts: random starts, >= 1.
+    theta, in the order of the problem's `names`, where each of `starts` >= 1 random starts ended.
     """
     unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
@@ -56,12 +51,8 @@ def crosscheck(
 ) -> Crosscheck:
     """The full fit beside the grid's: costs, parameters in units of the grid fit's standard errors, and a verdict.
 
-    Args:
-        problem: the data.
-        theta: the grid's answer, in the order of the problem's `names`.
-        cost: the grid's cost.
-        standard_errors: of theta; nan where there is none.
-        v_s_range: the range that the grid searched.
+    `theta` and its standard errors, nan where there is none, are in the order of the problem's `names`; the range, rad/s, is
+    the one that the grid searched.
     """
     ended = full_fit(problem, v_s_range)
     costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]

@@ -22,12 +22,7 @@ _WITHIN = 5  # values between the ends of its interval at which the intervals of
 
 
 def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
-    """The problem with the shape at which its cost is least; itself where its peak has nothing beside v_s.
-
-    Args:
-        problem: n equations, as in `solve`.
-        v_s_range: as in `solve`, rad/s.
-    """
+    """The problem with the shape at which its cost is least; itself where its peak has nothing beside v_s."""
     if not problem.law.peak.own or not problem.peaks:
         return problem
 

@@ -37,11 +37,7 @@ def report_strays(
 ) -> StrayReport:
     """The strays of a solve, and the fit without them, or with them where they are left out.
 
-    Args:
-        core: the fit.
-        search: which of its points do not belong; None: nobody looked.
-        options: the experiment's `fit`.
-        kind: for units.
+    `search` says which points do not belong; None: nobody looked.
     """
     if search is None:
         return StrayReport()

@@ -52,11 +52,7 @@ class StraySearch(NamedTuple):
 
 
 def find_strays(problem: Regression) -> StraySearch:
-    """The points of a problem that do not belong to its law; none where there are too few to tell.
-
-    Args:
-        problem: n points, not moving data.
-    """
+    """The points of a problem, not moving data, that do not belong to its law; none where there are too few to tell."""
     n, most, out = problem.torque.size, most_strays(problem), list[int]()
     while True:
         kept = np.delete(np.arange(n), out)

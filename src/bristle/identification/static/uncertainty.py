@@ -45,13 +45,7 @@ _DRAWN, _BEYOND = 61, 0.6
 def three_ways(
     solved: StaticSolution, v_s_range: tuple[float, float], seed: int = SEED
 ) -> dict[ParameterName, Uncertainty]:
-    """The intervals of every parameter of a solved and judged problem, by the problem's names.
-
-    Args:
-        solved: the problem with its solution, covariance and profiles.
-        v_s_range: as it was solved with.
-        seed: of the bootstrap.
-    """
+    """The intervals of every parameter of a solved and judged problem, by its names; `seed` is that of the bootstrap."""
     n, names = solved.problem.torque.size, solved.problem.names
     spare = n - len(names)
     few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
