@@ -22,8 +22,7 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.model.functions import load_terms_function, periodic_terms_function
 from bristle.model.laws import registry
-from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import periodic, slides
+from bristle.model.parameters import Kind, periodic, slides
 from bristle.model.vectorize import evaluate
 
 _PASSES, _MOSTLY = 0.3, 0.5
@@ -78,14 +77,14 @@ def terms_of(regressor: str) -> Regressor:
     return Regressor(names, ("position", "velocity") if stem == "ripple" else ("position",))
 
 
-def with_orders(names: Sequence[str], orders: Sequence[int], kind: JointKind) -> tuple[str, ...]:
+def with_orders(names: Sequence[str], orders: Sequence[int], kind: Kind) -> tuple[str, ...]:
     """The regressors, with one for each order in place of one that repeats with the position."""
     per = _PER_METRE if slides(kind) else ""
     each = {name: [f"{name}_{k}{per}" for k in orders] for name in PERIODIC}
     return tuple(one for name in names for one in each.get(name, [name]))
 
 
-def turn_of(kind: JointKind) -> tuple[float, str]:
+def turn_of(kind: Kind) -> tuple[float, str]:
     """What holds as many periods as an order says, rad or m, and its name: a turn, or a metre of a joint that slides."""
     return (1.0, "metre") if slides(kind) else (2 * np.pi, "turn")
 
@@ -96,7 +95,7 @@ def declared(experiment: Experiment) -> tuple[str, ...] | None:
     return with_orders(asked, orders, experiment.joint.kind) if asked and isinstance(orders, tuple) else asked
 
 
-def regressors_of(parameters: Collection[str], kind: JointKind) -> tuple[str, ...]:
+def regressors_of(parameters: Collection[str], kind: Kind) -> tuple[str, ...]:
     """The regressors that some parameters are of."""
     plain = [name for name, terms in REGRESSORS.items() if not set(terms.names).isdisjoint(parameters)]
     each = [with_orders((x[0],), (x[2],), kind)[0] for name in parameters if (x := periodic(name))]
@@ -243,13 +242,9 @@ def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> N
     if any(r.made_of for r in records):  # whose sign is that of the motion
         return
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
-
-    def signal(record: Record, name: str) -> Array:
-        values: Array | None = getattr(record, name)
-        return np.zeros(record.time.size) if values is None else values
-
     # acceleration, gravity by the position and a robot's link torque, as far as they are known
-    motions = (load_columns(("inertia", "gravity", "links"), partial(signal, r), r.time.size) for r in records)
+    asked, sizes = ("inertia", "gravity", "links"), [r.time.size for r in records]
+    motions = (load_columns(asked, partial(_of, r, size=n), n) for r, n in zip(records, sizes, strict=True))
     others = np.concatenate([np.column_stack(list(columns.values())) for columns in motions])
     if others[:, -1].any():  # what the links of a robot ask for outweighs friction, and has any sign
         basis = np.column_stack([np.sign(velocity), velocity, others])
@@ -286,9 +281,10 @@ def inertia(experiment: Experiment) -> tuple[float | None, PlusMinus | None]:
     return (None, known) if known.standard_error else (known.value, None)
 
 
-def _of(record: Record, name: str) -> Array:
+def _of(record: Record, name: str, size: int = 0) -> Array:
+    """A signal of the record, (n,), or so many zeros."""
     values: Array | None = getattr(record, name)
-    return np.zeros(0) if values is None else values
+    return np.zeros(size) if values is None else values
 
 
 def known_torque(record: Record, inertia: float | None, regressors: Sequence[str]) -> Array | None:

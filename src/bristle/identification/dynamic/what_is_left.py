@@ -24,8 +24,7 @@ from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.claims import BRISTLE
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, parameters
 from bristle.identification.moving_runs import load_columns
-from bristle.model.parameters import INERTIA, Lugre, ParameterName, of_friction, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import INERTIA, Kind, Lugre, ParameterName, of_friction, unit
 
 _SURE, _ALIKE = 4.0, 3.3
 """Standard errors from zero, beyond which all equations ask for a delay, and beyond which those far from reversals do: 5e-4 by chance."""
@@ -67,7 +66,7 @@ class Left(NamedTuple):
     """By how much the torque was logged late, and its standard error, s."""
 
 
-def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> Left:
+def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> Left:
     """What a fit lacks, to first order, and patterns of what it leaves that nothing tried explains; of a predicted torque alone."""
     errors = solution.scaled_errors.copy()
     if problem.quantity != "torque":
@@ -261,7 +260,7 @@ def _saturates(largest: float, found: Score, which: int) -> Finding | None:
     return Finding("torque-saturates", CAUTION, message, {"torque": top, "share": found.share})
 
 
-def _inertia(kind: JointKind, found: Score, _: int) -> Finding:
+def _inertia(kind: Kind, found: Score, _: int) -> Finding:
     more, error, of = float(found.sizes[0]), float(found.errors[0]), unit(INERTIA.name, kind)
     message = (
         f"The given inertia may be wrong: with {more:+.3g} +/- {error:.2g} {of} added the moving runs fit better; omit inertia to have it "

@@ -24,8 +24,7 @@ from bristle.identification.static.solution import StaticSolution, apart, solve_
 from bristle.identification.static.stray_report import StrayReport, report_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
-from bristle.model.parameters import Direction, ParameterName, of_curve, peak_parameters, static_fields_of, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, ParameterName, of_curve, peak_parameters, static_fields_of, unit
 
 _ONE_SPEED = 1.25  # times the slowest speed: where the fastest is less, they are one
 _MANY, _MIXED = 10, 0.5
@@ -55,7 +54,7 @@ class PointInfo:
 def fit_static(
     problem: Regression,
     options: FitOptions,
-    kind: JointKind,
+    kind: Kind,
     where: PointInfo,
     held: Sequence[tuple[str, Regression]] = (),
     timings: dict[str, float] | None = None,
@@ -117,7 +116,7 @@ def fit_static(
 
 
 def estimate_static(
-    problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float] | None = None
+    problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float] | None = None
 ) -> Mapping[str, Estimate]:
     """The parameters of one direction alone with their intervals: what a study of many data sets repeats."""
     core = solve_static(problem, options, kind, v_s_range)
@@ -125,7 +124,7 @@ def estimate_static(
 
 
 def _split_unknown(
-    problem: Regression, parameters: Mapping[str, Estimate], part: Direction, kind: JointKind
+    problem: Regression, parameters: Mapping[str, Estimate], part: Direction, kind: Kind
 ) -> dict[str, Estimate]:
     """Of one speed alone: alpha_0 stands for all friction there, alpha_2 for none; both have what is possible as their intervals, and say so."""
     whole = parameters.get("alpha_0")
@@ -160,7 +159,7 @@ def _too_few(problem: Regression) -> Finding | None:
     return None
 
 
-def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointInfo, why: Finding) -> StaticFit:
+def _nothing(direction: str, problem: Regression, kind: Kind, where: PointInfo, why: Finding) -> StaticFit:
     extra = (name.name for name in problem.linear_names if not of_curve(name.name))
     names = (*static_fields_of(problem.law), *extra)
     parameters = {name: Estimate(value=None, unit=unit(name, kind), warnings=(why,)) for name in names}
@@ -194,7 +193,7 @@ def _comparisons(
     problem: Regression,
     core: StaticSolution,
     options: FitOptions,
-    kind: JointKind,
+    kind: Kind,
     v_s_range: tuple[float, float],
     where: PointInfo,
 ) -> _Comparisons:
@@ -229,7 +228,7 @@ def _comparisons(
     return _Comparisons(plain=plain, without=without, three=three, strays=strays, warnings=tuple(warnings))
 
 
-def terms_left_out(core: StaticSolution, kind: JointKind, where: PointInfo) -> list[Finding]:
+def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[Finding]:
     """Terms that the fit lacks, to first order; points in the order of velocity, in which a misfit correlates them."""
     problem, theta = core.problem, core.solution.theta
     measured = slice(problem.torque.size - problem.priors)
@@ -282,7 +281,7 @@ def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:
 
 def _static_fit(
     core: StaticSolution,
-    kind: JointKind,
+    kind: Kind,
     part: Direction,
     where: PointInfo,
     comparisons: _Comparisons,

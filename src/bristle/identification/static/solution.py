@@ -25,8 +25,7 @@ from bristle.identification.static.profiles import StaticProfiles, drawn_profile
 from bristle.identification.static.shape_search import over_shapes, own_columns, with_best_shape
 from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import Direction, ParameterName, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
 UNTOUCHED = 0.34
 """At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
@@ -73,7 +72,7 @@ def apart(one: StaticSolution, other: StaticSolution) -> float:
 
 
 def solve_static(
-    problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float] | None = None
+    problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float] | None = None
 ) -> StaticSolution:
     """Solve, drop the Stribeck terms that the data do not support, and put an interval on each parameter.
 
@@ -128,7 +127,7 @@ def solve_static(
 
 
 def _beside(
-    problem: Regression, of_shape: Mapping[str, tuple[float, float]], errors: Array, solution: Solution, kind: JointKind
+    problem: Regression, of_shape: Mapping[str, tuple[float, float]], errors: Array, solution: Solution, kind: Kind
 ) -> dict[ParameterName, Estimate]:
     """What the law has beside the problem's parameters, of each direction."""
     beside = dict[ParameterName, Estimate]()
@@ -276,7 +275,7 @@ def _estimates(
     covariance: Array,
     free: Array,
     intervals: Mapping[ParameterName, tuple[float, float]],
-    kind: JointKind,
+    kind: Kind,
 ) -> dict[ParameterName, Estimate]:
     """Each parameter with its interval by the profile; the standard error is that of the exact Jacobian."""
     errors = np.full(len(problem.names), np.nan)

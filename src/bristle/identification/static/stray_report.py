@@ -12,8 +12,7 @@ from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.solution import StaticSolution, apart, solve_static
 from bristle.identification.static.strays import SINGLY, most_strays
-from bristle.model.parameters import Direction
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind
 
 _LISTED = 50  # points that a warning names; of more it says how many there are
 
@@ -32,9 +31,7 @@ class StrayReport:
         return tuple(stray for stray in self.strays if DIRECTIONS.get(part, 0.0) * stray.velocity >= 0)
 
 
-def report_strays(
-    core: StaticSolution, search: PointSearch | None, options: FitOptions, kind: JointKind
-) -> StrayReport:
+def report_strays(core: StaticSolution, search: PointSearch | None, options: FitOptions, kind: Kind) -> StrayReport:
     """The strays of a solve, and the fit without them, or with them where they are left out.
 
     `search` says which points do not belong; None: nobody looked.
@@ -137,7 +134,7 @@ def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
     return (*named, *([f"and {rest} more"] if rest > 0 else []))
 
 
-def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) -> Stray:
+def _stray(search: PointSearch, k: int, options: FitOptions, kind: Kind) -> Stray:
     """One stray, and what the parameters become without it alone."""
     s = search.points[k]
     file, where = s.subject
