@@ -39,12 +39,9 @@ DRAWS, REFITS = 2000, 1999
 """Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
 _AT_ONCE = 4_000_000
 """Numbers that are drawn, or scores of blocks that are computed, at once, so that memory does not grow with the equations."""
-FEW = 8
-"""Blocks below which a bootstrap has little to draw from, and gives no interval."""
-ENOUGH = 20
-"""Blocks below which a bootstrap that parts from the other intervals is explained by them."""
-SHOWN = 500
-"""Draws kept of each unknown, to be drawn."""
+FEW = 8  # blocks below which a bootstrap has little to draw from, and gives no interval
+ENOUGH = 20  # blocks below which a bootstrap that parts from the other intervals is explained by them
+SHOWN = 500  # draws kept of each unknown, to be drawn
 _OVERLAP = 4  # cells in a block: blocks begin at each cell
 _CELLS = 2000  # at most; longer records have longer cells
 _TIMES = 4.0  # integrated autocorrelation times in a block, at least

@@ -6,8 +6,7 @@ import numpy as np
 
 from bristle.findings import CAUTION, NOTE, Finding
 
-FACTOR = 1.5
-"""Reaches to one side of an estimate that differ by more than this factor part."""
+FACTOR = 1.5  # reaches to one side of an estimate that differ by more than this factor part
 _ROUNDING = 1e-9
 Interval = tuple[float, float] | None
 

@@ -42,8 +42,7 @@ _TRIES, _BUDGET = 12, 40
 _SETTLED = 1e-3  # of d: a descent ends when a step would lower the cost by less
 _EXACT = 1e-3  # of its distance from the estimate: how near to the crossing an end is sought
 _STRAIGHT = 1e-2  # this near to one, the statistic's root is a line from the estimate on
-BETTER = 1e-3
-"""Of d: a cost this much below the fit's is a better optimum."""
+BETTER = 1e-3  # of d: a cost this much below the fit's is a better optimum
 _FAR, _GROWTH = 6, 4.0  # how often an end that is not reached is sought farther away, and by what factor at most
 _STEEP = 1e3  # stands for the statistic's root where nothing can be computed
 

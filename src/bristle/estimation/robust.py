@@ -14,12 +14,9 @@ from scipy.special import chdtr, chdtri
 from bristle.arrays import Array
 from bristle.estimation.levels import CONFIDENCE
 
-SCALE = 2.0
-"""c of the variance, standard deviations."""
-BEND = 1.345
-"""c of the coefficients: 95 % efficiency with normal errors."""
-SCALE_EFFICIENCY = 0.88
-"""Of the variance's estimate with normal errors, at `SCALE`."""
+SCALE = 2.0  # c of the variance, standard deviations
+BEND = 1.345  # c of the coefficients: 95 % efficiency with normal errors
+SCALE_EFFICIENCY = 0.88  # of the variance's estimate with normal errors, at `SCALE`
 _PASSES = 60
 _SETTLED = 1e-7
 _HALVINGS = 40

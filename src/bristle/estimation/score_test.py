@@ -17,10 +17,8 @@ from bristle.estimation.autocorrelation import inflation, inflation_along
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import NOTE, Finding
 
-LEAST = 0.05
-"""Of the squares that the fit leaves: a candidate that explains less is not worth a sentence."""
-MATTERS = 0.01
-"""Of friction, rms, or a standard error of some parameter: a candidate that moves less is a note."""
+LEAST = 0.05  # of the squares that the fit leaves: a candidate that explains less is not worth a sentence
+MATTERS = 0.01  # of friction, rms, or a standard error of some parameter: a candidate that moves less is a note
 _MANY = 100
 """Equations that tell how noise is correlated, and uneven, along a column; of fewer it is as along a slow one, at most, and even."""
 _BESIDE, _RANK = 1e-6, 1e-10

@@ -19,10 +19,8 @@ SPEEDS, LEAST = 60, 0.02
 BIASED = 1.5
 """Times what the errors tell: filters, counts, settling and the choice of a set-up bend a curve too. Set on one half of the simulated joints of
 `benchmarks/calibration.py`, so that 93 % of clean curves lie within the band."""
-APART = 5.0
-"""Percent of friction: a second opinion that differs by less differs by nothing."""
-WORSE = 2.0
-"""Times what the fit leaves of the torque: an opinion that leaves more is the one that is wrong."""
+APART = 5.0  # percent of friction: a second opinion that differs by less differs by nothing
+WORSE = 2.0  # times what the fit leaves of the torque: an opinion that leaves more is the one that is wrong
 
 
 def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accuracy | None:

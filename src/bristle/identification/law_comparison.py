@@ -56,17 +56,14 @@ from bristle.model.parameters import ParameterName
 
 Name = TypeVar("Name")
 
-BLOCKS = 5
-"""Of speed, each left out in turn."""
-WITH_DRAG = "gaussian+quadratic"
-"""The paper's law with v abs(v)."""
+BLOCKS = 5  # of speed, each left out in turn
+WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
 _WORTH = 1.05
 """Times the error at speeds that were left out, which a term has to lower the error by, to be taken unasked."""
 _MOSTLY = float(np.sqrt(2))
 """The same of a load: a torque that is logged late imitates friction that rises with load, and explains less of what is left."""
 _STICKS_OUT = 0.1  # of an interval's width
-GAIN = 10.0
-"""Of BIC, by which another law has to be better than the paper's."""
+GAIN = 10.0  # of BIC, by which another law has to be better than the paper's
 _SPREAD = 0.95  # a law with less than this of the weights is not the only one that the data allow
 _AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # what means the same in every law: v_s does not
 _LIKELY = 1e-3  # a law with a smaller weight does not move an average

@@ -32,8 +32,7 @@ _ROUGHER = 3.0  # times one less the correlation with the next sample: noise aga
 _EXPLAINED = 0.1  # of the variance of a torque that belongs to a motion, at the least
 _AT_REST = 0.01  # of the way: a direction in which less is gone is none
 _FEWEST = 4  # samples for each column, below which a relation cannot be tested
-ONE_RATE = 1.05
-"""Ratio of two sampling intervals that count as one."""
+ONE_RATE = 1.05  # ratio of two sampling intervals that count as one
 _SWING = 0.1  # rad: over less, gravity is a spring and a constant, as a bristle is that does not break away
 _DROWNS = 1e9  # times the measured torque: an inertia's torque this large leaves nothing of it in the last digits
 DIRECTIONS = {"+": 1.0, "-": -1.0}
@@ -57,8 +56,7 @@ REGRESSORS = {
 }
 LEVELS = {name: Regressor(coefficients) for name, coefficients in registry.LOADS.items()}
 """By what the friction level rises (`load_levels`): a part of the law, fitted like regressors."""
-LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)
-"""In the order of `law.load_terms`."""
+LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)  # in the order of `law.load_terms`
 _NEEDED = ("position", "velocity", "acceleration", "link_torque")  # what `law.load_terms` is of, in its order
 _PER_METRE = "/m"  # at the end of an order that is of a joint that slides
 _ENDS = 5  # times the transients of a decimation, which a run has at the least

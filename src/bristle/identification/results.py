@@ -161,8 +161,7 @@ class LawComparison:
         return next((row for row in self.rows if row.law == law), None)
 
 
-NEED = 10.0
-"""Percent of friction, to which it has to be known where nobody asks for more or less."""
+NEED = 10.0  # percent of friction, to which it has to be known where nobody asks for more or less
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

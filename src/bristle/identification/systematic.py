@@ -14,8 +14,7 @@ from bristle.model.parameters import least_of
 
 Key = TypeVar("Key")
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-NORMAL = 1.96
-"""Half-width of a 95 % interval of a normal distribution, in standard errors."""
+NORMAL = 1.96  # half-width of a 95 % interval of a normal distribution, in standard errors
 _ROUNDING = 1e-9  # of a value: a smaller change is none
 
 

@@ -215,8 +215,7 @@ def pair_of(numbers: Sequence[T], law: Law = GAUSSIAN) -> Pair[T]:
     return Pair(one(*numbers[:count]), one(*numbers[count : 2 * count]))
 
 
-SIGNED = (Direction.POSITIVE, Direction.NEGATIVE)
-"""The two directions of motion."""
+SIGNED = (Direction.POSITIVE, Direction.NEGATIVE)  # the two directions of motion
 
 
 class ParameterName(NamedTuple):

@@ -14,8 +14,7 @@ from bristle.model.parameters import Pair, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan
 
-SAMPLES = 200
-"""Of a period, before nodes are added where the velocity is low."""
+SAMPLES = 200  # of a period, before nodes are added where the velocity is low
 _BLOCK = 400_000  # nodes of all joints worked on at a time: what bounds the memory
 _PASSES = 12  # over the sign of z, which tells the stiffness of a pair ...
 _STILL = 1e-12  # ... until z moves by no more than this share of its largest value

@@ -22,8 +22,7 @@ from bristle.identification.fits import Estimate
 from bristle.identification.shared_findings import NOT_IDENTIFIABLE, UNRESOLVED
 from bristle.model.parameters import Direction, ParameterName, of_load, peak_parameters
 
-WIDE = 0.5
-"""A relative standard error beyond which a parameter is called not identifiable from the motion."""
+WIDE = 0.5  # a relative standard error beyond which a parameter is called not identifiable from the motion
 _SAMPLES = 5  # in which a motion has to pass the bristle's deflection
 _NOTHING = 1e-8  # share of its column that a half must have, to say anything of a parameter
 _INFLATED = 10.0  # a variance inflation beyond which two parameters are told apart badly

@@ -31,8 +31,7 @@ from bristle.identification.fits import TrackingFit
 from bristle.identification.shared_findings import not_shown
 from bristle.model.parameters import ParameterName, of_friction
 
-REPETITIONS = 6
-"""Rest positions inside a count at which the motion is measured again."""
+REPETITIONS = 6  # rest positions inside a count at which the motion is measured again
 _STEPS = 8  # steps from the estimate to where counting moves it: what counts hide may take many more
 _EXACT = 0.03  # of a standard error, to which that place is found: six of them scatter by more
 _SEED = 0

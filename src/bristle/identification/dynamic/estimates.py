@@ -224,8 +224,7 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
     return Finding("only-as-sum", CAUTION, message, {"all": (*up, *down), "up": up, "down": down})
 
 
-OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})
-"""Verdicts of `physics`."""
+OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})  # verdicts of `physics`
 
 
 def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:

@@ -33,8 +33,7 @@ from bristle.workers import threads
 
 _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = tuple(ParameterName(name, Direction.SHARED) for name in LOADS)
-HORIZON = 0.5
-"""Length of the windows that are simulated, s; half of a segment where that is less."""
+HORIZON = 0.5  # length of the windows that are simulated, s; half of a segment where that is less
 _EQUATIONS = 4  # in a window, at the least: its position, velocity and deflection at the start are unknown
 _SHORTEST = 16  # samples in a window
 _RING = 1.0  # a step of the plant is at most this share of a radian of the bristle's ringing, sqrt(sigma_0 / J)

@@ -25,10 +25,8 @@ from bristle.identification.dynamic.problem import (
 from bristle.model.parameters import INERTIA, Lugre, ParameterName, least_of, of_load
 from bristle.model.rollout import rollout
 
-FEWEST = 2
-"""Equations for each unknown, at the least: fewer estimate nothing."""
-LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")
-"""What the descent sees as its logarithm."""
+FEWEST = 2  # equations for each unknown, at the least: fewer estimate nothing
+LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")  # what the descent sees as its logarithm
 _LARGE = 50_000  # samples from which a descent begins on a few of them
 _EVERY = 8  # those few are every 8th, ...
 _ROUGH = 10.0  # ... with nodes this many times farther apart, ...

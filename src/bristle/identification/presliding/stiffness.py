@@ -30,10 +30,8 @@ from bristle.model import functions
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
-REACH = 0.8
-"""Of g0: above, a little noise in T is much in log(1 - T / g0)."""
-LIMIT = 0.97
-"""Of g0: noise may reach above REACH, but not to where U has no value."""
+REACH = 0.8  # of g0: above, a little noise in T is much in log(1 - T / g0)
+LIMIT = 0.97  # of g0: noise may reach above REACH, but not to where U has no value
 _YIELDS = 3.0
 """An edge-to-edge stiffness this many times below what the first count allows is that of a joint that slides."""
 _STRAIGHT = 1e6

@@ -25,8 +25,7 @@ GRID = 128
 """Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them.
 """
 _IN_CACHE = 400_000  # residuals of sets, of which robust errors are computed at a time
-COARSE = 48
-"""As many are enough for the minimum alone."""
+COARSE = 48  # as many are enough for the minimum alone
 _NEWTON = 4
 _CROSSING = 12  # secant steps to where a profile crosses its threshold
 _CROSSED = 1e-8  # this near to one, the statistic's root is on the threshold

@@ -20,12 +20,10 @@ from bristle.model import law
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, ParameterName, of_curve, static_of, without_peak
 
-STARTS = 8
-"""Random starts of the full fit."""
+STARTS = 8  # random starts of the full fit
 SEED = 0
 _SAME = 1e-6  # relative difference in cost below which two minima are the same
-OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
-"""Of IPOPT, for a fit to the last digits."""
+OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}  # of IPOPT, for a fit to the last digits
 
 
 def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS) -> list[Array]:

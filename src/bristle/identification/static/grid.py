@@ -27,10 +27,8 @@ from bristle.model.parameters import ParameterName
 T = TypeVar("T")
 _NONE = np.zeros(0, dtype=np.intp)
 _FLAT = 1e-10  # a Stribeck column this close to the others, relative, tells nothing
-GRID = 32
-"""Values of v_s in the refined grid."""
-PLAIN_GRID = 500
-"""Values of v_s in the paper's plain grid."""
+GRID = 32  # values of v_s in the refined grid
+PLAIN_GRID = 500  # values of v_s in the paper's plain grid
 _TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))
 """From five equally spaced values to the coefficients of the polynomial through them, highest power first."""
 _BLOCK = 500  # values of v_s worked on at a time, of many sets

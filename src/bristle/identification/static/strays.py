@@ -32,8 +32,7 @@ degrees of freedom as the law has parameters."""
 _GRIDS = {1: 96, 2: 24}  # values of v_s for each of so many peaks
 _LEVELS = {1: SIGNIFICANCE, 2: SIGNIFICANCE, 3: RARE}
 """By how many are left out at once: threes, of which there are so many, only where there is no doubt."""
-SINGLY = 1000
-"""Points up to which strays are left out, and looked at, one by one."""
+SINGLY = 1000  # points up to which strays are left out, and looked at, one by one
 _ALIKE = 0.25
 """Of the largest fall of the cost: of more points, strays with at least as large a one are left out with it."""
 _TRIED = {1: None, 2: 200, 3: 24}

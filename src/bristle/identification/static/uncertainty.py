@@ -33,8 +33,7 @@ from bristle.identification.static.shape_search import own_columns
 from bristle.identification.static.solution import StaticSolution
 from bristle.model.parameters import ParameterName
 
-SEED = 0
-"""Of the bootstrap."""
+SEED = 0  # of the bootstrap
 MANY = 2_000
 """Points from which on one step does for the bootstrap: errors are then too small for the law to bend within them."""
 _FEW = 8  # points beyond the parameters, below which they are few

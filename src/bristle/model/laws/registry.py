@@ -11,10 +11,8 @@ from bristle.model.laws.check import fault_of
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
 
-PAPER = "paper"
-"""Another name of the paper's law."""
-AUTO = "auto"
-"""Not a law: the data choose one."""
+PAPER = "paper"  # another name of the paper's law
+AUTO = "auto"  # not a law: the data choose one
 LOADS = {
     "link-load": ("link_load",),
     "motor-load": ("motor_load",),
