@@ -18,6 +18,8 @@ from bristle.findings import Finding, Severity
 from bristle.identification.dynamic import unknowns
 from bristle.identification.dynamic.claims import bristle_doubts
 from bristle.identification.dynamic.crosscheck import check_tracking
+from bristle.identification.dynamic.descent import fit, solve_dynamic
+from bristle.identification.dynamic.descent import least_squares as posed_about
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import (
@@ -28,9 +30,6 @@ from bristle.identification.dynamic.problem import (
     residuals,
     with_priors,
 )
-from bristle.identification.dynamic.starts import solve_dynamic
-from bristle.identification.dynamic.unknowns import fit
-from bristle.identification.dynamic.unknowns import least_squares as posed_about
 from bristle.identification.dynamic.what_is_left import pattern_left
 from bristle.identification.fits import TrackingFit
 from bristle.identification.moving_runs import moved_in

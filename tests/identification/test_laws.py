@@ -16,7 +16,7 @@ from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
-from bristle.identification.static.shape_search import with_best_shape
+from bristle.identification.static.profiles import with_best_shape
 from bristle.model.functions import steady_torque_function
 from bristle.model.laws import registry
 from bristle.model.laws.gaussian import GAUSSIAN

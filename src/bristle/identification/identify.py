@@ -21,7 +21,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.accuracy import accuracy_of
+from bristle.identification.curve import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit

@@ -48,7 +48,7 @@ from bristle.identification.static.points import (
     strays_under_all,
 )
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.shape_search import with_best_shape
+from bristle.identification.static.profiles import with_best_shape
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import LOADS, competing

@@ -15,10 +15,9 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.estimation.information import criteria, power_of
 from bristle.findings import CAUTION, NOTE, Finding
+from bristle.identification.dynamic.descent import carried, fit, with_deflections
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, dynamic_problem
-from bristle.identification.dynamic.starts import carried
-from bristle.identification.dynamic.unknowns import fit, with_deflections
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.moving_runs import DIRECTIONS, declared, inertia, moved_in, regressors
 from bristle.identification.results import ModelComparison, ModelRow

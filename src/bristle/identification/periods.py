@@ -13,8 +13,8 @@ from bristle.errors import InputError
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.score_test import Score, scores
 from bristle.findings import NOTE, Finding
+from bristle.identification.dynamic.descent import solve_dynamic
 from bristle.identification.dynamic.priors import posed_and_start
-from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.what_is_left import columns_of, known_and_left
 from bristle.identification.measured import Measured, with_loads, with_options
 from bristle.identification.moving_runs import directions, turn_of, with_orders

@@ -23,10 +23,10 @@ from bristle.data.differentiation import LOWEST, derivative, estimate_motion, sm
 from bristle.data.record import Record
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
+from bristle.identification.dynamic.descent import fit
 from bristle.identification.dynamic.estimates import OF_PHYSICS, physics
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
-from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import TrackingFit
 from bristle.identification.shared_findings import not_shown
 from bristle.model.parameters import ParameterName, of_friction

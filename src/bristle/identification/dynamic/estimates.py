@@ -20,8 +20,8 @@ from bristle.identification.dynamic.claims import (
     warned,
     without_weak,
 )
+from bristle.identification.dynamic.descent import FEWEST, LOGARITHMIC, equations_left
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters
-from bristle.identification.dynamic.unknowns import FEWEST, LOGARITHMIC, equations_left
 from bristle.identification.dynamic.what_is_left import Left, known_and_left
 from bristle.identification.fits import Estimate
 from bristle.identification.shared_findings import at_bound, curve_held, not_passive, takes_up_peak

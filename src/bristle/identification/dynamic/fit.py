@@ -17,6 +17,14 @@ from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.claims import WIDE, loads_alike, peak_doubts
+from bristle.identification.dynamic.descent import (
+    FEWEST,
+    equations_left,
+    fit,
+    solve_dynamic,
+    with_deflections,
+    without_deflections,
+)
 from bristle.identification.dynamic.estimates import (
     estimates_of,
     hardly_seen_findings,
@@ -26,8 +34,6 @@ from bristle.identification.dynamic.estimates import (
     wide,
 )
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, friction_and_load, residuals
-from bristle.identification.dynamic.starts import solve_dynamic
-from bristle.identification.dynamic.unknowns import FEWEST, equations_left, fit, with_deflections, without_deflections
 from bristle.identification.dynamic.what_is_left import what_is_left
 from bristle.identification.fits import HoldOut, TrackingFit
 from bristle.identification.offset import offset_or_friction

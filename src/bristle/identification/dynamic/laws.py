@@ -19,8 +19,8 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.information import power_of
 from bristle.estimation.nonlinear import Unknowns
+from bristle.identification.dynamic.descent import solved, with_deflections
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem, modelled
-from bristle.identification.dynamic.unknowns import solved, with_deflections
 from bristle.identification.fits import TrackingFit
 from bristle.identification.load_levels import LINEAR
 from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors

@@ -18,18 +18,24 @@ from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.crosscheck import check_tracking
+from bristle.identification.dynamic.descent import (
+    LOGARITHMIC,
+    carried,
+    logarithms,
+    solve_dynamic,
+    with_deflections,
+    without_deflections,
+)
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
-from bristle.identification.dynamic.starts import carried, solve_dynamic
 from bristle.identification.dynamic.uncertainty import (
     parts_of_runs,
     profile_until_stable,
     shifts_of,
     with_three_ways,
 )
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, with_deflections, without_deflections
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import clustered, widened, with_priors_beside

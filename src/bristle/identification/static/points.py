@@ -18,7 +18,7 @@ from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.moving_runs import DIRECTIONS, declared, load_columns, terms_of
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import Regression, from_points
-from bristle.identification.static.shape_search import with_best_shape
+from bristle.identification.static.profiles import with_best_shape
 from bristle.identification.static.strays import all_but, find_strays, refit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law

@@ -21,8 +21,14 @@ from bristle.identification.fits import Estimate, Profile
 from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.profiles import StaticProfiles, drawn_profiles, profiled
-from bristle.identification.static.shape_search import over_shapes, own_columns, with_best_shape
+from bristle.identification.static.profiles import (
+    StaticProfiles,
+    drawn_profiles,
+    over_shapes,
+    own_columns,
+    profiled,
+    with_best_shape,
+)
 from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Kind, ParameterName, unit

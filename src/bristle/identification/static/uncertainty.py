@@ -28,8 +28,7 @@ from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.profiles import others
-from bristle.identification.static.shape_search import own_columns
+from bristle.identification.static.profiles import others, own_columns
 from bristle.identification.static.solution import StaticSolution
 from bristle.model.parameters import ParameterName
 
