@@ -21,13 +21,13 @@ from bristle.identification.dynamic.claims import (
     without_weak,
 )
 from bristle.identification.dynamic.descent import FEWEST, LOGARITHMIC, equations_left
-from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, sets_of
 from bristle.identification.dynamic.what_is_left import Left, known_and_left
 from bristle.identification.fits import Estimate
 from bristle.identification.shared_findings import at_bound, curve_held, not_passive, takes_up_peak
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import INERTIA, Kind, Lugre, ParameterName, bends_down, least_of, of_friction, unit
+from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, least_of, of_friction, unit
 
 _NOTHING = 100.0  # percent: what no model at all would leave
 _UNSEEN = 1e-2  # a direction whose singular value is this share of the largest is not seen
@@ -229,11 +229,8 @@ OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})  # verdicts
 
 def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
     """Passivity and damping in presliding, which need no data; none of what the motion does not show."""
-    warnings = []
-    p = parameters(problem, values)
-    sets = dict(zip(problem.directions, [p] if isinstance(p, Lugre) else p, strict=True))
-    J = values.get(INERTIA, problem.fixed.get(INERTIA))
-    for d, lugre in sets.items():
+    warnings, J = [], values.get(INERTIA, problem.fixed.get(INERTIA))
+    for d, lugre in sets_of(problem, values).items():
         if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             warnings.append(not_passive(lugre, d))
         if bends_down(lugre):

@@ -302,12 +302,17 @@ def dynamic_problem(
     )
 
 
-def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[float]:
-    """The LuGre set, or pair of sets, among some values by name."""
+def sets_of(problem: DynamicProblem, values: Values) -> dict[Direction, Lugre[float]]:
+    """The LuGre set of each direction among some values by name."""
     known: Values = {**problem.fixed, **values}
     one = lugre_of(problem.law)
-    sets = [one(*(known[ParameterName(name, d)] for name in one._fields)) for d in problem.directions]
-    return sets[0] if len(sets) == 1 else Pair(*sets)
+    return {d: one(*(known[ParameterName(name, d)] for name in one._fields)) for d in problem.directions}
+
+
+def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[float]:
+    """The LuGre set, or pair of sets, among some values by name."""
+    sets = sets_of(problem, values).values()
+    return next(iter(sets)) if len(sets) == 1 else Pair(*sets)
 
 
 def residuals(problem: DynamicProblem, values: Values, chain: Array | None = None) -> tuple[Array, Array]:

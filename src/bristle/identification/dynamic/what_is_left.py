@@ -22,9 +22,9 @@ from bristle.estimation.score_test import Candidate, Fitted, Score, explained, s
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.claims import BRISTLE
-from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, parameters
+from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, sets_of
 from bristle.identification.moving_runs import load_columns
-from bristle.model.parameters import INERTIA, Kind, Lugre, ParameterName, of_friction, unit
+from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, unit
 
 _SURE, _ALIKE = 4.0, 3.3
 """Standard errors from zero, beyond which all equations ask for a delay, and beyond which those far from reversals do: 5e-4 by chance."""
@@ -331,9 +331,8 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
             off = np.asarray(quantise(path, problem.count)).ravel() - path
             noise = derivative(record, smoothed(record, off, cutoff), 2)
         noises.append(noise)
-    known = parameters(problem, solution.values)
-    alpha_2 = known.alpha_2 if isinstance(known, Lugre) else sum(p.alpha_2 for p in known) / 2
-    made: Array = -inertia * alpha_2 * _equations(problem.motions, noises) ** 2
+    sets = sets_of(problem, solution.values).values()
+    made: Array = -inertia * (sum(p.alpha_2 for p in sets) / len(sets)) * _equations(problem.motions, noises) ** 2
     return made
 
 
@@ -344,8 +343,7 @@ def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
 
 def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:
     """Which equations see only samples at which the joint slides, (n,)."""
-    known = parameters(problem, solution.values)
-    sets = [known] if isinstance(known, Lugre) else known
+    sets = sets_of(problem, solution.values).values()
     reach = _SLID * max((p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in sets)
     filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0
     far = []

@@ -26,10 +26,8 @@ from bristle.estimation.covariance import student
 from bristle.estimation.levels import RARE
 from bristle.findings import CAUTION, Finding, in_direction
 from bristle.identification.fits import AmplitudeStiffness
-from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading
-from bristle.model import functions
+from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading, unbent
 from bristle.model.parameters import Kind, unit
-from bristle.model.vectorize import evaluate
 
 _BLOCKS = 32  # means over so many stretches of each loading stand for its samples where there are no counts
 _KNOTS = (3, 6)  # at least, for with two a curve is not told from its chords; and at the most
@@ -129,7 +127,7 @@ def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
     def left(x: float) -> Array:
         """Residuals of T at g0 = level / x."""
         g0 = level.value / x
-        U = evaluate(functions.loading_displacement_function(), points.T, g0, 1.0)[0]
+        U = unbent(points.T, g0)
         weighted = points._replace(weight=(1 - points.T / g0) ** 2)
         y, u = _within_loadings(np.column_stack([points.y, U]), weighted)[0].T
         rest: Array = u - y * float(y @ u) / float(y @ y)
@@ -186,8 +184,7 @@ def _finest(points: _Points, g0: float) -> tuple[Array, _Bending] | None:
 
 def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
     """The line f by weighted least squares; None where the points do not determine it."""
-    bent = functions.loading_displacement_function()
-    U, at = (evaluate(bent, np.minimum(T, LIMIT * g0), g0, 1.0)[0] for T in (points.T, knots))
+    U, at = (unbent(np.minimum(T, LIMIT * g0), g0) for T in (points.T, knots))
     columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
     centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
     y, A = centred[:, 0], centred[:, 1:]

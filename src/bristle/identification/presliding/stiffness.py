@@ -156,7 +156,7 @@ def printed_bias(u: Array) -> tuple[Array, Array, Array]:
     return on_edge - 1, mean - 1, np.sqrt(np.maximum(square - mean**2, 0.0))
 
 
-def _unbent(torque: Array, g0: float) -> Array:
+def unbent(torque: Array, g0: float) -> Array:
     """U = sigma_0 y of slow loading to this torque, N*m."""
     return evaluate(functions.loading_displacement_function(), torque, g0, 1.0)[0]
 
@@ -168,14 +168,14 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     reached = float(loading.displacement[:stop].max(initial=0.0))
     edge = loading.edge_displacement <= reached
     T = np.minimum(loading.edge_torque[edge], LIMIT * g0)
-    y, U = loading.edge_displacement[edge], _unbent(T, g0)
+    y, U = loading.edge_displacement[edge], unbent(T, g0)
     # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
     along = y / y[-1] if y.size else y
     line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
     return Piece(
         time=loading.time[:stop],
         y=loading.displacement[:stop],
-        U=_unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0),
+        U=unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0),
         edge_y=y,
         edge_U=U,
         weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
@@ -248,7 +248,7 @@ def _first_count(
         none = Finding("nothing-below-g0", NOTE, "No displacement was measured below g0.")
         absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
         return absent, absent, 0.0
-    U = _unbent(T, g0)
+    U = unbent(T, g0)
     # of a count, to the first edge: uniform, whose mean over some loadings is nearly normal
     half = min(CONFIDENCE / 2, 1.96 / float(np.sqrt(12 * T.size)))
     nearest, farthest = (1 - CONFIDENCE, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)

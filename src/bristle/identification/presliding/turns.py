@@ -20,9 +20,7 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
 from bristle.findings import CAUTION, Finding
-from bristle.identification.presliding.stiffness import by_samples, of_loading
-from bristle.model import functions
-from bristle.model.vectorize import evaluate
+from bristle.identification.presliding.stiffness import by_samples, of_loading, unbent
 
 _SURE = 4.0  # standard errors from zero, beyond which it is said, ...
 _SHARE = 0.02  # ... and how much of sigma_0 it must change: less is not worth a sentence
@@ -140,17 +138,11 @@ class _Torque(NamedTuple):
         most = self.g0 / _BELOW
         top = float(np.clip(min(np.polyval(x, self.turn) for x in (self.up, self.down)), -most, most))
         load = np.clip(np.where(before, np.polyval(self.up, s), np.polyval(self.down, s)), -most, top)
-        rise, fall = (_moved(x * load, self.g0) - _moved(x * top, self.g0) for x in (1, -1))
+        rise, fall = (unbent(x * load, self.g0) - unbent(np.array(x * top), self.g0) for x in (1, -1))
         rise, fall = np.where(before, rise, 0.0), np.where(before, 0.0, fall)
         columns = np.column_stack([np.ones(s.size), rise, rise**2, fall, fall**2])
         scaled: Array = columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY)
         return scaled
-
-
-def _moved(torque: Array | float, g0: float) -> Array:
-    """LuGre's displacement at a torque, of a stiffness of one."""
-    moved: Array = evaluate(functions.loading_displacement_function(), np.asarray(torque), g0, 1.0)[0]
-    return moved
 
 
 def _torque(s: Array, T: Array, g0: float) -> _Torque:
