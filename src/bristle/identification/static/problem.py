@@ -177,10 +177,6 @@ class Regression:
         """The same velocities with another torque, N*m, (n,)."""
         return replace(self, torque=torque.copy(), memory={})
 
-    def with_shape(self, shape: tuple[float, ...]) -> "Regression":
-        """The same with another shape of its peaks, what the law's peak takes beside v_s."""
-        return replace(self, shape=shape)
-
     def rows(self, keep: NDArray[np.bool_]) -> "Regression":
         """The same problem with only some equations, no prior among them; `keep` is a mask, (n,)."""
         return replace(

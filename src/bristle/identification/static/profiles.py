@@ -226,10 +226,10 @@ def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regr
 
     def cost(shape: tuple[float, ...]) -> float:
         """The least there is with this shape."""
-        return solve(problem.with_shape(shape), v_s_range).cost
+        return solve(replace(problem, shape=shape), v_s_range).cost
 
     best, _ = _searched(cost, tuple(own.searched for own in problem.law.peak.own))
-    return problem.with_shape(best)
+    return replace(problem, shape=best)
 
 
 def _searched(
@@ -271,44 +271,31 @@ def own_columns(problem: Regression, solution: Solution) -> Array:
 def over_shapes(
     problem: Regression, likelihood: StaticProfiles, v_s_range: tuple[float, float]
 ) -> tuple[Mapping[ParameterName, tuple[float, float]], Mapping[str, tuple[float, float]]]:
-    """The intervals of the problem's parameters, over every shape of the peak that the data allow; and those of the shape's."""
-    if not problem.shape or not problem.peaks:
-        return likelihood.intervals, {}
-    of_shape, every = _shape_intervals(problem, v_s_range, likelihood.threshold), [likelihood.intervals]
-    for k, own in enumerate(problem.law.peak.own):  # along each parameter of the shape, the others at their best
-        low, high = (float(np.clip(end, *own.searched)) for end in of_shape[own.name])
-        for value in np.geomspace(low, high, _WITHIN).tolist():
-            one = problem.with_shape(_with(problem.shape, k, value))
-            solution = solve(one, v_s_range)
-            if solution.cost <= likelihood.threshold:
-                every.append(profiled(one, solution, threshold=likelihood.threshold).intervals)
-    return {name: (min(x[name][0] for x in every), max(x[name][1] for x in every)) for name in every[0]}, of_shape
+    """The intervals of the problem's parameters, over every shape of the peak that the data allow; and those of the shape's.
 
-
-def _shape_intervals(
-    problem: Regression, v_s_range: tuple[float, float], threshold: float
-) -> Mapping[str, tuple[float, float]]:
-    """The 95 % interval of each of the shape's parameters, by name: where the cost stays below the threshold.
-
-    An end is 0 or infinite where it does so to the end of what is searched.
+    Along each parameter of the shape, the others at their best: where the cost stays below the threshold. An end is 0 or
+    infinite where it does so to the end of what is searched.
     """
-    intervals = {}
-    for k, own in enumerate(problem.law.peak.own):
-        at = problem.shape[k]
-        low, high = own.searched
+    of_shape, every, threshold = dict[str, tuple[float, float]](), [likelihood.intervals], likelihood.threshold
+    for k, own in enumerate(problem.law.peak.own if problem.shape and problem.peaks else ()):
 
-        def above(u: float, k: int = k) -> float:
-            """By how much the cost passes the threshold at a logarithm, the other parameters at their best."""
-            return solve(problem.with_shape(_with(problem.shape, k, float(np.exp(u)))), v_s_range).cost - threshold
+        def solved(value: float, k: int = k) -> tuple[Regression, Solution]:
+            one = replace(problem, shape=(*problem.shape[:k], value, *problem.shape[k + 1 :]))
+            return one, solve(one, v_s_range)
+
+        def above(u: float, solved: Callable[[float], tuple[Regression, Solution]] = solved) -> float:
+            return solved(float(np.exp(u)))[1].cost - threshold
 
         ends = []
-        for end, beyond in ((low, 0.0), (high, np.inf)):
-            inside = above(float(np.log(end))) <= 0
-            ends.append(beyond if inside else float(np.exp(brentq(above, np.log(end), np.log(at), xtol=1e-3))))
-        intervals[own.name] = (ends[0], ends[1])
-    return intervals
-
-
-def _with(shape: tuple[float, ...], k: int, value: float) -> tuple[float, ...]:
-    """The shape with another value of one of its parameters."""
-    return (*shape[:k], value, *shape[k + 1 :])
+        for end, beyond in zip(own.searched, (0.0, np.inf), strict=True):
+            if above(float(np.log(end))) <= 0:
+                ends.append(beyond)
+            else:
+                ends.append(float(np.exp(brentq(above, np.log(end), np.log(problem.shape[k]), xtol=1e-3))))
+        of_shape[own.name] = ends[0], ends[1]
+        low, high = np.clip(ends, *own.searched).tolist()
+        for value in np.geomspace(low, high, _WITHIN).tolist():
+            one, solution = solved(value)
+            if solution.cost <= threshold:
+                every.append(profiled(one, solution, threshold=threshold).intervals)
+    return {name: (min(x[name][0] for x in every), max(x[name][1] for x in every)) for name in every[0]}, of_shape
