@@ -44,19 +44,12 @@ def moderated(variance: Array, freedom: Array) -> tuple[Array, Array]:
     d = freedom[few]
     e = np.log(variance[few]) - digamma(d / 2) + np.log(d / 2)
     scatter = float(e.var(ddof=1) - polygamma(1, d / 2).mean())
-    d0 = _freedom_of(scatter)
-    steady, more = variance.copy(), freedom.copy()
-    if np.isinf(d0):
+    steady, more, (least, most) = variance.copy(), freedom.copy(), _SCATTER
+    if scatter <= least:
         steady[few], more[few] = np.exp(e.mean()), np.inf
     else:
+        # d0 makes log(s**2) scatter so much: trigamma(d0 / 2)
+        d0 = float(brentq(lambda d: polygamma(1, d / 2) - min(scatter, most), 1e-4, 4 / least))
         s0 = np.exp(e.mean() + digamma(d0 / 2) - np.log(d0 / 2))
         steady[few], more[few] = (d0 * s0 + d * variance[few]) / (d0 + d), d0 + d
     return steady, more
-
-
-def _freedom_of(scatter: float) -> float:
-    """Degrees of freedom d0 that make log(s**2) scatter so much: trigamma(d0 / 2)."""
-    least, most = _SCATTER
-    if scatter <= least:
-        return float("inf")
-    return float(brentq(lambda d: polygamma(1, d / 2) - min(scatter, most), 1e-4, 4 / least))

@@ -57,7 +57,10 @@ def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
     weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
     y = np.where(weight > 0, levels.y, 0.0)
     X = np.where(weight[..., None] > 0, levels.regressors, 0.0)
-    before, after = _split(weight, baseline)
+    # weight before and after each place of a step, (m, n - baseline); none after it where a row has ended
+    total = weight.cumsum(axis=1)
+    before = total[:, baseline - 1 : -1]
+    after = np.where(weight[:, baseline:] > 0, total[:, -1:] - before, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         means = _means(weight * y, before, after, baseline)
         moved = [_means(weight * X[..., k], before, after, baseline) for k in range(X.shape[2])]
@@ -77,14 +80,6 @@ def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
         p=largest_p(_as_normal(largest, freedom), before, after),
         before=means[0][row, best],
     )
-
-
-def _split(weight: Array, baseline: int) -> tuple[Array, Array]:
-    """Weight before and after each place of a step, (m, n - baseline); none after it where a row has ended."""
-    total = weight.cumsum(axis=1)
-    before = total[:, baseline - 1 : -1]
-    after = np.where(weight[:, baseline:] > 0, total[:, -1:] - before, 0.0)
-    return before, after
 
 
 def _means(weighted: Array, before: Array, after: Array, baseline: int) -> tuple[Array, Array]:

@@ -17,7 +17,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from bristle.arrays import Array
 from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
@@ -65,8 +64,8 @@ def without_count_bias(
     ratio = left / max(right, 1e-300)
     if ratio > _LOST:
         return _of_counts(solved, ratio)
-    torque = np.concatenate(modelled(smooth, solved.values))
-    torques = np.split(torque, np.cumsum([r.time.size for r in true])[:-1])
+    whole = np.concatenate(modelled(smooth, solved.values))
+    torques = np.split(whole, np.cumsum([r.time.size for r in true])[:-1])
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
     told = ([solved.values[name] for name in prior.names] for prior in solved.problem.priors)
     priors = tuple(replace(x, value=np.array(own)) for x, own in zip(solved.problem.priors, told, strict=True))
@@ -75,7 +74,14 @@ def without_count_bias(
     enough = _EXACT**2 * minimum.cost / minimum.residuals.size
     ends = []
     for count in (0.0, *[resolution] * REPETITIONS):
-        counted = [_counted(r, T, count, rng.uniform()) for r, T in zip(true, torques, strict=True)]
+        counted = list[
+            Record
+        ]()  # as an encoder of these counts, 0 for one without, resting anywhere in one, has the motion
+        for r, torque in zip(true, torques, strict=True):
+            position, phase = np.asarray(r.position), rng.uniform()
+            position = np.asarray(quantise(position + phase * count, count)).ravel() if count else position
+            bare = replace(r, position=position, velocity=None, acceleration=None)
+            counted.append(replace(estimate_motion(bare, r.cutoff), torque=torque))
         posed = pose(counted, solved.problem.fixed)
         pairs = zip(posed.motions, solved.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
@@ -130,15 +136,6 @@ def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
         "encoder, or fit.predict: position, which simulates the motor and differentiates nothing."
     )
     return replace(left, warnings=(*left.warnings, Finding("count-bias-unknown", CAUTION, message)))
-
-
-def _counted(record: Record, torque: Array, resolution: float, phase: float) -> Record:
-    """The record as an encoder of these counts, 0 for one without, resting at this phase, has it, differentiated."""
-    position = np.asarray(record.position)
-    if resolution:
-        position = np.asarray(quantise(position + phase * resolution, resolution)).ravel()
-    bare = replace(record, position=position, velocity=None, acceleration=None)
-    return replace(estimate_motion(bare, record.cutoff), torque=torque)
 
 
 def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> dict[ParameterName, Finding]:

@@ -64,7 +64,11 @@ class Simulated:
         """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter by each unknown, (N,)."""
         windows = [m for m in problem.motions if isinstance(m, Window)]
         directions, fields, states = problem.directions, fields_of(self.law), problem.initial_states
-        every, pair = _every(windows, known), len(directions) == 2
+        # steps of the plant between two samples, seldom another number from step to step of the fit
+        J, stiffest = known[INERTIA], max(value for name, value in known.items() if name.name == "sigma_0")
+        longest = max(float(window.step.max()) for window in windows)
+        wanted = longest * np.sqrt(stiffest / J) / _RING if J > 0 else _MOST
+        every, pair = 2 ** int(np.ceil(np.log2(np.clip(wanted, 1.0, _MOST)))), len(directions) == 2
         middle = (np.arange(every) + 0.5) / every  # of the steps of the plant between two samples
         friction = [known[ParameterName(name, d)] for d in (directions if pair else directions * 2) for name in fields]
         p = np.array([*friction, *(known.get(name, 0.0) for name in _LOADS), self.motor.k_t, self.motor.R])
@@ -170,16 +174,6 @@ def _means(samples: int, decimation: int) -> sparse.csr_array | None:
     block = np.minimum(np.arange(samples) // decimation, max(samples // decimation - 1, 0))
     weight = 1 / np.bincount(block)[block]
     return sparse.csr_array((weight, (block, np.arange(samples))))
-
-
-def _every(windows: Sequence[Window], known: Values) -> int:
-    """Steps of the plant between two samples."""
-    J = known[INERTIA]
-    stiffest = max(value for name, value in known.items() if name.name == "sigma_0")
-    longest = max(float(window.step.max()) for window in windows)
-    wanted = longest * np.sqrt(stiffest / J) / _RING if J > 0 else _MOST
-    every: int = 2 ** int(np.ceil(np.log2(np.clip(wanted, 1.0, _MOST))))
-    return every  # seldom another one from step to step of the fit
 
 
 def _free(of: Law) -> int:
