@@ -86,8 +86,7 @@ def solve_static(
     """
     v_s_range = v_s_range or default_range(problem.velocity)
     problem = with_best_shape(problem, v_s_range)
-    dropped, solution = _without_peak(problem, options, v_s_range)
-    problem, solution, likelihood, again = _settled(problem, solution, dropped, options, v_s_range)
+    problem, solution, likelihood, again, dropped = _settled(problem, options, v_s_range)
     variance_inflation = _inflation(problem, solution)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
@@ -156,16 +155,26 @@ def _beside(
 
 
 def _settled(
-    problem: Regression,
-    solution: Solution | None,
-    dropped: dict[Direction, Finding],
-    options: FitOptions,
-    v_s_range: tuple[float, float],
-) -> tuple[Regression, Solution, StaticProfiles, tuple[Finding, ...]]:
+    problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
+) -> tuple[Regression, Solution, StaticProfiles, tuple[Finding, ...], dict[Direction, Finding]]:
     """The problem as it is fitted in the end, with its solution, profiles, and whether these led to a lower minimum.
 
-    `dropped` grows by the directions whose v_s the data do not bound; `solution` is with all peaks, where it is known.
+    And the directions that get no Stribeck term, each with the reason: it is not asked for, not supported, or not bounded.
     """
+    not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
+    asked, points, least = options.model == "coulomb-viscous", problem.torque.size, len(problem.names) + 1
+    dropped, solution = dict[Direction, Finding](), None
+    if points < least:
+        message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
+        few = Finding("too-few-for-peak", NOTE, message, {"points": points, "least": least})
+        dropped = dict.fromkeys(problem.peaks, not_asked if asked else few)
+    else:
+        solution = solve(problem, v_s_range)
+        dropped = {} if options.model == "stribeck" else _unsupported(problem, solution)
+    if asked and points >= least:
+        message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
+        left_out = Finding("peak-left-out", NOTE, message)
+        dropped = {d: not_asked if d in dropped else left_out for d in problem.peaks}
     while True:
         kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
         again = tuple[Finding, ...]()
@@ -179,30 +188,8 @@ def _settled(
             again = (Finding("refitted-from-grid", NOTE, message),)
         unbounded = {} if options.model == "stribeck" else _unbounded(kept, solution, likelihood)
         if not unbounded:
-            return kept, solution, likelihood, again
+            return kept, solution, likelihood, again, dropped
         dropped |= unbounded
-
-
-def _without_peak(
-    problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
-) -> tuple[dict[Direction, Finding], Solution | None]:
-    """Directions that get no Stribeck term, each with the reason, and the solution with all of them, if it was needed."""
-    asked = options.model == "coulomb-viscous"
-    not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
-    points, least = problem.torque.size, len(problem.names) + 1
-    if points < least and asked:
-        return dict.fromkeys(problem.peaks, not_asked), None
-    if points < least:
-        message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
-        few = Finding("too-few-for-peak", NOTE, message, {"points": points, "least": least})
-        return dict.fromkeys(problem.peaks, few), None
-    solution = solve(problem, v_s_range)
-    none = _unsupported(problem, solution)
-    if asked:
-        message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
-        left_out = Finding("peak-left-out", NOTE, message)
-        return {d: not_asked if d in none else left_out for d in problem.peaks}, None
-    return {} if options.model == "stribeck" else none, solution
 
 
 def _unbounded(problem: Regression, solution: Solution, likelihood: StaticProfiles) -> dict[Direction, Finding]:
