@@ -94,7 +94,7 @@ def without_count_bias(
     uncounted, *ends = ends
     bias = np.mean(ends, axis=0) - np.array(uncounted)
     by_name = {name: both for name, *both in zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)}
-    judged = _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name))
+    judged = _doubted(solved, *_corrected(solved.fit, by_name))
     # verdicts that need no data are about the values without the bias
     lost = {name: e for name, e in judged.parameters.items() if e.value is None}
     rest = (w for w in judged.warnings if w.code not in OF_PHYSICS)
@@ -138,23 +138,6 @@ def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
     return replace(left, warnings=(*left.warnings, Finding("count-bias-unknown", CAUTION, message)))
 
 
-def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> dict[ParameterName, Finding]:
-    """Friction parameters whose bias changes too much between the estimate and the truth to be taken off."""
-    doubts = {}
-    for name, (bias, _) in moved.items():
-        e = fit.parameters[name]
-        if not of_friction(name.name) or not e.value or not e.standard_error:
-            continue
-        errors, share = abs(bias) / e.standard_error, abs(bias / e.value)
-        if errors > 1 and errors * share > _UNSURE:
-            message = (
-                f"Not identifiable from this motion: encoder counts bias it by {100 * share:.0f} % of its value, "
-                f"{errors:.1f} standard errors, too much to be subtracted; a finer encoder would show it."
-            )
-            doubts[name] = Finding("unseen-biased", NOTE, message, {"share": share, "errors": errors})
-    return doubts
-
-
 def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[ParameterName, Finding]) -> TrackingFit:
     """The fit without the values that counts hide, which stay fixed as they were found."""
     estimates = without_weak(solved.problem, warned(fit.parameters, doubts))
@@ -164,28 +147,39 @@ def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[Paramete
     return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *not_shown(unseen)))
 
 
-def _corrected(biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> TrackingFit:
-    """The fit with the bias of each parameter taken off, and the scatter that comes with it, both in `moved`."""
-    parameters, large = dict(biased.parameters), []
+def _corrected(
+    biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]
+) -> tuple[TrackingFit, dict[ParameterName, Finding]]:
+    """The fit with the bias of each parameter taken off, and the scatter that comes with it, both in `moved`.
+
+    And the friction parameters whose bias changes too much between the estimate and the truth to be taken off.
+    """
+    parameters, large, doubts = dict(biased.parameters), [], dict[ParameterName, Finding]()
     for name, e in biased.parameters.items():
-        if e.value is None or e.standard_error is None or e.interval is None or name not in moved:
+        if e.value is None or e.standard_error is None or name not in moved:
             continue
-        bias, scatter = moved[name]
-        if abs(bias) > e.standard_error:
+        (bias, scatter), value, error = moved[name], e.value, e.standard_error
+        if of_friction(name.name) and value and error:
+            errors, share = abs(bias) / error, abs(bias / value)
+            if errors > 1 and errors * share > _UNSURE:
+                message = (
+                    f"Not identifiable from this motion: encoder counts bias it by {100 * share:.0f} % of its value, "
+                    f"{errors:.1f} standard errors, too much to be subtracted; a finer encoder would show it."
+                )
+                doubts[name] = Finding("unseen-biased", NOTE, message, {"share": share, "errors": errors})
+        if e.interval is None:
+            continue
+        if abs(bias) > error:
             large.append(name)
-        new = e.value - bias if (e.value - bias) * e.value > 0 else e.value
-        wider = float(np.hypot(e.standard_error, scatter)) / e.standard_error if e.standard_error else 1.0
-        low, high = e.interval
-        ends = max(new - (e.value - low) * wider, 0.0 if low >= 0 else -np.inf), new + (high - e.value) * wider
-        parameters[name] = replace(e, value=new, standard_error=e.standard_error * wider, interval=ends)
+        new = value - bias if (value - bias) * value > 0 else value
+        wider, (low, high) = float(np.hypot(error, scatter)) / error if error else 1.0, e.interval
+        ends = max(new - (value - low) * wider, 0.0 if low >= 0 else -np.inf), new + (high - value) * wider
+        parameters[name] = replace(e, value=new, standard_error=error * wider, interval=ends)
     message = (
         f"Encoder counts bias {', '.join(map(str, large))} by more than a standard error. The bias was subtracted, but a "
         "finer encoder is better, or fit.predict: position, which simulates the motor and differentiates nothing."
     )
     warning = (Finding("count-bias", CAUTION, message, {"names": tuple(large)}),) if large else ()
-    return replace(
-        biased,
-        parameters=parameters,
-        count_bias={n: bias for n, (bias, _) in moved.items()},
-        warnings=(*biased.warnings, *warning),
-    )
+    bias_of = {name: bias for name, (bias, _) in moved.items()}
+    warnings = (*biased.warnings, *warning)
+    return replace(biased, parameters=parameters, count_bias=bias_of, warnings=warnings), doubts

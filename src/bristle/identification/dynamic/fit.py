@@ -150,8 +150,17 @@ def _settled(
     if problem.size < FEWEST * len(problem.names):  # of which nothing is estimated
         search, others = False, ()
     solution = solve_dynamic(problem, start, others, progress, search=search)
-    problem, changed = _weighted(problem, solution)
-    if changed:
+    # weights that even out runs whose residuals scatter differently, by more than half
+    rows, (_, run) = (
+        equations_left(problem, solution),
+        np.unique([m.file for m in problem.motions], return_inverse=True),
+    )
+    by_run = np.repeat(run, [m.size for m in problem.motions])
+    scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
+    if scatter.max() > _UNEVEN * scatter.min():
+        weights = (float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())).tolist()
+        motions = tuple(replace(m, weight=weights[k]) for m, k in zip(problem.motions, run, strict=True))
+        problem = replace(problem, motions=motions)
         solution = solve_dynamic(problem, without_deflections(solution.values), progress=progress, search=search)
     dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
     while more := _not_shown(problem, solution, shown):
@@ -180,19 +189,6 @@ def _settled(
         problem, solution = without, rest
         dropped |= {name: why for name, (_, why) in more.items()}
     return problem, solution, dropped, shown
-
-
-def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[DynamicProblem, bool]:
-    """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
-    rows = equations_left(problem, solution)
-    _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
-    by_run = np.repeat(run, [m.size for m in problem.motions])
-    scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
-    if scatter.max() <= _UNEVEN * scatter.min():
-        return problem, False
-    weights = float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())
-    motions = tuple(replace(m, weight=float(weights[k])) for m, k in zip(problem.motions, run, strict=True))
-    return replace(problem, motions=motions), True
 
 
 def _not_shown(
