@@ -250,8 +250,7 @@ def _errors(
     influence = inverse @ left
     squares = np.einsum("bic,bic,bc->bi", influence, influence, times)
     by_priors = prior_rows @ inverse
-    errors: Array = np.sqrt(squares + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors))
-    return errors
+    return np.asarray(np.sqrt(squares + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors)))
 
 
 def _blocks(grams: Array, scores: Array, of_segment: Array) -> tuple[Array, Array, Array]:

@@ -98,8 +98,7 @@ class ConditionalProfiles:
         cost, inside = self._held(self.free, nodes, j, values)
         if self.faces and not inside.all():
             cost = np.min([self._held(face, nodes, j, values)[0] for face in self.faces(j)], axis=0)
-        heights: Array = np.maximum(cost - self.cost[0], 0.0) / max(float(self.threshold[0] - self.cost[0]), 1e-300)
-        return heights
+        return np.asarray(np.maximum(cost - self.cost[0], 0.0) / max(float(self.threshold[0] - self.cost[0]), 1e-300))
 
     def _grid(self, box: Array, values: int) -> Array:
         """Points over a box, the best one among them, (S, K, P)."""
@@ -160,8 +159,7 @@ class ConditionalProfiles:
         slack = _SLACK * np.sqrt(np.einsum("skmm->skm", at.spread) * most[..., None])
         inside = (at.theta + moved[..., None] * at.spread[..., j] >= -slack) | ~self.bounded
         inside[..., j] = end <= theta + far + slack[..., j]
-        every: NDArray[np.bool_] = inside.all(axis=-1)
-        return every
+        return np.asarray(inside.all(axis=-1))
 
     def _reach(self, at: Conditional, sign: float) -> Array:
         """What is sign times the extreme of each unknown at each node, (S, K, M); -inf where it costs too much."""

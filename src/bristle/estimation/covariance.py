@@ -56,13 +56,11 @@ def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
 def seen(jacobian: Array) -> NDArray[np.bool_]:
     """Which unknowns have any influence on the residuals, (p,)."""
     length = _lengths(jacobian)
-    influence: NDArray[np.bool_] = length > SEEN * length.max()
-    return influence
+    return np.asarray(length > SEEN * length.max())
 
 
 def _lengths(jacobian: Array) -> Array:
-    length: Array = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
-    return length
+    return np.asarray(np.sqrt(np.einsum("np,np->p", jacobian, jacobian)))
 
 
 def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:

@@ -15,8 +15,7 @@ _INDEPENDENT = 1e-10  # a column this much of which, relative, is left by those 
 def least_squares(design: Array, torque: Array) -> Array:
     """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR; the shortest of dependent columns."""
     m = design.shape[1]
-    solution: Array = lapack.dgelsy(design, torque, np.zeros((m, 1), dtype=np.int32), _RANK, 16 * m)[1][:m]
-    return solution
+    return np.asarray(lapack.dgelsy(design, torque, np.zeros((m, 1), dtype=np.int32), _RANK, 16 * m)[1][:m])
 
 
 def bounded_least_squares(design: Array, torque: Array, lower: Array) -> Array:
@@ -45,8 +44,7 @@ def orthonormal(columns: Array) -> tuple[Array, Array]:
 def _inverse(factored: Array) -> Array:
     """The inverse of R, (m, m), from dgeqrf's; solving with R would wake BLAS's threads, even for two unknowns."""
     m = factored.shape[1]
-    inverse: Array = lapack.dtrtri(factored[:m] * _upper(m))[0]
-    return inverse
+    return np.asarray(lapack.dtrtri(factored[:m] * _upper(m))[0])
 
 
 @cache
@@ -70,8 +68,7 @@ def inverse_gram(jacobian: Array) -> Array:
         r = factored[:m] * _upper(m)
         if (r.diagonal() ** 2 > _INDEPENDENT**2 * (r * r).sum(axis=0)).all():
             inverse = _inverse(factored)
-            gram: Array = inverse @ inverse.T
-            return gram
+            return inverse @ inverse.T
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
     inverse = np.linalg.pinv(jacobian / scale)

@@ -32,8 +32,7 @@ def normal_errors(error: Array, half: Array) -> Array:
     reach: Array = np.full(error.size, normal)
     few = np.isfinite(freedom)
     reach[few] = stdtrit(freedom[few], _LEVEL)
-    steady: Array = np.sqrt(variance) * reach / normal
-    return steady
+    return np.sqrt(variance) * reach / normal
 
 
 def moderated(variance: Array, freedom: Array) -> tuple[Array, Array]:

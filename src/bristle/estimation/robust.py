@@ -59,8 +59,7 @@ def _bounded(squares: Array, variance: Array) -> Array:
     """Sum of squares (..., n) in parts of their variances, each at most c**2: (...)."""
     with np.errstate(over="ignore"):  # where nothing varies
         ratio = squares / np.maximum(variance, _LEAST_VARIANCE)
-    total: Array = np.minimum(ratio, SCALE**2).sum(axis=-1)
-    return total
+    return np.asarray(np.minimum(ratio, SCALE**2).sum(axis=-1))
 
 
 def variance_interval(variance: float, known: float, freedom: float) -> tuple[float, float]:
@@ -213,8 +212,7 @@ def _variances(squares: Array, known: Array, goal: float) -> Array:
 
     def above(variance: Array) -> NDArray[np.bool_]:
         """Whether it is larger."""
-        larger: NDArray[np.bool_] = _bounded(squares, variance[:, None] + known) > goal
-        return larger
+        return _bounded(squares, variance[:, None] + known) > goal
 
     low, high = np.zeros(len(squares)), squares.max(axis=1)
     some = above(low)

@@ -88,8 +88,7 @@ def scores(known: Array, rest: Array, columns: Sequence[Array], inflated: float 
 def moved_by(known: Array, added: Array) -> Array:
     """How far each unknown, (p,), would move with what is added to the model, (n,), to first order."""
     scale = np.maximum(np.linalg.norm(known, axis=0), 1e-300)
-    moved: Array = np.linalg.lstsq(known / scale, added, rcond=_RANK)[0] / scale
-    return moved
+    return np.asarray(np.linalg.lstsq(known / scale, added, rcond=_RANK)[0] / scale)
 
 
 def _basis(known: Array) -> Array:

@@ -94,8 +94,7 @@ def _as_normal(t: Array, freedom: float) -> Array:
         return t
     with np.errstate(divide="ignore"):
         tail = np.log(stdtr(freedom, -t))
-    normal: Array = np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), t)
-    return normal
+    return np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), t)
 
 
 def largest_p(c: Array, before: Array, after: Array) -> Array:
@@ -109,8 +108,7 @@ def largest_p(c: Array, before: Array, after: Array) -> Array:
         correlation = np.sqrt(np.where(both, odds[:, :-1] / odds[:, 1:], 0.0))
     row, _ = np.nonzero(both)
     joint = np.bincount(row, _both_beyond(c[row], np.minimum(correlation[both], 1.0)), minlength=c.size)
-    p: Array = np.clip(there.sum(axis=1) * alone - joint, alone, 1.0)
-    return p
+    return np.asarray(np.clip(there.sum(axis=1) * alone - joint, alone, 1.0))
 
 
 def _both_beyond(c: Array, correlation: Array) -> Array:

@@ -71,8 +71,7 @@ class _Waves(Sequence[Array]):
 def _centred(columns: Sequence[Array]) -> Array:
     """Some columns, (n,) each, less their means: a constant is an offset, and no trend; (n, k)."""
     X = np.stack(columns, axis=1)
-    centred: Array = X - X.mean(axis=0)
-    return centred
+    return np.asarray(X - X.mean(axis=0))
 
 
 def _trend(over: str, found: Score, _: int) -> Finding:

@@ -53,16 +53,14 @@ class Load(NamedTuple):
     def by_motor(self, values: Mapping[str, float]) -> Array:
         """The derivative of the level by the motor's torque, (N,): what a measured torque explains of itself while sliding."""
         _, _, by_motor = self._parts(values)
-        slope: Array = np.array([values[name] for name in self.levels]) @ by_motor
-        return slope
+        return np.asarray(np.array([values[name] for name in self.levels]) @ by_motor)
 
     def _parts(self, values: Mapping[str, float]) -> Array:
         """The levels, and their derivatives by the links' torque and the motor's, (3, m, N)."""
         weights = np.array([values[name] for name in self.weights])
         every = np.array(evaluate(load_levels_function(), self.motor, -(self.columns @ weights + self.known)))
         own = [_NAMES.index(name) for name in self.levels]
-        parts: Array = every.reshape(3, len(_NAMES), -1)[:, own]
-        return parts
+        return every.reshape(3, len(_NAMES), -1)[:, own]
 
 
 def levels_of(regressors: Sequence[str]) -> tuple[str, ...]:

@@ -47,8 +47,7 @@ class Nodes:
     @property
     def heading(self) -> Array:
         """v0 + v1 of every step: its sign is the direction of motion, (N - 1,)."""
-        heading: Array = self.v[:-1] + self.v[1:]
-        return heading
+        return self.v[:-1] + self.v[1:]
 
     def inside(self, steps: Index, fractions: Array) -> tuple[Array, Array | None]:
         """Velocity, (k,), and level, (1 + k', k), inside some steps, at fractions of their duration."""

@@ -193,8 +193,7 @@ def logarithms(names: Iterable[ParameterName]) -> set[ParameterName]:
 def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
     """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
     weight = problem.weight
-    rows: Array = solution.minimum.residuals[: weight.size] / weight
-    return rows
+    return solution.minimum.residuals[: weight.size] / weight
 
 
 def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, float]:

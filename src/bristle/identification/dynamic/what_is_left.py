@@ -332,8 +332,7 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
             noise = derivative(record, smoothed(record, off, cutoff), 2)
         noises.append(noise)
     sets = sets_of(problem, solution.values).values()
-    made: Array = -inertia * (sum(p.alpha_2 for p in sets) / len(sets)) * _equations(problem.motions, noises) ** 2
-    return made
+    return -inertia * (sum(p.alpha_2 for p in sets) / len(sets)) * _equations(problem.motions, noises) ** 2
 
 
 def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:

@@ -130,8 +130,7 @@ def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
         U = unbent(points.T, g0)
         weighted = points._replace(weight=(1 - points.T / g0) ** 2)
         y, u = _within_loadings(np.column_stack([points.y, U]), weighted)[0].T
-        rest: Array = u - y * float(y @ u) / float(y @ y)
-        return rest
+        return np.asarray(u - y * float(y @ u) / float(y @ y))
 
     def cost(x: float) -> float:
         """Their sum of squares."""

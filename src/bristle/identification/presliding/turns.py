@@ -141,8 +141,7 @@ class _Torque(NamedTuple):
         rise, fall = (unbent(x * load, self.g0) - unbent(np.array(x * top), self.g0) for x in (1, -1))
         rise, fall = np.where(before, rise, 0.0), np.where(before, 0.0, fall)
         columns = np.column_stack([np.ones(s.size), rise, rise**2, fall, fall**2])
-        scaled: Array = columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY)
-        return scaled
+        return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY))
 
 
 def _torque(s: Array, T: Array, g0: float) -> _Torque:

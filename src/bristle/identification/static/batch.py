@@ -172,8 +172,7 @@ class Batch:
         return np.maximum(low, self.problem.least[:, None])
 
     def _v_s(self, x: Array) -> Array:
-        values: Array = self._base * np.exp(self._step * x)
-        return values
+        return np.asarray(self._base * np.exp(self._step * x))
 
     def _at(self, x: Array) -> Tables:
         """The tables at grid coordinates x, (sets, q)."""
@@ -186,8 +185,7 @@ class Batch:
         return Tables(*(np.einsum("...sqi,sqi->...sq", table, weights) for table in tables))
 
     def _costs(self, at: Tables) -> Array:
-        cost: Array = self._rest[:, None] - np.maximum(at.along, 0.0) ** 2
-        return cost
+        return np.asarray(self._rest[:, None] - np.maximum(at.along, 0.0) ** 2)
 
     def _solve(self) -> None:
         """The minimum of each set, between grid values; those at an end of the range, or at a bound, one by one."""

@@ -159,8 +159,7 @@ class Projected:
         if len(self.problem.peaks) == 1:
             return self.costs(v_s)
         surface, _ = self.surface(v_s, others) if peak == 0 else self.surface(others, v_s)
-        lowest: Array = surface.min(axis=1 - peak)
-        return lowest
+        return np.asarray(surface.min(axis=1 - peak))
 
     def surface(self, first_v_s: Array, second_v_s: Array) -> tuple[Array, tuple[float, float]]:
         """J_s over v_s of two peaks, (k, l), with alpha_1 >= 0, and the least cost without each peak."""

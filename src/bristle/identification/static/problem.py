@@ -92,8 +92,7 @@ class Regression:
     def speeds(self, direction: str) -> Array:
         """The speeds of a direction, or of `both`, that are not zero, rad/s."""
         moving = {"+": self.velocity > 0, "-": self.velocity < 0}.get(direction, self.velocity != 0)
-        speeds: Array = np.abs(self.velocity[moving])
-        return speeds
+        return np.asarray(np.abs(self.velocity[moving]))
 
     @property
     def least(self) -> Array:
@@ -213,8 +212,7 @@ class Regression:
 def log_grid(v_s_range: tuple[float, float], grid: int) -> Array:
     """Values of v_s spaced evenly in log(v_s), both ends included, (grid,)."""
     low, high = v_s_range
-    values: Array = low * np.exp(np.arange(grid) * (np.log(high / low) / (grid - 1)))
-    return values
+    return np.asarray(low * np.exp(np.arange(grid) * (np.log(high / low) / (grid - 1))))
 
 
 def from_points(
