@@ -35,10 +35,8 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
 from bristle.findings import NOTE, Finding
 
-DRAWS, REFITS = 2000, 1999
-"""Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
-_AT_ONCE = 4_000_000
-"""Numbers that are drawn, or scores of blocks that are computed, at once, so that memory does not grow with the equations."""
+DRAWS, REFITS = 2000, 1999  # draws of blocks, and of residuals that are fitted again: the interval's ends are draws
+_AT_ONCE = 4_000_000  # numbers drawn, or scores of blocks computed, at once, whatever the number of equations
 FEW = 8  # blocks below which a bootstrap has little to draw from, and gives no interval
 ENOUGH = 20  # blocks below which a bootstrap that parts from the other intervals is explained by them
 SHOWN = 500  # draws kept of each unknown, to be drawn

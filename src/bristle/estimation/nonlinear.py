@@ -27,14 +27,9 @@ Evaluate = Callable[[Array], tuple[Array, Array]]
 """
 _DAMPING = 1e-4
 _MOST_DAMPING = 1e8
-_HARDLY_SEEN = 1e-8
-"""Of the longest column: damping takes shorter ones for this long, or no damping would keep what is hardly seen near."""
-_SETTLED = 1e-6
-"""Steps end when the next one would lower the cost by less than this share of the residuals' variance: 1e-3 standard
-errors."""
-_FLAT = 1e-6
-"""Out of steps, the cost has settled if the last one lowered it by less than this share: what still moves is not seen.
-"""
+_HARDLY_SEEN = 1e-8  # of the longest column: damping takes shorter ones for this long, to keep what is hardly seen near
+_SETTLED = 1e-6  # of the residuals' variance: steps end when the next would gain less, 1e-3 standard errors
+_FLAT = 1e-6  # out of steps, the cost has settled if the last lowered it by less: what still moves is not seen
 _SLOW, _CREEPS = 1e-2, 3
 """Steps end as well where so many in a row lower it by less than this share of the variance each, a tenth of a standard error: along a
 narrow bend they would go on for hundreds."""

@@ -36,9 +36,7 @@ _OPEN = (
     "No finite interval by the profile: with the other parameters re-optimised, every value on that side that a motion can show "
     "fits about as well."
 )
-_TRIES, _BUDGET = 12, 40
-"""Steps of the descent at one value, and evaluations on one side of the estimate (five, where the profile is smooth).
-"""
+_TRIES, _BUDGET = 12, 40  # steps of a descent at one value, and evaluations on one side (five of a smooth profile)
 _SETTLED = 1e-3  # of d: a descent ends when a step would lower the cost by less
 _EXACT = 1e-3  # of its distance from the estimate: how near to the crossing an end is sought
 _STRAIGHT = 1e-2  # this near to one, the statistic's root is a line from the estimate on

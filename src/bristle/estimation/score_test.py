@@ -21,8 +21,7 @@ LEAST = 0.05  # of the squares that the fit leaves: a candidate that explains le
 MATTERS = 0.01  # of friction, rms, or a standard error of some parameter: a candidate that moves less is a note
 _MANY = 100
 """Equations that tell how noise is correlated, and uneven, along a column; of fewer it is as along a slow one, at most, and even."""
-_BESIDE, _RANK = 1e-6, 1e-10
-"""Of its length: what a column has beside others, below which it is made of them; and those that are known."""
+_BESIDE, _RANK = 1e-6, 1e-10  # of its length: a column with less beside others is made of them; and known ones
 
 
 class Score(NamedTuple):

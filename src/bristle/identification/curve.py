@@ -17,8 +17,7 @@ from bristle.model.parameters import SIGNED, Direction, ParameterName, Stribeck,
 from bristle.model.vectorize import evaluate
 
 _DRAG = "quadratic"
-SPEEDS, LEAST = 60, 0.02
-"""Of a motion in each direction: at how many speeds the curve is looked at, the least as a share of the greatest."""
+SPEEDS, LEAST = 60, 0.02  # of a motion, each way: speeds at which the curve is looked at, the least over the greatest
 BIASED = 1.5
 """Times what the errors tell: filters, counts, settling and the choice of a set-up bend a curve too. Set on one half of the simulated joints of
 `benchmarks/calibration.py`, so that 93 % of clean curves lie within the band."""

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 T = TypeVar("T")
-LARGEST = 100_000_000
-"""Bytes that a results file may have: about two million equations; the four embedded joints have a few millions."""
+LARGEST = 100_000_000  # bytes of a results file, about two million equations; the embedded joints have a few millions
 _MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}  # what else it may have
 _DIGITS = 18  # of a whole number: counts have fewer
 _SHOWN = 300  # characters of a reason that are quoted

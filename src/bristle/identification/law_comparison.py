@@ -58,10 +58,8 @@ Name = TypeVar("Name")
 
 BLOCKS = 5  # of speed, each left out in turn
 WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
-_WORTH = 1.05
-"""Times the error at speeds that were left out, which a term has to lower the error by, to be taken unasked."""
-_MOSTLY = float(np.sqrt(2))
-"""The same of a load: a torque that is logged late imitates friction that rises with load, and explains less of what is left."""
+_WORTH = 1.05  # times by which a term has to lower the error at speeds that were left out, to be taken unasked
+_MOSTLY = float(np.sqrt(2))  # the same of a load, which a torque that is logged late imitates
 _STICKS_OUT = 0.1  # of an interval's width
 GAIN = 10.0  # of BIC, by which another law has to be better than the paper's
 _SPREAD = 0.95  # a law with less than this of the weights is not the only one that the data allow

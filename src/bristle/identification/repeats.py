@@ -27,8 +27,7 @@ from bristle.model.parameters import ParameterName, least_of
 Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
 _FEWEST = 3  # runs: two tell too little of how runs scatter
-_ALONE = 10.0
-"""Times the standard error of all runs that one without some run has, where that run alone tells the parameter."""
+_ALONE = 10.0  # times the standard error of all runs without one run that alone tells the parameter
 
 
 def scatter_of(

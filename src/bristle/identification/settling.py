@@ -19,8 +19,7 @@ from bristle.model.vectorize import evaluate
 
 _MATTERS = 0.2  # of a point's standard error, as a median: what is less in all points is left as it is
 _NEAR = 0.1  # of a hold's speed: what is faster or slower by less is on the way to it
-_STRAIGHT = 2.0
-"""Times the farthest that a hold's position is off its line: a joint that is no farther off before it moves as fast already."""
+_STRAIGHT = 2.0  # times the farthest that a hold's position is off its line: no farther off before, it moves as fast
 _FIRST = 100  # the first of so many parts of a log tells where its bristle begins
 
 

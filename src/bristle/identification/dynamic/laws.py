@@ -28,14 +28,12 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, ParameterName, in_direction
 
 _STEPS = 40  # of each fit, at the most
-_WORTH = 0.05
-"""Steps end when the next one would lower n' log(RSS) by less, n' the independent equations: laws differ by more than that."""
+_WORTH = 0.05  # of n' log(RSS), n' independent equations: a step that would lower it by less ends a fit
 _ROUGH = 4.0  # nodes between samples stand so many times farther apart than usual
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
 """Where a term begins that the law in force does not show: shares of alpha_0, of the fastest speed, and of the load."""
-_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
-"""Of a step to the minimum of some equations, in turn: what is added to the squared length of each column, which is one."""
+_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # added in turn to the squared length of each column, one
 _LEAST = 0.05  # of a change of the torque: that much of it is never made by the torque itself
 
 

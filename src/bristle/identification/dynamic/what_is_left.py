@@ -28,24 +28,19 @@ from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, 
 
 _SURE, _ALIKE = 4.0, 3.3
 """Standard errors from zero, beyond which all equations ask for a delay, and beyond which those far from reversals do: 5e-4 by chance."""
-_SLID = 5.0
-"""Deflections g0 / sigma_0 that a joint travels after a reversal until it slides: exp(-5) is left of the way."""
+_SLID = 5.0  # deflections g0 / sigma_0 after a reversal until a joint slides: exp(-5) is left of the way
 _FILTERED = 2.0  # periods of the position's cut-off before and after a reversal in which the low pass rounds it off
-_REACHED = 0.02
-"""An equation whose decimation filter gives less than this weight to what is near a reversal is far from it."""
+_REACHED = 0.02  # an equation whose filter gives less weight to what is near a reversal is far from it
 _LEAST = 1e-100  # of sigma_0: no division by zero
-_BURST, _TOP = 0.25, 0.01
-"""Share of the squares left, that this share of the equations may hold: 0.08 of normal noise, 0.16 of Laplace's."""
-_PATTERN = 0.9
-"""Correlation of neighbours in what is left, beyond which hardly any of it is noise: 1 - 0.9**2 at the most."""
+_BURST, _TOP = 0.25, 0.01  # share of the squares that few equations may hold: 0.08 of normal noise, 0.16 of Laplace's
+_PATTERN = 0.9  # correlation of neighbours beyond which hardly any of what is left is noise: 1 - 0.9**2 at most
 _ENOUGH, _INDEPENDENT = 300, 30  # equations that tell it, and how many of them must be independent
 _TURNING, _BESIDE = 0.1, 2
 """An equation is about a reversal where it is slower than this share of the rms speed, or one of two neighbours is, ..."""
 _TURNS_WORSE, _FEWEST = 2.0, 20
 """... and so many of them may not leave more than so many times what the others do, rms: 1.0 to 1.1 times of clean runs."""
 _PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1  # places named, s between two, and their squares beside the largest
-_WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)
-"""Of the largest speed: how fast a joint is when it has gone through its backlash."""
+_WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, once through the backlash
 _ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone, ...
 _TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: from where on a sensor or drive saturates
 _OF_ITSELF = 1.5  # ... which what is missing of the torque is, within such a factor

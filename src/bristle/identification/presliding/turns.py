@@ -27,8 +27,7 @@ _SHARE = 0.02  # ... and how much of sigma_0 it must change: less is not worth a
 _ORDER = 5  # coefficients of the torque on each side
 _SIDE = 0.4  # of the time to the next turn: a side that is fitted
 _APART = 0.1  # of a side: next to a turn not fitted, since the low pass does not tell its time better
-_HELD = 4.0
-"""Times what the torque may stay below where its sides meet (two standard errors more), as a time: what that can do to a turn."""
+_HELD = 4.0  # times the torque held back where its sides meet (two errors more), as a time: what it may do to a turn
 _BELOW = 1.05  # g0 over the torque of a turn, at the least
 _COUNTS = 8.0  # by which the joint moves on each side at the least: of fewer the turn is not told
 _PER_SIDE = 20  # samples on a side at the least

@@ -21,17 +21,14 @@ from bristle.identification.static.grid import Projected, solve
 from bristle.identification.static.problem import Regression, log_grid
 from bristle.identification.static.profiles import profiled
 
-GRID = 128
-"""Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them.
-"""
+GRID = 128  # values of v_s: more than in one fit, for minimum, errors and intervals are interpolated between them
 _IN_CACHE = 400_000  # residuals of sets, of which robust errors are computed at a time
 COARSE = 48  # as many are enough for the minimum alone
 _NEWTON = 4
 _CROSSING = 12  # secant steps to where a profile crosses its threshold
 _CROSSED = 1e-8  # this near to one, the statistic's root is on the threshold
 _LOOKS = Looks(first=17, near=9, again=4, drawn=1)  # over v_s's interval, for the extremes of the other parameters
-_UNSEEN = 300.0
-"""Logarithm of how much alpha_1 may be of the torque, where hardly anything is left of its column; squares stay finite."""
+_UNSEEN = 300.0  # logarithm of alpha_1 over the torque where hardly anything is left of its column
 _NEIGHBOURS = np.arange(-2, 4)
 _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=True))
 """From six neighbouring values to the coefficients of their polynomial in t, which counts grid steps."""

@@ -29,15 +29,12 @@ _NONE = np.zeros(0, dtype=np.intp)
 _FLAT = 1e-10  # a Stribeck column this close to the others, relative, tells nothing
 GRID = 32  # values of v_s in the refined grid
 PLAIN_GRID = 500  # values of v_s in the paper's plain grid
-_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))
-"""From five equally spaced values to the coefficients of the polynomial through them, highest power first."""
+_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))  # from five equally spaced values, highest power first
 _BLOCK = 500  # values of v_s worked on at a time, of many sets
 _AT_ONCE = 4_000_000  # elements of the columns of one set, over values of v_s, worked on at a time
 _STEPS = 20
-_SETTLED = 1e-12
-"""A further step is not worth it if it lowers the cost by less than this part of the residuals' variance."""
-_UNTOUCHED = 1e-200
-"""Squared length of a peak's column, beside the others, that touches no point: a variance that is its inverse would overflow."""
+_SETTLED = 1e-12  # of the residuals' variance: a step that lowers the cost by less is not worth it
+_UNTOUCHED = 1e-200  # squared length of a peak's column off the others that touches no point
 
 
 class Inner(NamedTuple):

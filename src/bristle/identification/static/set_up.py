@@ -33,8 +33,7 @@ from bristle.identification.static.strays import refit
 from bristle.model.parameters import of_curve, slides
 
 _PARTS = 5  # held out in turn; ...
-_BLOCKS = 25
-"""... of moving runs each is every fifth of so many stretches, so that none is a motion that the others do not hold."""
+_BLOCKS = 25  # ... of moving runs each is every fifth of so many stretches, for none to be a motion by itself
 _BENT = (0.03, 0.1, 0.3)  # shares of the fastest speed: v_s of the columns that stand in for the Stribeck term
 _CLEARLY = 0.75  # of the error of what was asked for: another set-up has to bring it below that, to be named
 _WORTH = 1.05  # times the error of the best set-up: one more parameter is not worth less

@@ -33,9 +33,7 @@ from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-UNTOUCHED = 0.34
-"""At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
-is invented."""
+UNTOUCHED = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
 _THERE = {"peak-left-out", "bend", "one-speed", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
 """Reasons to drop a term that is more than noise."""
 

@@ -33,11 +33,9 @@ from bristle.identification.static.solution import StaticSolution
 from bristle.model.parameters import ParameterName
 
 SEED = 0  # of the bootstrap
-MANY = 2_000
-"""Points from which on one step does for the bootstrap: errors are then too small for the law to bend within them."""
+MANY = 2_000  # points from which on one step does for the bootstrap: the law does not bend within such small errors
 _FEW = 8  # points beyond the parameters, below which they are few
-_DRAWN, _BEYOND = 61, 0.6
-"""Values of v_s at which its profile is drawn, and how far beyond its interval, in shares of its logarithmic width."""
+_DRAWN, _BEYOND = 61, 0.6  # values of v_s on its drawn profile, and how far beyond its interval, in widths of it
 
 
 def three_ways(
