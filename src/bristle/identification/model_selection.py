@@ -24,7 +24,7 @@ from bristle.identification.results import ModelComparison, ModelRow
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
-from bristle.model.parameters import SIGNED, ParameterName
+from bristle.model.parameters import SIGNED
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
 """Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s;
@@ -220,13 +220,12 @@ def refitted(
     begin |= {name: value for name, value in (near or {}).items() if name in begin}
     enough = worth * alone.rms**2 * inflation(alone.residuals) if worth else 0.0
     values, minimum = fit(problem, begin, _STEPS, enough)
-    known = {name: value for name, value in values.items() if isinstance(name, ParameterName)}
     return ModelCandidate(
         model=LUGRE,
         directions=called,
         parameters=len(problem.names),
         residuals=minimum.residuals,
-        hold_out=_mean([relative_error(posed([r]), known) for r in held]),
+        hold_out=_mean([relative_error(posed([r]), values) for r in held]),
         settled=minimum.converged,
         values=values,
     )

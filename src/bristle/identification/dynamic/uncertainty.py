@@ -60,17 +60,15 @@ def profile_until_stable(
 
 def with_three_ways(solved: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
     """The fit, the bias of encoder counts taken off, with intervals three ways of the parameters of what was profiled."""
-    (drawn, blocks), three = bootstrap_at(solved.solution), {}
+    (drawn, blocks), three, parameters = bootstrap_at(solved.solution), {}, dict(fit.parameters)
+    not_fitted = Finding("not-fitted", NOTE, "It was not fitted: there is nothing to profile or to resample.")
     for name, e in fit.parameters.items():
-        if e.value is None and e.interval is None:
-            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=e.warnings)
-        elif name in profiles:
+        unseen = e.value is None and e.interval is None
+        if name in profiles and not unseen:
             three[name] = _three(solved, name, e, profiles[name], drawn.get(name), blocks)
         else:
-            not_fitted = Finding("not-fitted", NOTE, "It was not fitted: there is nothing to profile or to resample.")
-            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=(*e.warnings, not_fitted))
-    parameters = dict(fit.parameters)
-    for name, e in fit.parameters.items():
+            told = e.warnings if unseen else (*e.warnings, not_fitted)
+            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=told)
         if e.value is not None:
             new = (warning for warning in three[name].warnings if warning not in e.warnings)
             parameters[name] = replace(e, warnings=(*e.warnings, *new))
