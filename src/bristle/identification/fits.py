@@ -69,7 +69,10 @@ def _and_of(warnings: tuple[Finding, ...], estimates: Iterable[Estimate]) -> Ite
 
 @result
 class Uncertainty:
-    """One parameter's 95 % interval, three ways, in its unit; None where there is none, and a warning says why."""
+    """One parameter's 95 % interval, three ways, in the parameter's unit.
+
+    What does not exist is None, with the reason among the warnings.
+    """
 
     covariance: Interval | None
     """By Student's t from the exact Jacobian, widened for correlated residuals."""
