@@ -277,25 +277,25 @@ def over_shapes(
     infinite where it does so to the end of what is searched.
     """
     of_shape, every, threshold = dict[str, tuple[float, float]](), [likelihood.intervals], likelihood.threshold
+
+    def solved(k: int, value: float) -> tuple[Regression, Solution]:
+        """With another value of one parameter of the shape."""
+        one = replace(problem, shape=(*problem.shape[:k], value, *problem.shape[k + 1 :]))
+        return one, solve(one, v_s_range)
+
+    def above(k: int, u: float) -> float:
+        """By how much the cost passes the threshold at a logarithm of it."""
+        return solved(k, float(np.exp(u)))[1].cost - threshold
+
     for k, own in enumerate(problem.law.peak.own if problem.shape and problem.peaks else ()):
-
-        def solved(value: float, k: int = k) -> tuple[Regression, Solution]:
-            one = replace(problem, shape=(*problem.shape[:k], value, *problem.shape[k + 1 :]))
-            return one, solve(one, v_s_range)
-
-        def above(u: float, solved: Callable[[float], tuple[Regression, Solution]] = solved) -> float:
-            return solved(float(np.exp(u)))[1].cost - threshold
-
-        ends = []
-        for end, beyond in zip(own.searched, (0.0, np.inf), strict=True):
-            if above(float(np.log(end))) <= 0:
-                ends.append(beyond)
-            else:
-                ends.append(float(np.exp(brentq(above, np.log(end), np.log(problem.shape[k]), xtol=1e-3))))
+        ends, best = [], np.log(problem.shape[k])
+        for end, beyond in zip(np.log(own.searched).tolist(), (0.0, np.inf), strict=True):
+            inside = above(k, end) <= 0
+            ends.append(beyond if inside else float(np.exp(brentq(partial(above, k), end, best, xtol=1e-3))))
         of_shape[own.name] = ends[0], ends[1]
         low, high = np.clip(ends, *own.searched).tolist()
         for value in np.geomspace(low, high, _WITHIN).tolist():
-            one, solution = solved(value)
+            one, solution = solved(k, value)
             if solution.cost <= threshold:
                 every.append(profiled(one, solution, threshold=threshold).intervals)
     return {name: (min(x[name][0] for x in every), max(x[name][1] for x in every)) for name in every[0]}, of_shape
