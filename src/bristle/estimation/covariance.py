@@ -50,7 +50,11 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
 
 def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     """The covariance at a minimum: by the jackknife where blocks err independently, else robust to correlation."""
-    return _jackknife(problem, minimum) if problem.independent else _robust(problem, minimum)
+    known, scaled = (_jackknife if problem.independent else _robust)(problem, minimum)
+    errors, whole = np.full(known.size, np.inf), np.full((known.size, known.size), np.nan)
+    chain = problem.unknowns.slopes(minimum.x)[known]
+    errors[known], whole[np.ix_(known, known)] = scaled.errors, scaled.matrix * np.outer(chain, chain)
+    return scaled._replace(errors=errors, matrix=whole)
 
 
 def seen(jacobian: Array) -> NDArray[np.bool_]:
@@ -63,7 +67,7 @@ def _lengths(jacobian: Array) -> Array:
     return np.asarray(np.sqrt(np.einsum("np,np->p", jacobian, jacobian)))
 
 
-def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
+def _robust(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bool_], Covariance]:
     """Errors as weighted sums of residuals, which may be correlated and of a variance that changes."""
     rest, known = minimum.residuals, seen(minimum.jacobian)
     jacobian = minimum.jacobian[:, known]
@@ -82,10 +86,10 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     freedoms = np.ones(known.size)
     freedoms[known] = np.maximum((n - p) / variance_inflation, 1.0)
     freedom = float(np.median(freedoms[known][shared])) if shared.any() else 1.0
-    return _in_units(problem, minimum.x, known, spread, plain * np.outer(ratio, ratio), freedom, widening, freedoms)
+    return known, Covariance(np.sqrt(spread), plain * np.outer(ratio, ratio), freedom, widening, freedoms)
 
 
-def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
+def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bool_], Covariance]:
     """The jackknife over blocks, linearised: nothing is said of the unknowns that blocks have to themselves.
 
     Of the block's part of J'J and of J'r its own unknowns are eliminated.
@@ -107,7 +111,7 @@ def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     widening = float(np.median(np.sqrt(spread.diagonal() / plain)))
     freedom = max(count - 1.0, 1.0)
     freedoms = np.full(known.size, freedom)
-    return _in_units(problem, minimum.x, known, spread.diagonal(), spread, freedom, widening, freedoms)
+    return known, Covariance(np.sqrt(spread.diagonal()), spread, freedom, widening, freedoms)
 
 
 def moved_without_each(inverse: Array, grams: Sequence[Array], slopes: Sequence[Array]) -> Array:
@@ -119,24 +123,6 @@ def moved_without_each(inverse: Array, grams: Sequence[Array], slopes: Sequence[
     one = np.eye(len(inverse))
     moves = [inverse @ np.linalg.lstsq(one - A @ inverse, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
     return np.array(moves)
-
-
-def _in_units(
-    problem: LeastSquares[Any],
-    x: Array,
-    known: NDArray[np.bool_],
-    spread: Array,
-    matrix: Array,
-    freedom: float,
-    widening: float,
-    freedoms: Array,
-) -> Covariance:
-    """The covariance from the variances, (k,), and covariance, (k, k), of the known scaled unknowns."""
-    errors, whole = np.full(x.size, np.inf), np.full((x.size, x.size), np.nan)
-    errors[known] = np.sqrt(spread)
-    chain = problem.unknowns.slopes(x)[known]
-    whole[np.ix_(known, known)] = matrix * np.outer(chain, chain)
-    return Covariance(errors, whole, freedom, widening, freedoms)
 
 
 def condition(jacobian: Array) -> float:
