@@ -213,9 +213,13 @@ def block_bootstrap(
     # centred, so that steps vanish where each block is drawn as often as any other
     news = sigma * rng.standard_normal((draws, prior_rows.shape[0])) @ prior_rows
     steps = -np.einsum("bij,bj->bi", inverse, times @ scores - share @ scores + news)
-    squares = times * weight * number / max(number - 1, 1)
-    parts = np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE))
-    errors = [_errors(grams, scores, prior_rows, sigma, squares[k], inverse[k], steps[k]) for k in parts]
+    # standard errors from the scores that blocks have left in each resample, whose squares count so often
+    squares, by_block, errors = times * weight * number / max(number - 1, 1), grams.transpose(1, 2, 0), list[Array]()
+    for k in np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE)):
+        left = scores.T + (steps[k] @ by_block.reshape(p, -1)).reshape(-1, p, count)
+        influence, by_priors = inverse[k] @ left, prior_rows @ inverse[k]
+        variance = np.einsum("bic,bic,bc->bi", influence, influence, squares[k])
+        errors.append(np.sqrt(variance + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors)))
     with np.errstate(over="ignore"):  # a resample without scatter: its step is infinitely many errors, or none
         studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
     return Resampled(steps / size, studentised, number)
@@ -237,18 +241,6 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
         np.linspace(a, b, k, endpoint=False).astype(int) for (a, b), k in zip(pairwise(firsts), counts, strict=True)
     ]
     return np.append(np.concatenate(inner), n), np.repeat(np.arange(len(counts)), counts)
-
-
-def _errors(
-    grams: Array, scores: Array, prior_rows: Array, sigma: float, times: Array, inverse: Array, steps: Array
-) -> Array:
-    """Standard errors of resampled estimates from the scores left in blocks, whose squares count `times`, (b, p)."""
-    count, p = scores.shape
-    left = scores.T + (steps @ grams.transpose(1, 2, 0).reshape(p, -1)).reshape(-1, p, count)
-    influence = inverse @ left
-    squares = np.einsum("bic,bic,bc->bi", influence, influence, times)
-    by_priors = prior_rows @ inverse
-    return np.asarray(np.sqrt(squares + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors)))
 
 
 def _blocks(grams: Array, scores: Array, of_segment: Array) -> tuple[Array, Array, Array]:

@@ -187,27 +187,24 @@ class _Path:
     def _end(self, reach: float, limit: float) -> float | None:
         """Where the root crosses one towards `limit`, first looked for `reach` from the estimate; None: nowhere."""
         best, self.spent = float(self.minimum.x[self.which]), 0
-        side = float(np.sign(limit - best))
+        side, most = float(np.sign(limit - best)), abs(limit - best)
+        inside, away = best, min(reach, most)
         try:
-            return self._crossing(best, side, reach, abs(limit - best))
+            for _ in range(_FAR):
+                outside = best + side * away
+                root = self._root(outside)
+                if abs(root - 1) < _STRAIGHT:
+                    return best + side * min(away / root, most)
+                if root > 1:
+                    return float(brentq(lambda x: self._root(x) - 1, inside, outside, xtol=_EXACT * away))
+                if away == most:
+                    break
+                inside, away = outside, min(away * (_GROWTH if root * _GROWTH < 1 else 1.01 / root), most)
         except _Stop:
             self.rough = True
             beyond = [x for x, root in self.roots.items() if (x - best) * side > 0 and root > 1]
             self.lost |= not beyond
             return max(beyond, key=lambda x: abs(x - best), default=None)  # the nearer ones may only look so high
-
-    def _crossing(self, best: float, side: float, reach: float, most: float) -> float | None:
-        inside, away = best, min(reach, most)
-        for _ in range(_FAR):
-            outside = best + side * away
-            root = self._root(outside)
-            if abs(root - 1) < _STRAIGHT:
-                return best + side * min(away / root, most)
-            if root > 1:
-                return float(brentq(lambda x: self._root(x) - 1, inside, outside, xtol=_EXACT * away))
-            if away == most:
-                return None
-            inside, away = outside, min(away * (_GROWTH if root * _GROWTH < 1 else 1.01 / root), most)
         return None
 
     def _root(self, value: float) -> float:
