@@ -21,7 +21,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.accuracy import accuracy_of
+from bristle.identification.curve import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -36,8 +36,14 @@ from bristle.identification.law_comparison import (
     with_averages_of_motion,
 )
 from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_law, with_options
-from bristle.identification.model_criteria import APART, SYMMETRIC
-from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
+from bristle.identification.model_selection import (
+    APART,
+    SYMMETRIC,
+    bic_of_directions,
+    compare_on_motion,
+    compare_on_points,
+    refitted,
+)
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,
@@ -52,12 +58,11 @@ from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
-from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.runs import fit_moving, fit_points
+from bristle.identification.static.runs import beside_moving, fit_moving, fit_points, is_superseded
 from bristle.identification.static.set_up import (
     better_for_motion,
     better_for_points,
