@@ -151,6 +151,13 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     here = {name: column for name, column in told.columns.items() if name not in apart}
     guesses, by_step = _guesses(log, replace(told, columns=here))
     beside = {name: _beside(name, path, told, folder or first.parent) for name, path in apart.items()}
+    if (slower := _slower(log, guesses, beside)) and len(files) == 1 and told.rate is None and "time" not in here:
+        # at the times of the slower clock: what is drawn between its samples would be noise that is alike from row to row
+        moves: dict[str, str] = {x: f"{first}:{guesses[x].column}" for x in STATE_FIELDS if x in guesses}
+        told = replace(told, columns={**moves, **told.columns}, name=told.name or _common(files))
+        turned = draft_experiment([slower], told, folder or first.parent)
+        said = f"runs: {slower.name}, whose samples are further apart, with the signals of {first.name} at its times"
+        return replace(turned, guessed=(*turned.guessed, said))
     guesses |= {name: x.guess for name, x in beside.items()}
     drive = _told_drive(log, guesses, told)
     of_points = _of_points(log, guesses, told) and not told.coasting
@@ -209,6 +216,7 @@ class _Beside(NamedTuple):
 
     log: "_Log"
     guess: ColumnGuess
+    time: ColumnGuess
     line: str
 
 
@@ -239,7 +247,22 @@ def _beside(name: str, path: Path, told: Told, folder: Path) -> _Beside:
         )
     time = found["time"]
     own_time = f"{{column: {quoted(time.column)}, unit: {quoted(time.unit or 's')}}}"
-    return _Beside(log, found[name], f", file: {quoted(relative(path, folder))}, time: {own_time}")
+    return _Beside(log, found[name], time, f", file: {quoted(relative(path, folder))}, time: {own_time}")
+
+
+def _slower(log: "_Log", guesses: Mapping[str, ColumnGuess], beside: Mapping[str, _Beside]) -> Path | None:
+    """The one other file, where its samples are a fifth further apart than the log's."""
+    logs = {x.log.path: x for x in beside.values()}
+    if len(logs) != 1 or "time" not in guesses:
+        return None
+    (other,) = logs.values()
+    steps = []
+    for one, guess in ((log, guesses["time"]), (other.log, other.time)):
+        if one.is_dated(guess):
+            return None
+        times = one.values(guess) * factor(guess.unit or "s", "s")
+        steps.append(float(np.median(np.diff(times))) if times.size > 1 else 0.0)
+    return other.log.path if steps[1] > 1.2 * steps[0] > 0 else None
 
 
 def _told_drive(log: "_Log", guesses: Mapping[str, ColumnGuess], told: Told) -> str:
