@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 import typer.main
 
+import bristle
 from bristle import cli
 from bristle.data.experiment.load import load_experiment
 from bristle.model.functions import steady_torque_function
@@ -28,7 +29,17 @@ README = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
 DOCS = Path(__file__).parents[1] / "docs"
 PAGES = [*(DOCS.parent / name for name in ("README.md", "CHANGELOG.md")), *sorted(DOCS.glob("*.md"))]
 MOTOR = Motor(0.35, 2.1, 0.0, 0.0)
-"""What README's experiment file says of the motor: N*m/A and ohm."""
+"""Of the logs here: N*m/A and ohm."""
+EXPERIMENT = """
+joint: {name: wrist, kind: revolute}
+motor: {torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}
+signals:
+  time:     {column: t, unit: s}
+  position: {column: q, unit: deg}
+  voltage:  {column: u, unit: V}
+runs:
+  - {files: "velocity_*.csv", experiment: ramp}
+"""
 SPEEDS = np.geomspace(0.02, 0.8, 12)
 """Of the logs, rad/s."""
 
@@ -42,16 +53,15 @@ def blocks(language: str, text: str = README) -> list[str]:
 def commands() -> list[list[str]]:
     """Every `bristle ...` that README shows, in its text and in its shell blocks, as arguments."""
     inline = re.findall(r"`bristle ([^`]+)`", README)
-    shell = re.findall(r"\bbin/bristle\b(.*)$", "\n".join(blocks("sh")), re.MULTILINE)
+    shell = re.findall(r"(?:\bbin/|^)bristle\b(.*)$", "\n".join(blocks("sh")), re.MULTILINE)
     return [shlex.split(command) for command in (*inline, *shell)]
 
 
 @pytest.fixture(scope="module")
 def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A user's folder: README's experiment file, and a log for each speed, back and forth, named as README has it."""
+    """A user's folder: an experiment file, and a log for each speed, back and forth."""
     folder = tmp_path_factory.mktemp("desk")
-    (plan,) = blocks("yaml")
-    (folder / "wrist.yaml").write_text(plan, encoding="utf-8")
+    (folder / "wrist.yaml").write_text(EXPERIMENT, encoding="utf-8")
     rng = np.random.default_rng(0)
     for speed in (0.1, *SPEEDS.tolist()):
         v = np.repeat([speed, -speed], 300)
@@ -65,10 +75,10 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.usefixtures("few_motions")
 def test_python_does_what_it_says(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """README's Python runs as it stands: it prints the table, whose parameters are those behind the logs, and writes the report where it says."""
+    """README's Python on a file runs as it stands: it prints the table, whose parameters are those behind the logs, and writes the report."""
     monkeypatch.chdir(desk)
-    (code,) = blocks("python")
-    names: dict[str, Any] = {}
+    _, code = blocks("python")
+    names: dict[str, Any] = {"bristle": bristle}
     with contextlib.redirect_stdout(io.StringIO()) as out:
         exec(compile(code, "README.md", "exec"), names)  # noqa: S102  # our own README, run as a user would
     results = names["results"]
@@ -81,6 +91,20 @@ def test_python_does_what_it_says(desk: Path, monkeypatch: pytest.MonkeyPatch) -
     assert (desk / folder / "index.html").is_file()
     assert results.to_json(desk / folder) == (desk / folder / "results.json").read_text(encoding="utf-8")
     assert list(json.loads(results.to_json())["joints"]) == ["wrist"]
+
+
+def test_two_arrays_give_what_is_shown() -> None:
+    """README's Python on two arrays prints what stands below it: of 24 speeds each way, SIMULATED with 10 mN m of noise, seed 0."""
+    code, _ = blocks("python")
+    v = np.geomspace(0.02, 1.2, 24)
+    velocity = np.concatenate([v, -v])
+    level = 0.83 + 0.31 * np.exp(-((velocity / 0.09) ** 2))
+    noise = 0.01 * np.random.default_rng(0).standard_normal(velocity.size)
+    names = {"velocity": velocity, "torque": np.sign(velocity) * level + 0.52 * velocity + noise}
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        exec(compile(code, "README.md", "exec"), names)  # noqa: S102  # our own README, run as a user would
+    (shown,) = blocks("text")
+    assert out.getvalue() == shown
 
 
 def test_the_loops_in_the_docs_compensate() -> None:
@@ -159,7 +183,7 @@ def test_the_python_of_a_page_runs(page: Path, tmp_path: Path, monkeypatch: pyte
 
 
 def test_experiment_file_loads_and_reads(desk: Path) -> None:
-    """README's experiment file is one, and every log that its glob matches is a run."""
+    """The experiment file is one, and every log that its glob matches is a run."""
     experiment = load_experiment(desk / "wrist.yaml")
     assert (experiment.joint.name, experiment.joint.kind) == ("wrist", "revolute")
     assert experiment.motor is not None
@@ -170,18 +194,27 @@ def test_experiment_file_loads_and_reads(desk: Path) -> None:
     assert len(re.findall(r"^velocity_.*csv \(ramp\): 600 rows, 0 dropped$", ran.out, re.MULTILINE)) == len(logs)
 
 
-def test_first_step_drafts(desk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The first of README's five minutes drafts an experiment file that can be used as it is, and says what it guessed."""
-    command = next(c for c in commands() if c[0] == "new")
-    (tmp_path / command[1]).write_bytes((desk / command[1]).read_bytes())
+def test_a_line_of_shell_answers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """README's line of shell ends in a first line as it shows one; `--save` and `new` write files that say the same."""
+    t = np.arange(6000) / 500
+    v = 0.5 * np.cos(2 * t) + 0.4 * np.cos(5.1 * t + 1)
+    torque = bristle.simulate(v, 1 / 500, TRUTH) + 0.002 * np.gradient(v, t)
+    current = (torque + 1e-4 * np.random.default_rng(0).standard_normal(t.size)) / 0.35
+    log = pd.DataFrame({"t": t, "q": np.degrees(np.cumsum(v) / 500), "current": current})
+    log.to_csv(tmp_path / "log.csv", index=False)
     monkeypatch.chdir(tmp_path)
-    ran = run(*command)
+    first = next(c for c in commands() if c[0] == "identify" and "--unit" in c)
+    ran = run(*first)
     assert ran.code == 0
-    assert 'guessed: voltage: column "u"' in ran.err
-    assert "guessed: experiment: 1 ramp" in ran.err
-    drafted, written = load_experiment(tmp_path / "wrist.yaml"), load_experiment(desk / "wrist.yaml")
-    assert (drafted.motor, drafted.joint.kind) == (written.motor, written.joint.kind)
-    assert run("inspect", "wrist.yaml").code == 0
+    assert re.match(
+        r"log \(revolute\): use\. Friction known to \+/- [\d.]+ % \(95 %\) from [\d.]+ to [\d.]+ rad/s; ", ran.words
+    )
+    assert 'guessed: current: column "current"' in ran.err
+    saved = next(c for c in commands() if "--save" in c)
+    assert run(*first, *saved[-2:]).code == 0
+    drafted = next(c for c in commands() if c[0] == "new")
+    assert run(drafted[0], *first[1:], "-o", "drafted.yaml").code == 0
+    assert load_experiment(tmp_path / "wrist.yaml").fit == load_experiment(tmp_path / "drafted.yaml").fit
 
 
 def test_commands_exist() -> None:
