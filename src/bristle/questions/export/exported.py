@@ -209,7 +209,7 @@ class ExportedJoint:
         if not self.has_bristle:
             raise InputError(
                 f"{self.name}: sigma_0 is not identified, and {target} holds a LuGre bristle; add a presliding or tracking run "
-                "that shows it, or export to c with compensator stribeck, urdf, sdf, isaac, mujoco-frictionloss, json, matlab or latex"
+                "that shows it, or export to c with --compensator stribeck, urdf, sdf, isaac, mujoco-frictionloss, json, matlab or latex"
             )
         return self
 
@@ -290,10 +290,13 @@ def _assumed_of(
     """What was assumed of direction `d`, with `named` as the direction in the message."""
     missing, numbers = known.missing(d), {"direction": named}
     if peak := tuple(name for name in peak_parameters(known.law) if name in missing):
-        message = (
-            f"{' and '.join(peak)}{said_in(named)}: not identifiable from these data; "
-            "exported without a Stribeck peak, as alpha_1 = 0."
+        held = known.values(d).get("alpha_1", 0.0)
+        taken = (
+            f"with alpha_1 = {held:.3g}, as the fit held it: the curve is known, its parts are not"
+            if held
+            else "without a Stribeck peak, as alpha_1 = 0"
         )
+        message = f"{' and '.join(peak)}{said_in(named)}: not identifiable from these data; exported {taken}."
         yield Finding("peak-taken-as-none", CAUTION, message, {"names": peak, **numbers})
     if "sigma_0" in missing:
         message = (
