@@ -2,6 +2,8 @@
 
     BRISTLE_DATA=FOLDER python benchmarks/drives.py emps staubli --csv drives.csv
 
+With `--page docs` the public logs are written up, well known or not, in docs/drives.md, a small figure for each.
+
 Needs the folder of measured data that the tests use, named by BRISTLE_DATA, and beside it `../cases/logs`; both have a
 README on each set. Nothing is written there: each entry gets a temporary folder with links to its logs. The logs are
 drafted by `bristle.draft` (`bristle new`) with no more than a user must tell, or come with an experiment file, and are
@@ -17,22 +19,43 @@ import re
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from textwrap import fill
 from typing import Any, NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 import pandas as pd
+from matplotlib.figure import Figure
 
 import bristle
 from bristle.errors import InputError
+from bristle.identification.curve import known_curve
 from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import verdict
 from bristle.page.plain import interval, pair
+from bristle.page.wording import axis
+from bristle.questions.joint_report.sentences import known_to
 
 CASES = "../cases/logs/"
+PUBLIC = {
+    "emps": (
+        "A prismatic drive with a ball screw",
+        "EMPS, A. Janot, M. Gautier and M. Brunot, 2019, a public benchmark",
+    ),
+    "kinova_gen3_joint7": ("A robot's wrist at constant velocities", "Kinova Gen3, public without a licence"),
+    "servo_lugre": ("A servo motor, the whole LuGre protocol", "public without a licence"),
+    "arm_static": ("Velocity-torque points of two joints of an arm", "public without a licence"),
+    "ur10e": ("A six-axis arm, all joints moving", "UR10e, public without a licence"),
+    "bam_xl330": ("A small servo that swings a weight", "XL330, BAM of Rhoban, Apache-2.0"),
+    "go2": ("A leg of a quadruped, commands alone", "sim2real-robot-identification of iit-DLSLab, BSD-3-Clause"),
+    "staubli_tx40": ("Two axes of an industrial arm", "TX40, figaroh-plus, Apache-2.0"),
+    "double_pendulum": ("Two direct drives", "double_pendulum of DFKI, BSD-3-Clause"),
+    "so101": ("A hobby arm whose torque has no sign", "SAGE, Apache-2.0"),
+}
+"""Sets that others published, by the beginning of an entry's name: what they are, and whence."""
 PRINTED = ("alpha_", "v_s", "sigma_0", "inertia", "gravity", "offset", "quadratic", "torque_constant")
 """Parameters whose names begin so."""
 Prepared = Callable[[pd.DataFrame], pd.DataFrame]
@@ -166,6 +189,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", help="only entries whose name contains one of these")
     parser.add_argument("--csv", type=Path)
+    parser.add_argument("--page", type=Path, metavar="DOCS", help="write drives.md and its figures into this folder")
     asked = parser.parse_args()
     if "BRISTLE_DATA" not in os.environ:
         parser.error("BRISTLE_DATA is not set; it names the folder of measured data")
@@ -179,15 +203,19 @@ def main() -> None:
                 print(fill(f"{what}: {row[what]}", 118, initial_indent="    ", subsequent_indent="      "))
         print(flush=True)
         if asked.csv is not None:
-            pd.DataFrame(rows).to_csv(asked.csv, index=False)
+            pd.DataFrame(rows).drop(columns="joint").to_csv(asked.csv, index=False)
+    if asked.page is not None:
+        write_page(rows, asked.page)
     ends = Counter(row["verdict"].partition(" [")[0] for row in rows)
     print(*(f"{what}: {n}" for what, n in ends.items()), f"{sum(row['seconds'] for row in rows):.0f} s", sep=", ")
 
 
 def results(entry: Entry, data: Path) -> Iterator[dict[str, Any]]:
     """A row for each joint of an entry, or for its bad end."""
-    row = dict.fromkeys(("entry", "verdict", "hold-out", "in the fit", "seconds", "draft", "values", "reason"), "-")
-    row |= {"entry": entry.name, "right": " ".join(entry.right.split())}
+    row: dict[str, Any] = dict.fromkeys(
+        ("entry", "verdict", "hold-out", "in the fit", "seconds", "draft", "values", "reason"), "-"
+    )
+    row |= {"entry": entry.name, "right": " ".join(entry.right.split()), "joint": None}
     began = time.process_time()
     with tempfile.TemporaryDirectory() as place:
         try:
@@ -204,7 +232,84 @@ def results(entry: Entry, data: Path) -> Iterator[dict[str, Any]]:
     seconds = (time.process_time() - began) / len(joints)
     for joint in joints:
         name = f"{entry.name} {joint.name}" if len(joints) > 1 else entry.name
-        yield {**row, **of_joint(joint), "entry": name, "seconds": seconds}
+        yield {**row, **of_joint(joint), "entry": name, "seconds": seconds, "joint": joint}
+
+
+def write_page(rows: Sequence[dict[str, Any]], docs: Path) -> None:
+    """`drives.md` of the public logs, and a figure of each friction curve with its band beside it, in `_static/drives`."""
+    figures = docs / "_static" / "drives"
+    figures.mkdir(parents=True, exist_ok=True)
+    lines = [OPENING]
+    for begins, (what, whence) in PUBLIC.items():
+        lines += [f"## {what}", "", f"{whence[:1].upper()}{whence[1:]}.", ""]
+        for row in (x for x in rows if x["entry"].startswith(begins)):
+            joint, stem = row["joint"], re.sub("[^a-z0-9]+", "-", row["entry"].lower()).strip("-")
+            said = [f"**{row['verdict'].partition(' [')[0]}**."]
+            if joint is not None:
+                said[0] += f" {in_markdown(known_to(joint, '±'))}"
+                values = [x.partition(" ") for x in row["values"].split("; ")]
+                shown = [f"`{name} {value}`" for name, _, value in values if not value.startswith("not identifiable")]
+                open_ = [f"`{name}`" for name, _, value in values if value.startswith("not identifiable")]
+                said += [
+                    f"Values: {', '.join(shown) or 'none'}" + f"; not identifiable: {', '.join(open_)}" * bool(open_)
+                ]
+            said += [f"Reason: {in_markdown(row['reason'])}"] if row["reason"] not in ("none", "-") else []
+            said += [
+                f"Published, or seen by plain least squares: {in_markdown(row['right'])}",
+                f"{row['seconds']:.1f} s",
+            ]
+            lines += [f"### {row['entry']}", ""]
+            if joint is not None and drawn(joint, figures / f"{stem}.svg"):
+                lines += [
+                    f"![Friction vs velocity of {row['entry']}, with its 95 % band](_static/drives/{stem}.svg)",
+                    "",
+                ]
+            lines += [*(fill(f"- {text}", 118, subsequent_indent="  ", break_on_hyphens=False) for text in said), ""]
+    (docs / "drives.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+
+
+OPENING = """<!-- written by: python benchmarks/drives.py --page docs -->
+# What does bristle give on real drives?
+
+Every public log that we have, as a new user has it: drafted by `bristle new` with no more than a user must tell,
+identified by default settings, good or bad. What the owners published, or plain least squares gave, stands beside it.
+Measured data are not part of bristle; where they are there,
+`BRISTLE_DATA=FOLDER python benchmarks/drives.py --page docs` writes this page anew. Figures show the friction that was
+identified, and its 95 % band, over the speeds that were measured; seconds are of one core.
+"""
+
+
+def in_markdown(text: str) -> str:
+    """A text with what Markdown would take for its own marks as it is."""
+    return re.sub(r"([*_<\[\]])", r"\\\1", text)
+
+
+def drawn(joint: Joint, path: Path) -> bool:
+    """A small figure of the joint's friction vs velocity with its band; whether there is one."""
+    known = joint.accuracy
+    if known is None:
+        return False
+    speeds = (
+        np.linspace(known.slowest, known.fastest, 100) if known.fastest > known.slowest else np.array([known.slowest])
+    )
+    v = np.concatenate([-speeds[::-1], speeds])
+    friction, half = known_curve(joint, v)
+    if not np.isfinite(friction).any():
+        return False
+    with mpl.rc_context({"svg.hashsalt": path.stem, "svg.fonttype": "none", "font.size": 8}):
+        figure = Figure(figsize=(3.4, 1.9), layout="constrained")
+        ax = figure.subplots()
+        for side in (v < 0, v > 0):
+            mark = "-" if speeds.size > 1 else "o"
+            ax.plot(v[side], friction[side], mark, color="C0", markersize=3)
+            ax.fill_between(
+                v[side], (friction - half)[side], (friction + half)[side], color="C0", alpha=0.25, linewidth=0
+            )
+        ax.axhline(0, color="0.6", linewidth=0.6)
+        ax.set_xlabel(axis("velocity", joint.kind))
+        ax.set_ylabel(axis("torque", joint.kind, "friction"))
+        figure.savefig(path, metadata={"Date": None, "Creator": None})
+    return True
 
 
 def experiment(entry: Entry, data: Path, place: Path) -> str:

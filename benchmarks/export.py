@@ -31,6 +31,7 @@ from export_checks.c import FLAGS, compiled, motion
 from timing import least
 
 RESULTS = Path(__file__).parents[1] / "reports" / "edro" / "results.json"
+"""`bristle report` writes it."""
 COMPENSATORS = (
     *(Compensator(name=name) for name in ("coulomb", "stribeck", "lugre", "lugre-feedback", "lugre-observer")),
     *(Compensator(adaptation=Adaptation(law=law, step=step)) for law in LAWS for step in STEPS),

@@ -44,6 +44,7 @@ from export_checks.fmu import (
 )
 
 RESULTS = Path(__file__).parents[1] / "reports" / "edro" / "results.json"
+"""`bristle report` writes it."""
 STEPS = (1e-3, 5e-4, 2e-4, 1e-4, 5e-5)
 RUNS = 5
 

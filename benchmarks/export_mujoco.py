@@ -50,6 +50,7 @@ from export_checks.fmu import radau_continuous, radau_held
 from export_checks.mjcf import at_steps, frictionloss_played, last_period, step_times
 
 RESULTS, JOINT = Path(__file__).parents[1] / "reports" / "edro" / "results.json", "wrist pitch"
+"""`bristle report` writes the file."""
 SECONDS, STEPS = 10.0, (0.002, 0.001)
 RUNS, CALLS, SOLVED = 5, 20_000, 5
 """Runs that are timed, steps of each; passes in which the torque that keeps the joint to its motion is found."""

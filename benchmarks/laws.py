@@ -23,7 +23,7 @@ from bristle.identification.results import LawComparison
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
-from bristle.identification.static.shape_search import with_best_shape
+from bristle.identification.static.profiles import with_best_shape
 from bristle.model.functions import steady_torque_function
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.laws.registry import competing, law_named

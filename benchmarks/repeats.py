@@ -15,10 +15,10 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
+from bristle.identification.dynamic.descent import LOGARITHMIC, logarithms
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.uncertainty import parts_of_runs
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms
 from bristle.identification.fits import Estimate, RunScatter
 from bristle.identification.repeats import clustered, spreader, widened, wider_estimate
 from bristle.identification.static.problem import from_points

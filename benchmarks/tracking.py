@@ -35,8 +35,8 @@ from bristle.arrays import Array
 from bristle.data.record import Record
 from bristle.estimation.covariance import covariance
 from bristle.estimation.nonlinear import LeastSquares, minimise
+from bristle.identification.dynamic import descent
 from bristle.identification.dynamic import problem as trajectory
-from bristle.identification.dynamic import unknowns
 from bristle.model import functions, law
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
@@ -109,12 +109,12 @@ def case(n: int) -> Case:
     problem = trajectory.dynamic_problem([record], ("both",), (), 1, None)
     friction = (off * p for off, p in zip(OFF, TRUTH, strict=True))
     start = dict(zip(problem.friction_names, friction, strict=True)) | {trajectory.InitialState("z0", 0): 0.0}
-    return Case(problem, start, unknowns.least_squares(problem, start))
+    return Case(problem, start, descent.least_squares(problem, start))
 
 
 def bristle(data: Case) -> Array:
     """The fit that all others are compared with."""
-    return unknowns.fit(data.problem, data.start)[1].x
+    return descent.fit(data.problem, data.start)[1].x
 
 
 def package(name: str) -> ModuleType | None:
@@ -342,7 +342,7 @@ def keep(found: dict[str, Array], name: str, fit: Fit) -> None:
 
 def table(data: Case, fits: dict[str, Fit], slow: dict[str, Fit], repeats: int) -> None:
     """Time the fits, bristle's among them and the slow ones once, and print a line for each."""
-    best = unknowns.fit(data.problem, data.start)[1]
+    best = descent.fit(data.problem, data.start)[1]
     error = np.sqrt(covariance(best.jacobian, best.cost)[0].diagonal())
     found: dict[str, Array] = {}
     every: dict[str, Fit] = {"bristle": partial(bristle, data), **fits, **slow}

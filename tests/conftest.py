@@ -12,6 +12,7 @@ import json
 import shutil
 import signal
 import sys
+import time
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -24,6 +25,7 @@ import typer.main
 from hypothesis import settings
 from matplotlib.figure import Figure
 
+import bristle
 from bristle.__main__ import main
 from bristle.arrays import Array
 from bristle.model.parameters import Lugre
@@ -190,6 +192,31 @@ def vector_alone() -> Iterator[None]:
         blank = style.render_as(Figure(figsize=(0.1, 0.1)), "png")
         patch.setattr(page, "render", lambda figure: (style.render_as(figure, "svg"), blank))
         yield
+
+
+@pytest.fixture(scope="session")
+def edro_report(tmp_path_factory: pytest.TempPathFactory, vector_alone: None) -> Path:  # noqa: ARG001  # figures drawn once
+    """The report of the embedded joints, which the first worker that asks writes for all; what was told of its progress lies beside it."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder, ends = shared / "edro", time.monotonic() + 600
+    try:
+        (shared / "edro.begun").mkdir()
+    except FileExistsError:
+        while not folder.exists():
+            assert time.monotonic() < ends, "another worker did not write the report"
+            time.sleep(0.1)
+        return folder
+    told: list[tuple[str, int, int]] = []
+    bristle.report(folder=shared / "edro.part", progress=lambda *step: told.append(step))
+    (shared / "edro.told.json").write_text(json.dumps(told), encoding="utf-8")
+    return (shared / "edro.part").rename(folder)
+
+
+@pytest.fixture(scope="session")
+def edro_results(edro_report: Path) -> Path:
+    """The results file of that report."""
+    return edro_report / "results.json"
 
 
 @contextlib.contextmanager

@@ -19,20 +19,17 @@ STATIC = ("alpha_0", "alpha_1", "alpha_2", "v_s")
 
 
 @pytest.fixture(scope="module")
-def told() -> list[tuple[str, int, int]]:
-    """What `results` tells of its progress."""
-    return []
-
-
-@pytest.fixture(scope="module")
-def results(told: list[tuple[str, int, int]]) -> Results:
+def results(edro_results: Path) -> Results:
     """All four joints, all stages."""
-    return bristle.identify(progress=lambda *step: told.append(step))
+    return bristle.read_results(edro_results)
 
 
-def test_nothing_stands_for_the_embedded_joints(results: Results, told: list[tuple[str, int, int]]) -> None:
+def test_nothing_stands_for_the_embedded_joints(results: Results, edro_report: Path) -> None:
     """Without an experiment the four joints of Ed-Ro are identified, in the order of Table 1, and progress is told of each."""
-    names = list(TABLE_1)
+    names, told = (
+        list(TABLE_1),
+        [*map(tuple, json.loads(edro_report.with_name("edro.told.json").read_text(encoding="utf-8")))],
+    )
     assert [joint.name for joint in results.joints] == names
     assert [step for step in told if step[0] in {f"identifying {name}" for name in names}] == [
         (f"identifying {name}", k, 4) for k, name in enumerate(names)

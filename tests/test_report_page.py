@@ -1,4 +1,4 @@
-"""The committed report of the embedded joints in a real browser: how long it is, what it loads, and whether everybody can read it."""
+"""The report of the embedded joints in a real browser: how long it is, what it loads, and whether everybody can read it."""
 
 import csv
 import re
@@ -9,10 +9,8 @@ from tests.pages import findings
 
 from bristle.page.style import DIRECTION
 
-REPORT = Path(__file__).parent.parent / "reports" / "edro"
-PAGES = sorted(path.name for path in REPORT.glob("*.html"))
-READ = [name for name in PAGES if name != "explore.html"]
-"""Those that are read, and not played with."""
+EXPLORER = "explore.html"
+"""The page that is not read, but played with."""
 WORDS, SCREENS, BYTES, PRINTED = 6000, 12, 1_500_000, 20
 """Of a page at the most; and of the whole report with everything open:"""
 ALL_WORDS = 25_000
@@ -39,63 +37,70 @@ OPENED = """() => {
 """Its words with everything open."""
 
 
-def opened(browser: Any, name: str, width: int = 1280, scheme: str = "light") -> tuple[Any, list[str]]:
+def opened(browser: Any, report: Path, name: str, width: int = 1280, scheme: str = "light") -> tuple[Any, list[str]]:
     """A page of the report at a width, and what went wrong in it: requests beyond its file, and errors."""
     page = browser.new_page(viewport={"width": width, "height": 900}, color_scheme=scheme)
     wrong: list[str] = []
     page.on("console", lambda m: wrong.append(m.text) if m.type in ("error", "warning") else None)
     page.on("pageerror", lambda error: wrong.append(str(error)))
-    own = (REPORT / name).as_uri()
+    own = (report / name).as_uri()
     page.on("request", lambda r: wrong.append(r.url) if r.url != own and not r.url.startswith("data:") else None)
     page.goto(own)
     return page, wrong
 
 
-def test_every_page_is_short_and_named_and_loads_nothing(chromium: Any) -> None:
+def test_every_page_is_short_and_named_and_loads_nothing(chromium: Any, edro_report: Path) -> None:
     """No request, no error; no page is wider than a phone or a desk's screen, and with details closed none is long, its print neither.
 
     Each figure has a caption with its number, which describes its drawing, and they count from 1 in the order of the pages; each table a
     caption or a region's name; no id stands twice. With everything open all pages together have a bounded number of words.
     """
+    pages = sorted(path.name for path in edro_report.glob("*.html"))
     failed: list[tuple[str, object]] = []
     numbers, total = {}, 0
-    for name in PAGES:
-        page, wrong = opened(chromium, name)
-        if name in READ:
+    for name in pages:
+        page, wrong = opened(chromium, edro_report, name)
+        if name != EXPLORER:
             seen = page.evaluate(MEASURED)
             limits = {"words": WORDS, "height": 900 * SCREENS, "unnamed": 0, "undescribed": 0}
             failed += [(name, (key, seen[key])) for key, most in limits.items() if seen[key] > most]
             failed += [(name, (key, seen[key])) for key in ("unnumbered", "twice") if seen[key]]
             sheets = len(re.findall(rb"/Type\s*/Page\b", page.pdf(format="A4", prefer_css_page_size=True)))
-            size = (REPORT / name).stat().st_size
+            size = (edro_report / name).stat().st_size
             failed += [(name, (sheets, size))] * (sheets > PRINTED or size > BYTES)
             numbers[name] = seen["numbers"]
         if name == "index.html":
             order = page.evaluate("[...document.querySelectorAll('nav.pages a')].map((a) => a.getAttribute('href'))")
-        phone, wrong_there = opened(chromium, name, 390)
+        phone, wrong_there = opened(chromium, edro_report, name, 390)
         for width, of in ((1280, page), (390, phone)):
             wide = of.evaluate("document.documentElement.scrollWidth")
             failed += [(name, (width, wide))] * (wide > width)
         phone.close()
-        total += page.evaluate(OPENED) if name in READ else 0
+        total += page.evaluate(OPENED) if name != EXPLORER else 0
         failed += [(name, x) for x in wrong + wrong_there]
         page.close()
     assert failed == []
     assert total <= ALL_WORDS
-    through = [k for name in order if name in READ for k in numbers[name]]
+    through = [k for name in order if name != EXPLORER for k in numbers[name]]
     assert through == list(range(1, len(through) + 1))
     assert len(through) > 20
 
 
-def test_a_caption_begins_with_its_finding() -> None:
+def test_a_caption_begins_with_its_finding(edro_report: Path) -> None:
     """The first sentence of each figure's caption has a number, after the figure's own and the note on simulated data."""
-    said = [(name, text) for name in READ for text in findings((REPORT / name).read_text(encoding="utf-8"))]
+    pages = sorted(path.name for path in edro_report.glob("*.html"))
+    said = [
+        (name, text)
+        for name in pages
+        if name != EXPLORER
+        for text in findings((edro_report / name).read_text(encoding="utf-8"))
+    ]
     assert [x for x in said if not re.search(r"\d", x[1])] == []
 
 
-def test_every_figure_has_its_data() -> None:
+def test_every_figure_has_its_data(edro_report: Path) -> None:
     """Beside each drawing lie its picture and its data: rows of named series, none called after its kind alone, with numbers in them."""
-    figures = sorted((REPORT / "figures").glob("*.svg"))
+    figures = sorted((edro_report / "figures").glob("*.svg"))
     assert len(figures) > 40
     for drawing in figures:
         assert drawing.with_suffix(".png").is_file()
@@ -107,13 +112,13 @@ def test_every_figure_has_its_data() -> None:
         assert any(row["y"] or row["value"] for row in rows), drawing
 
 
-def test_text_and_marks_stand_out(chromium: Any) -> None:
+def test_text_and_marks_stand_out(chromium: Any, edro_report: Path) -> None:
     """On a light page and a dark one text has a contrast of 4.5 at least, and the marks of both directions 3."""
     names = ("paper", "ink", "quiet", "link", "warn", "bad", "good")
     script = "(names) => names.map((n) => getComputedStyle(document.documentElement).getPropertyValue('--' + n).trim())"
     papers = set()
     for scheme in ("light", "dark"):
-        page, _ = opened(chromium, "index.html", scheme=scheme)
+        page, _ = opened(chromium, edro_report, "index.html", scheme=scheme)
         paper, *inks = page.evaluate(script, names)
         page.close()
         papers.add(paper)
@@ -134,9 +139,9 @@ def _luminance(colour: str) -> float:
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
 
 
-def test_the_first_screen_answers(chromium: Any) -> None:
+def test_the_first_screen_answers(chromium: Any, edro_report: Path) -> None:
     """Within the first 900 px stand, for each joint: its name, whether to trust it, the values of both directions, and where they come from."""
-    page, _ = opened(chromium, "index.html")
+    page, _ = opened(chromium, edro_report, "index.html")
     rows = page.evaluate(
         "[...document.querySelectorAll('table.answer tbody')].map((b) => [b.getBoundingClientRect().bottom, b.innerText])"
     )
@@ -150,9 +155,9 @@ def test_the_first_screen_answers(chromium: Any) -> None:
     page.close()
 
 
-def test_a_table_is_sorted_filtered_and_copied(chromium: Any) -> None:
+def test_a_table_is_sorted_filtered_and_copied(chromium: Any, edro_report: Path) -> None:
     """A click on a heading sorts a long table, a word filters it, and its rows can be copied."""
-    page, wrong = opened(chromium, "joints.html")
+    page, wrong = opened(chromium, edro_report, "joints.html")
     head = "table.long thead button >> nth=3"
     column = "[...document.querySelector('table.long').tBodies[0].rows].filter((r) => !r.hidden).map((r) => r.cells[3].innerText)"
     page.click(head)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from bristle.api import *  # noqa: F403  # the public names are listed there, once
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__: list[str]  # those of `bristle.api` and the version, by `__getattr__`
 
 

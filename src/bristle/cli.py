@@ -95,7 +95,9 @@ Need = Annotated[
     str | None, asked("PERCENT", "To how much of friction it has to be known (95 %), to be used [default: 10%].")
 ]
 OF_LOGS: dict[str, Any] = {
-    "column": Annotated[list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0")],
+    "column": Annotated[
+        list[str] | None, per_signal("COLUMN", "Its column, by name or by number from 0; of another file FILE:COLUMN")
+    ],
     "unit": Annotated[list[str] | None, per_signal("UNIT", "Its unit, as deg or mA")],
     "scale": Annotated[list[str] | None, per_signal("FACTOR", "What it is multiplied by, as -1 or 35.15 N/V")],
     "rate": Annotated[str | None, asked("QUANTITY", "Of sampling, where no column is the time, as 1 kHz.")],
@@ -113,6 +115,12 @@ OF_LOGS: dict[str, Any] = {
     "held": Annotated[
         bool | None,
         typer.Option("--held/--not-held", help="Whether the drive holds commands between samples.", show_default=False),
+    ],
+    "fresh": Annotated[
+        bool | None,
+        typer.Option(
+            "--fresh/--not-fresh", help="Whether the drive compares commands with new measurements.", show_default=False
+        ),
     ],
     "gravity": Annotated[
         str | None, asked("GRAVITY", "Its largest torque, as 0.7 N*m, or 'mass: 1.2 kg, centre: 0.06 m', or a URDF.")

@@ -34,7 +34,8 @@ FIG_8 = {
 def rows() -> dict[tuple[str, float, bool], Errors]:
     """Fig. 8 of the four joints, by joint, frequency and inertia feed-forward; the gripper's identified model is not quite right."""
     wrong = Pair(*(p._replace(alpha_0=1.1 * p.alpha_0) for p in GRIPPER))
-    found = errors([joint_loop(name, **({"model": wrong} if name.startswith("gripper") else {})) for name in FIG_8])
+    loops = (joint_loop(name, **({"model": wrong} if name.startswith("gripper") else {})) for name in FIG_8)
+    found = [row for loop in loops for row in errors(loop)]
     assert [(r.joint, r.frequency, r.inertia) for r in found] == [
         (name, f, inertia) for name in FIG_8 for f in (0.2, 0.5) for inertia in (False, True)
     ]
@@ -149,7 +150,7 @@ def test_gradients_are_those_of_the_formulas() -> None:
 
 def test_drifts_are_told_of_every_way_with_the_known_model_first() -> None:
     """Per frequency: known, fixed, the law at a quarter and all of its rate, without limits, normalised; the first is the measure of all."""
-    found = drifts([joint_loop()])
+    found = drifts(joint_loop())
     ways = ["known", "fixed", "partial", "partial", "partial, without limits", "partial, normalised"]
     assert [(r.joint, r.frequency, r.way) for r in found] == [
         ("gripper rotation", f, w) for f in (0.2, 0.5) for w in ways
@@ -184,11 +185,11 @@ def test_the_sampled_loop_comes_to_the_continuous_one() -> None:
 
     The gripper's loop bears 13 ms: of 16, 8 and 4 ms the first is not told.
     """
-    found = compare_sampling([joint_loop(period=2e-3)])
+    found = compare_sampling(joint_loop(period=2e-3))
     assert [r.period for r in found] == [4e-3, 2e-3, 1e-3]
     for coarse, fine in pairwise(found):
         assert 1.5 < coarse.distance / fine.distance < 3.5
-    assert [r.period for r in compare_sampling([joint_loop(period=8e-3)])] == [8e-3, 4e-3]
+    assert [r.period for r in compare_sampling(joint_loop(period=8e-3))] == [8e-3, 4e-3]
 
 
 def spread(pair: Pair[float], rng: np.random.Generator, share: float) -> tuple[Pair[float], float]:

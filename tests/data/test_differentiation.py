@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
-from bristle.data.differentiation import between_gaps, derivative, estimate_motion, smoothed
+from bristle.data.differentiation import between_gaps, derivative, estimate_motion, smoothed, without_rests
 from bristle.data.record import Record
 
 from .experiments import present
@@ -95,3 +95,15 @@ def test_central_differences_are_exact_for_parabolas_on_any_grid() -> None:
     """The derivative of t**2 is 2 t inside, with irregular intervals too."""
     t = np.cumsum(np.random.default_rng(0).uniform(0.5, 1.5, 50))
     np.testing.assert_allclose(derivative(_record(t, t), t**2)[1:-1], 2 * t[1:-1])
+
+
+def test_rests_are_left_out_unless_nothing_is_left() -> None:
+    """Three seconds at one place are no motion; a record of which all rests, as of one whose time is in another unit, stays as it is."""
+    t = np.arange(2000) / 100
+    q = np.where(t < 8, np.sin(t), np.where(t < 13, np.sin(8.0), np.sin(t - 5)))
+    record = Record(file="x", time=t, position=q, velocity=q, torque=q)
+    kept = without_rests(record)
+    assert (kept.time.size, kept.starts) == (1499, (0, 800))
+    assert [n.code for n in kept.notes] == ["rests-left-out"]
+    slow = Record(file="x", time=1e6 * t, position=np.rint(q), velocity=q, torque=q, cutoff=1e-5)
+    assert without_rests(slow) is slow

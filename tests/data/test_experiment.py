@@ -96,7 +96,7 @@ _BAD: dict[str, str] = {
     "signals.command: {column: 1, unit: rad}": "signals: got torque and command; expected exactly one of .*, or command",
     "{signals.torque: null, signals.command: {column: 1, unit: rad}, motor: {kd: 1 N*m*s/rad}}": r"needs motor\.kp; add it, .* a share of kp",
     "{signals.torque: null, signals.command: {column: 1, unit: rad}, signals.velocity_command: {column: 1, unit: rad/s}}": r"needs motor\.kp",
-    "gravity: 1 N*m": r"runs\.0: gravity: expected it of runs whose voltage, current or command has no constants under motor",
+    "gravity: 1 N*m": r"runs\.0: gravity: a known gravity scales a voltage, a current or a command without constants under motor",
     "gravity: {mass: 1 kg, centre: -1 m}": r"gravity\.centre: got '-1 m'; expected greater than 0",
     "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s}}": r"runs\.0: .* needs motor\.kd",
     "{signals.torque: null, signals.velocity_command: {column: 1, unit: rad/s, delay: 1 ms}}": "velocity_command: got a delay; expected",

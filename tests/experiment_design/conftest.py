@@ -11,7 +11,7 @@ from ..conftest import few_motions_tried
 
 
 @pytest.fixture(scope="session")
-def gripper() -> Plan:
+def gripper(edro_results: Path) -> Plan:
     """The plan for gripper rotation of the embedded default, which all kinds of runs were made of, as its report has it."""
     with few_motions_tried(40):
-        return bristle.plan(Path(__file__).parents[2] / "reports" / "edro" / "results.json", joint="gripper rotation")
+        return bristle.plan(edro_results, joint="gripper rotation")

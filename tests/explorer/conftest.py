@@ -28,9 +28,9 @@ class Explored(NamedTuple):
 
 
 @pytest.fixture(scope="session")
-def edro() -> Explored:
+def edro(edro_results: Path) -> Explored:
     """The embedded set's, as its report has it."""
-    results = bristle.read_results(Path(__file__).parents[2] / "reports" / "edro" / "results.json")
+    results = bristle.read_results(edro_results)
     return Explored(results, bristle.explore(results))
 
 

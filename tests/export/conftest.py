@@ -14,7 +14,6 @@ from bristle.model.laws.registry import competing, law_named
 from bristle.model.parameters import SIGNED, Direction, ParameterName, unit
 from bristle.questions.export.exported import ExportedJoint, ExportedParameter, Origin, exported
 
-RESULTS = Path(__file__).parents[2] / "reports" / "edro" / "results.json"
 Handed = Callable[..., ExportedJoint]
 OTHERS = (*competing()[1:], law_named("free-exponent"), law_named("free-exponent+quadratic"))
 """Laws beside the paper's."""
@@ -30,19 +29,19 @@ SURROGATE = "\ud800"
 
 
 @cache
-def _joint(name: str) -> ExportedJoint:
-    results = bristle.read_results(RESULTS)
+def _joint(results_file: Path, name: str) -> ExportedJoint:
+    results = bristle.read_results(results_file)
     joint = results.joint(name)
     origin = Origin(bristle="0", results_sha256="0" * 64, experiment="edro.yaml", logs={"ramp.csv": "1" * 64})
     return exported(joint, results.logs.experiment_of(joint)[0], origin)
 
 
 @pytest.fixture(scope="session")
-def handed() -> Handed:
+def handed(edro_results: Path) -> Handed:
     """A joint of the embedded report as it is handed over, with some fields changed."""
 
     def make(of: str = "gripper rotation", /, **changes: Any) -> ExportedJoint:
-        return replace(_joint(of), **changes)
+        return replace(_joint(edro_results, of), **changes)
 
     return make
 

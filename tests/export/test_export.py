@@ -32,7 +32,7 @@ from bristle.questions.export.loss import (
 )
 
 from ..conftest import FEW, run, speeds, write
-from .conftest import RESULTS, Handed, assumed, beside
+from .conftest import Handed, assumed, beside
 
 LAW = bristle.Lugre(alpha_0=0.02, alpha_1=0.006, alpha_2=0.04, v_s=0.07, sigma_0=6.0, sigma_1=0.02)
 DOCS = Path(__file__).parents[2] / "docs"
@@ -47,9 +47,9 @@ def points(tmp_path: Path) -> Path:
     return path
 
 
-def test_values_are_those_to_use() -> None:
+def test_values_are_those_to_use(edro_results: Path) -> None:
     """Of each joint the exported value, error, interval and source of every parameter are those of the report's first screen."""
-    results = bristle.read_results(RESULTS)
+    results = bristle.read_results(edro_results)
     for joint, handed in zip(results.joints, results.export("json").joints, strict=True):
         rows = {row.parameter: row for row in chosen(joint) if row.estimate.value is not None}
         assert rows.keys() == {x.parameter for x in handed.parameters}
@@ -62,19 +62,21 @@ def test_values_are_those_to_use() -> None:
 
 
 @pytest.mark.parametrize("to", TARGETS)
-def test_every_target_is_written_by_the_command(to: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_target_is_written_by_the_command(
+    to: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edro_results: Path
+) -> None:
     """The command writes one file by the joint's name, says SIMULATED, and the same bytes a second time; a file that is there stays."""
     monkeypatch.chdir(tmp_path)
-    ran = run("export", RESULTS, "--to", to, "--joint", "wrist pitch")
+    ran = run("export", edro_results, "--to", to, "--joint", "wrist pitch")
     assert (ran.code, ran.said) == (0, [])
     (written,) = tmp_path.iterdir()
     assert written.name.startswith("wrist_pitch")
     assert f"File: {written.name}" in ran.out
     assert "SIMULATED" in ran.words
     again = tmp_path / "again"
-    assert run("export", RESULTS, "--to", to, "--joint", "wrist pitch", "-o", again).code == 0
+    assert run("export", edro_results, "--to", to, "--joint", "wrist pitch", "-o", again).code == 0
     assert again.read_bytes() == written.read_bytes()
-    refused = run("export", RESULTS, "--to", to, "--joint", "wrist pitch", "-o", again)
+    refused = run("export", edro_results, "--to", to, "--joint", "wrist pitch", "-o", again)
     assert refused.code == 2
     assert "is there already" in refused.err
 
@@ -97,13 +99,13 @@ REFUSED = {
 }
 
 
-def test_bad_requests_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bad_requests_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, edro_results: Path) -> None:
     """One sentence, exit code 2, and nothing written."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "a.urdf").write_text("<robot/>", encoding="utf-8")
     failed = []
     for asked, sentence in REFUSED.items():
-        ran = run("export", RESULTS, *shlex.split(asked), "-o", "out")
+        ran = run("export", edro_results, *shlex.split(asked), "-o", "out")
         failed += [(asked, ran)] * ((ran.code, len(ran.said)) != (2, 1) or sentence not in ran.err)
     assert failed == []
     assert [path.name for path in tmp_path.iterdir()] == ["a.urdf"]
@@ -219,9 +221,9 @@ def test_of_several_joints_those_that_fit_are_exported(handed: Handed) -> None:
         export_joints([bad, bad], "urdf", Request())
 
 
-def test_a_damping_of_an_assumed_ratio_is_marked() -> None:
+def test_a_damping_of_an_assumed_ratio_is_marked(edro_results: Path) -> None:
     """Slow loading and an inertia give sigma_1 by (15), an assumption: its source is `assumed`, and the warning goes along."""
-    results = bristle.read_results(RESULTS)
+    results = bristle.read_results(edro_results)
     joint = replace(results.joint("wrist pitch"), tracking=None, joint_fit=None)
     one = exported(
         joint, results.logs.experiment_of(joint)[0], Origin(bristle="0", results_sha256=None, experiment=None, logs={})
@@ -246,18 +248,18 @@ def test_one_law_with_two_stiffnesses_is_a_pair() -> None:
     assert one.pair.positive.sigma_0 == known[ParameterName("sigma_0", Direction.POSITIVE)]
 
 
-def test_a_compensator_without_a_bristle_says_what_it_leaves_out() -> None:
+def test_a_compensator_without_a_bristle_says_what_it_leaves_out(edro_results: Path) -> None:
     """Coulomb and Stribeck compensators have losses; the LuGre ones have none."""
     for name, least in (("coulomb", 20.0), ("stribeck", 0.01)):
-        handed_over = bristle.export(RESULTS, "c", joint="wrist pitch", compensator=name)
+        handed_over = bristle.export(edro_results, "c", joint="wrist pitch", compensator=name)
         (found,) = handed_over.artefact.losses.values()
         assert max(x.percent for x in found) > least
-    assert not bristle.export(RESULTS, "c", joint="wrist pitch").artefact.losses
+    assert not bristle.export(edro_results, "c", joint="wrist pitch").artefact.losses
 
 
-def test_what_is_doubtful_is_said(handed: Handed) -> None:
+def test_what_is_doubtful_is_said(handed: Handed, edro_results: Path) -> None:
     """Base rotation is not passive, which stands in what is printed and in the artefact; an interval that holds zero is said too."""
-    handed_over = bristle.export(RESULTS, "c", joint="base rotation")
+    handed_over = bristle.export(edro_results, "c", joint="base rotation")
     assert "can feed energy back in direction -" in " ".join(handed_over.text().split())
     assert b"can feed energy back in direction -" in handed_over.content
     one = handed("base rotation")
@@ -305,9 +307,9 @@ def test_large_losses_are_said() -> None:
     assert large_losses("urdf", {"wrist": (Loss(motion, 9.9),)}) == ()
 
 
-def test_adaptation_has_the_rates_of_the_joints_loop() -> None:
+def test_adaptation_has_the_rates_of_the_joints_loop(edro_results: Path) -> None:
     """--adapt takes the paper's rates for the embedded joints, scaled where a law has the parameter once more in its gradient."""
-    results = bristle.read_results(RESULTS)
+    results = bristle.read_results(edro_results)
     plain, theta = (
         bristle.export(results, "c", joint="wrist pitch", adapt=law) for law in ("partial", "partial-theta")
     )

@@ -2,6 +2,7 @@
 
 import math
 from itertools import product
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from bristle.questions.export.artefact import Request
 from bristle.questions.export.exported import ExportedJoint
 from export_checks.fmu import radau_continuous
 
-from .conftest import OTHERS, RESULTS, Handed, assumed, beside, of_law, scaled
+from .conftest import OTHERS, Handed, assumed, beside, of_law, scaled
 
 mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed")
 ONE = """<mujoco><option timestep="{h}" gravity="0 0 0" integrator="{integrator}"/><worldbody><body>
@@ -220,12 +221,12 @@ def test_a_step_that_was_left_out_is_refused(handed: Handed) -> None:
         friction.apply(data)
 
 
-def test_a_joint_of_the_results_is_found(handed: Handed) -> None:
+def test_a_joint_of_the_results_is_found(handed: Handed, edro_results: Path) -> None:
     """By its name, of results or of their file; the only one whatever the model calls it."""
     model = one()
-    results = bristle.read_results(RESULTS)
+    results = bristle.read_results(edro_results)
     torques = []
-    for result in (handed("wrist pitch"), results, RESULTS, str(RESULTS)):
+    for result in (handed("wrist pitch"), results, edro_results, str(edro_results)):
         data = mujoco.MjData(model)
         data.qvel[0] = 1.0
         friction = Friction(model, "wrist pitch", result)

@@ -8,8 +8,8 @@ import pytest
 
 from bristle.data.record import Record
 from bristle.estimation.multistart import MultistartSolution
+from bristle.identification.dynamic.descent import solve_dynamic
 from bristle.identification.dynamic.problem import Unknown
-from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.fits import TrackingFit
 from bristle.model.parameters import Lugre
 

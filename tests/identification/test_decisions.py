@@ -219,6 +219,35 @@ def test_a_drive_that_is_told_what_to_follow_tells_friction(tmp_path: Path, late
     near(again, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
+def test_what_a_drive_compares_its_commands_with(tmp_path: Path) -> None:
+    """Measurements of the moment, or as old as the commands: the two differ by kp times the delay, which is all that data can say.
+
+    Told which, also with a declared delay, the numbers are the joint's, or what they then are; untold, they are not to be used.
+    """
+    t, q, v, _ = motion()
+    torque, kp, kd, late = clean() + white(t.size, 0.01), 40.0, 1.5, 0.008
+    q_d = np.interp(t + late, t, q + (torque + kd * v) / kp)
+    np.savetxt(tmp_path / "log.csv", np.stack([t, q, v, q_d], 1), "%.9g", ",", header="t,q,dq,q_des", comments="")
+    gains = {"kp": f"{kp} N*m/rad", "kd": f"{kd} N*m*s/rad", "held": False}
+
+    def identified(fresh: bool | None, delay: str = "") -> Joint:
+        """As it is drafted."""
+        text, _ = bristle.draft(tmp_path / "log.csv", told=bristle.Told(fresh=fresh, **gains))  # type: ignore[arg-type]  # by name
+        (tmp_path / "log.yaml").write_text(
+            text.replace('"q_des", unit: "rad"', f'"q_des", unit: "rad"{delay}'), encoding="utf-8"
+        )
+        return bristle.identify(tmp_path / "log.yaml").joint()
+
+    near(identified(True), alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+    near(identified(True, f", delay: {-late!r} s"), alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+    near(identified(False), alpha_0=0.8, alpha_2=0.5 + kp * late)
+    untold = identified(None)
+    found, reason = verdict(untold)
+    assert (found, reason and reason.code) == (Trust.DO_NOT_USE, "feedback-unknown")
+    (said,) = (w for w in untold.warnings if w.code == "feedback-unknown")
+    assert said.numbers["lower"] == pytest.approx(kp * late, rel=0.05)
+
+
 def test_a_drive_that_would_act_before_it_is_told_is_not_believed(tmp_path: Path) -> None:
     """Commands that were logged 20 ms late, or gains that are wrong, look so: critical."""
     t, q, v, _ = motion()

@@ -15,9 +15,11 @@ from bristle.data.differentiation import estimate_motion
 from bristle.data.record import Record
 from bristle.estimation.nonlinear import Minimum, minimise
 from bristle.findings import Finding, Severity
-from bristle.identification.dynamic import unknowns
+from bristle.identification.dynamic import descent
 from bristle.identification.dynamic.claims import bristle_doubts
 from bristle.identification.dynamic.crosscheck import check_tracking
+from bristle.identification.dynamic.descent import fit, solve_dynamic
+from bristle.identification.dynamic.descent import least_squares as posed_about
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.problem import (
@@ -28,9 +30,6 @@ from bristle.identification.dynamic.problem import (
     residuals,
     with_priors,
 )
-from bristle.identification.dynamic.starts import solve_dynamic
-from bristle.identification.dynamic.unknowns import fit
-from bristle.identification.dynamic.unknowns import least_squares as posed_about
 from bristle.identification.dynamic.what_is_left import pattern_left
 from bristle.identification.fits import TrackingFit
 from bristle.identification.moving_runs import moved_in
@@ -137,7 +136,7 @@ def test_many_samples_have_the_minimum_that_few_of_them_lead_to(
     problem = posed(record(p, noise=3e-4), sides(p))
     start = shifted(by_name(p), 1.5) | {Z0: 0.0}
     plain, minimum = fit(problem, start)
-    monkeypatch.setattr(unknowns, "_LARGE", 1)
+    monkeypatch.setattr(descent, "_LARGE", 1)
     thinned, other = fit(problem, start)
     assert other.steps < minimum.steps
     assert other.cost == pytest.approx(minimum.cost, rel=1e-9)
@@ -150,7 +149,7 @@ def test_samples_that_show_nothing_do_not_end_a_fit_of_many(monkeypatch: pytest.
     problem = posed(record(noise=3e-4, v=np.where(np.arange(V.size) % 8 == 0, 0.0, V)))
     start = shifted(TRUTH, 1.1) | {Z0: 0.0, INERTIA: 0.0}
     plain, _ = fit(problem, start)
-    monkeypatch.setattr(unknowns, "_LARGE", 1)
+    monkeypatch.setattr(descent, "_LARGE", 1)
     assert fit(problem, start)[0] == pytest.approx(plain, rel=1e-6)
 
 

@@ -11,11 +11,10 @@ from bristle.arrays import Array, Interval
 from bristle.estimation.covariance import student
 from bristle.estimation.profile_likelihood import profiles
 from bristle.findings import NOTE, Finding
+from bristle.identification.dynamic.descent import fit, solve_dynamic
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Prior, Unknown, Values, with_priors
-from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.uncertainty import profile_until_stable, with_three_ways
-from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import Estimate, TrackingFit
 from bristle.model.parameters import Direction, Lugre, ParameterName
 

@@ -13,13 +13,11 @@ from bristle.model.parameters import SIGNED
 
 from ..conftest import speeds, write
 
-ROOT = Path(__file__).parents[2]
-
 
 @pytest.fixture(scope="module")
-def joint() -> JointModel:
+def joint(edro_results: Path) -> JointModel:
     """The wrist of the embedded report."""
-    return bristle.read_results(ROOT / "reports" / "edro" / "results.json").model("wrist pitch")
+    return bristle.read_results(edro_results).model("wrist pitch")
 
 
 def test_every_way_to_its_friction_agrees(joint: JointModel) -> None:

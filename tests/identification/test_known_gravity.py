@@ -156,7 +156,7 @@ def test_a_gravity_that_says_nothing_is_refused(tmp_path: Path) -> None:
         with pytest.raises(InputError) as error:
             bristle.identify(log.with_suffix(".yaml"))
         found[name] = str(error.value)
-    beside = "gravity: expected it of runs whose voltage, current or command has no constants under motor"
+    beside = "gravity: a known gravity scales a voltage, a current or a command without constants under motor"
     says = {
         "a torque": beside,
         "constants": beside,

@@ -1,5 +1,6 @@
 """Friction laws fitted and compared: the truth within its intervals, two routes that agree, and a law that only the data choose."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,14 +11,13 @@ import bristle
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.errors import InputError
-from bristle.identification.law_comparison import compare_laws
-from bristle.identification.law_ranking import FittedLaw, Known, Solve, ranked
+from bristle.identification.law_comparison import FittedLaw, Known, Solve, compare_laws, ranked
 from bristle.identification.results import LawComparison
 from bristle.identification.static.crosscheck import full_fit
 from bristle.identification.static.fit import estimate_static
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression, from_points
-from bristle.identification.static.shape_search import with_best_shape
+from bristle.identification.static.profiles import with_best_shape
 from bristle.model.functions import steady_torque_function
 from bristle.model.laws import registry
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -106,9 +106,8 @@ def test_the_exponent_is_searched_to_its_minimum() -> None:
     problem = from_points(SPEEDS, torques(truth_of(law), SPEEDS, 0.01, 5), ("both",), law=law)
     found = with_best_shape(problem, default_range(SPEEDS))
     best = solve(found, default_range(SPEEDS)).cost
-    others = [
-        solve(found.with_shape((delta,)), default_range(SPEEDS)).cost for delta in np.geomspace(0.5, 4.0, 60).tolist()
-    ]
+    shapes = (replace(found, shape=(delta,)) for delta in np.geomspace(0.5, 4.0, 60).tolist())
+    others = [solve(other, default_range(SPEEDS)).cost for other in shapes]
     assert best <= min(others) * (1 + 1e-6)
 
 

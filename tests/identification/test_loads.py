@@ -265,9 +265,9 @@ def test_a_running_compensator_is_told_its_load() -> None:
 
 
 @pytest.fixture(scope="module")
-def embedded() -> tuple[Joint, Joint]:
+def embedded(edro_results: Path) -> tuple[Joint, Joint]:
     """A joint of the embedded report, and one like it whose friction rises with load by a tenth."""
-    plain = bristle.read_results(Path(__file__).parents[2] / "reports" / "edro" / "results.json").joint("wrist pitch")
+    plain = bristle.read_results(edro_results).joint("wrist pitch")
     assert plain.joint_fit is not None
     known = plain.joint_fit.parameters
     row = replace(known[ParameterName("alpha_0", Direction.POSITIVE)], value=0.1, interval=(0.09, 0.11), unit="1")

@@ -19,7 +19,7 @@ from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.fits import TrackingFit
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
-from bristle.identification.model_criteria import (
+from bristle.identification.model_selection import (
     APART,
     COULOMB,
     LUGRE,
@@ -29,7 +29,7 @@ from bristle.identification.model_criteria import (
     VISCOUS,
     ModelCandidate,
 )
-from bristle.identification.model_criteria import rank_models as choose
+from bristle.identification.model_selection import rank_models as choose
 from bristle.identification.results import Joint, ModelComparison, ModelRow
 from bristle.identification.static.runs import fit_moving
 from bristle.model.parameters import Lugre, Pair

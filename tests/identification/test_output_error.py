@@ -13,11 +13,10 @@ from scipy.integrate import solve_ivp
 from bristle.arrays import Array
 from bristle.data.experiment.load import load_experiment
 from bristle.data.record import Record
+from bristle.identification.dynamic.descent import fit, least_squares, solve_dynamic, with_deflections
 from bristle.identification.dynamic.fit import fit_tracking, relative_error
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, InitialState, dynamic_problem, residuals
-from bristle.identification.dynamic.starts import solve_dynamic
-from bristle.identification.dynamic.unknowns import fit, least_squares, with_deflections
 from bristle.identification.identify import identify_joint
 from bristle.identification.measured import measure
 from bristle.identification.results import Joint

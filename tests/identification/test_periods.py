@@ -13,8 +13,8 @@ from bristle.data.experiment.load import load_experiment
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.identification.dynamic.descent import solve_dynamic
 from bristle.identification.dynamic.problem import dynamic_problem
-from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.what_is_left import columns_of, known_and_left
 from bristle.identification.measured import with_loads
 from bristle.identification.moving_runs import load_columns, with_orders

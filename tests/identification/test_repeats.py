@@ -12,10 +12,10 @@ from bristle.data.slow_loading import Loading
 from bristle.estimation.covariance import student
 from bristle.estimation.interval_comparison import they_differ
 from bristle.findings import CAUTION, Finding
+from bristle.identification.dynamic.descent import logarithms
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.dynamic.uncertainty import parts_of_runs
-from bristle.identification.dynamic.unknowns import logarithms
 from bristle.identification.fits import Estimate, RunScatter, TrackingFit, Uncertainty
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.repeats import (

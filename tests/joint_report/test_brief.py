@@ -23,7 +23,6 @@ from bristle.questions.joint_report.text import fit_report
 from .conftest import HOSTILE, gripper, loaded
 from .moving import moving
 
-EDRO = Path(__file__).parents[2] / "reports" / "edro" / "results.json"
 CRITICAL = Finding("stages-do-not-fit", Severity.CRITICAL, "The stages contradict each other.")
 LONG = tuple(
     Finding("unit-differs", CAUTION, f"The unit of signal {k} in a_long_name_of_a_file.csv is deg, and rad is declared: write `unit: deg`.")
@@ -32,9 +31,9 @@ LONG = tuple(
 
 
 @pytest.fixture(scope="module")
-def edro() -> Results:
-    """The embedded joints, as the report that ships has them."""
-    return bristle.read_results(EDRO)
+def edro(edro_results: Path) -> Results:
+    """The embedded joints, as their report has them."""
+    return bristle.read_results(edro_results)
 
 
 def words(text: str) -> str:

@@ -98,16 +98,7 @@ def report(
         compensated = begin_study(subjects, (), progress, share, paper=True) if subjects else None
         if found is not None:
             found(results)
-        write_results(
-            results,
-            Path(folder),
-            progress,
-            compensated,
-            lambda: next(explored),
-            mailed=mailed,
-            share=share,
-            begun=begun,
-        )
+        write_results(results, Path(folder), progress, compensated, explored, mailed=mailed, share=share, begun=begun)
     return results
 
 

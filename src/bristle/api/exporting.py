@@ -1,12 +1,11 @@
 """What identified joints are handed over as: C code, models for simulators, documents, and a page to play with."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 from hashlib import sha256
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from bristle import __version__
 from bristle.api.identifying import identify
@@ -72,22 +71,22 @@ def export(
         raise InputError(f"step: got {step}, of an adaptation that is not asked for; give adapt as well")
     if to != "c" and (compensator or adapt):
         raise InputError(f"{to} holds no compensator; leave compensator and adapt out, or export to c")
-    found, joints, refused = _handed(known, joint, progress)
+    results, found, joints, refused = _handed(known, joint, progress)
+    (first, experiment), *_ = found
+    si = unit("position", first.kind)
     request = Request(
         into=None if into is None else read_at_most(Path(into), LARGEST, "a model, without meshes"),
         into_name="" if into is None else Path(into).name,
-        amplitude=None
-        if amplitude is None
-        else positive_si("amplitude", amplitude, unit("position", found[0].joint.kind)),
+        amplitude=None if amplitude is None else positive_si("amplitude", amplitude, si),
         frequency=None if frequency is None else positive_si("frequency", frequency, "Hz"),
-        compensator=_compensator(found[0], compensator, adapt, step),
+        compensator=_compensator(results, first, experiment, compensator, adapt, step),
     )
     return export_joints(joints, to, request, refused)
 
 
 def exported_joints(known: Known, joint: str | None = None) -> tuple[ExportedJoint, ...]:
     """What would be handed over of identified joints, or of one of them. Raises InputError as `export` does."""
-    return _handed(known, joint, None)[1]
+    return _handed(known, joint, None)[2]
 
 
 def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
@@ -105,33 +104,26 @@ def read_export(path: Path | str) -> tuple[ExportedJoint, ...]:
     return json_document.read_export(Path(path))
 
 
-class _Found(NamedTuple):
-    """One joint that is exported."""
-
-    joint: Joint
-    experiment: Experiment | None
-    """None: results do not know it."""
-    loop: Callable[[], JointLoop | str]
-    """Its loop, or the sentence why it has none."""
-
-
 def _handed(
     known: Known, joint: str | None, progress: Progress | None
-) -> tuple[list[_Found], tuple[ExportedJoint, ...], tuple[Finding, ...]]:
-    """The joints, as they are handed over, and of several why some cannot be. Raises InputError where none can."""
+) -> tuple[Results, list[tuple[Joint, Experiment | None]], tuple[ExportedJoint, ...], tuple[Finding, ...]]:
+    """Results, the joints with their experiments as far as these are known, as they are handed over, and of several why some cannot be.
+
+    Raises InputError where none can.
+    """
     source, digest = read_if_results(known), None
     if isinstance(known, Path | str) and source is not known:  # from a results file
         digest = sha256(read_at_most(Path(known), LARGEST, "a results file")).hexdigest()
     results = source if isinstance(source, Results) else identify(source, joint=joint, progress=progress)
-    found = []
+    found = list[tuple[Joint, Experiment | None]]()
     for one in results.whole_joints(None if isinstance(known, Fit) else joint):
         own: Experiment | None = None
         with suppress(InputError):
             own, _ = results.logs.experiment_of(one)
-        found.append(_Found(one, own, partial(known_loop, results, one)))
+        found.append((one, own))
     joints: list[ExportedJoint] = []
     refused: list[Finding] = []
-    for of, experiment, _ in found:
+    for of, experiment in found:
         logs, file = {log.file: log.sha256 for log in of.inputs}, experiment.path.name if experiment else None
         origin = Origin(bristle=__version__, results_sha256=digest, experiment=file, logs=logs)
         try:
@@ -140,24 +132,24 @@ def _handed(
             if len(refused) + 1 == len(found):
                 raise
             refused.append(joint_left_out(error))
-    return found, tuple(joints), tuple(refused)
+    return results, found, tuple(joints), tuple(refused)
 
 
-def _compensator(found: _Found, name: Any, law: Any, step: Any) -> Compensator:
+def _compensator(
+    results: Results, joint: Joint, experiment: Experiment | None, name: Any, law: Any, step: Any
+) -> Compensator:
     """As it is asked for, here or in the experiment file; its rates and the observer's gain are those of the joint's loop."""
-    name = name or (found.experiment.adapt.compensator if found.experiment else None) or "lugre"
+    name = name or (experiment.adapt.compensator if experiment else None) or "lugre"
     if law is None and name != "lugre-observer":
         return Compensator(name=name)
-    known = found.loop()
+    known = known_loop(results, joint)
     if isinstance(known, str):
         raise InputError(known)
     own = replace(known.compensator, name=name, observer_gain=known.observer_gain)
     if law is None:
         return own
-    adaptation = replace(
-        known.adaptation, law=law, step=step or known.adaptation.step, gamma=known.comparable_rates(law)
-    )
-    return replace(own, adaptation=adaptation)
+    step, gamma = step or known.adaptation.step, known.comparable_rates(law)
+    return replace(own, adaptation=replace(known.adaptation, law=law, step=step, gamma=gamma))
 
 
 def explore(

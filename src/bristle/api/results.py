@@ -1,7 +1,7 @@
 """What `identify` returns, and reads back."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from pathlib import Path
@@ -170,7 +170,7 @@ class Results:
         Only what bristle made there before is replaced. Raises InputError where the folder cannot be used, with nothing half-written.
         """
         known = None if compensated is None else (lambda: compensated)
-        return write_results(self, Path(folder), progress, known, lambda: explored, mailed=mailed)
+        return write_results(self, Path(folder), progress, known, iter([explored]), mailed=mailed)
 
     def export(self, to: str, *, joint: str | None = None, **options: Any) -> "Export":
         """What the next tool takes of a joint, or of all; `bristle.export` says what the options are, and what it raises."""
@@ -200,13 +200,13 @@ def write_results(
     folder: Path,
     progress: Progress | None,
     compensated: Callable[[], Study] | None,
-    explored: Callable[[], "Explorer | None"],
+    explored: Iterator["Explorer | None"],
     *,
     mailed: bool,
     share: Share = map,
     begun: Mapping[str, Mapping[str, "Drawing"]] = MappingProxyType({}),
 ) -> Path:
-    """`Results.write`, the drawing shared out; `compensated` and `explored` wait for what those give, `begun`: what was drawn of each joint."""
+    """`Results.write`, the drawing shared out; `compensated` and `explored` wait for what they give, `begun`: what was drawn of each joint."""
     from bristle.page.page import encoded
     from bristle.questions.compensation.tables import all_tables
 
@@ -220,7 +220,7 @@ def write_results(
         study = compensated()
         told = {"worth": dict(worth_of_each(study)), "adverse": tuple(adverse(study)), "frames": all_tables(study)}
         told["compensation"] = import_module("bristle.questions.compensation.report").sections(study, share)
-    played = explored()
+    played = next(explored)
     if played is not None:
         files["explore.html"] = encoded(played.html)
     report = import_module("bristle.questions.joint_report.report").report(

@@ -69,7 +69,6 @@ class Adaptation:
     """Of least squares, 1/s."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work."""
         for name, value, known in (("law", self.law, LAWS), ("step", self.step, STEPS)):
             if value not in known:
                 raise InputError(f"adaptation: {name}: got {value!r}; expected one of {', '.join(known)}")
@@ -86,14 +85,8 @@ class Adaptation:
             raise InputError(
                 f"adaptation: gamma: got {len(self.gamma)} rates for {len(self.parameters)} parameters; expected one each"
             )
-        for name, values in (
-            ("gamma", self.gamma),
-            ("dead_zone", (self.dead_zone,)),
-            ("leakage", (self.leakage,)),
-            ("forgetting", (self.forgetting,)),
-        ):
-            bad = [x for x in values if not 0 <= x < inf]
-            if bad:
+        for name in ("gamma", "dead_zone", "leakage", "forgetting"):
+            if bad := [x for x in np.ravel(getattr(self, name)) if not 0 <= x < inf]:
                 raise InputError(f"adaptation: {name}: got {bad[0]:g}; expected zero or more, and finite")
         low, high = self.limits
         if not (0 < low <= 1 <= high and isfinite(high)):

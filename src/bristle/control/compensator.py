@@ -87,7 +87,6 @@ class Compensator:
     """k, 1/s."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work."""
         if self.name not in NAMES:
             raise InputError(f"compensator: got {self.name!r}; expected one of {', '.join(NAMES)}")
         if self.velocity not in get_args(Velocity):

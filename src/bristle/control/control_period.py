@@ -60,7 +60,6 @@ class LoopOptions:
     """Of the compensator's."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work."""
         if self.delay < 0 or self.substeps < 1:
             raise InputError(
                 f"loop: got delay {self.delay} and substeps {self.substeps}; expected zero or more, and one or more"
@@ -97,7 +96,6 @@ class Case:
     K_d."""
 
     def __post_init__(self) -> None:
-        """Refuse what cannot work."""
         if not self.sliding.layer > 0:
             raise InputError(f"case: sliding: layer: got {self.sliding.layer:g}; expected a positive number")
 

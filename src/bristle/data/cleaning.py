@@ -14,7 +14,7 @@ from bristle.arrays import Array
 from bristle.data.encoder import whole_positions
 from bristle.data.experiment.constants import ONE, commanded_torque, followed_at_once
 from bristle.data.experiment.schema import MotorConstants
-from bristle.data.experiment.signals import COMMANDS, Cleaning, Context, Position, Signal, Signals, Time
+from bristle.data.experiment.signals import COMMANDS, Cleaning, Command, Context, Position, Signal, Signals, Time
 from bristle.data.experiment.tables import keys_of
 from bristle.data.record import Record
 from bristle.data.sampling import evenly_sampled
@@ -90,6 +90,9 @@ def make_record(
         motor = motor or ONE
         period = None if signals.position is None else signals.position.period(context)
         held = signals.command.held if signals.command else False
+        if signals.command is not None and signals.command.fresh:  # the commands alone are late
+            for name in COMMANDS.keys() & rows.data.keys():
+                _take(rows, name, signals.command, starts)
         rows.data["torque"] = commanded_torque(rows.data, motor, starts, period, held=bool(held))
         rows.warnings += [followed_at_once(file, rows.data, motor, context)] if held is None else []
         rows.data = {name: values for name, values in rows.data.items() if name not in COMMANDS}
@@ -252,22 +255,26 @@ def _unwrap(rows: _Rows, signal: Position, context: Context, *, told: bool) -> N
 
 def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
     """Each signal taken when it happened: linear between samples, held beyond the ends of a segment."""
-    time = rows.data["time"]
     for logged, signal in signals:
-        if not isinstance(signal, Signal) or not signal.delay:
-            continue
-        name = "torque" if logged in COMMANDS else logged
-        if not abs(signal.delay) < 0.1 * (time[-1] - time[0]):  # 0.1 of a run: a delay is shorter
-            raise InputError(
-                f"{name}: delay: got {signal.delay:g} s in a run of {time[-1] - time[0]:.3g} s; expected less than a tenth of it, such as 1 ms"
-            )
-        parts = zip(np.split(time, starts[1:]), np.split(rows.data[name], starts[1:]), strict=True)
-        rows.data[name] = np.concatenate([np.interp(t + signal.delay, t, values) for t, values in parts])
-        delay, late = abs(signal.delay), signal.delay > 0
-        message = (
-            f"{name.capitalize()} taken {delay:.4g} s {'earlier' if late else 'later'} than logged: the declared delay."
+        if isinstance(signal, Signal) and not (isinstance(signal, Command) and signal.fresh):
+            _take(rows, "torque" if logged in COMMANDS else logged, signal, starts)
+
+
+def _take(rows: _Rows, name: str, signal: Signal, starts: tuple[int, ...]) -> None:
+    """A signal so much earlier as another, or it, was logged late; a note says so."""
+    time, delay, late = rows.data["time"], abs(signal.delay), signal.delay > 0
+    if not delay:
+        return
+    if not delay < 0.1 * (time[-1] - time[0]):  # 0.1 of a run: a delay is shorter
+        raise InputError(
+            f"{name}: delay: got {signal.delay:g} s in a run of {time[-1] - time[0]:.3g} s; expected less than a tenth of it, such as 1 ms"
         )
-        rows.notes.append(Finding("taken-earlier" if late else "taken-later", NOTE, message, {"delay": delay}))
+    parts = zip(np.split(time, starts[1:]), np.split(rows.data[name], starts[1:]), strict=True)
+    rows.data[name] = np.concatenate([np.interp(t + signal.delay, t, values) for t, values in parts])
+    message = (
+        f"{name.capitalize()} taken {delay:.4g} s {'earlier' if late else 'later'} than logged: the declared delay."
+    )
+    rows.notes.append(Finding("taken-earlier" if late else "taken-later", NOTE, message, {"delay": delay}))
 
 
 def _enough(rows: _Rows) -> None:

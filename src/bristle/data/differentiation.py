@@ -170,7 +170,7 @@ def without_rests(record: Record) -> Record:
     # ten periods of its cut-off that a segment beside a rest has at least
     shortest = max(SHORTEST, 10.0 / (record.cutoff * record.step) if record.cutoff else 0.0)
     long = [slice(a, b) for a, b in pairwise(cuts) if b - a >= shortest and moves[a]]
-    if not rests or 2 * sum(s.stop - s.start for s in long) < np.count_nonzero(moves):
+    if not rests or not long or 2 * sum(s.stop - s.start for s in long) < np.count_nonzero(moves):
         return record
     lost = _outside(record, long)
     message = f"{lost} rows in which the joint rests are left out."

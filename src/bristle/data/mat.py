@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterator, Sequence
+from inspect import signature
 from pathlib import Path
 from typing import Any
 
@@ -54,7 +55,8 @@ def _load(path: Path, names: list[str] | None) -> dict[str, Any]:
     """Variables by name; None: all of them but objects, which SciPy leaves without a name."""
     import scipy.io
 
-    found = scipy.io.loadmat(path, variable_names=names)
+    sparse = {"spmatrix": False} if "spmatrix" in signature(scipy.io.loadmat).parameters else {}  # from SciPy 1.17 on
+    found = scipy.io.loadmat(path, variable_names=names, **sparse)
     return {name: value for name, value in found.items() if not name.startswith("__") and name != "None"}
 
 

@@ -9,13 +9,10 @@ from scipy.fft import irfft, next_fast_len, rfft
 from bristle.arrays import Array
 from bristle.findings import CRITICAL, NOTE, Finding
 
-_WINDOW = 5.0
-"""Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times."""
+_WINDOW = 5.0  # Sokal's c: the sum is cut at the first lag of at least c integrated autocorrelation times
 _FEW = 8
-_POOR = 0.15
-"""Of the measured torque: a fit that leaves a larger pattern describes something else."""
-_CHANCE = 3.3
-"""White noise's share that is not in its differences exceeds this over sqrt(n) once in two thousand times."""
+_POOR = 0.15  # of the measured torque: a fit that leaves a larger pattern describes something else
+_CHANCE = 3.3  # white noise's share that is not in its differences exceeds this over sqrt(n) once in two thousand times
 
 
 def autocorrelation(x: Array) -> Array:
@@ -75,10 +72,7 @@ def _inflation(x: Array, along: Array | None) -> float:
 
 
 def standard_error(x: Array) -> float | None:
-    """Standard error of the mean of x, corrected for autocorrelation.
-
-    None where x holds fewer than two independent samples.
-    """
+    """Standard error of the mean of correlated x; None of fewer than two independent samples."""
     tau = inflation(x)
     return float(np.std(x) * np.sqrt(tau / (x.size - tau))) if x.size >= 2 * tau else None
 

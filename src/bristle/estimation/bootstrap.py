@@ -35,31 +35,18 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
 from bristle.findings import NOTE, Finding
 
-DRAWS, REFITS = 2000, 1999
-"""Draws of blocks, and of residuals that are fitted again: with so many the interval's ends are draws themselves."""
-_AT_ONCE = 4_000_000
-"""Numbers that are drawn at once, so that memory does not grow with the equations."""
-FEW = 8
-"""Blocks below which a bootstrap has little to draw from, and gives no interval."""
-ENOUGH = 20
-"""Blocks below which a bootstrap that parts from the other intervals is explained by them."""
-SHOWN = 500
-"""Draws kept of each unknown, to be drawn."""
-_OVERLAP = 4
-"""Cells in a block: blocks begin at each cell."""
-_CELLS = 2000
-"""At most; longer records have longer cells."""
-_TIMES = 4.0
-"""Integrated autocorrelation times in a block, at least."""
-_AT_ONCE = 4_000_000
-"""Scores of blocks in draws, computed together."""
+DRAWS, REFITS = 2000, 1999  # draws of blocks, and of residuals that are fitted again: the interval's ends are draws
+_AT_ONCE = 4_000_000  # numbers drawn, or scores of blocks computed, at once, whatever the number of equations
+FEW = 8  # blocks below which a bootstrap has little to draw from, and gives no interval
+ENOUGH = 20  # blocks below which a bootstrap that parts from the other intervals is explained by them
+SHOWN = 500  # draws kept of each unknown, to be drawn
+_OVERLAP = 4  # cells in a block: blocks begin at each cell
+_CELLS = 2000  # at most; longer records have longer cells
+_TIMES = 4.0  # integrated autocorrelation times in a block, at least
 _SIX = np.sqrt(np.array([0.5, 1.0, 1.5]))
-_WEBB = np.concatenate([-_SIX, _SIX])
-"""Mean 0, variance 1, third moment 0 (Webb 2014)."""
-_UNEVEN = 0.01
-"""Significance at which variances differ."""
-_FULL = 1.0 - 1e-6
-"""A point with this leverage leaves no residual."""
+_WEBB = np.concatenate([-_SIX, _SIX])  # mean 0, variance 1, third moment 0 (Webb 2014)
+_UNEVEN = 0.01  # significance at which variances differ
+_FULL = 1.0 - 1e-6  # a point with this leverage leaves no residual
 
 Refit = Callable[[Array, bool], tuple[Array, Array]]
 """(what is added to the model, (n, sets); whether variances differ) -> steps off the estimate and standard errors, (p,
@@ -101,12 +88,7 @@ def too_few(few: str) -> Finding:
 
 
 def residual_bootstrap(
-    jacobian: Array,
-    residuals: Array,
-    place: Array,
-    refit: Refit | None = None,
-    draws: int = REFITS,
-    seed: int = 0,
+    jacobian: Array, residuals: Array, place: Array, refit: Refit | None = None, draws: int = REFITS, seed: int = 0
 ) -> tuple[Resampled, Array]:
     """The steps of an estimate from equations that err independently, and its own standard errors, (p,).
 
@@ -136,10 +118,7 @@ def residual_bootstrap(
 
 
 def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Array]:
-    """Coefficients of columns (n, p) that fit values, (n, sets), and their standard errors, (p, sets) each.
-
-    Errors are HC3 if `uneven`.
-    """
+    """Coefficients of columns (n, p) that fit values, (n, sets), and their errors, HC3 if `uneven`, (p, sets) each."""
     inner = inverse_gram(columns)
     weights = inner @ columns.T
     theta = weights @ values
@@ -152,10 +131,7 @@ def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Ar
 
 
 def variances_differ(residuals: Array, place: Array) -> bool:
-    """Whether the residuals' variance depends on the place (Koenker's test against a parabola over its logarithm, 1 %).
-
-    Never with few equations.
-    """
+    """Whether the variance depends on the place: Koenker's test, a parabola in its logarithm, 1 %; not of few."""
     x, square = np.log(np.abs(place)), residuals**2
     if residuals.size < 10 or not np.ptp(x) > 0 or not square.any():
         return False
@@ -166,11 +142,11 @@ def variances_differ(residuals: Array, place: Array) -> bool:
     return bool(chdtrc(2, residuals.size * share) < _UNEVEN)
 
 
-def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dict[Name, tuple[Array, Array]], int]:
+def bootstrap_at(solution: MultistartSolution[Name]) -> tuple[dict[Name, tuple[Array, Array]], int]:
     """What resampled blocks, and blocks that err independently, say of a problem's shared unknowns at its minimum.
 
     Returns the ends of the interval, (2,), and draws, (B,), of each unknown that data show and that lies at no bound,
-    in its unit, by name; what leaves the bounds is open. And the number of blocks drawn. `seed` is the generator's.
+    in its unit, by name; what leaves the bounds is open. And the number of blocks drawn.
     """
     problem, minimum, errors = solution.posed, solution.minimum, solution.scaled_errors
     x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
@@ -178,10 +154,8 @@ def bootstrap_at(solution: MultistartSolution[Name], seed: int = 0) -> tuple[dic
     which = problem.shared[inside[problem.shared]]
     J, whole = projected(minimum.jacobian, which, problem.blocks), problem.independent
     starts = [block.rows.start for block in problem.blocks] if whole else problem.starts
-    prior_rows, length = J[n:], n if whole else None
-    drawn = block_bootstrap(
-        J[:n], minimum.residuals[:n], starts, priors=prior_rows, sigma=problem.sigma, length=length, seed=seed
-    )
+    length, sigma = n if whole else None, problem.sigma
+    drawn = block_bootstrap(J[:n], minimum.residuals[:n], starts, priors=J[n:], sigma=sigma, length=length)
     out: dict[Name, tuple[Array, Array]] = {}
     for column, j in enumerate(which.tolist()):
         box, ends = (unknowns.lower[j], unknowns.upper[j]), x[j] + np.array(drawn.interval(column, float(errors[j])))
@@ -227,25 +201,39 @@ def block_bootstrap(
     edges, of_segment = cells(residuals.size, starts, length)
     grams = np.array([Z[a:b].T @ J[a:b] for a, b in pairwise(edges.tolist())])
     scores = np.array([Z[a:b].T @ residuals[a:b] for a, b in pairwise(edges.tolist())])
-    resampled = _resample(grams, scores, of_segment, prior_rows / size, sigma, draws, seed)
-    return resampled._replace(steps=resampled.steps / size)
+    grams, scores, share = _blocks(grams, scores, of_segment)
+    prior_rows = prior_rows / size
+    number, count, p = max(round(float(share.sum())), 1), share.size, size.size
+    rng = np.random.default_rng(seed)
+    drawn = rng.choice(count, (draws, number), p=share / share.sum()) + count * np.arange(draws)[:, None]
+    weight = float(share.sum()) / number
+    times = weight * np.bincount(drawn.ravel(), minlength=draws * count).reshape(draws, count)
+    gram = (times @ grams.reshape(count, -1)).reshape(draws, p, p) + prior_rows.T @ prior_rows
+    inverse: Array = np.asarray(np.linalg.pinv(gram, hermitian=True), dtype=np.float64)
+    # centred, so that steps vanish where each block is drawn as often as any other
+    news = sigma * rng.standard_normal((draws, prior_rows.shape[0])) @ prior_rows
+    steps = -np.einsum("bij,bj->bi", inverse, times @ scores - share @ scores + news)
+    # standard errors from the scores that blocks have left in each resample, whose squares count so often
+    squares, by_block, errors = times * weight * number / max(number - 1, 1), grams.transpose(1, 2, 0), list[Array]()
+    for k in np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE)):
+        left = scores.T + (steps[k] @ by_block.reshape(p, -1)).reshape(-1, p, count)
+        influence, by_priors = inverse[k] @ left, prior_rows @ inverse[k]
+        variance = np.einsum("bic,bic,bc->bi", influence, influence, squares[k])
+        errors.append(np.sqrt(variance + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors)))
+    with np.errstate(over="ignore"):  # a resample without scatter: its step is infinitely many errors, or none
+        studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
+    return Resampled(steps / size, studentised, number)
 
 
 def block_length(scores: Array) -> int:
-    """Equations in a block.
-
-    Four integrated autocorrelation times of the most correlated column of scores, (n, p), and n**(1/3) at least.
-    """
+    """Equations in a block: four correlation times of the most correlated column of scores, (n, p), or n**(1/3)."""
     n = scores.shape[0]
     times = max(inflation(score) for score in scores.T)
     return int(min(max(ceil(_TIMES * times), ceil(n ** (1 / 3))), n))
 
 
 def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
-    """Quarters of blocks.
-
-    The first equation of each and n, (C + 1,), and the number of the segment that each lies in, (C,).
-    """
+    """Quarters of blocks: the first equation of each and n, (C + 1,), and which segment each lies in, (C,)."""
     step = max(length / _OVERLAP, n / _CELLS)
     firsts = [*starts, n]
     counts = [max(round((stop - first) / step), 1) for first, stop in pairwise(firsts)]
@@ -255,63 +243,8 @@ def cells(n: int, starts: Sequence[int], length: int) -> tuple[Array, Array]:
     return np.append(np.concatenate(inner), n), np.repeat(np.arange(len(counts)), counts)
 
 
-def _resample(
-    grams: Array, scores: Array, of_segment: Array, prior_rows: Array, sigma: float, draws: int, seed: int
-) -> Resampled:
-    """The steps where blocks of cells, (C, ...), are drawn.
-
-    They are centred, so that they vanish where each block is drawn as often as any other.
-    """
-    grams, scores, share = _blocks(grams, scores, of_segment)
-    number = max(round(float(share.sum())), 1)
-    rng = np.random.default_rng(seed)
-    count, p = share.size, scores.shape[1]
-    drawn = rng.choice(count, (draws, number), p=share / share.sum()) + count * np.arange(draws)[:, None]
-    weight = float(share.sum()) / number
-    times = weight * np.bincount(drawn.ravel(), minlength=draws * count).reshape(draws, count)
-    gram = (times @ grams.reshape(count, -1)).reshape(draws, p, p) + prior_rows.T @ prior_rows
-    inverse: Array = np.asarray(np.linalg.pinv(gram, hermitian=True), dtype=np.float64)
-    score = times @ scores
-    news = sigma * rng.standard_normal((draws, prior_rows.shape[0])) @ prior_rows
-    steps = -np.einsum("bij,bj->bi", inverse, score - share @ scores + news)
-    errors = [
-        _errors(
-            grams,
-            scores,
-            prior_rows,
-            sigma,
-            times[part] * weight * number / max(number - 1, 1),
-            inverse[part],
-            steps[part],
-        )
-        for part in np.array_split(np.arange(draws), ceil(draws * scores.size / _AT_ONCE))
-    ]
-    with np.errstate(over="ignore"):  # a resample without scatter: its step is infinitely many errors, or none
-        studentised = steps / np.maximum(np.concatenate(errors), np.finfo(float).tiny)
-    return Resampled(steps, studentised, number)
-
-
-def _errors(
-    grams: Array, scores: Array, prior_rows: Array, sigma: float, times: Array, inverse: Array, steps: Array
-) -> Array:
-    """Standard errors of resampled estimates from the scores that blocks have left there, (b, p).
-
-    `times` (b, C) counts squares.
-    """
-    count, p = scores.shape
-    left = scores.T + (steps @ grams.transpose(1, 2, 0).reshape(p, -1)).reshape(-1, p, count)
-    influence = inverse @ left
-    squares = np.einsum("bic,bic,bc->bi", influence, influence, times)
-    by_priors = prior_rows @ inverse
-    errors: Array = np.sqrt(squares + sigma**2 * np.einsum("bmi,bmi->bi", by_priors, by_priors))
-    return errors
-
-
 def _blocks(grams: Array, scores: Array, of_segment: Array) -> tuple[Array, Array, Array]:
-    """Sums over the block that begins at each cell, and its weight.
-
-    One over the number of blocks that each of its cells lies in.
-    """
+    """Sums over the block that begins at each cell, and one over the number of blocks that hold each of its cells."""
     sizes = np.bincount(of_segment)
     first, size = (np.cumsum(sizes) - sizes)[of_segment], sizes[of_segment]
     place = np.arange(of_segment.size) - first

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.estimation.profile_likelihood import BETTER
 
-_SLACK = 1e-9
-"""An unknown this far below its bound of zero, in standard errors, is at it."""
+_SLACK = 1e-9  # an unknown this far below its bound of zero, in standard errors, is at it
 
 
 class Conditional(NamedTuple):
@@ -55,10 +54,7 @@ class Looks(NamedTuple):
 
 @dataclass(slots=True, kw_only=True)
 class ConditionalProfiles:
-    """The profiles of a problem's conditionally linear unknowns, for S sets of data at once.
-
-    Only a single set is drawn, and kept to its bounds.
-    """
+    """The profiles of conditionally linear unknowns of S sets; a single set is drawn, and kept to its bounds."""
 
     free: Face
     """The problem with no unknown at its bound."""
@@ -96,17 +92,13 @@ class ConditionalProfiles:
         return np.stack([self._extremes(sign, nodes, at) for sign in (-1.0, 1.0)], axis=-1)
 
     def heights(self, j: int, values: Array, beyond: float) -> Array:
-        """(cost - least) / (threshold - least) of unknown j at values of it, (k,).
-
-        eta goes beyond its box by that share of it.
-        """
+        """(cost - least) / (threshold - least) of unknown j at values of it, (k,); eta goes so far beyond its box."""
         width = np.diff(self.box, axis=-1)
         nodes = self._grid(np.clip(self.box + beyond * width * [-1, 1], *self.searched), self.looks.drawn)
         cost, inside = self._held(self.free, nodes, j, values)
         if self.faces and not inside.all():
             cost = np.min([self._held(face, nodes, j, values)[0] for face in self.faces(j)], axis=0)
-        heights: Array = np.maximum(cost - self.cost[0], 0.0) / max(float(self.threshold[0] - self.cost[0]), 1e-300)
-        return heights
+        return np.asarray(np.maximum(cost - self.cost[0], 0.0) / max(float(self.threshold[0] - self.cost[0]), 1e-300))
 
     def _grid(self, box: Array, values: int) -> Array:
         """Points over a box, the best one among them, (S, K, P)."""
@@ -151,10 +143,7 @@ class ConditionalProfiles:
         return float(reach.max())
 
     def _kept(self, faces: Sequence[Face], nodes: Array, j: int, sign: float) -> Array:
-        """The best of the faces' reaches of unknown j at each of K nodes that break no bound, (1, K).
-
-        -inf where there is none.
-        """
+        """The best reach of unknown j over the faces, at each node, (1, K); -inf where all break a bound."""
         best = np.full(nodes.shape[:2], -np.inf)
         for face in faces:
             at = face(nodes)
@@ -162,10 +151,7 @@ class ConditionalProfiles:
         return best
 
     def _inside(self, at: Conditional, j: int, sign: float) -> NDArray[np.bool_]:
-        """Whether no unknown breaks its bound at the extreme of unknown j, at each node, (S, K).
-
-        The extreme is raised to its own bound if need be.
-        """
+        """Whether at the extreme of unknown j, raised to its own bound if need be, no other breaks one, (S, K)."""
         variance, theta, most = at.spread[..., j, j], at.theta[..., j], self.threshold[:, None]
         far = np.sqrt(variance * np.maximum(most - at.cost, 0.0))
         end = np.maximum(theta + sign * far, 0.0) if self.bounded[j] else theta + sign * far
@@ -173,8 +159,7 @@ class ConditionalProfiles:
         slack = _SLACK * np.sqrt(np.einsum("skmm->skm", at.spread) * most[..., None])
         inside = (at.theta + moved[..., None] * at.spread[..., j] >= -slack) | ~self.bounded
         inside[..., j] = end <= theta + far + slack[..., j]
-        every: NDArray[np.bool_] = inside.all(axis=-1)
-        return every
+        return np.asarray(inside.all(axis=-1))
 
     def _reach(self, at: Conditional, sign: float) -> Array:
         """What is sign times the extreme of each unknown at each node, (S, K, M); -inf where it costs too much."""
@@ -183,10 +168,7 @@ class ConditionalProfiles:
         return np.where(left >= -self.tolerance, far, -np.inf)
 
     def _held(self, face: Face, nodes: Array, j: int, values: Array) -> tuple[Array, NDArray[np.bool_]]:
-        """The least cost on a face with unknown j held at values (D,), inf where others break a bound.
-
-        Then comes where the free least one breaks none.
-        """
+        """The least cost of a face at values of unknown j (D,), inf where bounds break; and where none breaks."""
         theta, spread, least = (each[0] for each in face(nodes))
         variance = spread[:, j, j]  # zero where no equation shows the unknown: any value costs the same
         off = np.divide(

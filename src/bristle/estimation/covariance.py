@@ -1,5 +1,6 @@
 """How far the scatter of the residuals leaves the unknowns of a least-squares problem uncertain, and Student's t."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +13,7 @@ from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.nonlinear import LeastSquares, Minimum, projected
 
-SEEN = 1e-9
-"""Of the longest column of the Jacobian: an unknown with a shorter one has no influence."""
+SEEN = 1e-9  # of the longest column of the Jacobian: an unknown with a shorter one has no influence
 
 
 class Covariance(NamedTuple):
@@ -49,30 +49,26 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
 
 
 def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """The covariance at a problem's minimum.
-
-    It is by the jackknife where its blocks err independently, else robust to autocorrelation.
-    """
-    return _jackknife(problem, minimum) if problem.independent else _robust(problem, minimum)
+    """The covariance at a minimum: by the jackknife where blocks err independently, else robust to correlation."""
+    known, scaled = (_jackknife if problem.independent else _robust)(problem, minimum)
+    errors, whole = np.full(known.size, np.inf), np.full((known.size, known.size), np.nan)
+    chain = problem.unknowns.slopes(minimum.x)[known]
+    errors[known], whole[np.ix_(known, known)] = scaled.errors, scaled.matrix * np.outer(chain, chain)
+    return scaled._replace(errors=errors, matrix=whole)
 
 
 def seen(jacobian: Array) -> NDArray[np.bool_]:
     """Which unknowns have any influence on the residuals, (p,)."""
     length = _lengths(jacobian)
-    influence: NDArray[np.bool_] = length > SEEN * length.max()
-    return influence
+    return np.asarray(length > SEEN * length.max())
 
 
 def _lengths(jacobian: Array) -> Array:
-    length: Array = np.sqrt(np.einsum("np,np->p", jacobian, jacobian))
-    return length
+    return np.asarray(np.sqrt(np.einsum("np,np->p", jacobian, jacobian)))
 
 
-def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """Each unknown's error is a weighted sum of the residuals.
-
-    Its variance allows for their correlation and for a variance that changes.
-    """
+def _robust(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bool_], Covariance]:
+    """Errors as weighted sums of residuals, which may be correlated and of a variance that changes."""
     rest, known = minimum.residuals, seen(minimum.jacobian)
     jacobian = minimum.jacobian[:, known]
     (n, p), priors = jacobian.shape, problem.priors
@@ -90,14 +86,13 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     freedoms = np.ones(known.size)
     freedoms[known] = np.maximum((n - p) / variance_inflation, 1.0)
     freedom = float(np.median(freedoms[known][shared])) if shared.any() else 1.0
-    return _in_units(problem, minimum.x, known, spread, plain * np.outer(ratio, ratio), freedom, widening, freedoms)
+    return known, Covariance(np.sqrt(spread), plain * np.outer(ratio, ratio), freedom, widening, freedoms)
 
 
-def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
+def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bool_], Covariance]:
     """The jackknife over blocks, linearised: nothing is said of the unknowns that blocks have to themselves.
 
-    With A_w the block's part of J'J and b_w of J'r, its own unknowns eliminated, leaving the block out moves the
-    estimate by G**-1 (I - A_w G**-1)**-1 b_w, where G = sum of A_w.
+    Of the block's part of J'J and of J'r its own unknowns are eliminated.
     """
     blocks, rest, shared = problem.blocks, minimum.residuals, problem.shared
     influential = shared[seen(minimum.jacobian[:, shared])]
@@ -106,11 +101,9 @@ def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     grams = [left[rows].T @ left[rows] for rows, _ in blocks]
     slopes = [left[rows].T @ rest[rows] for rows, _ in blocks]
     priors = left[blocks[-1].rows.stop :]
-    inner = np.linalg.pinv(sum(grams) + priors.T @ priors, hermitian=True)
-    one, count = np.eye(influential.size), len(blocks)
-    moves = np.array(
-        [inner @ np.linalg.lstsq(one - A @ inner, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
-    )
+    inner = np.asarray(np.linalg.pinv(sum(grams) + priors.T @ priors, hermitian=True), dtype=np.float64)
+    count = len(blocks)
+    moves = moved_without_each(inner, grams, slopes)
     spread = (count - 1) / count * moves.T @ moves + problem.sigma**2 * inner @ priors.T @ priors @ inner
     spread /= np.outer(size, size)
     plain = np.diag(inner) / size**2 * minimum.cost / max(rest.size - minimum.x.size, 1)
@@ -118,25 +111,18 @@ def _jackknife(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
     widening = float(np.median(np.sqrt(spread.diagonal() / plain)))
     freedom = max(count - 1.0, 1.0)
     freedoms = np.full(known.size, freedom)
-    return _in_units(problem, minimum.x, known, spread.diagonal(), spread, freedom, widening, freedoms)
+    return known, Covariance(np.sqrt(spread.diagonal()), spread, freedom, widening, freedoms)
 
 
-def _in_units(
-    problem: LeastSquares[Any],
-    x: Array,
-    known: NDArray[np.bool_],
-    spread: Array,
-    matrix: Array,
-    freedom: float,
-    widening: float,
-    freedoms: Array,
-) -> Covariance:
-    """The covariance from the variances, (k,), and covariance, (k, k), of the known scaled unknowns."""
-    errors, whole = np.full(x.size, np.inf), np.full((x.size, x.size), np.nan)
-    errors[known] = np.sqrt(spread)
-    chain = problem.unknowns.slopes(x)[known]
-    whole[np.ix_(known, known)] = matrix * np.outer(chain, chain)
-    return Covariance(errors, whole, freedom, widening, freedoms)
+def moved_without_each(inverse: Array, grams: Sequence[Array], slopes: Sequence[Array]) -> Array:
+    """How far the estimate moves without each of k blocks of equations, (k, p), to first order (Bell and McCaffrey, Survey Methodology 28, 2002).
+
+    With A_i = J_i'J_i of a block, b_i = J_i'r_i and G the sum of all A_i, by G**-1 (I - A_i G**-1)**-1 b_i. The jackknife's
+    covariance is (k - 1) / k times the sum of squares of these.
+    """
+    one = np.eye(len(inverse))
+    moves = [inverse @ np.linalg.lstsq(one - A @ inverse, b, rcond=None)[0] for A, b in zip(grams, slopes, strict=True)]
+    return np.array(moves)
 
 
 def condition(jacobian: Array) -> float:

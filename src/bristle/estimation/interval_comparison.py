@@ -6,8 +6,7 @@ import numpy as np
 
 from bristle.findings import CAUTION, NOTE, Finding
 
-FACTOR = 1.5
-"""Reaches to one side of an estimate that differ by more than this factor part."""
+FACTOR = 1.5  # reaches to one side of an estimate that differ by more than this factor part
 _ROUNDING = 1e-9
 Interval = tuple[float, float] | None
 
@@ -23,26 +22,16 @@ def warnings(
 ) -> tuple[Finding, ...]:
     """A diagnostic, with the reason, where the three intervals differ by more than `FACTOR`; else none.
 
-    What is compared is how far each reaches to one side of the estimate.
-
-    Args:
-        value: the estimate.
-        covariance: as in `Uncertainty`.
-        profile: as in `Uncertainty`.
-        bootstrap: as in `Uncertainty`.
-        at_bound: whether the estimate lies at its physical bound, where a covariance means little.
-        few: what there are few of; None where there are enough.
+    What is compared is how far each reaches to one side of the estimate. `at_bound`: whether that lies at its physical bound, where
+    a covariance means little; `few`: what there are few of, None where there are enough.
     """
     known = {"covariance": covariance, "profile": profile, "bootstrap": bootstrap}
-    reaches = {
-        name: (value - interval[0], interval[1] - value) for name, interval in known.items() if interval is not None
-    }
-    sides = [
-        side for k, side in enumerate(("below", "above")) if _part([reach[k] for reach in reaches.values()], value)
-    ]
+    ends = tuple((name, *interval) for name, interval in known.items() if interval is not None)
+    reaches = {name: (value - low, high - value) for name, low, high in ends}
+    both = zip(("below", "above"), zip(*reaches.values(), strict=True), strict=False)
+    sides = [side for side, reach in both if _part(reach, value)]
     if at_bound or not sides:
         return ()
-    ends = tuple((name, *interval) for name, interval in known.items() if interval is not None)
     return (they_differ(sides, ends, _reason(reaches, few)),)
 
 
@@ -57,7 +46,7 @@ def they_differ(sides: Sequence[str], ends: Sequence[tuple[str, float, float]], 
     return Finding("intervals-differ", NOTE, message, numbers)
 
 
-def _part(reaches: list[float], value: float) -> bool:
+def _part(reaches: Sequence[float], value: float) -> bool:
     """Whether the longest reach is more than FACTOR times the shortest; none where all are rounding."""
     return len(reaches) > 1 and max(reaches) > FACTOR * max(min(reaches), 0.0) + _ROUNDING * abs(value)
 

@@ -37,10 +37,7 @@ class SecondRoute(NamedTuple, Generic[Name]):
 
 
 def solver(name: str, x: ca.MX | ca.SX, cost: ca.MX | ca.SX, *given: Any, **options: object) -> ca.Function:
-    """The solver of min cost(x, given), x a column; called with x0, lbx, ubx and, for what is given, p.
-
-    `options` are IPOPT's own.
-    """
+    """The solver of min cost(x, given), called with x0, lbx, ubx and, for what is given, p; `options` are IPOPT's."""
     problem: dict[str, Any] = {"x": x, "f": cost} | ({"p": ca.vertcat(*given)} if given else {})
     settings: dict[str, Any] = {
         "print_time": False,
@@ -70,15 +67,9 @@ def compared(
     costs: Sequence[float],
     same: float,
 ) -> SecondRoute[Name]:
-    """The ends of the second route beside the answer of the first.
+    """The ends of the second route beside the answer of the first, by name, its cost there and its standard errors.
 
-    Args:
-        values: of the first, by name.
-        cost: there.
-        errors: its standard errors.
-        minima: values at each end of the second.
-        costs: there, by the first's own reckoning.
-        same: difference in cost below which two ends are the same.
+    `costs` at the `minima` are by the first's own reckoning; those that differ by less than `same` are the same.
     """
     lowest = min(costs)
     parameters = minima[costs.index(lowest)]

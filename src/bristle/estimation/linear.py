@@ -8,27 +8,18 @@ from scipy.optimize import nnls
 
 from bristle.arrays import Array
 
-_RANK = 1e-14
-"""Below this reciprocal condition number columns count as dependent."""
-_INDEPENDENT = 1e-10
-"""A column this much of which, relative, is left by those before it counts as independent."""
+_RANK = 1e-14  # below this reciprocal condition number columns count as dependent
+_INDEPENDENT = 1e-10  # a column this much of which, relative, is left by those before it counts as independent
 
 
 def least_squares(design: Array, torque: Array) -> Array:
-    """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR.
-
-    The shortest one where columns depend on one another.
-    """
+    """The solution (m,) for columns (n, m) and torque (n,), by pivoted QR; the shortest of dependent columns."""
     m = design.shape[1]
-    solution: Array = lapack.dgelsy(design, torque, np.zeros((m, 1), dtype=np.int32), _RANK, 16 * m)[1][:m]
-    return solution
+    return np.asarray(lapack.dgelsy(design, torque, np.zeros((m, 1), dtype=np.int32), _RANK, 16 * m)[1][:m])
 
 
 def bounded_least_squares(design: Array, torque: Array, lower: Array) -> Array:
-    """The solution (m,) with each element at or above its lower bound (m,), 0 or -inf.
-
-    It is by non-negative least squares off the columns without a bound.
-    """
+    """The same with each element at or above its lower bound (m,), 0 or -inf, by nnls off the unbounded columns."""
     free = np.isinf(lower)
     if free.all():  # nnls crashes without columns
         return least_squares(design, torque)
@@ -51,13 +42,9 @@ def orthonormal(columns: Array) -> tuple[Array, Array]:
 
 
 def _inverse(factored: Array) -> Array:
-    """The inverse of R, (m, m), from what dgeqrf leaves.
-
-    Solving with R instead would wake BLAS's threads, even for two unknowns.
-    """
+    """The inverse of R, (m, m), from dgeqrf's; solving with R would wake BLAS's threads, even for two unknowns."""
     m = factored.shape[1]
-    inverse: Array = lapack.dtrtri(factored[:m] * _upper(m))[0]
-    return inverse
+    return np.asarray(lapack.dtrtri(factored[:m] * _upper(m))[0])
 
 
 @cache
@@ -67,10 +54,7 @@ def _upper(m: int) -> Array:
 
 
 def first_order(jacobian: Array, change: Array) -> Array:
-    """By how much estimates move, (p,), where the data change by so much, (n,): (J'J)**-1 J' change.
-
-    `jacobian` is the model's, (n, p), at the minimum.
-    """
+    """By how much estimates move, (p,), with the data, (n,): (J'J)**-1 J' change, J the model's Jacobian, (n, p)."""
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
     return least_squares(jacobian / scale, change) / scale if scale.size else np.zeros(0)
@@ -84,17 +68,14 @@ def inverse_gram(jacobian: Array) -> Array:
         r = factored[:m] * _upper(m)
         if (r.diagonal() ** 2 > _INDEPENDENT**2 * (r * r).sum(axis=0)).all():
             inverse = _inverse(factored)
-            gram: Array = inverse @ inverse.T
-            return gram
+            return inverse @ inverse.T
     scale = np.linalg.norm(jacobian, axis=0)
     scale[scale == 0] = 1.0
     inverse = np.linalg.pinv(jacobian / scale)
     return (inverse @ inverse.T) / np.outer(scale, scale)
 
 
-def best_column_p_value(
-    off: Array, length: Array, q: Array, ratio: float, *, draws: int = 2000, seed: int = 0
-) -> float:
+def best_column_p_value(off: Array, length: Array, q: Array, ratio: float, *, draws: int = 2000) -> float:
     """How often pure noise would look as much like one of the columns as the data do.
 
     The column counts times a factor that is not negative. Where columns differ by a parameter that means nothing
@@ -107,9 +88,8 @@ def best_column_p_value(
         q: orthonormal basis of those that are there anyhow, (n, m).
         ratio: the ratio seen (with autocorrelated residuals, divided by their inflation).
         draws: repetitions.
-        seed: of the generator.
     """
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     # noise matters along the columns; elsewhere only its length does. A column of infinite length vanishes.
     _, reach, directions = np.linalg.svd(off / np.sqrt(length), full_matrices=False)
     alive = reach > 1e-6 * reach[0]

@@ -12,10 +12,8 @@ from bristle.arrays import Array
 from bristle.estimation.levels import CONFIDENCE
 
 _LEVEL = (1 + CONFIDENCE) / 2
-_MANY = 1e3
-"""Degrees of freedom that are as good as any number of them."""
-_SCATTER = (1e-6, 1e6)
-"""Of log(s**2): below it all variances are one, above it they have nothing in common."""
+_MANY = 1e3  # degrees of freedom that are as good as any number of them
+_SCATTER = (1e-6, 1e6)  # of log(s**2): below it all variances are one, above it they have nothing in common
 
 
 def normal_errors(error: Array, half: Array) -> Array:
@@ -34,8 +32,7 @@ def normal_errors(error: Array, half: Array) -> Array:
     reach: Array = np.full(error.size, normal)
     few = np.isfinite(freedom)
     reach[few] = stdtrit(freedom[few], _LEVEL)
-    steady: Array = np.sqrt(variance) * reach / normal
-    return steady
+    return np.sqrt(variance) * reach / normal
 
 
 def moderated(variance: Array, freedom: Array) -> tuple[Array, Array]:
@@ -46,19 +43,12 @@ def moderated(variance: Array, freedom: Array) -> tuple[Array, Array]:
     d = freedom[few]
     e = np.log(variance[few]) - digamma(d / 2) + np.log(d / 2)
     scatter = float(e.var(ddof=1) - polygamma(1, d / 2).mean())
-    d0 = _freedom_of(scatter)
-    steady, more = variance.copy(), freedom.copy()
-    if np.isinf(d0):
+    steady, more, (least, most) = variance.copy(), freedom.copy(), _SCATTER
+    if scatter <= least:
         steady[few], more[few] = np.exp(e.mean()), np.inf
     else:
+        # d0 makes log(s**2) scatter so much: trigamma(d0 / 2)
+        d0 = float(brentq(lambda d: polygamma(1, d / 2) - min(scatter, most), 1e-4, 4 / least))
         s0 = np.exp(e.mean() + digamma(d0 / 2) - np.log(d0 / 2))
         steady[few], more[few] = (d0 * s0 + d * variance[few]) / (d0 + d), d0 + d
     return steady, more
-
-
-def _freedom_of(scatter: float) -> float:
-    """Degrees of freedom d0 that make log(s**2) scatter so much: trigamma(d0 / 2)."""
-    least, most = _SCATTER
-    if scatter <= least:
-        return float("inf")
-    return float(brentq(lambda d: polygamma(1, d / 2) - min(scatter, most), 1e-4, 4 / least))

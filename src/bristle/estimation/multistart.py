@@ -16,13 +16,11 @@ from bristle.estimation.nonlinear import LeastSquares, Minimum, Name
 from bristle.progress import Progress, teller
 
 Start = TypeVar("Start")
-_STEPS = 60
-"""Of a descent from a start."""
+_STEPS = 60  # of a descent from a start
 SAME, _OF_VARIANCE = 1e-6, 1e-2
 """Two minima are the same where their costs differ by less than this share of them, or of a residual's variance: a tenth
 of a standard error, while a descent ends within a hundredth."""
-_NOTHING = 1e-20
-"""A cost below this is none."""
+_NOTHING = 1e-20  # a cost below this is none
 
 
 class MultistartSolution(NamedTuple, Generic[Name]):

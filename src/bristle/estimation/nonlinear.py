@@ -27,30 +27,19 @@ Evaluate = Callable[[Array], tuple[Array, Array]]
 """
 _DAMPING = 1e-4
 _MOST_DAMPING = 1e8
-_HARDLY_SEEN = 1e-8
-"""Of the longest column: damping takes shorter ones for this long, or no damping would keep what is hardly seen near."""
-_SETTLED = 1e-6
-"""Steps end when the next one would lower the cost by less than this share of the residuals' variance: 1e-3 standard
-errors."""
-_FLAT = 1e-6
-"""Out of steps, the cost has settled if the last one lowered it by less than this share: what still moves is not seen.
-"""
+_HARDLY_SEEN = 1e-8  # of the longest column: damping takes shorter ones for this long, to keep what is hardly seen near
+_SETTLED = 1e-6  # of the residuals' variance: steps end when the next would gain less, 1e-3 standard errors
+_FLAT = 1e-6  # out of steps, the cost has settled if the last lowered it by less: what still moves is not seen
 _SLOW, _CREEPS = 1e-2, 3
 """Steps end as well where so many in a row lower it by less than this share of the variance each, a tenth of a standard error: along a
 narrow bend they would go on for hundreds."""
-_HOPELESS = 4
-"""Steps in a row that gain too little, after which a descent is given up:"""
-_STILL_ABOVE = 1.2
-"""it stays above this many times the lowest end known, ..."""
-_PROMISED = 3.0
-"""... were all that is left to gain this many times what the step gained."""
+_HOPELESS = 4  # steps in a row that gain too little, after which a descent is given up:
+_STILL_ABOVE = 1.2  # it stays above this many times the lowest end known, ...
+_PROMISED = 3.0  # ... were all that is left to gain this many times what the step gained
 _BLOCK_DAMPING, _MOST_BLOCK_DAMPING = 1e-2, 1e6
-_INNER = 8
-"""Evaluations in which blocks settle, where the shared unknowns moved a little ..."""
-_FIRST = 40
-"""... and the first time."""
-_BLOCK_SETTLED = 1e-7
-"""A block has settled when a step lowers its cost by less than this share."""
+_INNER = 8  # evaluations in which blocks settle, where the shared unknowns moved a little ...
+_FIRST = 40  # ... and the first time
+_BLOCK_SETTLED = 1e-7  # a block has settled when a step lowers its cost by less than this share
 
 
 class Block(NamedTuple):
@@ -210,10 +199,7 @@ def minimise(
 
 
 def _step(gram: Array, slope: Array, scale: Array, free: NDArray[np.bool_], damping: float) -> tuple[Array, float]:
-    """The damped Gauss-Newton step (p,), and by how much it lowers the linearised cost.
-
-    It is zero where an unknown is not free.
-    """
+    """The damped Gauss-Newton step (p,), zero where not free, and by how much it lowers the linearised cost."""
     size = scale[free]
     inner, right = gram[np.ix_(free, free)] / np.outer(size, size), slope[free] / size
     taken = -np.linalg.lstsq(inner + damping * np.eye(size.size), right, rcond=1e-15)[0]
@@ -231,10 +217,7 @@ def descend(problem: LeastSquares[Any], start: Array, most: int) -> Minimum:
     lowest = np.inf
 
     def outer(p: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and their projected Jacobian at shared unknowns, with each block settled.
-
-        Remembers the best.
-        """
+        """Residuals, (n,), and projected Jacobian, with each block settled; remembers the best."""
         nonlocal best, lowest
         x = best.copy()
         x[shared] = p

@@ -36,21 +36,13 @@ _OPEN = (
     "No finite interval by the profile: with the other parameters re-optimised, every value on that side that a motion can show "
     "fits about as well."
 )
-_TRIES, _BUDGET = 12, 40
-"""Steps of the descent at one value, and evaluations on one side of the estimate (five, where the profile is smooth).
-"""
-_SETTLED = 1e-3
-"""Of d: a descent ends when a step would lower the cost by less."""
-_EXACT = 1e-3
-"""Of its distance from the estimate: how near to the crossing an end is sought."""
-_STRAIGHT = 1e-2
-"""This near to one, the statistic's root is a line from the estimate on."""
-BETTER = 1e-3
-"""Of d: a cost this much below the fit's is a better optimum."""
-_FAR, _GROWTH = 6, 4.0
-"""How often an end that is not reached is sought farther away, and by what factor at most."""
-_STEEP = 1e3
-"""Stands for the statistic's root where nothing can be computed."""
+_TRIES, _BUDGET = 12, 40  # steps of a descent at one value, and evaluations on one side (five of a smooth profile)
+_SETTLED = 1e-3  # of d: a descent ends when a step would lower the cost by less
+_EXACT = 1e-3  # of its distance from the estimate: how near to the crossing an end is sought
+_STRAIGHT = 1e-2  # this near to one, the statistic's root is a line from the estimate on
+BETTER = 1e-3  # of d: a cost this much below the fit's is a better optimum
+_FAR, _GROWTH = 6, 4.0  # how often an end that is not reached is sought farther away, and by what factor at most
+_STEEP = 1e3  # stands for the statistic's root where nothing can be computed
 
 
 class Profiled(NamedTuple):
@@ -64,10 +56,7 @@ class Profiled(NamedTuple):
 
 
 def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
-    """The cost at which a profiled unknown leaves its 95 % interval, J_min + d.
-
-    S is the `inflation` of the variance.
-    """
+    """The cost at which a profiled unknown leaves its 95 % interval, J_min + d; S is the `inflation`."""
     freedom = max(n / inflation - p, 1.0)
     return cost * (1 + inflation * float(fdtri(1, freedom, CONFIDENCE)) / max(n - p, 1))
 
@@ -196,32 +185,26 @@ class _Path:
         return Profiled((low, high), np.stack([unknowns.natural_of(j, at), heights]), tuple(warnings))
 
     def _end(self, reach: float, limit: float) -> float | None:
-        """Where the root crosses one, on the side of `limit`, first looked for `reach` away from the estimate.
-
-        None where it does not.
-        """
+        """Where the root crosses one towards `limit`, first looked for `reach` from the estimate; None: nowhere."""
         best, self.spent = float(self.minimum.x[self.which]), 0
-        side = float(np.sign(limit - best))
+        side, most = float(np.sign(limit - best)), abs(limit - best)
+        inside, away = best, min(reach, most)
         try:
-            return self._crossing(best, side, reach, abs(limit - best))
+            for _ in range(_FAR):
+                outside = best + side * away
+                root = self._root(outside)
+                if abs(root - 1) < _STRAIGHT:
+                    return best + side * min(away / root, most)
+                if root > 1:
+                    return float(brentq(lambda x: self._root(x) - 1, inside, outside, xtol=_EXACT * away))
+                if away == most:
+                    break
+                inside, away = outside, min(away * (_GROWTH if root * _GROWTH < 1 else 1.01 / root), most)
         except _Stop:
             self.rough = True
             beyond = [x for x, root in self.roots.items() if (x - best) * side > 0 and root > 1]
             self.lost |= not beyond
             return max(beyond, key=lambda x: abs(x - best), default=None)  # the nearer ones may only look so high
-
-    def _crossing(self, best: float, side: float, reach: float, most: float) -> float | None:
-        inside, away = best, min(reach, most)
-        for _ in range(_FAR):
-            outside = best + side * away
-            root = self._root(outside)
-            if abs(root - 1) < _STRAIGHT:
-                return best + side * min(away / root, most)
-            if root > 1:
-                return float(brentq(lambda x: self._root(x) - 1, inside, outside, xtol=_EXACT * away))
-            if away == most:
-                return None
-            inside, away = outside, min(away * (_GROWTH if root * _GROWTH < 1 else 1.01 / root), most)
         return None
 
     def _root(self, value: float) -> float:
@@ -247,10 +230,7 @@ class _Path:
         return out
 
     def _solved(self, start: Array, value: float) -> float | None:
-        """The statistic's root of the fit with the unknown held at a value.
-
-        None where nothing can be computed at the start.
-        """
+        """The statistic's root with the unknown held at a value; None where nothing can be computed at the start."""
         held, cost = np.arange(start.size) == self.which, self.minimum.cost
         box = (self.problem.unknowns.lower, self.problem.unknowns.upper)
         lower, upper = (np.where(held, value, bound) for bound in box)

@@ -12,19 +12,16 @@ from scipy.optimize import brentq
 from scipy.special import chdtr, chdtri
 
 from bristle.arrays import Array
+from bristle.estimation.levels import CONFIDENCE
 
-SCALE = 2.0
-"""c of the variance, standard deviations."""
-BEND = 1.345
-"""c of the coefficients: 95 % efficiency with normal errors."""
-SCALE_EFFICIENCY = 0.88
-"""Of the variance's estimate with normal errors, at `SCALE`."""
+SCALE = 2.0  # c of the variance, standard deviations
+BEND = 1.345  # c of the coefficients: 95 % efficiency with normal errors
+SCALE_EFFICIENCY = 0.88  # of the variance's estimate with normal errors, at `SCALE`
 _PASSES = 60
 _SETTLED = 1e-7
 _HALVINGS = 40
 _LEAST_VARIANCE = 1e-200
-_MANY = 20
-"""Groups from which on the covariance is that of their scores, not of the model."""
+_MANY = 20  # groups from which on the covariance is that of their scores, not of the model
 
 
 def expected_square(bend: float) -> float:
@@ -62,13 +59,12 @@ def _bounded(squares: Array, variance: Array) -> Array:
     """Sum of squares (..., n) in parts of their variances, each at most c**2: (...)."""
     with np.errstate(over="ignore"):  # where nothing varies
         ratio = squares / np.maximum(variance, _LEAST_VARIANCE)
-    total: Array = np.minimum(ratio, SCALE**2).sum(axis=-1)
-    return total
+    return np.asarray(np.minimum(ratio, SCALE**2).sum(axis=-1))
 
 
-def variance_interval(variance: float, known: float, freedom: float, level: float = 0.95) -> tuple[float, float]:
+def variance_interval(variance: float, known: float, freedom: float) -> tuple[float, float]:
     """95 % interval of a common variance beside a typical known one, by chi-squared of the sum; the lower end is 0 where the data allow it."""
-    total, tail = variance + known, (1 - level) / 2
+    total, tail = variance + known, (1 - CONFIDENCE) / 2
     if freedom <= 0 or total <= 0:
         return 0.0, float("inf")
     low, high = total * freedom / float(chdtri(freedom, tail)), total * freedom / float(chdtri(freedom, 1 - tail))
@@ -134,36 +130,23 @@ def fit_differences(
         if change < _SETTLED * np.sqrt(float(np.median(s2))):
             break
     freedom = max(n * 2 / 3 * SCALE_EFFICIENCY - p, 0.0)  # neighbours share an observation: 2/3 of independent ones
-    cov, free = _covariance(d - X @ b, X, v, variance, (y.size, known, pairs, groups))
-    return RobustFit(b, cov, variance, freedom, free if free else freedom)
-
-
-def _covariance(
-    r: Array, X: Array, v: Array, variance: float, of: tuple[int, Array, Differences, NDArray[np.intp]]
-) -> tuple[Array, float]:
-    """Of the coefficients, (p, p), and its degrees of freedom where the groups gave it, else 0."""
-    count, known, pairs, groups = of
-    p = X.shape[1]
     if p == 0:
-        return np.zeros((0, 0)), 0.0
+        return RobustFit(b, np.zeros((0, 0)), variance, freedom, freedom)
     s2 = np.maximum(2 * variance + v, np.finfo(float).tiny)
-    u = r / np.sqrt(s2)
-    inner = (X * ((np.abs(u) < BEND) / s2)[:, None]).T @ X
-    inverse = np.linalg.pinv(inner, hermitian=True)
-    owner = groups[pairs.first]
-    names, owner = np.unique(owner, return_inverse=True)
+    u = (d - X @ b) / np.sqrt(s2)
+    names, owner = np.unique(groups[pairs.first], return_inverse=True)
     if names.size >= _MANY:
+        inverse = np.linalg.pinv((X * ((np.abs(u) < BEND) / s2)[:, None]).T @ X, hermitian=True)
         scores = np.zeros((names.size, p))
         np.add.at(scores, owner, X * (np.clip(u, -BEND, BEND) / np.sqrt(s2))[:, None])
         outer, free = scores.T @ scores * (names.size / (names.size - 1)), names.size - 1.0
     else:
-        pull = np.zeros((count, p))
+        inverse = np.linalg.pinv((X / s2[:, None]).T @ X, hermitian=True)
+        pull = np.zeros((y.size, p))
         np.add.at(pull, pairs.second, X / s2[:, None])
         np.add.at(pull, pairs.first, -X / s2[:, None])
-        outer, free = (pull * (variance + known)[:, None]).T @ pull, 0.0
-        inverse = np.linalg.pinv((X / s2[:, None]).T @ X, hermitian=True)
-    cov: Array = inverse @ outer @ inverse
-    return cov, free
+        outer, free = (pull * (variance + known)[:, None]).T @ pull, freedom
+    return RobustFit(b, inverse @ outer @ inverse, variance, freedom, free)
 
 
 class Population(NamedTuple):
@@ -229,8 +212,7 @@ def _variances(squares: Array, known: Array, goal: float) -> Array:
 
     def above(variance: Array) -> NDArray[np.bool_]:
         """Whether it is larger."""
-        larger: NDArray[np.bool_] = _bounded(squares, variance[:, None] + known) > goal
-        return larger
+        return _bounded(squares, variance[:, None] + known) > goal
 
     low, high = np.zeros(len(squares)), squares.max(axis=1)
     some = above(low)

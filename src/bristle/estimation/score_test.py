@@ -17,14 +17,11 @@ from bristle.estimation.autocorrelation import inflation, inflation_along
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import NOTE, Finding
 
-LEAST = 0.05
-"""Of the squares that the fit leaves: a candidate that explains less is not worth a sentence."""
-MATTERS = 0.01
-"""Of friction, rms, or a standard error of some parameter: a candidate that moves less is a note."""
+LEAST = 0.05  # of the squares that the fit leaves: a candidate that explains less is not worth a sentence
+MATTERS = 0.01  # of friction, rms, or a standard error of some parameter: a candidate that moves less is a note
 _MANY = 100
 """Equations that tell how noise is correlated, and uneven, along a column; of fewer it is as along a slow one, at most, and even."""
-_BESIDE, _RANK = 1e-6, 1e-10
-"""Of its length: what a column has beside others, below which it is made of them; and those that are known."""
+_BESIDE, _RANK = 1e-6, 1e-10  # of its length: a column with less beside others is made of them; and known ones
 
 
 class Score(NamedTuple):
@@ -70,19 +67,18 @@ class Candidate(NamedTuple):
     """Whether what it explains is friction too."""
 
 
-def score(known: Array, rest: Array, columns: Array, inflated: float = 1.0) -> Score:
+def score(known: Array, rest: Array, columns: Array) -> Score:
     """The test of columns, (n, k), beside known ones, (n, p), on residuals, (n,), in an order in which they may be correlated.
 
     In directions at right angles b = D'r, whose variances are those of what is left, times what its autocorrelation makes of them
-    along each, `inflated` at least; or, of many, those of the products D r about their means, as there were nothing to explain, where these are
-    larger.
+    along each; or, of many, those of the products D r about their means, as there were nothing to explain, where these are larger.
     mean(b**2 / variance) is F. What is made of others is left out.
     """
-    return scores(known, rest, [columns], inflated)[0]
+    return scores(known, rest, [columns])[0]
 
 
 def scores(known: Array, rest: Array, columns: Sequence[Array], inflated: float = 1.0) -> list[Score]:
-    """The same of several, each tested alone."""
+    """The same of several, each tested alone; autocorrelation makes of a variance `inflated` times as much at least."""
     basis = _basis(known)
     left = rest - basis @ (basis.T @ rest)
     return [_score(basis, left, x, inflated) for x in columns]
@@ -91,8 +87,7 @@ def scores(known: Array, rest: Array, columns: Sequence[Array], inflated: float 
 def moved_by(known: Array, added: Array) -> Array:
     """How far each unknown, (p,), would move with what is added to the model, (n,), to first order."""
     scale = np.maximum(np.linalg.norm(known, axis=0), 1e-300)
-    moved: Array = np.linalg.lstsq(known / scale, added, rcond=_RANK)[0] / scale
-    return moved
+    return np.asarray(np.linalg.lstsq(known / scale, added, rcond=_RANK)[0] / scale)
 
 
 def _basis(known: Array) -> Array:

@@ -13,8 +13,7 @@ from scipy.special import log_ndtr, ndtr, ndtri_exp, roots_laguerre, stdtr
 from bristle.arrays import Array
 
 _NODES, _WEIGHTS = roots_laguerre(24)
-_AT_ONCE = 200_000
-"""Pairs of neighbours whose probability is computed at once."""
+_AT_ONCE = 200_000  # pairs of neighbours whose probability is computed at once
 
 
 class Steps(NamedTuple):
@@ -58,7 +57,10 @@ def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
     weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
     y = np.where(weight > 0, levels.y, 0.0)
     X = np.where(weight[..., None] > 0, levels.regressors, 0.0)
-    before, after = _split(weight, baseline)
+    # weight before and after each place of a step, (m, n - baseline); none after it where a row has ended
+    total = weight.cumsum(axis=1)
+    before = total[:, baseline - 1 : -1]
+    after = np.where(weight[:, baseline:] > 0, total[:, -1:] - before, 0.0)
     with np.errstate(divide="ignore", invalid="ignore"):
         means = _means(weight * y, before, after, baseline)
         moved = [_means(weight * X[..., k], before, after, baseline) for k in range(X.shape[2])]
@@ -80,14 +82,6 @@ def step_scan(levels: Levels, baseline: int, freedom: float) -> Steps:
     )
 
 
-def _split(weight: Array, baseline: int) -> tuple[Array, Array]:
-    """Weight before and after each place of a step, (m, n - baseline); none after it where a row has ended."""
-    total = weight.cumsum(axis=1)
-    before = total[:, baseline - 1 : -1]
-    after = np.where(weight[:, baseline:] > 0, total[:, -1:] - before, 0.0)
-    return before, after
-
-
 def _means(weighted: Array, before: Array, after: Array, baseline: int) -> tuple[Array, Array]:
     total = weighted.cumsum(axis=1)
     first = total[:, baseline - 1 : -1]
@@ -100,8 +94,7 @@ def _as_normal(t: Array, freedom: float) -> Array:
         return t
     with np.errstate(divide="ignore"):
         tail = np.log(stdtr(freedom, -t))
-    normal: Array = np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), t)
-    return normal
+    return np.where(np.isfinite(tail), -ndtri_exp(np.minimum(tail, 0.0)), t)
 
 
 def largest_p(c: Array, before: Array, after: Array) -> Array:
@@ -115,8 +108,7 @@ def largest_p(c: Array, before: Array, after: Array) -> Array:
         correlation = np.sqrt(np.where(both, odds[:, :-1] / odds[:, 1:], 0.0))
     row, _ = np.nonzero(both)
     joint = np.bincount(row, _both_beyond(c[row], np.minimum(correlation[both], 1.0)), minlength=c.size)
-    p: Array = np.clip(there.sum(axis=1) * alone - joint, alone, 1.0)
-    return p
+    return np.asarray(np.clip(there.sum(axis=1) * alone - joint, alone, 1.0))
 
 
 def _both_beyond(c: Array, correlation: Array) -> Array:
@@ -124,16 +116,11 @@ def _both_beyond(c: Array, correlation: Array) -> Array:
     out = np.empty(c.size)
     for begin in range(0, c.size, _AT_ONCE):
         part = slice(begin, begin + _AT_ONCE)
-        out[part] = _beyond(c[part][:, None], correlation[part][:, None])
+        limit, rho = c[part][:, None], correlation[part][:, None]
+        rate, rest = np.maximum(limit, 1.0), np.sqrt(np.maximum(1 - rho**2, 1e-14))
+        first = limit + _NODES / rate
+        log_first = -(first**2) / 2 + _NODES - 0.5 * np.log(2 * np.pi) - np.log(rate)
+        upper, lower = log_ndtr(-(limit - rho * first) / rest), log_ndtr((-limit - rho * first) / rest)
+        values = np.exp(np.minimum(log_first + np.logaddexp(upper, lower), 0.0))
+        out[part] = 2 * (_WEIGHTS * values).sum(axis=1)
     return out
-
-
-def _beyond(c: Array, rho: Array) -> Array:
-    rate = np.maximum(c, 1.0)
-    t = _NODES / rate
-    rest = np.sqrt(np.maximum(1 - rho**2, 1e-14))
-    log_first = -((c + t) ** 2) / 2 + _NODES - 0.5 * np.log(2 * np.pi) - np.log(rate)
-    upper = log_ndtr(-(c - rho * (c + t)) / rest)
-    lower = log_ndtr((-c - rho * (c + t)) / rest)
-    values: Array = 2 * (_WEIGHTS * np.exp(np.minimum(log_first + np.logaddexp(upper, lower), 0.0))).sum(axis=1)
-    return values

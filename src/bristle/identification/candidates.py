@@ -13,17 +13,14 @@ from bristle.arrays import Array
 from bristle.estimation.score_test import Candidate, Score
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, swings, turn_of
-from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import periodic, slides
+from bristle.model.parameters import Kind, periodic, slides
 
-_HARMONICS = 64
-"""Most ripples looked for."""
-_FEW = 8
-"""Equations, below which nothing is asked of them."""
+_HARMONICS = 64  # most ripples looked for
+_FEW = 8  # equations, below which nothing is asked of them
 
 
 def candidates(
-    velocity: Array, time: Array, position: Array, parameters: Collection[str], kind: JointKind
+    velocity: Array, time: Array, position: Array, parameters: Collection[str], kind: Kind
 ) -> list[Candidate]:
     """The rows of n equations, in SI units; a signal that is not known is empty, and one that stands still says nothing.
 
@@ -74,8 +71,7 @@ class _Waves(Sequence[Array]):
 def _centred(columns: Sequence[Array]) -> Array:
     """Some columns, (n,) each, less their means: a constant is an offset, and no trend; (n, k)."""
     X = np.stack(columns, axis=1)
-    centred: Array = X - X.mean(axis=0)
-    return centred
+    return np.asarray(X - X.mean(axis=0))
 
 
 def _trend(over: str, found: Score, _: int) -> Finding:
@@ -111,7 +107,7 @@ def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> 
     return Finding("lacks-a-term", CAUTION, message, {"lines": lines, "share": found.share})
 
 
-def _ripple(reach: float, parameters: Collection[str], kind: JointKind, found: Score, which: int) -> Finding:
+def _ripple(reach: float, parameters: Collection[str], kind: Kind, found: Score, which: int) -> Finding:
     """Of a period that is a whole share of all positions, rad; with the lines that would fit it, where it is an order that is not fitted."""
     period = reach / (which + 1)
     order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}

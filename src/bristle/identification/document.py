@@ -19,14 +19,10 @@ if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
 T = TypeVar("T")
-LARGEST = 100_000_000
-"""Bytes that a results file may have: about two million equations; the four embedded joints have a few millions."""
-_MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}
-"""What else it may have."""
-_DIGITS = 18
-"""Of a whole number: counts have fewer."""
-_SHOWN = 300
-"""Characters of a reason that are quoted."""
+LARGEST = 100_000_000  # bytes of a results file, about two million equations; the embedded joints have a few millions
+_MOST = {"commas": 1_000_000, "objects": 200_000, "joints": 100, "parameters of a joint": 400}  # what else it may have
+_DIGITS = 18  # of a whole number: counts have fewer
+_SHOWN = 300  # characters of a reason that are quoted
 
 
 @contextmanager
@@ -54,8 +50,7 @@ def is_results(path: Path) -> bool:
         return b'"bristle-results/' in begun + file.read(LARGEST)  # one that is damaged is told so when it is read
 
 
-_BEGINNING = 4096
-"""Bytes by which a file of another kind is told."""
+_BEGINNING = 4096  # bytes by which a file of another kind is told
 
 
 def parsed(text: str) -> Any:
@@ -112,9 +107,8 @@ def document_of(found: Any) -> Document:
     """
     document = validated(found, adapter())
     check_most("joints", len(document.joints))
-    return replace(
-        document, joints={name: replace(joint, name=name).with_subjects() for name, joint in document.joints.items()}
-    )
+    named = {name: replace(joint, name=name).with_subjects() for name, joint in document.joints.items()}
+    return replace(document, joints=named)
 
 
 def joints_of(document: Document) -> tuple[Joint, ...]:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.data.experiment.constants import torque_scale
+from bristle.data.experiment.constants import ONE, torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, GONE
 from bristle.data.experiment.signals import COMMANDS, DRIVE
@@ -21,10 +21,11 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.accuracy import accuracy_of
+from bristle.identification.curve import accuracy_of
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
+from bristle.identification.known_joint import chosen
 from bristle.identification.law_comparison import (
     WITH_DRAG,
     law_warnings,
@@ -35,8 +36,14 @@ from bristle.identification.law_comparison import (
     with_averages_of_motion,
 )
 from bristle.identification.measured import Measured, in_time, nothing_to_fit, through_wider, with_law, with_options
-from bristle.identification.model_criteria import APART, SYMMETRIC
-from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
+from bristle.identification.model_selection import (
+    APART,
+    SYMMETRIC,
+    bic_of_directions,
+    compare_on_motion,
+    compare_on_points,
+    refitted,
+)
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,
@@ -51,12 +58,11 @@ from bristle.identification.point_checks import point_warnings
 from bristle.identification.presliding.fit import identify_presliding, with_damping
 from bristle.identification.presliding.stiffness import KnownValue
 from bristle.identification.results import Input, Joint, LawComparison, ModelComparison
-from bristle.identification.same_runs import beside_moving, is_superseded
 from bristle.identification.settings import settings_of
 from bristle.identification.settling import without_settling
 from bristle.identification.static.points import points_problem
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.runs import fit_moving, fit_points
+from bristle.identification.static.runs import beside_moving, fit_moving, fit_points, is_superseded
 from bristle.identification.static.set_up import (
     better_for_motion,
     better_for_points,
@@ -74,9 +80,9 @@ _CLEARLY = 10.0
 _LATEST = 0.05
 """s: no log is later, and what asks for more is another term, as friction that rises with load."""
 _SHIFTS = 3
-_SURE = 5.0
-"""Standard errors, by which a drive is told to act before its commands."""
 """Times that a delay of the torque is looked for: each is told to first order."""
+_SURE, _FAR = 5.0, 3.0
+"""Standard errors: by which a drive is told to act before its commands, and by which viscous friction is not below zero."""
 _ROUNDS = 4
 """Times that holds are told what they had not settled, at the most."""
 _NOTHING = 1e-3
@@ -221,7 +227,7 @@ def _on_time(
         measured, joint, late = shifted, again, late + more
     error = np.inf if joint.moving is None else joint.moving.late[1]
     if late or (told_by in COMMANDS and np.isfinite(error)):  # an error of the delay is one of the torque
-        measured = in_time(as_logged, late, error)
+        measured = in_time(as_logged, late, error, final=True)
         joint = identified(measured, near=joint.tracking)
     if told_by in COMMANDS and joint.moving is not None:
         late, error = late + joint.moving.late[0], joint.moving.late[1]
@@ -231,11 +237,36 @@ def _on_time(
         )
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
         half = max(r.step for r in measured.moving(hold_out=False)) / 2  # of a sample: rows are told apart no finer
-        doubts = (early,) if late > max(_SURE * error, half) else ()
+        doubts = (early,) if late > max(_SURE * error, half) else _feedback(measured, joint, late)
         return measured, joint, {"chosen delay": _of_drive(late, error) + _at_once(measured)}, doubts
     when = "late" if late > 0 else "early"
     told = f"logged {abs(late):.3g} s {when}, which is taken off (signals.torque.delay overrules)"
     return measured, joint, {"chosen delay": told} if late else {}, ()
+
+
+def _feedback(measured: Measured, joint: Joint, late: float) -> tuple[Finding, ...]:
+    """That a drive may compare its commands with measurements of the moment, and what friction then is, where nothing says which.
+
+    Measurements as old as the commands are as a friction of K_p times the delay, which nothing else tells from viscous friction;
+    nothing is said where that is more than there is.
+    """
+    command, experiment = measured.experiment.signals.command, measured.experiment
+    gain = (experiment.motor_constants or ONE).at_joint().kp
+    if command is None or command.fresh is not None or gain is None or late >= 0:
+        return ()
+    lower, of = -late * gain.value, unit("alpha_2", experiment.joint.kind)
+    viscous = [x.estimate for x in chosen(joint) if x.parameter.name == "alpha_2" and x.estimate.value is not None]
+    if any((e.value or 0.0) - lower < -_FAR * (e.standard_error or 0.0) for e in viscous):
+        return ()
+    speed = float(
+        np.sqrt(np.mean(np.concatenate([np.asarray(r.velocity) for r in measured.moving(hold_out=False)]) ** 2))
+    )
+    message = (
+        f"ASSUMED: the drive compares its commands with measurements as old as they are. Where it compares them with those of the "
+        f"moment, alpha_2 is {lower:.2g} {of} lower, and these data do not tell: write `fresh: true` (or `false`) under signals.command, "
+        "or --fresh (--not-fresh)."
+    )
+    return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
 
 
 def _at_once(measured: Measured) -> str:

@@ -267,10 +267,12 @@ def known_joint(joint: Joint) -> KnownJoint:
     """
     known = as_identified(joint)
     links = {} if joint.link_inertia is None else {INERTIA: joint.link_inertia}  # a rotor's may be lost in their error
-    own = known.estimates.get(INERTIA)
-    low, high = (own.interval if own is not None else None) or (0.0, 0.0)
-    if not links and own is not None and low <= (own.value or 0.0) < 0 < high:
-        known = replace(known, estimates={name: e for name, e in known.estimates.items() if name != INERTIA})
+    for name, own in [
+        (n, e) for n, e in known.estimates.items() if n.name == INERTIA.name
+    ]:  # static fits have it in `both`
+        low, high = own.interval or (0.0, 0.0)
+        if not links and low <= (own.value or 0.0) < 0 < high:
+            known = replace(known, estimates={n: e for n, e in known.estimates.items() if n != name})
     faults = [fault_of(name, value) for name, value in (*known.given.items(), *known.held.items())]
     for name, e in known.estimates.items():
         if e.value is not None and (name.name != "alpha_0" or e.value != 0):  # at 0 `has_law` is False

@@ -3,29 +3,42 @@
 Each law has a Stribeck term in every direction: whether the data show one is the fit's to say. Points are solved on the
 grid; moving runs, in which a slow speed is seldom seen but in presliding, by LuGre itself (`dynamic.laws`). Both leave
 out five blocks of speed in turn.
+
+The paper's law is left only for one whose BIC is lower by more than 10, and whose squared error over five blocks of
+speed, each left out in turn, is lower too: BIC alone takes up what the scatter looks like, an error at speeds that were
+left out alone what happens to lie at one end.
+
+A level that rises with the motor's torque makes a torque explain part of itself. The likelihood of T - f(T) has the
+factor 1 - df/dT in each equation, so BIC loses 2 n' mean(log(1 - df/dT)), and an error at what was left out is that of
+the torque which solves T = f(T): without both, such a law would win on noise.
+
+With the equations of each solve, n of them of which n' are independent, and k parameters, the noise variance among
+them, a law's BIC is the sum of n' log(RSS / n) + k log(n'). Its weight is exp(-BIC / 2) over the sum of all (Burnham
+and Anderson, Model Selection and Multimodel Inference, 2002), and so is the average of a parameter over laws: its
+variance is what each law leaves open, and how far it lies from the average.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
-from functools import partial
-from typing import TypeVar
+from dataclasses import dataclass, replace
+from functools import partial, reduce
+from operator import or_
+from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import AS_WRITTEN, FitOptions
-from bristle.estimation.covariance import covariance, seen
-from bristle.findings import CAUTION, Finding
-from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs, masks_of_runs
+from bristle.estimation.covariance import covariance, seen, student
+from bristle.estimation.information import criteria, power_of
+from bristle.findings import CAUTION, NOTE, Finding
+from bristle.identification.dynamic.laws import MovingLaw, fitted_to_motion, left_out_costs
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.law_ranking import GAIN, FittedLaw, Known, LeftOut, Solve, ranked
 from bristle.identification.load_levels import load_is_known
 from bristle.identification.measured import Measured
-from bristle.identification.model_criteria import power_of
 from bristle.identification.moving_runs import regressors
-from bristle.identification.results import Averaged, LawComparison
+from bristle.identification.results import Averaged, LawComparison, LawRow
 from bristle.identification.static.grid import Solution, default_range, solve
 from bristle.identification.static.points import (
     groups,
@@ -35,7 +48,7 @@ from bristle.identification.static.points import (
     strays_under_all,
 )
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.shape_search import with_best_shape
+from bristle.identification.static.profiles import with_best_shape
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 from bristle.model.laws.registry import LOADS, competing
@@ -43,16 +56,56 @@ from bristle.model.parameters import ParameterName
 
 Name = TypeVar("Name")
 
-BLOCKS = 5
-"""Of speed, each left out in turn."""
-WITH_DRAG = "gaussian+quadratic"
-"""The paper's law with v abs(v)."""
-_WORTH = 1.05
-"""Times the error at speeds that were left out, which a term has to lower the error by, to be taken unasked."""
-_MOSTLY = float(np.sqrt(2))
-"""The same of a load: a torque that is logged late imitates friction that rises with load, and explains less of what is left."""
-_STICKS_OUT = 0.1
-"""Of an interval's width."""
+BLOCKS = 5  # of speed, each left out in turn
+WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
+_WORTH = 1.05  # times by which a term has to lower the error at speeds that were left out, to be taken unasked
+_MOSTLY = float(np.sqrt(2))  # the same of a load, which a torque that is logged late imitates
+_STICKS_OUT = 0.1  # of an interval's width
+GAIN = 10.0  # of BIC, by which another law has to be better than the paper's
+_SPREAD = 0.95  # a law with less than this of the weights is not the only one that the data allow
+_AVERAGED = ("alpha_0", "alpha_1", "alpha_2")  # what means the same in every law: v_s does not
+_LIKELY = 1e-3  # a law with a smaller weight does not move an average
+LeftOut = tuple[float | None, float | None]
+"""100 * norm(error) / norm(measured), percent, over blocks of speed and over runs, each predicted from the others; None where these are too few."""
+Known = dict[ParameterName, tuple[float, float, float]]
+"""Value, standard error and its degrees of freedom of each parameter that is at no bound."""
+
+
+class Solve(NamedTuple):
+    """One of a law's solves: what its BIC is made of."""
+
+    residuals: Array
+    """(n,)."""
+    parameters: int
+    effective: float
+    """How many of the equations are independent."""
+    power: float
+    """Sum of squares of what is explained."""
+    itself: float = 0.0
+    """Sum of log(1 - s) over the equations, s the share of a change of the torque that its own law makes of it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedLaw:
+    """A law fitted to every solve."""
+
+    law: Law
+    load: tuple[str, ...] = ()
+    """By what its level rises, of `registry.LOADS`."""
+    solves: tuple[Solve, ...]
+    left_out: Callable[[], LeftOut]
+    """Works out how it predicts what was left out."""
+    known: Callable[[], Known]
+
+    @property
+    def name(self) -> str:
+        """As `fit.law` takes it."""
+        return "+".join((self.law.name, *self.load))
+
+    @property
+    def residuals(self) -> Array:
+        """Of every equation, (n,)."""
+        return np.concatenate([solve.residuals for solve in self.solves])
 
 
 def laws_beside(in_force: Law) -> tuple[Law, ...]:
@@ -80,14 +133,10 @@ def laws_of_points(measured: Measured, in_force: Law) -> LawComparison | None:
 def laws_of_motion(
     measured: Measured, alone: TrackingFit, *, every: bool
 ) -> tuple[LawComparison | None, dict[str, Values]]:
-    """The laws on the moving runs, and where the fit of each ended, by name.
+    """The laws on the moving runs, beside the fit of these under the law in force, and where the fit of each ended, by name.
 
-    None where there are too few equations, or the fit of the runs is not about a torque.
-
-    Args:
-        measured: with moving runs.
-        alone: their fit under the law in force.
-        every: whether laws with other peaks are compared although that fit shows no peak, of which their shapes are.
+    None where there are too few equations, or that fit is not about a torque. `every`: whether laws with other peaks are compared
+    although it shows no peak.
     """
     records = measured.moving(hold_out=False)
     if alone.quantity != "torque":
@@ -113,7 +162,8 @@ def _of_motion(one: MovingLaw, effective: float, load: tuple[str, ...]) -> Fitte
 
     def left_out() -> LeftOut:
         """Over blocks of speed, and over runs."""
-        part, runs = parts_by_speed(one.problem.velocity), masks_of_runs(one.problem)
+        part, names = parts_by_speed(one.problem.velocity), dict.fromkeys(one.problem.file.tolist())
+        runs = [one.problem.file == name for name in names] if len(names) > 1 else []
         by_speed = percent_of(left_out_costs(one, [part == k for k in range(BLOCKS)]), power)
         return by_speed, percent_of(left_out_costs(one, runs), power) if runs else None
 
@@ -175,16 +225,12 @@ def with_averages(fits: Mapping[str, StaticFit], laws: LawComparison | None) -> 
     An average is of what was compared: a fit of other points, or without the Stribeck term that every compared law has, is
     as it was.
     """
-    same = (
-        laws is not None and laws.data == "points" and sum(fit.n for d, fit in fits.items() if d != "shared") == laws.n
-    )
-    averaged = laws.averaged if laws is not None and same else {}
-    return {
-        d: replace(fit, parameters=_told(fit.parameters, {n.name: x for n, x in averaged.items() if n.direction == d}))
-        if "v_s" in fit.parameters
-        else fit
-        for d, fit in fits.items()
-    }
+    n, told = sum(fit.n for d, fit in fits.items() if d != "shared"), dict(fits)
+    if laws is not None and laws.data == "points" and n == laws.n:
+        for d, fit in fits.items():
+            own = {n.name: x for n, x in laws.averaged.items() if n.direction == d and "v_s" in fit.parameters}
+            told[d] = replace(fit, parameters=_told(fit.parameters, own))
+    return told
 
 
 def with_averages_of_motion(fit: TrackingFit | None, laws: LawComparison | None) -> TrackingFit | None:
@@ -214,30 +260,24 @@ def _told(estimates: Mapping[Name, Estimate], averaged: Mapping[Name, Averaged])
 
 
 def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> LawComparison | None:
-    """The laws that compete, and the one in force, on the same points; None where there are too few for any other than the paper's.
+    """The laws that compete, and the one in force, on the same points, which `pose` makes the solves of a law of.
 
-    Args:
-        pose: the solves of a law.
-        in_force: the law of the fits.
+    None where there are too few for any other than the paper's.
     """
-    return ranked("points", [_fitted(law, pose(law)) for law in laws_beside(in_force)], in_force.name)
-
-
-def _fitted(law: Law, problems: Sequence[Regression]) -> FittedLaw | None:
-    """A law fitted to points; None where there are too few."""
-    if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
-        return None
-    shaped = [with_best_shape(p, default_range(p.velocity)) for p in problems]
-    solutions = [solve(p, default_range(p.velocity)) for p in shaped]
-    return FittedLaw(
-        law=law,
-        solves=tuple(
+    fitted = list[FittedLaw]()
+    for law in laws_beside(in_force):
+        problems = pose(law)
+        if not problems or any(p.torque.size <= len(p.names) + len(p.shape) + 1 for p in problems):
+            continue
+        shaped = [with_best_shape(p, default_range(p.velocity)) for p in problems]
+        solutions = [solve(p, default_range(p.velocity)) for p in shaped]
+        solves = tuple(
             Solve(s.residuals, len(p.names) + len(p.shape), p.torque.size, power_of(p.measured))
             for p, s in zip(shaped, solutions, strict=True)
-        ),
-        left_out=partial(_left_out, shaped),
-        known=partial(_known, shaped, solutions),
-    )
+        )
+        left_out, known = partial(_left_out, shaped), partial(_known, shaped, solutions)
+        fitted.append(FittedLaw(law=law, solves=solves, left_out=left_out, known=known))
+    return ranked("points", fitted, in_force.name)
 
 
 def percent_of(costs: Sequence[float | None], power: float) -> float | None:
@@ -282,3 +322,107 @@ def _known(problems: Sequence[Regression], solutions: Sequence[Solution]) -> Kno
         values = solution.theta[free].tolist()
         out |= {n: (v, e, freedom) for n, v, e in zip(names, values, errors, strict=True) if np.isfinite(e)}
     return out
+
+
+def ranked(
+    data: Literal["points", "moving runs"], fitted: Sequence[FittedLaw | None], in_force: str, *, sparing: bool = False
+) -> LawComparison | None:
+    """Fitted laws as rows, with the one that the data want; None where there is none beside the paper's.
+
+    Args:
+        data: what the equations are about.
+        fitted: each law; None where there were too few equations.
+        in_force: the name of the law of the fits.
+        sparing: whether errors at what is left out are worked out only where BIC prefers a law to the paper's: for those laws,
+            and the ones that they are compared with.
+    """
+    found = [x for x in fitted if x is not None]
+    paper = next((k for k, x in enumerate(found) if x.name == GAUSSIAN.name), None)
+    if paper is None or len(found) < 2:
+        return None
+    marks = np.zeros((len(found), 2))  # AICc, nan where there are too few independent equations, and BIC
+    for k, x in enumerate(found):
+        for one in x.solves:
+            aicc, own = criteria(*one[:4])
+            itself = -2 * one.effective / one.residuals.size * one.itself
+            marks[k] += np.nan if aicc is None else aicc + itself, own + itself
+    bic = marks[:, 1] - marks[:, 1].min()
+    weights = np.exp(-bic / 2) / np.exp(-bic / 2).sum()
+    better = bic[paper] - bic > GAIN
+    wanted = [
+        not sparing or better[k] or (better.any() and (k == paper or x.name == in_force)) for k, x in enumerate(found)
+    ]
+    left_out = [x.left_out() if asked else (None, None) for x, asked in zip(found, wanted, strict=True)]
+    # the law of lowest BIC among those that are clearly better than the paper's, which else stays
+    compete, (own_left, _) = {law.name for law in competing()}, left_out[paper]
+    clearly = [
+        k
+        for k, x in enumerate(found)
+        if x.law.name in compete and better[k] and own_left is not None and (left_out[k][0] or np.inf) < own_left
+    ]
+    chosen = min(clearly, key=lambda k: bic[k], default=paper)
+    rows = tuple(
+        LawRow(
+            law=x.name,
+            parameters=sum(solve.parameters for solve in x.solves),
+            rms=float(np.sqrt(power_of(x.residuals) / x.residuals.size)),
+            aicc=None if np.isnan(aicc) else float(aicc - np.nanmin(marks[:, 0])),
+            bic=float(above),
+            left_out=left[0],
+            run_left_out=left[1],
+            weight=float(weight),
+            in_force=x.name == in_force,
+            chosen=k == chosen,
+        )
+        for k, (x, aicc, above, left, weight) in enumerate(zip(found, marks[:, 0], bic, left_out, weights, strict=True))
+    )
+    return LawComparison(
+        data=data,
+        n=found[0].residuals.size,
+        rows=rows,
+        sentence=_sentence(rows, chosen, paper, asked=any(wanted)),
+        averaged=_averaged(found, weights) if float(weights.max()) < _SPREAD else {},
+    )
+
+
+def _sentence(rows: Sequence[LawRow], chosen: int, paper: int, *, asked: bool) -> Finding:
+    """Which law the data want, and why; `asked`: whether it was worked out what the laws predict of what is left out."""
+    own, best = rows[paper], rows[chosen]
+    if chosen != paper:
+        gain, error, before = own.bic - best.bic, best.left_out, own.left_out
+        message = (
+            f"The data want {best.law}: its BIC is {gain:.1f} lower than the paper's law's, and at five blocks of speed, each left "
+            f"out in turn, its error is {error:.3g} % of the torque instead of {before:.3g} %."
+        )
+        return Finding("law-wanted", NOTE, message, {"law": best.law, "gain": gain, "error": error, "before": before})
+    other = min((row for row in rows if row is not own), key=lambda row: row.bic)
+    gain = own.bic - other.bic
+    if asked and own.left_out is None:
+        message = "The data cannot ask for another law than the paper's: there are too few points to leave speeds out."
+        return Finding("laws-too-few", NOTE, message)
+    kept = "The data ask for no other law than the paper's:"
+    lower, numbers = f"{kept} the BIC of {other.law} is {gain:.1f} lower", {"law": other.law, "gain": gain}
+    if gain > GAIN:
+        message = f"{lower}, but it predicts speeds that were left out no better."
+        return Finding("law-not-predicting", NOTE, message, numbers)
+    if gain > 0:
+        return Finding("law-kept", NOTE, f"{lower}, less than the 10 asked for.", numbers)
+    message = f"{kept} it has the lowest BIC ({other.law} has {-gain:.1f} more)."
+    return Finding("law-best", NOTE, message, {"law": other.law, "gap": -gain})
+
+
+def _averaged(fitted: Sequence[FittedLaw], weights: Array) -> Mapping[ParameterName, Averaged]:
+    """What nearly all laws have by weight, over those that the data allow."""
+    likely = [(x, weight) for x, weight in zip(fitted, weights.tolist(), strict=True) if weight > _LIKELY]
+    tables = [(x.known(), weight) for x, weight in likely]
+    averaged = {}
+    for name in reduce(or_, (dict.fromkeys(table) for table, _ in tables)):
+        having = [(*table[name], weight) for table, weight in tables if name in table]
+        value, error, freedom, shares = np.array(having).T
+        if name.name in _AVERAGED and shares.sum() > _SPREAD:  # a law in which it is at a bound may lack it
+            shares = shares / shares.sum()
+            mean = float(shares @ value)
+            own = float(shares @ np.sqrt(error**2 + (value - mean) ** 2))
+            reach = student(float(freedom.min())) * own
+            averaged[name] = Averaged(value=mean, standard_error=own, interval=(max(mean - reach, 0.0), mean + reach))
+    return averaged

@@ -14,19 +14,13 @@ from bristle.model.parameters import has_own_unit, unit
 HOLD = 3.0
 """Time over which a constant velocity is averaged where no run shows any, s; measured holds count from `_HOLDS[0]` to `_HOLDS[1]` s."""
 _HOLDS = (1.0, 10.0)
-FREQUENCY = 10.0
-"""Highest of the tracking motion where nothing is declared, Hz ..."""
-SAMPLES = 10.0
-"""... with so many samples of its reference to a period at least."""
-_SLOW_SHARE = 0.02
-"""Of the fastest speed: the slowest where no run at constant velocity shows one that does not stick."""
-_REACH = 0.5
-"""Time from rest to the fastest speed where no moving run shows an acceleration, s."""
-_RARE = 99.0
-"""Percentile of a measured signal that counts as its largest: beyond are transients and noise."""
+FREQUENCY = 10.0  # highest of the tracking motion where nothing is declared, Hz ...
+SAMPLES = 10.0  # ... with so many samples of its reference to a period at least
+_SLOW_SHARE = 0.02  # of the fastest speed: the slowest where no run at constant velocity shows one that does not stick
+_REACH = 0.5  # time from rest to the fastest speed where no moving run shows an acceleration, s
+_RARE = 99.0  # percentile of a measured signal that counts as its largest: beyond are transients and noise
 
-_LEAST_LEFT = 0.1
-"""Of a drive's torque, where the links ask for all of it."""
+_LEAST_LEFT = 0.1  # of a drive's torque, where the links ask for all of it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -19,10 +19,8 @@ from bristle.model.parameters import ParameterName
 from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
 
-_WEIGHTS = ("gravity", "links")
-"""Regressors that are load."""
-_SETTLED, _MOST = 1e-9, 60
-"""Of the largest weight, that a step moves them at most once they have settled; and steps."""
+_WEIGHTS = ("gravity", "links")  # regressors that are load
+_SETTLED, _MOST = 1e-9, 60  # of the largest weight, that a step moves them at most once they have settled; and steps
 _NAMES = tuple(dict.fromkeys(name for terms in LEVELS.values() for name in terms.names))
 """In the order of `law.load_levels`."""
 LINEAR = tuple(name for name in _NAMES if not name.endswith("squared"))
@@ -55,16 +53,14 @@ class Load(NamedTuple):
     def by_motor(self, values: Mapping[str, float]) -> Array:
         """The derivative of the level by the motor's torque, (N,): what a measured torque explains of itself while sliding."""
         _, _, by_motor = self._parts(values)
-        slope: Array = np.array([values[name] for name in self.levels]) @ by_motor
-        return slope
+        return np.asarray(np.array([values[name] for name in self.levels]) @ by_motor)
 
     def _parts(self, values: Mapping[str, float]) -> Array:
         """The levels, and their derivatives by the links' torque and the motor's, (3, m, N)."""
         weights = np.array([values[name] for name in self.weights])
         every = np.array(evaluate(load_levels_function(), self.motor, -(self.columns @ weights + self.known)))
         own = [_NAMES.index(name) for name in self.levels]
-        parts: Array = every.reshape(3, len(_NAMES), -1)[:, own]
-        return parts
+        return every.reshape(3, len(_NAMES), -1)[:, own]
 
 
 def levels_of(regressors: Sequence[str]) -> tuple[str, ...]:
@@ -83,6 +79,8 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
 
     Raises InputError where the load of the links is asked for and nothing says what it is.
     """
+    from scipy import signal
+
     levels, weighing = levels_of(regressors), [name for name in regressors if name in _WEIGHTS]
     if not levels:
         return None
@@ -92,27 +90,18 @@ def load_of(record: Record, regressors: Sequence[str], decimation: int) -> Load 
         raise InputError(
             f"fit.law: {asked} needs what gravity does to the joint; add gravity under fit.regressors, or identify the joint in a robot"
         )
-    columns = extra_columns(weighing, record)
-    n = record.time.size
+    columns, n, motor = extra_columns(weighing, record), record.time.size, needed(record, "torque")
+    if decimation > 1:  # without what the decimation filter takes off, segment by segment
+        sections, torque, motor = signal.butter(4, 0.8 / decimation, output="sos"), motor, motor.copy()
+        for part in between_gaps(record):
+            motor[part] = signal.sosfiltfilt(sections, torque[part], padlen=min(part.stop - part.start - 1, 15))
     return Load(
         levels=levels,
-        motor=_smoothed(record, needed(record, "torque"), decimation),
+        motor=motor,
         weights=tuple(columns),
         columns=np.column_stack(list(columns.values())) if columns else np.zeros((n, 0)),
         known=np.zeros(n) if links is None else links,
     )
-
-
-def _smoothed(record: Record, torque: Array, decimation: int) -> Array:
-    """Without what the decimation filter takes off, segment by segment, (N,)."""
-    from scipy import signal
-
-    if decimation == 1:
-        return torque
-    sections, smooth = signal.butter(4, 0.8 / decimation, output="sos"), torque.copy()
-    for part in between_gaps(record):
-        smooth[part] = signal.sosfiltfilt(sections, torque[part], padlen=min(part.stop - part.start - 1, 15))
-    return smooth
 
 
 def level_columns(
@@ -131,9 +120,7 @@ def settled_weights(
 ) -> dict[str, float]:
     """What gravity and links are where the level rises with their load: the weights that a fit with that load gives again.
 
-    Args:
-        fitted: the parameters under a load of such weights, by name.
-        start: where to begin; None: without a load.
+    `fitted` gives the parameters under a load of such weights, by name; `start` is where to begin; None: without a load.
     """
     own = {name for regressor in _WEIGHTS for name in terms_of(regressor).names}
     weights = dict(start or {})

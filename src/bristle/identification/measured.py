@@ -11,6 +11,7 @@ from bristle.arrays import Array
 from bristle.data.bandwidth import decimation
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
 from bristle.data.differentiation import estimate_motion, usable, without_short_segments
+from bristle.data.experiment.constants import ONE
 from bristle.data.experiment.load import Experiment, Run, in_own_unit, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.run_kinds import FEWEST
@@ -195,21 +196,37 @@ def through_wider(measured: Measured, factor: float) -> Measured:
     return replace(measured, runs=runs)
 
 
-def in_time(measured: Measured, late: float, error: float = 0.0) -> Measured:
+def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
     """The same with the torque of every moving run as it was logged so much later, s; beyond its end the last value stays.
 
-    A standard error of that, s, is one of the torque, as that of a constant is.
+    A standard error of that, s, is one of the torque, as that of a constant is. Where a drive compares its commands with
+    measurements of the moment, in the end these stay as they are, and its commands alone are later: meanwhile it is as a
+    viscous friction that is larger, and above zero.
     """
+    command, motor = measured.experiment.signals.command, measured.experiment.motor_constants or ONE
+    gains = {}
+    if final and command is not None and command.fresh:
+        gains = {"position": motor.at_joint().kp, "velocity": motor.at_joint().kd}
 
     def earlier(record: Record) -> Record:
-        def moved(x: Array) -> Array:
-            return np.interp(record.time + late, record.time, x)
+        def moved(x: Array, by: float = late) -> Array:
+            return np.interp(record.time + by, record.time, x)
 
-        torque, voltage = (None if x is None else moved(x) for x in (record.torque, record.voltage))
+        def torque(by: float) -> Array:
+            made = moved(np.asarray(record.torque), by)
+            for name, gain in gains.items():
+                was = np.asarray(getattr(record, name))
+                made = made + (gain.value if gain else 0.0) * (moved(was, by) - was)
+            return made
+
+        if record.torque is None:
+            return record
         shifts = {name: moved(x) for name, x in record.torque_shifts.items()}
-        if error and torque is not None:
-            shifts[f"the delay, {late:.3g} +/- {error:.2g} s"] = error * np.gradient(torque, record.time)
-        return replace(record, torque=torque, voltage=voltage, torque_shifts=shifts)
+        if error:
+            told = f"the delay, {late:.3g} +/- {error:.2g} s"
+            shifts[told] = (torque(late + error) - torque(late - error)) / 2
+        voltage = None if record.voltage is None else moved(record.voltage)
+        return replace(record, torque=torque(late), voltage=voltage, torque_shifts=shifts)
 
     return replace(measured, runs=_changed(measured.runs, earlier))
 

@@ -1,8 +1,9 @@
-"""Friction models fitted to the same equations: Coulomb, viscous, Stribeck and LuGre, symmetric and per direction."""
+"""Friction models fitted to the same equations, and which to use: Coulomb, viscous, Stribeck and LuGre, symmetric and per direction."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
 import numpy as np
 
@@ -12,55 +13,56 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
+from bristle.estimation.information import criteria, power_of
 from bristle.findings import CAUTION, NOTE, Finding
+from bristle.identification.dynamic.descent import carried, fit, with_deflections
 from bristle.identification.dynamic.fit import relative_error
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, dynamic_problem
-from bristle.identification.dynamic.starts import carried
-from bristle.identification.dynamic.unknowns import fit, with_deflections
 from bristle.identification.fits import StaticFit, TrackingFit
-from bristle.identification.model_criteria import (
-    APART,
-    COULOMB,
-    LUGRE,
-    ONE,
-    STRIBECK,
-    SYMMETRIC,
-    VISCOUS,
-    ModelCandidate,
-    power_of,
-    rank_models,
-    scores,
-)
 from bristle.identification.moving_runs import DIRECTIONS, declared, inertia, moved_in, regressors
-from bristle.identification.results import ModelComparison
+from bristle.identification.results import ModelComparison, ModelRow
 from bristle.identification.static import problem as regression
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.problem import Regression
-from bristle.model.parameters import SIGNED, ParameterName
+from bristle.model.parameters import SIGNED
 
+COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
+"""Each with the terms of the one before: Coulomb and viscous friction; the steady curve (9), with alpha_1 and v_s;
+sigma_0 and sigma_1."""
+SYMMETRIC, APART, ONE = "symmetric", "per direction", "one direction"
+_SAME = 2.0  # a difference in BIC below this is worth a bare mention
 _STEPS = 100
 """Of the LuGre fit that no stage has done yet, at the most: one set of friction for directions that differ has a long way along a flat valley."""
-_WORTH = 0.05
-"""Of BIC: less decides nothing about directions."""
-_DEPENDENT = 1e8
-"""Condition number beyond which columns are told apart by rounding alone."""
+_WORTH = 0.05  # of BIC: less decides nothing about directions
+_DEPENDENT = 1e8  # condition number beyond which columns are told apart by rounding alone
 HELD_OUT = Finding("held-out-runs", NOTE, "Hold-out: held-out runs.")
 Pose = Callable[[tuple[str, ...], Sequence[str]], tuple[Regression, Sequence[Regression]]]
 """(directions, regressors) -> the equations to fit, and those to predict."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModelCandidate:
+    """A model fitted."""
+
+    model: str
+    directions: str
+    parameters: int
+    residuals: Array
+    """(n,)."""
+    hold_out: float | None
+    """Percent."""
+    settled: bool = True
+    """Whether its fit came to its end."""
+    values: Values = field(default_factory=dict)
+    """Of a LuGre model: where it ended."""
+
+
 def compare_on_points(
     experiment: Experiment, velocity: Array, pose: Pose, static: Mapping[str, StaticFit]
 ) -> ModelComparison | None:
-    """The models on points at constant velocity, where LuGre is its Stribeck curve (9); None where no model can be fitted.
+    """The models on points at constant velocity, rad/s, (n,), where LuGre is its Stribeck curve (9); None where none can be fitted.
 
     Without held-out points each point is predicted from all others, to first order: its residual over 1 - its leverage.
-
-    Args:
-        experiment: with its options.
-        velocity: of the points, rad/s, (n,).
-        pose: poses the problem.
-        static: what the fit found.
     """
     present = tuple(d for d, sign in DIRECTIONS.items() if (velocity * sign > 0).any())
     candidates, left, power = _static_candidates(experiment, _variants(present), pose, press=True)
@@ -82,15 +84,8 @@ def compare_on_motion(
     """The models on moving runs: every equation of all of them, with the same decimation and regressors; None where the position is predicted.
 
     Symmetric models have the experiment's offset; two Coulomb terms take its part in those per direction. LuGre in the directions of the
-    experiment's fit is that fit, `alone`; in the others it is fitted here, from where that fit ended.
-
-    Args:
-        experiment: with its options.
-        records: training runs.
-        held: hold-out runs.
-        static: static fits of the moving runs themselves; empty where other runs gave them, or `alone` is the one to use.
-        alone: all parameters of the moving runs.
-        apart: where LuGre with a friction for each direction ended, if that is known.
+    experiment's fit is that fit, `alone`; in the others it is fitted here, from where that fit ended, or `apart`. `static` are fits of the
+    moving runs themselves; empty where other runs gave them, or `alone` is the one to use.
 
     Raises InputError as the fits of moving runs do.
     """
@@ -106,10 +101,22 @@ def compare_on_motion(
         return training, [regression.from_records([r], *options, training.weights)[0] for r in held]
 
     candidates, left, power = _static_candidates(experiment, variants, pose, press=False)
-    candidates += _lugre(experiment, records, held, alone, variants, apart)
-    for directions in (c.directions for c in candidates if not c.settled):
-        message = f"{LUGRE}, {directions}: the fit had not settled; its numbers can still improve."
-        left = (*left, Finding("lugre-unsettled", CAUTION, message, {"model": LUGRE, "directions": directions}))
+    # LuGre as it was fitted, and in the directions in which it was not
+    done = APART if any(name.direction in SIGNED for name in alone.parameters) else SYMMETRIC
+    for called, directions in variants.items():
+        if called == done or done not in variants:
+            rows, count = _equations_and_unknowns(alone)
+            errors = _mean([h.relative_error for h in alone.hold_out])
+            candidates.append(
+                ModelCandidate(model=LUGRE, directions=called, parameters=count, residuals=rows, hold_out=errors)
+            )
+            continue
+        with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
+            near = apart if called == APART else None
+            candidates.append(refitted(experiment, records, held, alone, called, directions, near))
+    for called in (c.directions for c in candidates if not c.settled):
+        message = f"{LUGRE}, {called}: the fit had not settled; its numbers can still improve."
+        left = (*left, Finding("lugre-unsettled", CAUTION, message, {"model": LUGRE, "directions": called}))
     variance_inflation = inflation(min((c.residuals for c in candidates), key=power_of, default=np.zeros(0)))
     held_by = HELD_OUT if held else None
     return rank_models("moving runs", candidates, held_by, variance_inflation, power, static, alone, left)
@@ -184,33 +191,6 @@ def _left_out_error(problem: Regression, residuals: Array, jacobian: Array) -> f
     return 100 * float(np.linalg.norm(residuals / rest)) / norm if norm and rest.min() > 1e-9 else float("nan")
 
 
-def _lugre(
-    experiment: Experiment,
-    records: Sequence[Record],
-    held: Sequence[Record],
-    alone: TrackingFit,
-    variants: Mapping[str, tuple[str, ...]],
-    apart: Values | None,
-) -> list[ModelCandidate]:
-    """LuGre as it was fitted, and in the directions in which it was not."""
-    done = APART if any(name.direction in SIGNED for name in alone.parameters) else SYMMETRIC
-    if done not in variants:
-        done = ONE
-    errors = [h.relative_error for h in alone.hold_out]
-    count = len(alone.names) + len(alone.starts_of_runs)
-    candidates = {
-        done: ModelCandidate(
-            model=LUGRE, directions=done, parameters=count, residuals=alone.residuals, hold_out=_mean(errors)
-        )
-    }
-    for called, directions in variants.items():
-        if called != done:
-            with suppress(InputError):  # a start that shows nothing is no reason to fail: then this one is left out
-                near = apart if called == APART else None
-                candidates[called] = refitted(experiment, records, held, alone, called, directions, near)
-    return [candidates[called] for called in variants if called in candidates]
-
-
 def refitted(
     experiment: Experiment,
     records: Sequence[Record],
@@ -240,16 +220,20 @@ def refitted(
     begin |= {name: value for name, value in (near or {}).items() if name in begin}
     enough = worth * alone.rms**2 * inflation(alone.residuals) if worth else 0.0
     values, minimum = fit(problem, begin, _STEPS, enough)
-    known = {name: value for name, value in values.items() if isinstance(name, ParameterName)}
     return ModelCandidate(
         model=LUGRE,
         directions=called,
         parameters=len(problem.names),
         residuals=minimum.residuals,
-        hold_out=_mean([relative_error(posed([r]), known) for r in held]),
+        hold_out=_mean([relative_error(posed([r]), values) for r in held]),
         settled=minimum.converged,
         values=values,
     )
+
+
+def _equations_and_unknowns(fit: TrackingFit) -> tuple[Array, int]:
+    """What a fit leaves of each equation, (n,), and how many unknowns it has, the starts of its runs among them."""
+    return fit.residuals, len(fit.names) + len(fit.starts_of_runs)
 
 
 def bic_of_directions(
@@ -261,12 +245,9 @@ def bic_of_directions(
     """
     if alone.quantity != "torque" or len(moved_in(records)) < len(DIRECTIONS):
         return {}, {}
-    of_each, ended = (
-        {SYMMETRIC: (alone.residuals, len(alone.names) + len(alone.starts_of_runs))},
-        dict[Unknown, float](),
-    )
+    of_each, ended = {SYMMETRIC: _equations_and_unknowns(alone)}, dict[Unknown, float]()
     if each is not None:
-        of_each[APART] = each.residuals, len(each.names) + len(each.starts_of_runs)
+        of_each[APART] = _equations_and_unknowns(each)
     else:
         try:
             apart = refitted(experiment, records, (), alone, APART, tuple(DIRECTIONS), worth=_WORTH)
@@ -275,4 +256,98 @@ def bic_of_directions(
         of_each[APART], ended = (apart.residuals, apart.parameters), {**apart.values}
     effective = alone.residuals.size / inflation(min((rows for rows, _ in of_each.values()), key=power_of))
     power = power_of(alone.measured)
-    return {called: scores(rows, k, effective, power)[1] for called, (rows, k) in of_each.items()}, ended
+    return {called: criteria(rows, k, effective, power)[1] for called, (rows, k) in of_each.items()}, ended
+
+
+def rank_models(
+    data: Literal["points", "moving runs"],
+    candidates: Sequence[ModelCandidate],
+    held_by: Finding | None,
+    variance_inflation: float,
+    power: float,
+    static: Mapping[str, StaticFit],
+    alone: TrackingFit | None,
+    left_out: tuple[Finding, ...],
+) -> ModelComparison | None:
+    """The candidates as rows, with the one to use; None where there is none.
+
+    Args:
+        data: what the equations are about.
+        candidates: the candidates, on the same n equations.
+        held_by: what their `hold_out` is about; None where nothing was held out.
+        variance_inflation: n over the number of independent equations.
+        power: sum of squares of what they explain, (N*m)**2.
+        static: static fits of these data.
+        alone: the fit of all parameters to these data.
+        left_out: what is not compared, and why.
+    """
+    if not candidates:
+        return None
+    n = candidates[0].residuals.size
+    marks = [criteria(c.residuals, c.parameters, n / variance_inflation, power) for c in candidates]
+    lowest_aicc = min((aicc for aicc, _ in marks if aicc is not None), default=0.0)
+    lowest_bic = min(bic for _, bic in marks)
+    # whether a fit of these data keeps a Stribeck term in any direction, and shows the bristle
+    shown = {name.name for name, e in (alone.parameters if alone else {}).items() if e.value is not None}
+    peaks = [f.parameters["alpha_1"].value for f in static.values() if "alpha_1" in f.parameters]
+    kept, seen = "alpha_1" in shown or any(x is not None for x in peaks), "sigma_0" in shown
+    allowed = [k for k, c in enumerate(candidates) if (seen if c.model == LUGRE else (c.model == STRIBECK) == kept)]
+    best = min(allowed, key=lambda k: marks[k][1], default=None)
+    rows = tuple(
+        ModelRow(
+            model=c.model,
+            directions=c.directions,
+            parameters=c.parameters,
+            rms=float(np.sqrt(power_of(c.residuals) / n)),
+            relative_error=100 * float(np.sqrt(power_of(c.residuals) / power)) if power else None,
+            aicc=None if aicc is None else aicc - lowest_aicc,
+            bic=bic - lowest_bic,
+            hold_out=c.hold_out,
+            candidate=k in allowed,
+            recommended=k == best,
+        )
+        for k, (c, (aicc, bic)) in enumerate(zip(candidates, marks, strict=True))
+    )
+    return ModelComparison(
+        data=data,
+        n=n,
+        effective=n / variance_inflation,
+        hold_out_by=held_by,
+        rows=rows,
+        sentence=_sentence(rows, static, kept=kept),
+        left_out=left_out,
+    )
+
+
+def _sentence(rows: Sequence[ModelRow], static: Mapping[str, StaticFit], *, kept: bool) -> Finding:
+    """Which to use and why."""
+    allowed = sorted((r for r in rows if r.candidate), key=lambda r: r.bic)
+    if not allowed:
+        message = "None of the models with the terms that the fit supports can be fitted to so few points."
+        return Finding("no-model", CAUTION, message)
+    best, *rest = allowed
+    lowest = "it has the lowest BIC"
+    if len(rows) > len(allowed):
+        lowest = f"of the models with the terms that the fit supports {lowest}"
+    if rest:
+        gap = rest[0].bic - best.bic
+        lowest = f"{lowest} ({'hardly worse: ' * (gap < _SAME)}{_called(rest[0])} has {gap:.1f} more)"
+    other = min((r for r in allowed if r.aicc is not None), key=lambda r: r.aicc or 0.0, default=best)
+    why: list[Finding | str] = [lowest, *([] if other is best else [f"AICc prefers {_called(other)}"])]
+    # what the fit does not support, and whether that it keeps the Stribeck term rests on points that stick and slip
+    outcomes, shown = {f.outcome.code for f in static.values()}, [r.bic for r in rows if r.model == STRIBECK]
+    if not kept and shown and "static-as-asked" not in outcomes:
+        gain = best.bic - min(shown)
+        lower = f", though it would lower the BIC by {gain:.1f} (the fit's warnings say why)" if gain > 0 else ""
+        why.append(f"the Stribeck term is not identifiable from these data, as the fit found{lower}")
+    if kept and "static-stick-slip" in outcomes:
+        message = "but its Stribeck term rests on points that stick and slip"
+        why.append(Finding("peak-of-stick-slip", CAUTION, message))
+    if any(r.model == LUGRE and not r.candidate for r in rows):
+        why.append("the motion does not show LuGre's bristle")
+    model = _called(best)
+    return Finding("use-model", NOTE, f"Use {model}: {'; '.join(map(str, why))}.", {"model": model, "why": tuple(why)})
+
+
+def _called(row: ModelRow) -> str:
+    return row.model if row.directions == ONE else f"{row.model}, {row.directions}"

@@ -22,30 +22,20 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.model.functions import load_terms_function, periodic_terms_function
 from bristle.model.laws import registry
-from bristle.model.parameters import Kind as JointKind
-from bristle.model.parameters import periodic, slides
+from bristle.model.parameters import Kind, periodic, slides
 from bristle.model.vectorize import evaluate
 
 _PASSES, _MOSTLY = 0.3, 0.5
 """A slow torque passes its mean less often, in periods of the cut-off (noise: 1.15), and has more of the variance."""
-_RELATED = 0.01
-"""Probability, by chance, of so close a relation between torque and motion."""
-_ROUGHER = 3.0
-"""Times one less the correlation with the next sample: noise against a motion."""
-_EXPLAINED = 0.1
-"""Of the variance of a torque that belongs to a motion, at the least."""
-_AT_REST = 0.01
-"""Of the way: a direction in which less is gone is none."""
-_FEWEST = 4
-"""Samples for each column, below which a relation cannot be tested."""
-ONE_RATE = 1.05
-"""Ratio of two sampling intervals that count as one."""
-_SURELY = 3.0
-"""Standard errors by which a torque surely opposes the velocity."""
-_SWING = 0.1
-"""rad: over less, gravity is a spring and a constant, as a bristle is that does not break away."""
-_DROWNS = 1e9
-"""Times the measured torque: an inertia's torque this large leaves nothing of it in the last digits."""
+_RELATED = 0.01  # probability, by chance, of so close a relation between torque and motion
+_ROUGHER = 3.0  # times one less the correlation with the next sample: noise against a motion
+_EXPLAINED = 0.1  # of the variance of a torque that belongs to a motion, at the least
+_AT_REST = 0.01  # of the way: a direction in which less is gone is none
+_FEWEST = 4  # samples for each column, below which a relation cannot be tested
+ONE_RATE = 1.05  # ratio of two sampling intervals that count as one
+_SURELY = 3.0  # standard errors by which a torque surely opposes the velocity
+_SWING = 0.1  # rad: over less, gravity is a spring and a constant, as a bristle is that does not break away
+_DROWNS = 1e9  # times the measured torque: an inertia's torque this large leaves nothing of it in the last digits
 DIRECTIONS = {"+": 1.0, "-": -1.0}
 
 
@@ -67,18 +57,13 @@ REGRESSORS = {
 }
 LEVELS = {name: Regressor(coefficients) for name, coefficients in registry.LOADS.items()}
 """By what the friction level rises (`load_levels`): a part of the law, fitted like regressors."""
-LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)
-"""In the order of `law.load_terms`."""
-_NEEDED = ("position", "velocity", "acceleration", "link_torque")
-"""What `law.load_terms` is of, in its order."""
-_PER_METRE = "/m"
-"""At the end of an order that is of a joint that slides."""
-_ENDS = 5
-"""Times the transients of a decimation, which a run has at the least."""
+LOADS = tuple(name for regressor in REGRESSORS.values() for name in regressor.names)  # in the order of `law.load_terms`
+_NEEDED = ("position", "velocity", "acceleration", "link_torque")  # what `law.load_terms` is of, in its order
+_PER_METRE = "/m"  # at the end of an order that is of a joint that slides
+_ENDS = 5  # times the transients of a decimation, which a run has at the least
 _KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8
 """Where the smoothing kernel is cut, relative to its peak, and where it has died out: ends of a segment within are dropped."""
-_PART = 0.02
-"""Of the weights of an equation: samples that have less do not have part in it."""
+_PART = 0.02  # of the weights of an equation: samples that have less do not have part in it
 
 
 def terms_of(regressor: str) -> Regressor:
@@ -91,14 +76,14 @@ def terms_of(regressor: str) -> Regressor:
     return Regressor(names, ("position", "velocity") if stem == "ripple" else ("position",))
 
 
-def with_orders(names: Sequence[str], orders: Sequence[int], kind: JointKind) -> tuple[str, ...]:
+def with_orders(names: Sequence[str], orders: Sequence[int], kind: Kind) -> tuple[str, ...]:
     """The regressors, with one for each order in place of one that repeats with the position."""
     per = _PER_METRE if slides(kind) else ""
     each = {name: [f"{name}_{k}{per}" for k in orders] for name in PERIODIC}
     return tuple(one for name in names for one in each.get(name, [name]))
 
 
-def turn_of(kind: JointKind) -> tuple[float, str]:
+def turn_of(kind: Kind) -> tuple[float, str]:
     """What holds as many periods as an order says, rad or m, and its name: a turn, or a metre of a joint that slides."""
     return (1.0, "metre") if slides(kind) else (2 * np.pi, "turn")
 
@@ -109,7 +94,7 @@ def declared(experiment: Experiment) -> tuple[str, ...] | None:
     return with_orders(asked, orders, experiment.joint.kind) if asked and isinstance(orders, tuple) else asked
 
 
-def regressors_of(parameters: Collection[str], kind: JointKind) -> tuple[str, ...]:
+def regressors_of(parameters: Collection[str], kind: Kind) -> tuple[str, ...]:
     """The regressors that some parameters are of."""
     plain = [name for name, terms in REGRESSORS.items() if not set(terms.names).isdisjoint(parameters)]
     each = [with_orders((x[0],), (x[2],), kind)[0] for name in parameters if (x := periodic(name))]
@@ -131,10 +116,7 @@ def needed(record: Record, name: str) -> Array:
 
 
 def extra_columns(regressors: Sequence[str], record: Record) -> dict[str, Array]:
-    """The columns of some regressors by parameter, each (N,).
-
-    Raises InputError where the record lacks what one needs.
-    """
+    """The columns of some regressors by parameter, each (N,). Raises InputError where a signal is missing."""
     return load_columns(regressors, lambda signal: needed(record, signal), record.time.size)
 
 
@@ -197,6 +179,11 @@ def given_by(records: Sequence[Record]) -> tuple[str, ...]:
 def refuse_noise(experiment: Experiment, motion: Array, torque: Array, what: str, others: Array | None = None) -> None:
     """Raise InputError where the drive's torque (n,) has nothing to do with the motion (n,), as `unrelated` has it."""
     if unrelated(motion, torque, others):
+        if torque.min() >= 0 and motion.min() < 0 < motion.max():
+            raise InputError(
+                f"{experiment.path.name}: the torque is never below zero {what}, though the joint goes both ways: it is a magnitude, which tells "
+                "no friction; log it with its sign, or name what the drive was told to follow, as in --column command=NAME"
+            )
         raise InputError(
             f"{experiment.path.name}: the torque has nothing to do with the motion {what}, and is noise of {np.std(torque):.3g} "
             f"about {np.mean(torque):.3g} (SI); name the column of the torque under signals, or move against more friction than that noise"
@@ -267,13 +254,9 @@ def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> N
     if any(r.made_of for r in records):  # whose sign is that of the motion
         return
     velocity, torque = (np.concatenate([_of(r, name) for r in records]) for name in ("velocity", "torque"))
-
-    def signal(record: Record, name: str) -> Array:
-        values: Array | None = getattr(record, name)
-        return np.zeros(record.time.size) if values is None else values
-
     # acceleration, gravity by the position and a robot's link torque, as far as they are known
-    motions = (load_columns(("inertia", "gravity", "links"), partial(signal, r), r.time.size) for r in records)
+    asked, sizes = ("inertia", "gravity", "links"), [r.time.size for r in records]
+    motions = (load_columns(asked, partial(_of, r, size=n), n) for r, n in zip(records, sizes, strict=True))
     others = np.concatenate([np.column_stack(list(columns.values())) for columns in motions])
     if others[:, -1].any():  # what the links of a robot ask for outweighs friction, and has any sign
         basis = np.column_stack([np.sign(velocity), velocity, others])
@@ -310,9 +293,10 @@ def inertia(experiment: Experiment) -> tuple[float | None, PlusMinus | None]:
     return (None, known) if known.standard_error else (known.value, None)
 
 
-def _of(record: Record, name: str) -> Array:
+def _of(record: Record, name: str, size: int = 0) -> Array:
+    """A signal of the record, (n,), or so many zeros."""
     values: Array | None = getattr(record, name)
-    return np.zeros(0) if values is None else values
+    return np.zeros(size) if values is None else values
 
 
 def known_torque(record: Record, inertia: float | None, regressors: Sequence[str]) -> Array | None:

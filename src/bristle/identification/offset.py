@@ -13,12 +13,11 @@ from bristle.estimation.levels import RARE
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.moving_runs import DIRECTIONS
-from bristle.identification.same_runs import is_superseded
 from bristle.identification.static.points import point_regressors
+from bristle.identification.static.runs import is_superseded
 from bristle.model.parameters import SIGNED, Direction, ParameterName
 
-_LEAST = 0.01
-"""Of alpha_0: a smaller offset is not worth a sentence."""
+_LEAST = 0.01  # of alpha_0: a smaller offset is not worth a sentence
 
 
 def offset_or_friction(
@@ -26,29 +25,19 @@ def offset_or_friction(
 ) -> list[Finding]:
     """A difference of the two directions that is one of alpha_0 alone, as an offset of the torque makes it.
 
-    Wald tests: the directions agree on all else that a curve has, and with these made equal they differ in alpha_0.
-
-    Args:
-        names: of the unknowns, in the order of the covariance; those that are not `ParameterName` do not matter.
-        values: by name.
-        covariance: (p, p).
-        freedom: degrees of it.
+    Wald tests: the directions agree on all else that a curve has, and with these made equal they differ in alpha_0. `names` of p
+    unknowns are in the order of the covariance, (p, p), with its degrees of freedom; those that are no `ParameterName` do not matter.
     """
     order = {name: k for k, name in enumerate(names)}
     pairs = [[ParameterName(name, d) for d in SIGNED] for name in ("alpha_0", "alpha_1", "alpha_2", "v_s")]
-    free = [
-        pair for pair in pairs if all(name in order and np.isfinite(covariance[order[name]]).all() for name in pair)
-    ]
+    told = {name for name, k in order.items() if np.isfinite(covariance[k]).all()}
+    free = [pair for pair in pairs if told.issuperset(pair)]
     if pairs[0] not in free:
         return []
     plus, minus = (np.array([order[pair[k]] for pair in free]) for k in (0, 1))
     apart = np.array([values[a] - values[b] for a, b in free])
-    S = (
-        covariance[np.ix_(plus, plus)]
-        + covariance[np.ix_(minus, minus)]
-        - covariance[np.ix_(plus, minus)]
-        - covariance[np.ix_(minus, plus)]
-    )
+    (S_pp, S_pm), (S_mp, S_mm) = ([covariance[np.ix_(a, b)] for b in (plus, minus)] for a in (plus, minus))
+    S = S_pp + S_mm - S_pm - S_mp
     weight = np.linalg.pinv(S[1:, 1:], hermitian=True)
     others, rest = float(apart[1:] @ weight @ apart[1:]), len(free) - 1
     twice = float(apart[0] - S[0, 1:] @ weight @ apart[1:])
@@ -70,12 +59,7 @@ def offset_or_friction(
 
 
 def offset_of_points(experiment: Experiment, static: Mapping[str, StaticFit]) -> list[Finding]:
-    """The same of two fits of points; where they differ in more than a constant, a note what it would be.
-
-    Args:
-        experiment: how its directions are fitted.
-        static: the fits.
-    """
+    """The same of two fits of points; where they differ in more than a constant, a note what it would be."""
     fits = [static[d] for d in DIRECTIONS if d in static]
     if experiment.fit.directions != "separate" or len(fits) < 2 or any(map(is_superseded, fits)):
         return []
@@ -85,9 +69,8 @@ def offset_of_points(experiment: Experiment, static: Mapping[str, StaticFit]) ->
         both = block_diag(*(fit.covariance for fit in fits))
         if found := offset_or_friction(names, values, both, min(fit.degrees_of_freedom or 0 for fit in fits)):
             return found
-    (plus, one), (minus, other) = (
-        (e.value, e.standard_error or 0.0) for e in (fit.parameters["alpha_0"] for fit in fits)
-    )
+    levels = (fit.parameters["alpha_0"] for fit in fits)
+    (plus, one), (minus, other) = ((e.value, e.standard_error or 0.0) for e in levels)
     if plus is None or minus is None or abs(plus - minus) < 2 * np.hypot(one, other):
         return []
     offset, common, T = (plus - minus) / 2, (plus + minus) / 2, unit_of("torque")

@@ -9,23 +9,20 @@ from scipy.special import chdtri
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import PERIODIC
-from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.score_test import Score, scores
 from bristle.findings import NOTE, Finding
+from bristle.identification.dynamic.descent import solve_dynamic
 from bristle.identification.dynamic.priors import posed_and_start
-from bristle.identification.dynamic.starts import solve_dynamic
 from bristle.identification.dynamic.what_is_left import columns_of, known_and_left
 from bristle.identification.measured import Measured, with_loads, with_options
 from bristle.identification.moving_runs import directions, turn_of, with_orders
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import groups, point_regressors, points_problem
 
-_MOST = 200
-"""Orders that are tried."""
-_AT_ONCE = 3
-"""Orders that are found at most."""
+_MOST = 200  # orders that are tried
+_AT_ONCE = 3  # orders that are found at most
 
 
 def with_periods(measured: Measured) -> Measured:
@@ -51,7 +48,13 @@ def with_periods(measured: Measured) -> Measured:
                 "equations of the moving runs: leave it out, lower fit.decimation, or measure slower"
             )
         return measured
-    known, rest, columns = _of_motion(experiment, training, asked, most) if training else _of_points(measured, asked)
+    if training:
+        problem, start = posed_and_start(experiment, directions(experiment, training), training, {}, None)
+        known, rest = known_and_left(problem, solve_dynamic(problem, start))
+        every_order = _tried(experiment, problem.position, most)
+        columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in every_order}
+    else:
+        known, rest, columns = _of_points(measured, asked)
     orders, tried, last = shown_orders(known, rest, columns), len(columns), max(columns, default=0)
     found = with_options(measured, orders=orders)
     numbers = {"tried": tried, "last": last, "turn": turn}
@@ -112,19 +115,11 @@ def _tried(experiment: Experiment, positions: Array, most: int) -> range:
     return range(max(int(np.ceil(turn / reach)), 1), min(most, _MOST) + 1) if reach > 0 else range(0)
 
 
-def _of_motion(
-    experiment: Experiment, records: Sequence[Record], asked: Sequence[str], most: int
-) -> tuple[Array, Array, dict[int, Array]]:
-    """Of the fit of moving runs the derivatives by all parameters, (n, p), what it leaves, N*m, (n,), and columns of each order tried, (n, k)."""
-    problem, start = posed_and_start(experiment, directions(experiment, records), records, {}, None)
-    solution = solve_dynamic(problem, start)
-    tried = _tried(experiment, problem.position, most)
-    columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
-    return *known_and_left(problem, solution), columns
-
-
 def _of_points(measured: Measured, asked: Sequence[str]) -> tuple[Array, Array, dict[int, Array]]:
-    """The same of the fit of points at constant velocity: half as many orders as points are tried."""
+    """Of the fit of points at constant velocity the derivatives by all parameters, (n, p), what it leaves, N*m, (n,), and columns of orders, (n, k).
+
+    Half as many orders as points are tried.
+    """
     experiment, kept = measured.experiment, measured.points(hold_out=False)
     if not kept:
         return np.zeros((0, 0)), np.zeros(0), {}

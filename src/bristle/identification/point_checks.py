@@ -16,28 +16,16 @@ from bristle.identification.moving_runs import DIRECTIONS
 from bristle.model import functions
 from bristle.model.vectorize import evaluate
 
-_ENOUGH = 5
-"""Points of a direction that show an order, or a drift."""
-_COPIES = 3
-"""Points that repeat others, from which that is no chance."""
-_SWINGS = 0.15
-"""Of its mean: a velocity that swings by less, rms, bends no torque."""
-_PHASES = 16
-"""Of a sine, for the average over it."""
-_IN_ORDER = 0.9
-"""Rank correlation of speed and order from which they cannot be told apart."""
-_SETTLES = 6
-"""The first of so many parts of a segment may still be settling."""
+_ENOUGH = 5  # points of a direction that show an order, or a drift
+_COPIES = 3  # points that repeat others, from which that is no chance
+_SWINGS = 0.15  # of its mean: a velocity that swings by less, rms, bends no torque
+_PHASES = 16  # of a sine, for the average over it
+_IN_ORDER = 0.9  # rank correlation of speed and order from which they cannot be told apart
+_SETTLES = 6  # the first of so many parts of a segment may still be settling
 
 
 def point_warnings(measured: Measured, points: Sequence[Segment], static: Mapping[str, StaticFit]) -> Iterator[Finding]:
-    """Warnings about the points of an experiment taken together.
-
-    Args:
-        measured: the runs that the segments were cut from.
-        points: those that are fitted.
-        static: their fits.
-    """
+    """Warnings about the points of an experiment that are fitted, taken together."""
     records = {run.record.file: run.record for run in measured.runs if run.kind == "ramp" and not run.hold_out}
     scatter = [fit.rms for fit in static.values() if fit.rms is not None]
     if scatter:
@@ -72,9 +60,7 @@ def _drift(points: Sequence[Segment], records: Mapping[str, Record], scatter: fl
     error = float(np.sqrt(weight**2 @ (slopes - mean) ** 2 / (1 - weight.max())))
     times = [s.time for s in points if s.time is not None]
     one = len({s.file for s in points}) == 1 and len(times) == len(points)
-    across = abs(mean) * (
-        max(times) - min(times) if one else float(durations.sum())
-    )  # from the first point to the last
+    across = abs(mean) * (max(times) - min(times) if one else float(durations.sum()))  # from first point to last
     level_of_test = SIGNIFICANCE if in_order else RARE
     chance = 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) if error else 1.0
     if chance > level_of_test or across < 2 * scatter:

@@ -32,14 +32,10 @@ from bristle.identification.static.set_up import (
 )
 from bristle.progress import Progress, teller
 
-_MIXED = 0.25
-"""Of a run's motion: more of another experiment is said."""
-_BETWEEN = 0.5
-"""The same of a run that holds velocities, and has to get from one to the next."""
-_NOTHING = 100.0
-"""Percent: an error of so much tells nothing."""
-_ANY: RunKind = "ramp"
-"""As which a run is read before it is known what it is: a velocity, no acceleration."""
+_MIXED = 0.25  # of a run's motion: more of another experiment is said
+_BETWEEN = 0.5  # the same of a run that holds velocities, and has to get from one to the next
+_NOTHING = 100.0  # percent: an error of so much tells nothing
+_ANY: RunKind = "ramp"  # as which a run is read before it is known what it is: a velocity, no acceleration
 
 
 def draft_of_logs(

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.covariance import student
+from bristle.estimation.covariance import moved_without_each, student
 from bristle.estimation.interval_comparison import they_differ
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.findings import CAUTION, Finding
@@ -26,10 +26,8 @@ from bristle.model.parameters import ParameterName, least_of
 
 Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-_FEWEST = 3
-"""Runs: two tell too little of how runs scatter."""
-_ALONE = 10.0
-"""Times the standard error of all runs that one without some run has, where that run alone tells the parameter."""
+_FEWEST = 3  # runs: two tell too little of how runs scatter
+_ALONE = 10.0  # times the standard error of all runs without one run that alone tells the parameter
 
 
 def scatter_of(
@@ -69,9 +67,8 @@ def clustered(
 ) -> dict[Key, RunScatter]:
     """Each parameter's scatter over runs, of which what one leaves counts as one number.
 
-    The covariance is that of the jackknife, (k - 1) / k times the sum of m_i m_i' over k runs, to first order: to leave run i
-    out moves the estimate by m_i = H**-1 (I - H_i H**-1)**-1 J_i' r_i, H the sum of H_i = J_i' J_i (Bell and McCaffrey,
-    Survey Methodology 28, 2002); an error of the supply, say, that a whole run has in common is in it.
+    The covariance is that of the jackknife over k runs, to first order (`moved_without_each`): an error of the supply, say, that a
+    whole run has in common is in it.
 
     Args:
         names: of the p columns of a Jacobian.
@@ -87,15 +84,13 @@ def clustered(
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
     gram = (J / size).T @ (J / size)
     inverse = np.linalg.pinv(gram, hermitian=True)
-    count, found, one = len(parts), dict[Key, RunScatter](), np.eye(size.size)
+    count, found = len(parts), dict[Key, RunScatter]()
     scaled = [(jacobian / size, left) for jacobian, left in parts.values()]
-    moves = (
-        np.array([inverse @ np.linalg.lstsq(one - X.T @ X @ inverse, X.T @ left, rcond=None)[0] for X, left in scaled])
-        / size
-    )
+    grams = [X.T @ X for X, _ in scaled]
+    moves = moved_without_each(inverse, grams, [X.T @ left for X, left in scaled]) / size
     errors = np.sqrt((count - 1) / count * (moves**2).sum(axis=0))
     # of what a run alone tells, as the way back does of an offset, nothing is known without it, nor how runs scatter
-    without = (np.linalg.eigh(gram - X.T @ X) for X, _ in scaled)
+    without = (np.linalg.eigh(gram - of_run) for of_run in grams)
     apiece = np.array([(V**2 / np.maximum(w, 1e-12 * w[-1])).sum(axis=1) for w, V in without])
     told = np.all(apiece < _ALONE**2 * np.diag(inverse), axis=0).tolist()
     column = {name: k for k, name in enumerate(names) if told[k]}
@@ -142,10 +137,7 @@ def _fewer(most: int, own: float) -> float:
 def widened(fit: Fitted, scatter: Mapping[Any, RunScatter], logarithmic: Container[str] = ()) -> Fitted:
     """The fit of all runs with its errors and intervals widened as they scatter, and a caution that says so.
 
-    Args:
-        fit: of all runs.
-        scatter: by the names of its parameters.
-        logarithmic: bare names of the parameters whose intervals are spread as logarithms.
+    `logarithmic` are bare names of the parameters whose intervals are spread as logarithms.
     """
     parameters, three = dict(fit.parameters), dict(fit.uncertainty)
     for name, x in scatter.items():
@@ -170,10 +162,7 @@ Spread = Callable[[Array], Array]
 
 
 def spreader(value: float, factor: float, bare: str, *, logarithmic: bool = False) -> Spread:
-    """What spreads the ends of intervals about an estimate by a factor, (k,) -> (k,).
-
-    An open end stays open, and none leaves what the parameter may be.
-    """
+    """Spreads ends of intervals about an estimate by a factor, (k,) -> (k,), within what the parameter may be."""
     least = least_of(bare)
 
     def spread(ends: Array) -> Array:

@@ -161,8 +161,7 @@ class LawComparison:
         return next((row for row in self.rows if row.law == law), None)
 
 
-NEED = 10.0
-"""Percent of friction, to which it has to be known where nobody asks for more or less."""
+NEED = 10.0  # percent of friction, to which it has to be known where nobody asks for more or less
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -366,7 +365,5 @@ def first_reason(error: Exception) -> str:
     return f"{one_line(where, _SHOWN)}: {one_line(first['msg'], _SHOWN)}"
 
 
-_WRONG = 1000
-"""Wrong entries of which the first is looked for."""
-_SHOWN = 120
-"""Characters of what is quoted."""
+_WRONG = 1000  # wrong entries of which the first is looked for
+_SHOWN = 120  # characters of what is quoted

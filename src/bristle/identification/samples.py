@@ -18,8 +18,7 @@ from bristle.identification.results import Joint
 if TYPE_CHECKING:
     from pydantic import TypeAdapter
 
-_FAR = 1e100
-"""Of a sample, in any unit; its square still is a number."""
+_FAR = 1e100  # of a sample, in any unit; its square still is a number
 
 
 def samples_of(joint: Joint) -> dict[str, Any]:

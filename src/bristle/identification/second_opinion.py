@@ -18,15 +18,11 @@ from scipy.optimize import lsq_linear
 from bristle.arrays import Array
 from bristle.data.record import Record
 
-BANDWIDTH, ABOVE = 0.999, 12.0
-"""Share of the position's power that lies below its bandwidth, and times that: the low pass."""
-SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000
-"""Of the greatest speed; blocks at most, of the time where there are fewer than six runs; equations in all."""
-SHARES = (0.03, 0.06, 0.12, 0.25)
-"""Of the greatest speed: v_s of the peaks that are tried."""
+BANDWIDTH, ABOVE = 0.999, 12.0  # share of the position's power below its bandwidth, and times that: the low pass
+SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000  # of the greatest speed; blocks, of time where runs are few; equations
+SHARES = (0.03, 0.06, 0.12, 0.25)  # of the greatest speed: v_s of the peaks that are tried
 HUBER, PASSES = 1.5, 5
-ALIKE = 50.0
-"""A condition number beyond which the columns of a set-up are not told apart."""
+ALIKE = 50.0  # a condition number beyond which the columns of a set-up are not told apart
 SHAPES = ("", "peak", "quadratic")
 
 

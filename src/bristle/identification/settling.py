@@ -17,14 +17,10 @@ from bristle.model.parameters import SIGNED, Pair, in_direction, lugre_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
-_MATTERS = 0.2
-"""Of a point's standard error, as a median: what is less in all points is left as it is."""
-_NEAR = 0.1
-"""Of a hold's speed: what is faster or slower by less is on the way to it."""
-_STRAIGHT = 2.0
-"""Times the farthest that a hold's position is off its line: a joint that is no farther off before it moves as fast already."""
-_FIRST = 100
-"""The first of so many parts of a log tells where its bristle begins."""
+_MATTERS = 0.2  # of a point's standard error, as a median: what is less in all points is left as it is
+_NEAR = 0.1  # of a hold's speed: what is faster or slower by less is on the way to it
+_STRAIGHT = 2.0  # times the farthest that a hold's position is off its line: no farther off before, it moves as fast
+_FIRST = 100  # the first of so many parts of a log tells where its bristle begins
 
 
 def without_settling(measured: Measured, joint: Joint, before: Measured) -> Measured | None:
@@ -49,9 +45,8 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
         if run.kind == "ramp" and record.velocity is not None and record.torque is not None and points:
             velocity, torque = np.array(record.velocity), np.empty(record.time.size)
             begins = {k: found[k].start for k in points}
-            for k in (
-                points
-            ):  # without noise, which changes the sign in a slow hold: from where its position is as straight on
+            for k in points:
+                # without noise, which changes the sign in a slow hold: from where its position is as straight on
                 s = found[k]
                 if record.position is not None:
                     line = record.position - s.velocity * record.time

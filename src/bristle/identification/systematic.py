@@ -14,10 +14,8 @@ from bristle.model.parameters import least_of
 
 Key = TypeVar("Key")
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-NORMAL = 1.96
-"""Half-width of a 95 % interval of a normal distribution, in standard errors."""
-_ROUNDING = 1e-9
-"""Of a value: a smaller change is none."""
+NORMAL = 1.96  # half-width of a 95 % interval of a normal distribution, in standard errors
+_ROUNDING = 1e-9  # of a value: a smaller change is none
 
 
 def combined(interval: tuple[float, float], value: float, systematic: float, least: float = 0.0) -> tuple[float, float]:
@@ -42,10 +40,7 @@ def statistical(e: Estimate) -> tuple[float, float] | None:
 def shifted(e: Estimate, shifts: Mapping[str, float], least: float = 0.0) -> Estimate:
     """The estimate with what errors of constants do to it, which its interval then includes.
 
-    Args:
-        e: with its statistical error alone.
-        shifts: change of the value per standard error of each constant, in its unit.
-        least: as in `combined`.
+    `shifts` are changes of the value per standard error of each constant, in its unit; `least` is as in `combined`.
     """
     if not shifts or e.value is None:
         return e

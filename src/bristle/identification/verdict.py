@@ -4,8 +4,9 @@ from collections.abc import Iterable
 from enum import StrEnum
 from typing import NamedTuple
 
+from bristle.errors import InputError
 from bristle.findings import CAUTION, CRITICAL, Finding, Severity
-from bristle.identification.known_joint import Known, Source, chosen, moving_fits
+from bristle.identification.known_joint import Known, Source, chosen, known_joint, moving_fits
 from bristle.identification.results import Accuracy, Joint
 from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 
@@ -30,7 +31,7 @@ _BY_WEIGHT = (
     "count-contradicts effort-far-beyond links-not-removed joint-order gravity-direction links-oppose not-converged "
     "out-of-steps still-lower full-fit-lower ipopt-lower undercut ipopt-undercuts static-at-edge at-edge flat-profile "
     "v-s-unknowable static-too-few too-few-points indistinct strays-matter stages-do-not-fit yields not-positive "
-    "no-torque-constant acts-early commands-at-once per-inertia one-speed-only "
+    "no-torque-constant acts-early feedback-unknown commands-at-once per-inertia one-speed-only "
     "stick-slip holds-swing position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
     "nothing-without other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed turns-late delay-or-presliding "
@@ -70,6 +71,11 @@ def verdict(joint: Joint) -> Verdict:
         )
         worst = found[0] if found and found[0].severity is Severity.CRITICAL else None
         return Verdict(Trust.DO_NOT_USE, worst or Finding("no-curve", CRITICAL, message))
+    if known is None:
+        try:
+            known_joint(joint)
+        except InputError as bad:  # a number that no joint has
+            return Verdict(Trust.DO_NOT_USE, Finding("impossible-value", CRITICAL, f"{str(bad).partition(': ')[2]}."))
     cause, wide = (next((x for x in found if x.code in codes), None) for codes in (_CAUSES, _CAUSES | _WIDENS))
     if critical := [x for x in found if x.severity is Severity.CRITICAL]:
         named = next((x for x in critical if x.code not in _SIZES), cause)

@@ -13,8 +13,7 @@ from bristle.errors import InputError
 
 Formula = Any
 """A SymPy expression of z, v and the parameters: SymPy ships no types."""
-_GUARD = 1e-90
-"""A constant below it keeps an evaluation finite at rest, and has no place in a formula."""
+_GUARD = 1e-90  # a constant below it keeps an evaluation finite at rest, and has no place in a formula
 
 
 def formula_of(expression: Any, signed: Mapping[str, float] | None = None) -> Formula:

@@ -110,10 +110,7 @@ def loading_displacement_function() -> ca.Function:
 
 @cache
 def loading_slope_function() -> ca.Function:
-    """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0).
-
-    `loading_displacement` with the derivative by the torque as well.
-    """
+    """(T, g0, sigma_0) -> (y, y_T, y_g0, y_sigma_0): `loading_displacement`, with the slope over T as well."""
     s = _symbols("T", "g0", "sigma_0")
     y = law.loading_displacement(**s)
     return _function("loading_slope", s, {"y": y, **_derivatives("y", y, s)})
@@ -121,10 +118,7 @@ def loading_slope_function() -> ca.Function:
 
 @cache
 def presliding_damping_function() -> ca.Function:
-    """(sigma_0, J, damping_ratio) -> (sigma_1, sigma_1_sigma_0, sigma_1_J).
-
-    (15) for any damping ratio, with its derivatives.
-    """
+    """(sigma_0, J, damping_ratio) -> (sigma_1, sigma_1_sigma_0, sigma_1_J): (15), with its derivatives."""
     s = _symbols("sigma_0", "J", "damping_ratio")
     sigma_1 = law.presliding_damping(s["sigma_0"], s["J"], s["damping_ratio"])
     free = {name: s[name] for name in ("sigma_0", "J")}
@@ -133,10 +127,7 @@ def presliding_damping_function() -> ca.Function:
 
 @cache
 def faded_sine_function() -> ca.Function:
-    """(t, amplitude, frequency, phase, duration, rest) -> (x, x_t, x_tt).
-
-    A sine that is faded in and out over `rest`, and its derivatives by t.
-    """
+    """(t, amplitude, frequency, phase, duration, rest) -> (x, x_t, x_tt): a sine faded in and out over `rest`."""
     s = _symbols("t", "amplitude", "frequency", "phase", "duration", "rest")
     r = ca.fmin(ca.fmax(ca.fmin(s["t"], s["duration"] - s["t"]) / s["rest"], 0), 1)
     x = s["amplitude"] * r**3 * (10 - 15 * r + 6 * r**2) * ca.sin(2 * ca.pi * s["frequency"] * s["t"] + s["phase"])
@@ -153,10 +144,7 @@ def torque_function(of: Law = GAUSSIAN) -> ca.Function:
 
 @cache
 def torque_sensitivity_function(of: Law = GAUSSIAN) -> ca.Function:
-    """(z, v, *Lugre) -> (T, T_z, T_alpha_0, ..., T_sigma_1).
-
-    T_f with its partial derivatives, each at fixed other arguments.
-    """
+    """(z, v, *Lugre) -> (T, T_z, T_alpha_0, ..., T_sigma_1): T_f with its partial derivatives."""
     s, p = _symbols("z", "v"), _lugre(of)
     T = law.torque(s["z"], s["v"], p)
     return _function(
@@ -181,10 +169,7 @@ def step_function(of: Law = GAUSSIAN) -> ca.Function:
 
 @cache
 def step_parameters(of: Law = GAUSSIAN) -> tuple[str, ...]:
-    """Names of the parameters on which the bristle step depends, in the order of `Lugre`.
-
-    sigma_1 and alpha_2 do not enter z.
-    """
+    """The parameters on which the bristle step depends, in the order of `Lugre`: not sigma_1 and alpha_2."""
     _, p, outputs = _step(of)
     depends = ca.which_depends(ca.vertcat(*outputs.values()), ca.vertcat(*p), 1, False)
     return tuple(name for name, enters in zip(p._fields, depends, strict=True) if enters)
@@ -192,20 +177,14 @@ def step_parameters(of: Law = GAUSSIAN) -> tuple[str, ...]:
 
 @cache
 def step_sensitivity_function(of: Law = GAUSSIAN) -> ca.Function:
-    """(v0, v1, h, *Lugre) -> (a, b, a_p..., b_p...).
-
-    The step with its derivatives, p running over `step_parameters`.
-    """
+    """(v0, v1, h, *Lugre) -> (a, b, a_p..., b_p...): the step and its derivatives by `step_parameters`."""
     inputs, p, outputs = _step(of)
     return _function("step_sensitivity", inputs, outputs | _by_parameters(p, outputs))
 
 
 @cache
 def change_sensitivity_function(of: Law = GAUSSIAN) -> ca.Function:
-    """(v0, v1, h, *Lugre) -> (c, b, c_p..., b_p...).
-
-    `law.bristle_change` with its derivatives, p running over `step_parameters`.
-    """
+    """(v0, v1, h, *Lugre) -> (c, b, c_p..., b_p...): `law.bristle_change`, its derivatives by `step_parameters`."""
     s, p = _symbols("v0", "v1", "h"), _lugre(of)
     c, b = ca.cse([*law.bristle_change(s["v0"], s["v1"], s["h"], p)])
     outputs = {"c": c, "b": b}

@@ -41,18 +41,12 @@ def lag(h: Expression, m: Motor[Any]) -> tuple[Expression, Expression]:
 
 
 def current_for(T: Expression, w: Expression, m: Motor[Any]) -> Expression:  # noqa: ARG001  # as `current`
-    """Armature current of a drive that sets the torque, A: i = T / k_t, whatever the velocity.
-
-    The alternative to `current`.
-    """
+    """Armature current of a drive that sets the torque, A: i = T / k_t at any velocity; in place of `current`."""
     return T / m.k_t
 
 
 def drive_torque(V: Expression, w: Expression, m: Motor[Any]) -> Expression:
-    """Torque that voltage V drives at velocity w, N*m: k_t (V - k_t w) / R (7).
-
-    At constant velocity it is the friction torque T_ss*(v) of (8).
-    """
+    """Torque of voltage V at velocity w, N*m: k_t (V - k_t w) / R (7), at constant velocity T_ss*(v) of (8)."""
     return m.k_t * current(V, w, m)
 
 

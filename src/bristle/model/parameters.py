@@ -210,33 +210,23 @@ def bends_down(p: Lugre[float] | Stribeck[float]) -> bool:
 
 
 def pair_of(numbers: Sequence[T], law: Law = GAUSSIAN) -> Pair[T]:
-    """The pair whose numbers these are, twelve of the paper's law, the positive set first.
-
-    The inverse of `(*pair.positive, *pair.negative)`.
-    """
+    """The pair of these numbers, twelve of the paper's law: the inverse of `(*pair.positive, *pair.negative)`."""
     one, count = lugre_of(law), len(fields_of(law))
     return Pair(one(*numbers[:count]), one(*numbers[count : 2 * count]))
 
 
-SIGNED = (Direction.POSITIVE, Direction.NEGATIVE)
-"""The two directions of motion."""
+SIGNED = (Direction.POSITIVE, Direction.NEGATIVE)  # the two directions of motion
 
 
 class ParameterName(NamedTuple):
-    """Which parameter: alpha_0 of the positive direction prints as alpha_0+.
-
-    alpha_0 of both, or an inertia, as it is.
-    """
+    """Which parameter: alpha_0 of the positive direction prints as alpha_0+, of both, as an inertia, as it is."""
 
     name: str
     direction: Direction
 
     @classmethod
     def parse(cls, text: str) -> "ParameterName":
-        """The parameter that prints so.
-
-        A friction parameter without a sign is of both directions, all others are shared.
-        """
+        """The parameter that prints so; friction without a sign is of both directions, all else is shared."""
         if text.endswith(("+", "-")):
             return cls(text[:-1], Direction(text[-1]))
         return cls(text, Direction.BOTH if of_friction(text) else Direction.SHARED)
@@ -258,19 +248,13 @@ INERTIA = ParameterName("inertia", Direction.SHARED)
 
 
 def in_direction(values: Mapping[ParameterName, T], name: str, direction: str) -> T | None:
-    """What is known of a parameter in a direction: its own value, or else that of both directions, or the shared one.
-
-    None where nothing is.
-    """
+    """A parameter's value in a direction, or else of both directions, or the shared one; None where there is none."""
     keys = (ParameterName(name, d) for d in (Direction(direction), Direction.BOTH, Direction.SHARED))
     return next((values[key] for key in keys if key in values), None)
 
 
 def periodic(name: str) -> tuple[str, str, int] | None:
-    """Of a parameter that repeats with the position the regressor, `sin` or `cos`, and the order: of cogging_sin_4 cogging, sin, 4.
-
-    None of any other.
-    """
+    """Regressor, wave and order of a parameter that repeats, as cogging_sin_4: cogging, sin, 4; else None."""
     parts = _PERIODIC.fullmatch(name)
     return None if parts is None else (parts[1], parts[2], int(parts[3]))
 
@@ -328,10 +312,7 @@ _UNITS: dict[str, tuple[str, str]] = {
 
 
 def unit(name: str, kind: Kind = "revolute") -> str:
-    """SI unit of a parameter or signal of a joint, as a string that pint reads.
-
-    Raises KeyError for a name that is neither.
-    """
+    """SI unit of a parameter or signal of a joint, as pint reads it. Raises KeyError for a name that is neither."""
     name = "torque" if periodic(name) else name
     of_law = None if name in _UNITS else own_parameter(name)
     own = (_UNITS[name] if of_law is None else of_law.units)[slides(kind)]

@@ -14,16 +14,11 @@ from bristle.model.parameters import Pair, pair_of
 from bristle.model.time_refinement import Nodes, with_extra_nodes
 from bristle.model.vectorize import evaluate, scan
 
-SAMPLES = 200
-"""Of a period, before nodes are added where the velocity is low."""
-_BLOCK = 400_000
-"""Nodes of all joints worked on at a time: what bounds the memory."""
-_PASSES = 12
-"""Over the sign of z, which tells the stiffness of a pair ..."""
-_STILL = 1e-12
-"""... until z moves by no more than this share of its largest value."""
-_ELASTIC = 1e-14
-"""What a bristle forgets in a period is taken as no less: it starts from no deflection then."""
+SAMPLES = 200  # of a period, before nodes are added where the velocity is low
+_BLOCK = 400_000  # nodes of all joints worked on at a time: what bounds the memory
+_PASSES = 12  # over the sign of z, which tells the stiffness of a pair ...
+_STILL = 1e-12  # ... until z moves by no more than this share of its largest value
+_ELASTIC = 1e-14  # what a bristle forgets in a period is taken as no less: it starts from no deflection then
 
 
 def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples: int = SAMPLES) -> Array:
@@ -37,32 +32,21 @@ def rms_torque(joints: Pair[Array], amplitude: float, frequency: float, samples:
         frequency: Hz, > 0.
         samples: equal steps of the period, >= 8.
     """
-    nodes = _period(amplitude, frequency, min(float(p.v_s.min()) for p in joints), samples)
-    count = joints.positive.v_s.size
-    parts = np.array_split(np.arange(count), ceil(count * nodes.v.size / _BLOCK))
-    rows = (pair_of([x[joint, None] for p in joints for x in p], joints.law) for joint in parts)
-    return np.concatenate([_rms(pair, nodes) for pair in rows])
-
-
-def _period(amplitude: float, frequency: float, v_s: float, samples: int) -> Nodes:
-    """One period of the velocity from its largest value on, with nodes as close as the smallest v_s asks for."""
+    # one period of the velocity from its largest value on, with nodes as close as the smallest v_s asks for
     v = 2 * pi * frequency * amplitude * np.cos(2 * pi * np.arange(samples + 1) / samples)
-    return with_extra_nodes(Nodes(v, 1 / (frequency * samples), slice(0, samples + 1)), v_s)
-
-
-def _rms(pair: Pair[Array], nodes: Nodes) -> Array:
-    z = _deflection(pair, nodes)
-    (T,) = evaluate(functions.torque_function(pair.law), z, nodes.v, *_acting(pair, z, nodes.v))
-    h = np.broadcast_to(nodes.h, nodes.v.size - 1)
-    mean: Array = (T[:, :-1] ** 2 + T[:, 1:] ** 2) @ h / (2 * h.sum())
-    return np.sqrt(mean)
+    one = Nodes(v, 1 / (frequency * samples), slice(0, samples + 1))
+    nodes, count = with_extra_nodes(one, min(float(p.v_s.min()) for p in joints)), joints.positive.v_s.size
+    h, means = np.broadcast_to(nodes.h, nodes.v.size - 1), list[Array]()
+    for joint in np.array_split(np.arange(count), ceil(count * nodes.v.size / _BLOCK)):
+        pair = pair_of([x[joint, None] for p in joints for x in p], joints.law)
+        z = _deflection(pair, nodes)
+        (T,) = evaluate(functions.torque_function(pair.law), z, nodes.v, *_acting(pair, z, nodes.v))
+        means.append((T[:, :-1] ** 2 + T[:, 1:] ** 2) @ h / (2 * h.sum()))
+    return np.sqrt(np.concatenate(means))
 
 
 def _deflection(pair: Pair[Array], nodes: Nodes) -> Array:
-    """The periodic z at the nodes, (m, N).
-
-    Repeated with the signs that it had, for sigma_0 is that of the sign of z.
-    """
+    """The periodic z at the nodes, (m, N), again with the signs that it had: sigma_0 is that of the sign of z."""
     heading = np.sign(nodes.heading)
     a, b = evaluate(functions.step_function(pair.law), *nodes.steps, *_acting(pair, heading, nodes.heading))
     z = _closed(a, b)

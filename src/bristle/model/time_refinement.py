@@ -14,12 +14,9 @@ from bristle.arrays import Array
 
 Index = NDArray[np.intp]
 
-_FINE = 0.05
-"""Between neighbouring nodes at low speed, v changes by at most this many v_s ..."""
-_NEAR = 4.0
-"""... where low speed is below this many v_s; faster, exp(-(v / v_s)**2) is nothing ..."""
-_MOST = 64
-"""... and a step is cut into at most about this many."""
+_FINE = 0.05  # between neighbouring nodes at low speed, v changes by at most this many v_s ...
+_NEAR = 4.0  # ... where low speed is below this many v_s; faster, exp(-(v / v_s)**2) is nothing ...
+_MOST = 64  # ... and a step is cut into at most about this many
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +47,7 @@ class Nodes:
     @property
     def heading(self) -> Array:
         """v0 + v1 of every step: its sign is the direction of motion, (N - 1,)."""
-        heading: Array = self.v[:-1] + self.v[1:]
-        return heading
+        return self.v[:-1] + self.v[1:]
 
     def inside(self, steps: Index, fractions: Array) -> tuple[Array, Array | None]:
         """Velocity, (k,), and level, (1 + k', k), inside some steps, at fractions of their duration."""
@@ -61,10 +57,7 @@ class Nodes:
 
 
 def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nodes:
-    """The samples, and between them the zero crossings of v and what fast changes at low speed need.
-
-    The latter stand `coarsening` times farther apart.
-    """
+    """The samples, the zero crossings of v, and nodes at low speed, `coarsening` times farther apart."""
     v0, v1, _ = samples.steps
     product, change = v0 * v1, np.abs(v1 - v0)
     product[samples.begins - 1] = change[samples.begins - 1] = 0.0
@@ -84,10 +77,7 @@ def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nod
 
 
 def inserted(nodes: Nodes, steps: Index, fractions: Array) -> tuple[Nodes, Index]:
-    """More nodes: one inside each of `steps` (k,), at that fraction of its duration (k,).
-
-    Also returns where the old nodes went, (N,).
-    """
+    """More nodes: one inside each of `steps` (k,), at a fraction of it (k,); and where the old ones went, (N,)."""
     order = np.lexsort((fractions, steps))
     steps, fractions = steps[order], fractions[order]
     new = steps + 1 + np.arange(steps.size)

@@ -1,10 +1,9 @@
-"""A table as the page shows it, and as CSV: the one way in which bristle writes one, safe to open in a spreadsheet."""
+"""A table as CSV: the one way in which bristle writes one, safe to open in a spreadsheet."""
 
 import csv
 import io
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -14,22 +13,6 @@ _FORMULA = re.compile(r"[=+\-@\t\r\n]")
 """How a text begins that a spreadsheet may run as a formula."""
 _HARMLESS = re.compile(r"[+-]|[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 """A direction, or a number."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Table:
-    """Columns, and rows of what stands in them."""
-
-    columns: tuple[str, ...]
-    rows: tuple[tuple[Any, ...], ...]
-
-
-def shown(frame: "pd.DataFrame") -> Table:
-    """A frame, without the joint's name and without columns that say nothing in any row."""
-    telling = [frame.empty or any(x not in ("", ()) for x in frame[c].dropna()) for c in frame]
-    frame = frame.loc[:, telling].drop(columns="joint", errors="ignore")
-    rows = frame.astype(object).itertuples(index=False, name=None)
-    return Table(columns=tuple(map(str, frame.columns)), rows=tuple(rows))
 
 
 def to_csv(frame: "pd.DataFrame", float_format: str | None = None) -> str:

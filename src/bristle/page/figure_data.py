@@ -47,8 +47,9 @@ def csv_of(figure: Figure) -> bytes:
                 lines.append(f"{begun},,,")
             seen.add(series)
             for x, y, z in places.tolist():
-                if dated:
-                    lines.append(f"{begun},{_time(x)},{y:.7g},{z:.7g}".replace("nan", ""))
+                if dated:  # a place is in days since 1970
+                    when = "" if np.isnan(x) else np.datetime64(round(1440 * x), "m")
+                    lines.append(f"{begun},{when},{y:.7g},{z:.7g}".replace("nan", ""))
                 elif across or up:
                     lines.append(f"{begun},{cells((_text(x, across), _text(y, up), _text(z, {})))}")
                 else:  # most lines: written at once, they take a seventh of the time
@@ -72,11 +73,6 @@ def _words(axis: Axis) -> dict[float, str]:
     words = dict(zip(places, axis.get_major_formatter().format_ticks(places), strict=True))
     counts = all(place.is_integer() for place in words) and any(word != f"{x:g}" for x, word in words.items())
     return words if counts else {}
-
-
-def _time(days: float) -> str:
-    """A place on an axis of dates, days since 1970, as a time in UTC to the minute; nothing where the mark has none."""
-    return "" if np.isnan(days) else str(np.datetime64(round(1440 * days), "m"))
 
 
 def _text(x: float, words: Mapping[float, str]) -> str:

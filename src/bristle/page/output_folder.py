@@ -187,7 +187,10 @@ def check_apart(file: Path, folder: Path) -> None:
 def resolved(path: Path) -> Path:
     """The path without links. InputError where links lead round in a circle."""
     try:
-        return path.resolve()
+        found = path.resolve()
+        with suppress(FileNotFoundError, NotADirectoryError, PermissionError):
+            path.stat()  # from Python 3.13 on, what is resolved may be a circle
+        return found
     except (OSError, RuntimeError) as error:
         raise InputError(f"{path}: its symbolic links lead round in a circle; name another path") from error
 

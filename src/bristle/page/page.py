@@ -8,12 +8,10 @@ from functools import cache
 from importlib import metadata, resources
 from itertools import count
 from pathlib import Path
-from types import CodeType
 from typing import Any, NamedTuple
 
 import pandas as pd
-from jinja2 import BytecodeCache, ChoiceLoader, Environment, PackageLoader, StrictUndefined
-from jinja2.bccache import Bucket
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
 from matplotlib.figure import Figure
 
@@ -101,10 +99,7 @@ def write_pages(
     Raises as `replace_files`.
     """
     number = count(1).__next__
-    environment = cache(lambda package: _environment(package, number))  # which compiles a template once
-    texts = {}
-    for name, package, template, named in pages:
-        texts[name] = encoded(environment(package).get_template(template).render(named))
+    texts = {name: encoded(html(package, template, named, number)) for name, package, template, named in pages}
     every = {**files, **texts}
     replace_files(folder, every | {"report.zip": zipped(every)} if mailed else every, beside)
     return folder / "index.html"
@@ -155,15 +150,18 @@ def _rendered(draw: Callable[[], Figure | None]) -> Rendered:
     return None if figure is None else (*render(figure), csv_of(figure))
 
 
-def html(package: str, template: str, context: Mapping[str, Any]) -> str:
-    """A template of a package, or of the kit, filled in; it may include and extend those of the kit."""
-    return _environment(package, count(1).__next__).get_template(template).render(context)
+def html(package: str, template: str, context: Mapping[str, Any], number: Callable[[], int] | None = None) -> str:
+    """A template of a package, or of the kit, filled in; it may include and extend those of the kit.
+
+    `number` gives that of the next figure; None: they are counted from 1.
+    """
+    return _environment(package).get_template(template).render(context, next_figure=number or count(1).__next__)
 
 
-def _environment(package: str, number: Callable[[], int]) -> Environment:
-    """What fills in templates of a package and of the kit; `number` gives that of the next figure."""
+@cache
+def _environment(package: str) -> Environment:
+    """What fills in templates of a package and of the kit: compiling those of a report takes a tenth of its time."""
     environment = Environment(
-        bytecode_cache=_COMPILED,
         loader=ChoiceLoader([PackageLoader(package), PackageLoader("bristle.page")]),
         autoescape=True,
         undefined=StrictUndefined,
@@ -178,27 +176,8 @@ def _environment(package: str, number: Callable[[], int]) -> Environment:
     # The one script of a page, and its hash, by which a browser runs it and no other.
     script = (resources.files("bristle.page") / "templates" / "tables.js").read_text(encoding="utf-8")
     script = f"\n{script.rstrip()}\n"
-    environment.globals |= {"next_figure": number, "script": Markup(script), "script_hash": digest(script)}  # noqa: S704  # a file of ours
+    environment.globals |= {"script": Markup(script), "script_hash": digest(script)}  # noqa: S704  # a file of ours
     return environment
-
-
-class _Compiled(BytecodeCache):
-    """Templates compiled in this process: compiling those of a report takes a tenth of its time."""
-
-    def __init__(self) -> None:
-        self.known: dict[tuple[str, str], CodeType] = {}
-
-    def load_bytecode(self, bucket: Bucket) -> None:
-        """The code of this very text, where it is known."""
-        bucket.code = self.known.get((bucket.key, bucket.checksum))
-
-    def dump_bytecode(self, bucket: Bucket) -> None:
-        """Keep it."""
-        if bucket.code is not None:
-            self.known[bucket.key, bucket.checksum] = bucket.code
-
-
-_COMPILED = _Compiled()
 
 
 def digest(script: str) -> str:

@@ -10,12 +10,17 @@ from typing import Any, Literal, NamedTuple
 import pandas as pd
 
 from bristle.findings import Finding
-from bristle.page.columns import Table as Cells
-from bristle.page.columns import shown
 from bristle.page.page import Drawing, Filled, drawn, html, tables_of, versions, write_pages
 from bristle.page.said import Link, Said
 from bristle.page.wording import printable, slugs
 from bristle.progress import Progress, step, teller
+
+
+class Cells(NamedTuple):
+    """A table of the page."""
+
+    columns: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...]
 
 
 class Table(NamedTuple):
@@ -36,8 +41,12 @@ class Table(NamedTuple):
 
     @property
     def cells(self) -> Cells:
-        """Columns and rows of the page's table."""
-        return shown(next(x for x in (self.part, self.frame, pd.DataFrame()) if x is not None))
+        """What the page shows, without the joint's name and without columns that say nothing in any row."""
+        frame = next(x for x in (self.part, self.frame, pd.DataFrame()) if x is not None)
+        telling = [frame.empty or any(x not in ("", ()) for x in frame[c].dropna()) for c in frame]
+        frame = frame.loc[:, telling].drop(columns="joint", errors="ignore")
+        rows = frame.astype(object).itertuples(index=False, name=None)
+        return Cells(tuple(map(str, frame.columns)), tuple(rows))
 
 
 class Cell(NamedTuple):

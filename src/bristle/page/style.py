@@ -96,6 +96,14 @@ def title(ax: Axes, name: str, simulated: bool) -> None:
     ax.set_title(f"{shortened(name, 40)}{' (SIMULATED data)' if simulated else ''}", loc="left", pad=17)
 
 
+def panels(height: float, name: str, simulated: bool, count: int = 1, **how: Any) -> tuple[Figure, list[Axes]]:
+    """A new figure with panels below one another, the first under the joint's name; `how` as of `Figure.subplots`."""
+    figure = new_figure(height)
+    axes = list(figure.subplots(count, squeeze=False, **how)[:, 0])
+    title(axes[0], name, simulated)
+    return figure, axes
+
+
 class _DecimalTicks(Locator):
     """At as many steps of each decade as give no more than `_MOST_TICKS`; evenly spaced where those are fewer than two."""
 

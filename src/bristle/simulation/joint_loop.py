@@ -239,6 +239,9 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         adaptation = _paced(adaptation, model.positive, gains.K_p, speed, assumed)
     total = replace(adaptation, law="total")
     diagnostic_law = None if adaptation.law == "total" else _paced(total, model.positive, gains.K_p, speed, [])
+    # The wrong model begins as given, or at the paper's shares of what is adapted, half of what the paper does not adapt.
+    shares = {name: asked.start.get(name, 0.5) for name in adaptation.parameters}
+    start = asked.start if "start" in asked.model_fields_set else shares
     truth = truth_of(joint)
     if truth is None:
         message = (
@@ -258,10 +261,10 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         name=joint.name, kind=joint.kind, plant=truth or model, model=model, J=J,
         draws=draws_of(joint, known, travel, J), draws_by_constants=draws_of(joint, known, travel, J, statistical=False),
         gains=gains, amplitude=amplitude, frequency=frequency, slow=0.4 * frequency, period=asked.period, adaptation=adaptation,
-        start=_start(asked, adaptation.parameters), simulated=joint.simulated, assumptions=tuple(assumed), diagnostic_law=diagnostic_law,
+        start=dict(start), simulated=joint.simulated, assumptions=tuple(assumed), diagnostic_law=diagnostic_law,
+        carried=carried, centre=asked.centre if carried else 0.0,
     )  # fmt: skip  # a list of values
     if carried:
-        loop = replace(loop, carried=carried, centre=asked.centre)
         rise = float(np.max(loop.sine(frequency, 1 / frequency).level))
         torque, position = unit("torque", joint.kind), unit("position", joint.kind)
         message = (
@@ -281,13 +284,6 @@ def _carried(joint: Joint) -> Carried | None:
     others = {name: known[name] for beside in _BESIDE for name in terms_of(beside).names if name in known}
     told = "gravity_sin" in others or set(rises) == {"motor_load"}
     return Carried(rises, others) if rises and told and joint.link_inertia is None else None
-
-
-def _start(asked: AdaptOptions, parameters: Sequence[str]) -> dict[str, float]:
-    """Where the wrong model begins: as given, or the paper's shares of what is adapted, half of what the paper does not adapt."""
-    if "start" in asked.model_fields_set:
-        return dict(asked.start)
-    return {name: asked.start.get(name, 0.5) for name in parameters}
 
 
 def asked_parts(experiment: Experiment) -> tuple[Compensator, Adaptation]:

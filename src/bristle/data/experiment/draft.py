@@ -36,6 +36,8 @@ DRIVES = ("torque", "current", "voltage")
 STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}
 """Of joint states, by signal."""
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
+_TABLES = {".csv", ".txt", ".json", ".mat", ".npz", ".parquet", ".pq", ".h5", ".hdf5", ".mcap", ".bag", ".db3"}
+"""Endings by which a word is a file."""
 _SHOWN = 200
 """Columns that the draft lists."""
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
@@ -59,6 +61,8 @@ class Told:
     torque_limit: str | None = None
     held: bool | None = None
     """Whether the drive holds its commands between samples."""
+    fresh: bool | None = None
+    """Whether it compares them with measurements of the moment."""
     gear: str | None = None
     """As under `motor`: `ratio: 100, position: motor, velocity: motor`."""
     inertia: str | None = None
@@ -143,28 +147,12 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     for file in files:
         check_name(file.name, f"{file}: the file name")
     log = _Log(first)
-    parts = {name: column.rpartition(":") for name, column in told.columns.items()}
-    apart = {name: Path(file) for name, (file, _, _) in parts.items() if file and Path(file).is_file()}
-    told = replace(told, columns={**told.columns, **{name: parts[name][2] for name in apart}})
+    apart, told = _apart(told)
     here = {name: column for name, column in told.columns.items() if name not in apart}
     guesses, by_step = _guesses(log, replace(told, columns=here))
-    beside = {}
-    for name, path in apart.items():
-        other = _Log(path)
-        found, _ = _guesses(other, replace(told, columns={name: told.columns[name]}, rate=None))
-        if "time" not in found:
-            raise InputError(
-                f"{path}: no column is named as the time, which a signal of another file needs; write it into the draft of bristle new"
-            )
-        guesses[name], time = found[name], found["time"]
-        own_time = f"{{column: {quoted(time.column)}, unit: {quoted(time.unit or 's')}}}"
-        beside[name] = other, f", file: {quoted(relative(path, folder or first.parent))}, time: {own_time}"
-    driven = [name for name in (*DRIVES, *COMMANDS) if name in told.columns] + [f"--{name}" for name in told.motor]
-    if told.coasting and driven:
-        raise InputError(
-            f"{log.path}: got --coasting and {driven[0]}; expected --coasting of a joint that nothing drives"
-        )
-    drive = "" if told.coasting else _drive(log, guesses, told)
+    beside = {name: _beside(name, path, told, folder or first.parent) for name, path in apart.items()}
+    guesses |= {name: x.guess for name, x in beside.items()}
+    drive = _told_drive(log, guesses, told)
     of_points = _of_points(log, guesses, told) and not told.coasting
     kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
     lines, guessed = [], [f"joint.kind: {kind}, by the units"]
@@ -190,12 +178,15 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     if drive == "command" and told.motor:
         drives = [*COMMANDS]
     for name in ("velocity", *drives) if of_points else ("time", "position", "velocity", *drives):
-        if (guess := guesses.get(name)) is not None and not (name == "time" and told.rate):
-            source, of_file = beside.get(name, (log, ""))
+        if (guess := guesses.get(name)) is not None:
+            source, of_file = (beside[name].log, beside[name].line) if name in beside else (log, "")
             where = [source.path] if of_file else files
             wraps = ", wraps: true" if name == "position" and kind == "revolute" and _wraps(where, guess, told) else ""
-            held = f", held: {str(told.held).lower()}" if name == "command" and told.held is not None else ""
-            lines.append(_signal(name, guess, kind, told, source, guessed) + f"{of_file}{wraps}{held}}}")
+            asked = ("held", "fresh") if name == "command" else ()
+            of_drive = "".join(
+                f", {x}: {str(told_x).lower()}" for x in asked if (told_x := getattr(told, x)) is not None
+            )
+            lines.append(_signal(name, guess, kind, told, source, guessed) + f"{of_file}{wraps}{of_drive}}}")
             guessed += ["position: wraps at a full turn, for it jumps by one"] if wraps else []
     motor = [f"{name}: {quoted(value)}" for name, value in told.motor.items()]
     motor += [f"gear: {_mapping(told.gear)}"] if told.gear else []
@@ -211,6 +202,66 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
         of_points=of_points,
         guessed=tuple(guessed),
     )
+
+
+class _Beside(NamedTuple):
+    """A signal of another file: its log, its column, and what its line has of the file."""
+
+    log: "_Log"
+    guess: ColumnGuess
+    line: str
+
+
+def _apart(told: Told) -> tuple[dict[str, Path], Told]:
+    """The other files that signals are told to be of, as `FILE:COLUMN`, and what is told without them.
+
+    Raises InputError where what looks like a file is none.
+    """
+    parts = {name: column.rpartition(":") for name, column in told.columns.items()}
+    apart = {name: Path(file) for name, (file, _, _) in parts.items() if file and Path(file).is_file()}
+    for name, column in told.columns.items():
+        file = Path(parts[name][0] or column)
+        if name not in apart and file.suffix.lower() in _TABLES:
+            why = "is a file, of which a column is to be named" if file.is_file() else "is no file that is there"
+            raise InputError(
+                f"--column {name}={column}: {short(str(file))} {why}; expected FILE:COLUMN, as in {name}={file}:{name}"
+            )
+    return apart, replace(told, columns={**told.columns, **{name: parts[name][2] for name in apart}})
+
+
+def _beside(name: str, path: Path, told: Told, folder: Path) -> _Beside:
+    """A signal of another file, with its time. Raises InputError where that has none."""
+    log = _Log(path)
+    found, _ = _guesses(log, replace(told, columns={name: told.columns[name]}, rate=None))
+    if "time" not in found:
+        raise InputError(
+            f"{path}: no column is named as the time, which a signal of another file needs; write it into the draft of bristle new"
+        )
+    time = found["time"]
+    own_time = f"{{column: {quoted(time.column)}, unit: {quoted(time.unit or 's')}}}"
+    return _Beside(log, found[name], f", file: {quoted(relative(path, folder))}, time: {own_time}")
+
+
+def _told_drive(log: "_Log", guesses: Mapping[str, ColumnGuess], told: Told) -> str:
+    """What drives the joint, empty where nothing does. Raises InputError where what is told contradicts that, or the rate a time."""
+    driven = [name for name in (*DRIVES, *COMMANDS) if name in told.columns] + [f"--{name}" for name in told.motor]
+    if told.coasting and driven:
+        raise InputError(
+            f"{log.path}: got --coasting and {driven[0]}; expected --coasting of a joint that nothing drives"
+        )
+    drive = "" if told.coasting else _drive(log, guesses, told)
+    of_commands = [name for name in ("held", "fresh", "kp", "kd") if getattr(told, name) is not None]
+    if of_commands and drive != "command":
+        got = f"the log has a {drive}" if drive else "nothing drives the joint"
+        raise InputError(
+            f"{log.path}: --{of_commands[0]} is of commands, and {got}; leave it out, or name --column command=NAME"
+        )
+    if told.rate is not None and "time" in guesses:
+        raise InputError(
+            f"{log.path}: got --rate beside column {short(guesses['time'].column)}, which is the time; leave --rate out, or name the right "
+            "column, as in --column time=NAME"
+        )
+    return drive
 
 
 def _known(told: Told) -> str:

@@ -176,8 +176,8 @@ class Experiment(StrictModel):
                 )
             if self.gravity is not None and (drive in ("torque", None) or not alone or not moving):
                 raise InputError(
-                    f"{where}: gravity: expected it of runs whose voltage, current or command has no constants under motor, which it "
-                    "gives; of a torque it is found, and of a joint that coasts it stands under coasting"
+                    f"{where}: gravity: a known gravity scales a voltage, a current or a command without constants under motor; leave it out: "
+                    "of a torque gravity is found, and of a joint that coasts it stands under coasting"
                 )
             k_t = constants and constants.torque_constant
             if (

@@ -222,6 +222,8 @@ class Command(Signal):
 
     held: bool | None = None
     """Whether a drive that is faster than the log holds it from sample to sample; None: taken as not, which is said."""
+    fresh: bool | None = None
+    """Whether the drive compares it with measurements of the moment, and not with ones as old as it is; None: taken as not, which is said."""
 
 
 class Enabled(Signal):

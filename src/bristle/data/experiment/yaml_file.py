@@ -111,7 +111,9 @@ def parse(text: str, name: str) -> dict[str, Any]:
     except (ValueError, TypeError, LookupError, OverflowError, AttributeError) as error:  # as seen from PyYAML
         raise InputError(f"{name}: holds a value that YAML cannot read ({error}); put it in quotes") from error
     if not isinstance(document, dict):
-        raise InputError(f"{name}: got {short(document)}; expected keys such as joint:, signals: and runs:")
+        raise InputError(
+            f"{name}: got {short(document)}; expected keys such as joint:, signals: and runs: (bristle new drafts them from a log)"
+        )
     return document
 
 

@@ -1,42 +1,40 @@
 """What moving data can claim.
 
 The Stribeck term where it is significant; sigma_0 and sigma_1 where presliding is resolved, without which they are
-numbers, and not the bristle's.
+numbers, and not the bristle's. And which parameters take up a Stribeck term that was left out.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from itertools import groupby, pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import fdtrc, stdtrit
 
-from bristle.arrays import Array
-from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
+from bristle.estimation.levels import NO_SIGN, RARE, SIGNIFICANCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
+from bristle.estimation.score_test import moved_by, scores
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
-from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, residuals
 from bristle.identification.fits import Estimate
 from bristle.identification.shared_findings import NOT_IDENTIFIABLE, UNRESOLVED
 from bristle.model.parameters import Direction, ParameterName, of_load, peak_parameters
 
-WIDE = 0.5
-"""A relative standard error beyond which a parameter is called not identifiable from the motion."""
-_SAMPLES = 5
-"""In which a motion has to pass the bristle's deflection."""
-_NOTHING = 1e-8
-"""Share of its column that a half must have, to say anything of a parameter."""
-_INFLATED = 10.0
-"""A variance inflation beyond which two parameters are told apart badly."""
+WIDE = 0.5  # a relative standard error beyond which a parameter is called not identifiable from the motion
+_SAMPLES = 5  # in which a motion has to pass the bristle's deflection
+_NOTHING = 1e-8  # share of its column that a half must have, to say anything of a parameter
+_INFLATED = 10.0  # a variance inflation beyond which two parameters are told apart badly
+_SPEEDS = 8  # values of v_s at which a left-out term is looked for, ...
+_SLOWEST = 1e-2  # ... from this share of the fastest speed on
 BRISTLE = ("sigma_0", "sigma_1")
-_COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}
-"""What means nothing without another parameter, and without which."""
+_COMPANION = {"v_s": "alpha_1", "sigma_1": "sigma_0"}  # what means nothing without another parameter, and without which
 
 
 def loads_alike(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[Finding]:
     """The coefficients of a load that another parameter makes up for: a variance inflation, 1 / (1 - R**2), above 10."""
-    n = sum(m.size for m in problem.motions)
+    n = problem.size
     free = np.flatnonzero(np.isfinite(solution.scaled_errors))
     J = solution.minimum.jacobian[:n, free]
     J = J / np.maximum(np.linalg.norm(J, axis=0), 1e-300)
@@ -67,7 +65,7 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
     order = {name: k for k, name in enumerate(solution.names)}
     doubts: dict[ParameterName, Finding] = {}
     for direction in problem.directions:
-        alpha_1, v_s = ParameterName("alpha_1", direction), ParameterName("v_s", direction)
+        alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
         if alpha_1 not in order or v_s not in order or alpha_1 in problem.with_prior:
             continue
         a, b = order[alpha_1], order[v_s]
@@ -75,25 +73,19 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
         p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
         if not p < SIGNIFICANCE:
-            doubts[alpha_1] = _no_peak(p)
+            message = "Not identifiable from this motion: no sign of a Stribeck peak."
+            doubts[alpha_1] = Finding("unseen-no-peak", NOTE, message)
+            if p < NO_SIGN:
+                message = (
+                    "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
+                    f"{100 * p:.0f} % of cases."
+                )
+                doubts[alpha_1] = Finding("unseen-peak", NOTE, message, {"percent": 100 * p})
     return doubts
 
 
-def _no_peak(p: float) -> Finding:
-    """That noise alone would look as much like a peak, with this probability."""
-    if p < NO_SIGN:
-        message = (
-            "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
-            f"{100 * p:.0f} % of cases."
-        )
-        return Finding("unseen-peak", NOTE, message, {"percent": 100 * p})
-    return Finding("unseen-no-peak", NOTE, "Not identifiable from this motion: no sign of a Stribeck peak.")
-
-
 def bristle_doubts(
-    problem: DynamicProblem,
-    solution: MultistartSolution[Unknown],
-    estimates: Mapping[ParameterName, Estimate],
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], estimates: Mapping[ParameterName, Estimate]
 ) -> dict[ParameterName, Finding]:
     """Why a sigma_0 or sigma_1 is not identifiable, by name; one that has a prior of its own stands.
 
@@ -171,12 +163,17 @@ def without_weak(problem: DynamicProblem, estimates: Mapping[ParameterName, Esti
     out, companion = dict(estimates), Finding("unseen-companion", NOTE, message)
     for name, e in estimates.items():
         first = _COMPANION.get(name.name)
-        alone = first is not None and not weak.isdisjoint(
-            (name._replace(name=first), ParameterName(first, Direction.BOTH))
-        )
+        companions = {ParameterName(first, d) for d in (name.direction, Direction.BOTH)} if first else set()
+        alone = not weak.isdisjoint(companions)
         nothing = any(warning.code in {"unseen-unconverged", "unseen-too-few"} for warning in e.warnings)
         if nothing or (name.name not in asked and (alone or name in weak)):
-            out[name] = _without(e, companion if alone else None)
+            # the reason, and the interval where that is not doubted itself
+            own = e.warnings if name in weak else ()
+            told = companion in own or not {"unseen-bend", "unseen-shape"}.isdisjoint(w.code for w in own)
+            reasons = (*own, companion) if alone and not told else own
+            doubted = not {w.code for w in reasons}.isdisjoint(UNRESOLVED)
+            interval = None if doubted else e.interval
+            out[name] = replace(e, value=None, standard_error=None, interval=interval, warnings=reasons)
     return out
 
 
@@ -184,19 +181,13 @@ def _is_weak(e: Estimate) -> bool:
     return any(warning.code in NOT_IDENTIFIABLE for warning in e.warnings)
 
 
-def _without(e: Estimate, alone: Finding | None) -> Estimate:
-    """What is left of an estimate that the motion does not show: the reason, and its interval where that is not doubted itself."""
-    own = e.warnings if _is_weak(e) else ()
-    told = not {"unseen-bend", "unseen-shape"}.isdisjoint(warning.code for warning in own)
-    reasons = own if alone is None or alone in own or told else (*own, alone)
-    doubted = not {warning.code for warning in reasons}.isdisjoint(UNRESOLVED)
-    return replace(e, value=None, standard_error=None, interval=None if doubted else e.interval, warnings=reasons)
-
-
 def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, int]]:
     """After each reversal the new direction, and in how many samples the joint has moved by `reach` from there, if it does."""
-    for velocity, step in _runs(problem):
-        way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * step)])
+    starts = [k for k, m in enumerate(problem.motions) if not m.continues_previous]
+    for begin, end in pairwise([*starts, len(problem.motions)]):  # a stretch without a gap
+        motions = problem.motions[begin:end]
+        time, velocity = (np.concatenate([getattr(m, name) for m in motions]) for name in ("time", "velocity"))
+        way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * np.diff(time))])
         turns = np.flatnonzero(np.diff(np.sign(velocity))) + 1
         for first, last in pairwise([*turns, velocity.size]):
             far = np.abs(way[first:last] - way[first]) >= reach
@@ -204,29 +195,18 @@ def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, 
                 yield Direction("+" if velocity[first:last].mean() > 0 else "-"), int(np.argmax(far))
 
 
-def _runs(problem: DynamicProblem) -> Iterator[tuple[Array, Array]]:
-    """Velocity, rad/s, (N,), and steps, s, (N - 1,), of each stretch without a gap."""
-    starts = [k for k, m in enumerate(problem.motions) if not m.continues_previous]
-    for first, last in pairwise([*starts, len(problem.motions)]):
-        time, velocity = (
-            np.concatenate([getattr(m, name) for m in problem.motions[first:last]]) for name in ("time", "velocity")
-        )
-        yield velocity, np.diff(time)
-
-
 def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
     """The bristle's parameters on which the first halves of all runs and the second ones differ, each fitted by one step.
 
     Whether runs differ from one another is asked apart (`repeats`).
     """
-    n = sum(m.size for m in problem.motions)
+    n = problem.size
     J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
     largest = np.abs(J).max(axis=0)
     J = J / np.where(largest > 0, largest, 1.0)  # how far apart in standard errors is the same in any unit
     parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
-    looked_at = {
-        name: k for name, k in parameters.items() if name.name in BRISTLE and solution.scaled_errors[k] < np.inf
-    }
+    known = solution.scaled_errors < np.inf
+    looked_at = {name: k for name, k in parameters.items() if name.name in BRISTLE and known[k]}
     freedom = n / solution.widening**2 - 2 * len(parameters)
     if freedom < 1 or not looked_at:
         return {}
@@ -242,14 +222,68 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
         spreads.append(np.where(size < np.inf, variance * np.diag(inverse) / size**2, np.inf))
     limit = float(stdtrit(freedom, 1 - SIGNIFICANCE / (2 * len(looked_at))))
     apart = (steps[0] - steps[1]) / np.sqrt(np.maximum(spreads[0] + spreads[1], 1e-300))
-    off = {name: float(abs(apart[k])) for name, k in looked_at.items()}
-    return {name: _halves(x) for name, x in off.items() if x > limit}
+    doubts = dict[ParameterName, Finding]()
+    for name, k in looked_at.items():
+        if (off := float(abs(apart[k]))) > limit:
+            message = (
+                f"Not identifiable from this motion: the halves of the record differ by {off:.1f} standard errors; slow loading "
+                "from rest (experiment: presliding) would show it."
+            )
+            doubts[name] = Finding("unseen-halves", NOTE, message, {"apart": off})
+    return doubts
 
 
-def _halves(apart: float) -> Finding:
-    """That the halves differ by so many standard errors."""
-    message = (
-        f"Not identifiable from this motion: the halves of the record differ by {apart:.1f} standard errors; slow loading "
-        "from rest (experiment: presliding) would show it."
-    )
-    return Finding("unseen-halves", NOTE, message, {"apart": apart})
+class AskedPeak(NamedTuple):
+    """A Stribeck term that the residuals of a minimum without it ask for, to first order in alpha_1."""
+
+    alpha_1: float
+    """N*m, or the joint's unit of torque."""
+    v_s: float
+    """rad/s, or the joint's unit of velocity."""
+    moved: Mapping[Unknown, float]
+    """By how much each unknown, scaled, would move with it."""
+
+
+def beside_a_peak(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> list[ParameterName]:
+    """alpha_0 and alpha_2 of a direction without a Stribeck term that the residuals ask for, moved by it by more than a standard error."""
+    errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
+    names = list[ParameterName]()
+    for direction in problem.directions:
+        without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
+        asked = asked_peak(problem, solution, direction) if without else None
+        moved = {} if asked is None else asked.moved
+        mine = (ParameterName(name, direction) for name in ("alpha_0", "alpha_2"))
+        names += [name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)]
+    return names
+
+
+def asked_peak(
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction, chance: float = RARE
+) -> AskedPeak | None:
+    """The Stribeck term of a direction that the residuals of a minimum without it ask for; None where they ask for none.
+
+    At the v_s that they like best; a t test of alpha_1 to first order, Bonferroni over the values of v_s, which finds a
+    term where there is none with this chance at most. Of a predicted torque alone.
+    """
+    if problem.quantity != "torque":
+        return None
+    alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
+    seen = [k for k, n in enumerate(solution.names) if solution.scaled_errors[k] < np.inf and n not in (alpha_1, v_s)]
+    known, rest = solution.minimum.jacobian[:, seen], solution.minimum.residuals
+    # the derivative of the residuals by an alpha_1 at zero, at some values of v_s
+    fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
+    values = {name: value for name, value in solution.values.items() if name != v_s} | {alpha_1: 0.0}
+    weight = problem.weight
+    speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * problem.fastest
+    columns = np.zeros((rest.size, _SPEEDS))
+    for k, speed in enumerate(speeds.tolist()):
+        posed = replace(problem, fixed={**fixed, v_s: speed}, priors=())
+        columns[: weight.size, k] = weight * residuals(posed, values)[1][:, posed.names.index(alpha_1)]
+    found = scores(known, rest, list(-columns.T[:, :, None]))
+    best = int(np.argmax([x.sizes[0] / max(x.errors[0], 1e-300) for x in found]))
+    size = float(found[best].sizes[0])
+    if not (size > 0 and _SPEEDS * found[best].p / 2 < chance):
+        return None
+    moved = moved_by(known, -size * columns[:, best])
+    by_name = dict(zip([solution.names[k] for k in seen], moved.tolist(), strict=True))
+    return AskedPeak(size, float(speeds[best]), by_name)

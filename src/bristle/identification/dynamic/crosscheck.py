@@ -22,8 +22,7 @@ from bristle.model.time_refinement import Nodes, with_extra_nodes
 
 STARTS = 1
 _SEED = 0
-_APART = 0.2
-"""How far a start lies from the answer, as a share either way."""
+_APART = 0.2  # how far a start lies from the answer, as a share either way
 _SAME = 1e-4
 """Relative difference in cost within which the two routes agree: theirs treat a change of z's sign inside a step
 differently."""

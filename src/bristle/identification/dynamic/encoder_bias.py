@@ -17,35 +17,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from bristle.arrays import Array
 from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
+from bristle.identification.dynamic.descent import fit
 from bristle.identification.dynamic.estimates import OF_PHYSICS, physics
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import DynamicProblem, modelled, residuals
-from bristle.identification.dynamic.unknowns import fit
 from bristle.identification.fits import TrackingFit
 from bristle.identification.shared_findings import not_shown
 from bristle.model.parameters import ParameterName, of_friction
 
-REPETITIONS = 6
-"""Rest positions inside a count at which the motion is measured again."""
-_STEPS = 8
-"""Steps from the estimate to where counting moves it: what counts hide may take many more."""
-_EXACT = 0.03
-"""Of a standard error, to which that place is found: six of them scatter by more."""
+REPETITIONS = 6  # rest positions inside a count at which the motion is measured again
+_STEPS = 8  # steps from the estimate to where counting moves it: what counts hide may take many more
+_EXACT = 0.03  # of a standard error, to which that place is found: six of them scatter by more
 _SEED = 0
-_LOST = 2.0
-"""Times the residuals at the readings, which those at the smooth motion may have."""
-_UNSURE = 0.5
-"""Of a standard error, by which the bias may change on the way to the truth."""
-_LADDER = 1.25
-"""Between two cut-offs tried."""
-_SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")
-"""What shows near reversals alone."""
+_LOST = 2.0  # times the residuals at the readings, which those at the smooth motion may have
+_UNSURE = 0.5  # of a standard error, by which the bias may change on the way to the truth
+_LADDER = 1.25  # between two cut-offs tried
+_SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")  # what shows near reversals alone
 Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProblem]
 
 
@@ -59,11 +51,8 @@ def without_count_bias(
     estimates. Their mean distance from that without counts, differentiated alike, is the bias: what filters alone do,
     at the ends of runs above all, is not that of counts. What counts hide loses its value.
 
-    Args:
-        solved: the fit.
-        records: its training runs, whose velocity comes from the position.
-        pose: makes the problem from such runs, with some parameters fixed.
-        resolution: one count, rad.
+    `records` are the training runs, whose velocity comes from the position; `pose` makes the problem from such runs, with
+    some parameters fixed; `resolution` is one count, rad.
     """
     if any(r.position is None for r in records):
         return solved.fit
@@ -75,18 +64,24 @@ def without_count_bias(
     ratio = left / max(right, 1e-300)
     if ratio > _LOST:
         return _of_counts(solved, ratio)
-    torque = np.concatenate(modelled(smooth, solved.values))
-    torques = np.split(torque, np.cumsum([r.time.size for r in true])[:-1])
+    whole = np.concatenate(modelled(smooth, solved.values))
+    torques = np.split(whole, np.cumsum([r.time.size for r in true])[:-1])
     # the priors now say what the estimate says, else their pull on it would be called a bias of counts
-    priors = tuple(
-        replace(prior, value=np.array([solved.values[name] for name in prior.names])) for prior in solved.problem.priors
-    )
+    told = ([solved.values[name] for name in prior.names] for prior in solved.problem.priors)
+    priors = tuple(replace(x, value=np.array(own)) for x, own in zip(solved.problem.priors, told, strict=True))
     known = [name for name in solved.problem.names if isinstance(name, ParameterName)]
     minimum = solved.solution.minimum
     enough = _EXACT**2 * minimum.cost / minimum.residuals.size
     ends = []
     for count in (0.0, *[resolution] * REPETITIONS):
-        counted = [_counted(r, T, count, rng.uniform()) for r, T in zip(true, torques, strict=True)]
+        counted = list[
+            Record
+        ]()  # as an encoder of these counts, 0 for one without, resting anywhere in one, has the motion
+        for r, torque in zip(true, torques, strict=True):
+            position, phase = np.asarray(r.position), rng.uniform()
+            position = np.asarray(quantise(position + phase * count, count)).ravel() if count else position
+            bare = replace(r, position=position, velocity=None, acceleration=None)
+            counted.append(replace(estimate_motion(bare, r.cutoff), torque=torque))
         posed = pose(counted, solved.problem.fixed)
         pairs = zip(posed.motions, solved.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
@@ -99,7 +94,7 @@ def without_count_bias(
     uncounted, *ends = ends
     bias = np.mean(ends, axis=0) - np.array(uncounted)
     by_name = {name: both for name, *both in zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)}
-    judged = _doubted(solved, _corrected(solved.fit, by_name), _too_biased(solved.fit, by_name))
+    judged = _doubted(solved, *_corrected(solved.fit, by_name))
     # verdicts that need no data are about the values without the bias
     lost = {name: e for name, e in judged.parameters.items() if e.value is None}
     rest = (w for w in judged.warnings if w.code not in OF_PHYSICS)
@@ -122,9 +117,8 @@ def between_counts(record: Record, resolution: float) -> Record:
         if np.sqrt(np.mean((smoother - position) ** 2)) > resolution / np.sqrt(12):
             break
         smooth, lower = smoother, lower / _LADDER
-    return replace(
-        record, position=smooth, velocity=derivative(record, smooth), acceleration=derivative(record, smooth, 2)
-    )
+    velocity, acceleration = (derivative(record, smooth, order) for order in (1, 2))
+    return replace(record, position=smooth, velocity=velocity, acceleration=acceleration)
 
 
 def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
@@ -144,32 +138,6 @@ def _of_counts(solved: DynamicSolution, ratio: float) -> TrackingFit:
     return replace(left, warnings=(*left.warnings, Finding("count-bias-unknown", CAUTION, message)))
 
 
-def _counted(record: Record, torque: Array, resolution: float, phase: float) -> Record:
-    """The record as an encoder of these counts, 0 for one without, resting at this phase, has it, differentiated."""
-    position = np.asarray(record.position)
-    if resolution:
-        position = np.asarray(quantise(position + phase * resolution, resolution)).ravel()
-    bare = replace(record, position=position, velocity=None, acceleration=None)
-    return replace(estimate_motion(bare, record.cutoff), torque=torque)
-
-
-def _too_biased(fit: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> dict[ParameterName, Finding]:
-    """Friction parameters whose bias changes too much between the estimate and the truth to be taken off."""
-    doubts = {}
-    for name, (bias, _) in moved.items():
-        e = fit.parameters[name]
-        if not of_friction(name.name) or not e.value or not e.standard_error:
-            continue
-        errors, share = abs(bias) / e.standard_error, abs(bias / e.value)
-        if errors > 1 and errors * share > _UNSURE:
-            message = (
-                f"Not identifiable from this motion: encoder counts bias it by {100 * share:.0f} % of its value, "
-                f"{errors:.1f} standard errors, too much to be subtracted; a finer encoder would show it."
-            )
-            doubts[name] = Finding("unseen-biased", NOTE, message, {"share": share, "errors": errors})
-    return doubts
-
-
 def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[ParameterName, Finding]) -> TrackingFit:
     """The fit without the values that counts hide, which stay fixed as they were found."""
     estimates = without_weak(solved.problem, warned(fit.parameters, doubts))
@@ -179,28 +147,39 @@ def _doubted(solved: DynamicSolution, fit: TrackingFit, doubts: Mapping[Paramete
     return replace(fit, parameters=estimates, fixed={**fit.fixed, **lost}, warnings=(*rest, *not_shown(unseen)))
 
 
-def _corrected(biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]) -> TrackingFit:
-    """The fit with the bias of each parameter taken off, and the scatter that comes with it, both in `moved`."""
-    parameters, large = dict(biased.parameters), []
+def _corrected(
+    biased: TrackingFit, moved: Mapping[ParameterName, Sequence[float]]
+) -> tuple[TrackingFit, dict[ParameterName, Finding]]:
+    """The fit with the bias of each parameter taken off, and the scatter that comes with it, both in `moved`.
+
+    And the friction parameters whose bias changes too much between the estimate and the truth to be taken off.
+    """
+    parameters, large, doubts = dict(biased.parameters), [], dict[ParameterName, Finding]()
     for name, e in biased.parameters.items():
-        if e.value is None or e.standard_error is None or e.interval is None or name not in moved:
+        if e.value is None or e.standard_error is None or name not in moved:
             continue
-        bias, scatter = moved[name]
-        if abs(bias) > e.standard_error:
+        (bias, scatter), value, error = moved[name], e.value, e.standard_error
+        if of_friction(name.name) and value and error:
+            errors, share = abs(bias) / error, abs(bias / value)
+            if errors > 1 and errors * share > _UNSURE:
+                message = (
+                    f"Not identifiable from this motion: encoder counts bias it by {100 * share:.0f} % of its value, "
+                    f"{errors:.1f} standard errors, too much to be subtracted; a finer encoder would show it."
+                )
+                doubts[name] = Finding("unseen-biased", NOTE, message, {"share": share, "errors": errors})
+        if e.interval is None:
+            continue
+        if abs(bias) > error:
             large.append(name)
-        new = e.value - bias if (e.value - bias) * e.value > 0 else e.value
-        wider = float(np.hypot(e.standard_error, scatter)) / e.standard_error if e.standard_error else 1.0
-        low, high = e.interval
-        ends = max(new - (e.value - low) * wider, 0.0 if low >= 0 else -np.inf), new + (high - e.value) * wider
-        parameters[name] = replace(e, value=new, standard_error=e.standard_error * wider, interval=ends)
+        new = value - bias if (value - bias) * value > 0 else value
+        wider, (low, high) = float(np.hypot(error, scatter)) / error if error else 1.0, e.interval
+        ends = max(new - (value - low) * wider, 0.0 if low >= 0 else -np.inf), new + (high - value) * wider
+        parameters[name] = replace(e, value=new, standard_error=error * wider, interval=ends)
     message = (
         f"Encoder counts bias {', '.join(map(str, large))} by more than a standard error. The bias was subtracted, but a "
         "finer encoder is better, or fit.predict: position, which simulates the motor and differentiates nothing."
     )
     warning = (Finding("count-bias", CAUTION, message, {"names": tuple(large)}),) if large else ()
-    return replace(
-        biased,
-        parameters=parameters,
-        count_bias={n: bias for n, (bias, _) in moved.items()},
-        warnings=(*biased.warnings, *warning),
-    )
+    bias_of = {name: bias for name, (bias, _) in moved.items()}
+    warnings = (*biased.warnings, *warning)
+    return replace(biased, parameters=parameters, count_bias=bias_of, warnings=warnings), doubts

@@ -12,21 +12,25 @@ from bristle.estimation.covariance import student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import MATTERS, moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction
-from bristle.identification.dynamic.claims import WIDE, bristle_doubts, peak_doubts, warned, without_weak
-from bristle.identification.dynamic.left_out_peak import beside_a_peak
-from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, parameters
-from bristle.identification.dynamic.unknowns import FEWEST, LOGARITHMIC, equations_left
+from bristle.identification.dynamic.claims import (
+    WIDE,
+    beside_a_peak,
+    bristle_doubts,
+    peak_doubts,
+    warned,
+    without_weak,
+)
+from bristle.identification.dynamic.descent import FEWEST, LOGARITHMIC, equations_left
+from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, sets_of
 from bristle.identification.dynamic.what_is_left import Left, known_and_left
 from bristle.identification.fits import Estimate
 from bristle.identification.shared_findings import at_bound, curve_held, not_passive, takes_up_peak
 from bristle.model.law import is_passive
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import INERTIA, Kind, Lugre, ParameterName, bends_down, least_of, of_friction, unit
+from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, least_of, of_friction, unit
 
-_NOTHING = 100.0
-"""Percent: what no model at all would leave."""
-_UNSEEN = 1e-2
-"""A direction whose singular value is this share of the largest is not seen."""
+_NOTHING = 100.0  # percent: what no model at all would leave
+_UNSEEN = 1e-2  # a direction whose singular value is this share of the largest is not seen
 
 
 def estimates_of(
@@ -91,12 +95,9 @@ def estimates_of(
 
 def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
-    scale = solution.posed.unknowns.scale
-    out = {}
+    out, columns = {}, np.array([solution.minimum.x, solution.scaled_errors, solution.posed.unknowns.scale])
     reaches = [student(x) for x in solution.freedoms.tolist()]
-    for name, x, error, size, reach in zip(
-        solution.names, solution.minimum.x, solution.scaled_errors.tolist(), scale.tolist(), reaches, strict=True
-    ):
+    for name, (x, error, size), reach in zip(solution.names, columns.T.tolist(), reaches, strict=True):
         if not isinstance(name, ParameterName):
             continue
         bare, value = name.name, solution.values[name]
@@ -104,8 +105,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
         if bare in LOGARITHMIC:
             with np.errstate(over="ignore"):
                 low, high = (float(np.exp(x + s * reach * error)) for s in (-1, 1))
-            se = value * error
-            relative = error
+            se, relative = value * error, error
         else:
             se = size * error
             low, high = value - reach * se, value + reach * se
@@ -179,9 +179,8 @@ def search_findings(
 
 def seen_parameters(solution: MultistartSolution[Unknown]) -> list[int]:
     """Columns of the parameters, starts of the motions apart, of which anything is seen."""
-    return [
-        k for k, n in enumerate(solution.names) if isinstance(n, ParameterName) and solution.scaled_errors[k] < np.inf
-    ]
+    seen = np.flatnonzero(solution.scaled_errors < np.inf).tolist()
+    return [k for k in seen if isinstance(solution.names[k], ParameterName)]
 
 
 def hardly_seen_findings(
@@ -195,9 +194,8 @@ def hardly_seen_findings(
     warnings = []
     for value, direction in zip(values, directions, strict=True):
         if value < _UNSEEN * values[0]:
-            members = [
-                (solution.names[keep[k]], w) for k, w in enumerate(direction) if abs(w) > 0.3 * np.abs(direction).max()
-            ]
+            large = np.flatnonzero(np.abs(direction) > 0.3 * np.abs(direction).max())
+            members = [(solution.names[keep[k]], direction[k]) for k in large]
             if any(name in unseen or not of_friction(name.name) for name, _ in members):
                 warnings.append(hardly_seen(members))
     for k, name in enumerate(solution.names):
@@ -208,10 +206,7 @@ def hardly_seen_findings(
 
 
 def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
-    """What data say of a direction of parameters that they hardly see.
-
-    Its members are names with their shares of it.
-    """
+    """What data say of a direction that they hardly see; its members are names with their shares of it."""
     if len(members) == 1:
         name = members[0][0]
         return Finding("hardly-seen", CAUTION, f"{name} is hardly identifiable from these data.", {"name": name})
@@ -229,25 +224,17 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
     return Finding("only-as-sum", CAUTION, message, {"all": (*up, *down), "up": up, "down": down})
 
 
-OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})
-"""Verdicts of `physics`."""
+OF_PHYSICS = frozenset({"not-passive", "curve-held", "odd-damping"})  # verdicts of `physics`
 
 
 def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
-    """Verdicts that need no data: passivity, and damping in presliding.
-
-    None that rests on what the motion does not show.
-    """
-    warnings = []
-    p = parameters(problem, values)
-    sets = dict(zip(problem.directions, [p] if isinstance(p, Lugre) else p, strict=True))
-    J = values.get(INERTIA, problem.fixed.get(INERTIA))
-    for d, lugre in sets.items():
+    """Passivity and damping in presliding, which need no data; none of what the motion does not show."""
+    warnings, J = [], values.get(INERTIA, problem.fixed.get(INERTIA))
+    for d, lugre in sets_of(problem, values).items():
         if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
             warnings.append(not_passive(lugre, d))
         if bends_down(lugre):
-            fastest = getattr(lugre, FASTEST)
-            warnings.append(curve_held(fastest))
+            warnings.append(curve_held(getattr(lugre, FASTEST)))
         if J and J > 0 and not {ParameterName(n, d) for n in ("sigma_0", "sigma_1")} & unseen.keys():
             ratio = (lugre.sigma_1 + lugre.alpha_2) / (2 * sqrt(J * lugre.sigma_0))
             if not 0.02 < ratio < 5:

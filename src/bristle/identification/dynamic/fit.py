@@ -17,6 +17,14 @@ from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.multistart import MultistartSolution
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.claims import WIDE, loads_alike, peak_doubts
+from bristle.identification.dynamic.descent import (
+    FEWEST,
+    equations_left,
+    fit,
+    solve_dynamic,
+    with_deflections,
+    without_deflections,
+)
 from bristle.identification.dynamic.estimates import (
     estimates_of,
     hardly_seen_findings,
@@ -26,8 +34,6 @@ from bristle.identification.dynamic.estimates import (
     wide,
 )
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, friction_and_load, residuals
-from bristle.identification.dynamic.starts import solve_dynamic
-from bristle.identification.dynamic.unknowns import FEWEST, equations_left, fit, with_deflections, without_deflections
 from bristle.identification.dynamic.what_is_left import what_is_left
 from bristle.identification.fits import HoldOut, TrackingFit
 from bristle.identification.offset import offset_or_friction
@@ -35,21 +41,14 @@ from bristle.identification.shared_findings import not_shown
 from bristle.model.parameters import Kind, ParameterName
 from bristle.progress import Progress
 
-_EDGE = 0.01
-"""In log(v_s): this near to the end of its range is at it."""
-_TRIES = 30
-"""Steps that the start of a held-out window is given."""
-_BENT = 4.0
-"""Times as large, beyond which the squares that are left without a term show one that bends the whole curve."""
-_UNEVEN = 1.5
-"""Runs whose residuals differ by less than this factor count alike."""
+_EDGE = 0.01  # in log(v_s): this near to the end of its range is at it
+_TRIES = 30  # steps that the start of a held-out window is given
+_BENT = 4.0  # times as large, beyond which the squares that are left without a term show one that bends the whole curve
+_UNEVEN = 1.5  # runs whose residuals differ by less than this factor count alike
 
 
 class DynamicSolution(NamedTuple):
-    """A fit with the problem that it solved in the end, every free value, and the minimum.
-
-    What the motion does not show is fixed in that problem.
-    """
+    """A fit, the problem as it was solved, with what is not shown fixed, every free value, and the minimum."""
 
     fit: TrackingFit
     problem: DynamicProblem
@@ -142,22 +141,26 @@ def fit_tracking(
 
 
 def _settled(
-    problem: DynamicProblem,
-    start: Values,
-    others: Sequence[Values],
-    progress: Progress | None,
-    *,
-    search: bool,
+    problem: DynamicProblem, start: Values, others: Sequence[Values], progress: Progress | None, *, search: bool
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
     """The problem as it is solved in the end, its solution, why Stribeck terms that are none are not in it, and which are shown to be there.
 
     It has the weights that its runs ask for, and not those terms. Of what is shown the code of what spoke against it.
     """
-    if sum(m.size for m in problem.motions) < FEWEST * len(problem.names):  # of which nothing is estimated
+    if problem.size < FEWEST * len(problem.names):  # of which nothing is estimated
         search, others = False, ()
     solution = solve_dynamic(problem, start, others, progress, search=search)
-    problem, changed = _weighted(problem, solution)
-    if changed:
+    # weights that even out runs whose residuals scatter differently, by more than half
+    rows, (_, run) = (
+        equations_left(problem, solution),
+        np.unique([m.file for m in problem.motions], return_inverse=True),
+    )
+    by_run = np.repeat(run, [m.size for m in problem.motions])
+    scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
+    if scatter.max() > _UNEVEN * scatter.min():
+        weights = (float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())).tolist()
+        motions = tuple(replace(m, weight=weights[k]) for m, k in zip(problem.motions, run, strict=True))
+        problem = replace(problem, motions=motions)
         solution = solve_dynamic(problem, without_deflections(solution.values), progress=progress, search=search)
     dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
     while more := _not_shown(problem, solution, shown):
@@ -186,19 +189,6 @@ def _settled(
         problem, solution = without, rest
         dropped |= {name: why for name, (_, why) in more.items()}
     return problem, solution, dropped, shown
-
-
-def _weighted(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[DynamicProblem, bool]:
-    """Weights that even out runs whose residuals scatter differently, by more than half; and whether there are any."""
-    rows = equations_left(problem, solution)
-    _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
-    by_run = np.repeat(run, [m.size for m in problem.motions])
-    scatter = np.sqrt(np.bincount(by_run, rows**2) / np.bincount(by_run))
-    if scatter.max() <= _UNEVEN * scatter.min():
-        return problem, False
-    weights = float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())
-    motions = tuple(replace(m, weight=float(weights[k])) for m, k in zip(problem.motions, run, strict=True))
-    return replace(problem, motions=motions), True
 
 
 def _not_shown(

@@ -17,29 +17,24 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.information import power_of
 from bristle.estimation.nonlinear import Unknowns
+from bristle.identification.dynamic.descent import solved, with_deflections
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, dynamic_problem, modelled
-from bristle.identification.dynamic.unknowns import solved, with_deflections
 from bristle.identification.fits import TrackingFit
 from bristle.identification.load_levels import LINEAR
-from bristle.identification.model_criteria import power_of
 from bristle.identification.moving_runs import LEVELS, directions, inertia, regressors
 from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, ParameterName, in_direction
 
-_STEPS = 40
-"""Of each fit, at the most."""
-_WORTH = 0.05
-"""Steps end when the next one would lower n' log(RSS) by less, n' the independent equations: laws differ by more than that."""
-_ROUGH = 4.0
-"""Nodes between samples stand so many times farther apart than usual."""
+_STEPS = 40  # of each fit, at the most
+_WORTH = 0.05  # of n' log(RSS), n' independent equations: a step that would lower it by less ends a fit
+_ROUGH = 4.0  # nodes between samples stand so many times farther apart than usual
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
 """Where a term begins that the law in force does not show: shares of alpha_0, of the fastest speed, and of the load."""
-_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)
-"""Of a step to the minimum of some equations, in turn: what is added to the squared length of each column, which is one."""
-_LEAST = 0.05
-"""Of a change of the torque: that much of it is never made by the torque itself."""
+_DAMPING = (1e-8, 1e-4, 1e-3, 1e-2, 1e-1, 1.0)  # added in turn to the squared length of each column, one
+_LEAST = 0.05  # of a change of the torque: that much of it is never made by the torque itself
 
 
 class MovingLaw(NamedTuple):
@@ -93,7 +88,7 @@ def fitted_to_motion(
     known = {**whole.fixed, **middle, **{name: x for name, x in held.items() if name in whole.friction_names}}
     motions = tuple(replace(m, coarsening=_ROUGH) for m in whole.motions)
     problem = replace(whole, fixed=known, motions=motions)
-    if sum(m.size for m in problem.motions) <= len(problem.names) + 1:
+    if problem.size <= len(problem.names) + 1:
         return None
     start = {n: x for n, x in _start(problem, alone).items() if n not in problem.fixed}
     try:
@@ -108,12 +103,11 @@ def fitted_to_motion(
 def _start(problem: DynamicProblem, alone: TrackingFit) -> dict[ParameterName, float]:
     """The values of the other law; a small peak where it has none, no other term, an inertia above zero."""
     known = alone.known
-    fastest = max(float(np.abs(m.velocity).max()) for m in problem.motions)
     start = {name: in_direction(known, *name) or 0.0 for name in (*problem.friction_names, *problem.extra_names)}
     for name in problem.friction_names:
         if name.name == "alpha_1" and not start[name]:
             start[name] = _START["alpha_1"] * known[name._replace(name="alpha_0")]
-            start[name._replace(name="v_s")] = _START["v_s"] * fastest
+            start[name._replace(name="v_s")] = _START["v_s"] * problem.fastest
     for name in problem.extra_names:
         if name.name in LINEAR and not start[name]:
             start[name] = _START["load"]
@@ -154,9 +148,3 @@ def left_out_costs(one: MovingLaw, parts: Sequence[NDArray[np.bool_]]) -> list[f
                 break
         costs.append(power_of(left[part] / share[part]))
     return costs
-
-
-def masks_of_runs(problem: DynamicProblem) -> list[NDArray[np.bool_]]:
-    """The equations of each run, (n,) each; none where there is but one."""
-    names = dict.fromkeys(problem.file.tolist())
-    return [problem.file == name for name in names] if len(names) > 1 else []

@@ -33,16 +33,11 @@ from bristle.workers import threads
 
 _NO_MOTOR = Motor(1.0, 1.0, 0.0, 1.0)
 _LOADS = tuple(ParameterName(name, Direction.SHARED) for name in LOADS)
-HORIZON = 0.5
-"""Length of the windows that are simulated, s; half of a segment where that is less."""
-_EQUATIONS = 4
-"""In a window, at the least: its position, velocity and deflection at the start are unknown."""
-_SHORTEST = 16
-"""Samples in a window."""
-_RING = 1.0
-"""A step of the plant is at most this share of a radian of the bristle's ringing, sqrt(sigma_0 / J)."""
-_MOST = 4
-"""Steps of the plant between two samples, at most."""
+HORIZON = 0.5  # length of the windows that are simulated, s; half of a segment where that is less
+_EQUATIONS = 4  # in a window, at the least: its position, velocity and deflection at the start are unknown
+_SHORTEST = 16  # samples in a window
+_RING = 1.0  # a step of the plant is at most this share of a radian of the bristle's ringing, sqrt(sigma_0 / J)
+_MOST = 4  # steps of the plant between two samples, at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +64,11 @@ class Simulated:
         """Of each window measured less simulated position, rad, (N,), and the derivatives of the latter by each unknown, (N,)."""
         windows = [m for m in problem.motions if isinstance(m, Window)]
         directions, fields, states = problem.directions, fields_of(self.law), problem.initial_states
-        every, pair = _every(windows, known), len(directions) == 2
+        # steps of the plant between two samples, seldom another number from step to step of the fit
+        J, stiffest = known[INERTIA], max(value for name, value in known.items() if name.name == "sigma_0")
+        longest = max(float(window.step.max()) for window in windows)
+        wanted = longest * np.sqrt(stiffest / J) / _RING if J > 0 else _MOST
+        every, pair = 2 ** int(np.ceil(np.log2(np.clip(wanted, 1.0, _MOST)))), len(directions) == 2
         middle = (np.arange(every) + 0.5) / every  # of the steps of the plant between two samples
         friction = [known[ParameterName(name, d)] for d in (directions if pair else directions * 2) for name in fields]
         p = np.array([*friction, *(known.get(name, 0.0) for name in _LOADS), self.motor.k_t, self.motor.R])
@@ -160,13 +159,12 @@ def with_more_torque(problem: DynamicProblem, constant: str, share: float) -> Dy
     """The simulated motor with its drive changed as by this share of a constant's standard error."""
     plant = problem.equations
     per = plant.motor.R / plant.motor.k_t if isinstance(plant, Simulated) else 1.0  # volts, or the torque itself
-    windows = (m for m in problem.motions if isinstance(m, Window))
-    return replace(
-        problem,
-        motions=tuple(
-            replace(w, drive=w.drive + share * per * w.shifts[constant]) if constant in w.shifts else w for w in windows
-        ),
-    )
+    moved = [
+        replace(w, drive=w.drive + share * per * w.shifts[constant]) if constant in w.shifts else w
+        for w in problem.motions
+        if isinstance(w, Window)
+    ]
+    return replace(problem, motions=tuple(moved))
 
 
 def _means(samples: int, decimation: int) -> sparse.csr_array | None:
@@ -176,16 +174,6 @@ def _means(samples: int, decimation: int) -> sparse.csr_array | None:
     block = np.minimum(np.arange(samples) // decimation, max(samples // decimation - 1, 0))
     weight = 1 / np.bincount(block)[block]
     return sparse.csr_array((weight, (block, np.arange(samples))))
-
-
-def _every(windows: Sequence[Window], known: Values) -> int:
-    """Steps of the plant between two samples."""
-    J = known[INERTIA]
-    stiffest = max(value for name, value in known.items() if name.name == "sigma_0")
-    longest = max(float(window.step.max()) for window in windows)
-    wanted = longest * np.sqrt(stiffest / J) / _RING if J > 0 else _MOST
-    every: int = 2 ** int(np.ceil(np.log2(np.clip(wanted, 1.0, _MOST))))
-    return every  # seldom another one from step to step of the fit
 
 
 def _free(of: Law) -> int:

@@ -18,14 +18,24 @@ from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.crosscheck import check_tracking
+from bristle.identification.dynamic.descent import (
+    LOGARITHMIC,
+    carried,
+    logarithms,
+    solve_dynamic,
+    with_deflections,
+    without_deflections,
+)
 from bristle.identification.dynamic.encoder_bias import between_counts, without_count_bias
 from bristle.identification.dynamic.fit import DynamicSolution, fit_tracking
 from bristle.identification.dynamic.output_error import simulation
 from bristle.identification.dynamic.problem import DynamicProblem, Prior, Unknown, Values, dynamic_problem, with_priors
-from bristle.identification.dynamic.starts import carried, solve_dynamic
-from bristle.identification.dynamic.systematic import shifts_of
-from bristle.identification.dynamic.uncertainty import parts_of_runs, profile_until_stable, with_three_ways
-from bristle.identification.dynamic.unknowns import LOGARITHMIC, logarithms, with_deflections, without_deflections
+from bristle.identification.dynamic.uncertainty import (
+    parts_of_runs,
+    profile_until_stable,
+    shifts_of,
+    with_three_ways,
+)
 from bristle.identification.fits import Estimate, Presliding, StaticFit, TrackingFit
 from bristle.identification.moving_runs import directions, inertia, regressors
 from bristle.identification.repeats import clustered, widened, with_priors_beside
@@ -33,33 +43,20 @@ from bristle.identification.results import Consistency
 from bristle.identification.systematic import with_systematic
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import (
-    INERTIA,
-    Direction,
-    ParameterName,
-    of_friction,
-    peak_parameters,
-    without_peak,
-)
+from bristle.model.parameters import INERTIA, Direction, ParameterName, of_friction, peak_parameters, without_peak
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-_SURER = 1.5
-"""Times: one stage knows a parameter better than another if its error is smaller by this."""
-_WORSE = 1.5
-"""Times the relative error of the moving runs alone, beyond which the joint fit is doubted."""
-_BENDS = 0.01
-"""A start for the bristle's deflection where no stage gives one, as a share of the travel."""
+_SURER = 1.5  # times: one stage knows a parameter better than another if its error is smaller by this
+_WORSE = 1.5  # times the relative error of the moving runs alone, beyond which the joint fit is doubted
+_BENDS = 0.01  # a start for the bristle's deflection where no stage gives one, as a share of the travel
 
 
 Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
 
 
 class DynamicStages(NamedTuple):
-    """What moving runs tell, and how it stands beside the other stages.
-
-    None, or empty, where there is no such thing.
-    """
+    """What moving runs tell, alone and beside the other stages; None, or empty, where there is no such thing."""
 
     alone: TrackingFit | None = None
     """All parameters from the moving runs alone."""
@@ -101,7 +98,7 @@ def fit_with_priors(
     """
     moving, options = directions(experiment, records), experiment.fit
     kind, by_torque = experiment.joint.kind, options.predict == "torque"
-    pose = partial(_equation_error_problem if by_torque else _output_error_problem, experiment, moving)
+    pose = partial(_problem, experiment, moving, predict=options.predict)
     count = _count(experiment, records) if by_torque else 0.0
 
     def fitted(
@@ -131,7 +128,9 @@ def fit_with_priors(
         start = _from(problem, near, start)
     solved, profiles = fitted(problem, *known, search=by_torque and near is None)
     if crosscheck and by_torque:
-        solved = _crosschecked(solved)
+        check = check_tracking(solved)
+        said = () if check.agrees else (check.verdict,)
+        solved = solved._replace(fit=replace(solved.fit, crosscheck=check, warnings=(*solved.fit.warnings, *said)))
     fit, freedom = solved.fit, dict(zip(solved.solution.names, solved.solution.freedoms.tolist(), strict=True))
     scatter = clustered(*parts_of_runs(solved), fit.parameters, freedom, logarithms(fit.names))
     by_runs = finished(solved, profiles)
@@ -165,8 +164,13 @@ def posed_and_start(
     slow: Presliding | None,
 ) -> tuple[DynamicProblem, Mapping[ParameterName, float]]:
     """The problem of the training runs, and where its fit begins."""
-    whole = _equation_error_problem(experiment, moving, records, {})
-    fixed = {**whole.fixed, **_shape(whole, static), **_fixed(experiment, whole)}
+    whole = _problem(experiment, moving, records, {})
+    # what the peak has beside v_s as the static fit found it, which motion hardly shows; else the middle of what is searched
+    shape = dict[ParameterName, float]()
+    for d, own in product(whole.directions, whole.law.peak.own):
+        fit = _static_of(static, d)
+        shape[ParameterName(own.name, d)] = _value(fit.parameters.get(own.name) if fit else None, own.middle)
+    fixed = {**whole.fixed, **shape, **_fixed(experiment, whole)}
     start = {name: value for name, value in _start(whole, static, slow).items() if name not in fixed}
     whole = replace(whole, fixed=fixed)
     if experiment.fit.predict == "torque":
@@ -174,11 +178,11 @@ def posed_and_start(
     # a position takes long to simulate: begin where the velocity between the counts leads, with a peak where it shows none
     count = _count(experiment, records)
     smooth = [between_counts(r, count) for r in records] if count else records
-    near = replace(_equation_error_problem(experiment, moving, smooth, fixed), fixed=fixed)
+    near = replace(_problem(experiment, moving, smooth, fixed), fixed=fixed)
     found = without_deflections(solve_dynamic(near, start).values)
     none = [d for d in whole.directions if found.get(ParameterName("alpha_1", d)) == 0]
     peak = {ParameterName(name, d) for d in none for name in peak_parameters(whole.law)} & found.keys()
-    return _output_error_problem(experiment, moving, records, fixed), found | {name: start[name] for name in peak}
+    return _problem(experiment, moving, records, fixed, "position"), found | {name: start[name] for name in peak}
 
 
 def _from(
@@ -192,43 +196,26 @@ def _from(
     return {**start, **told}
 
 
-def _crosschecked(solved: DynamicSolution) -> DynamicSolution:
-    """The fit with what CasADi and IPOPT find, and a warning where they find something else."""
-    check = check_tracking(solved)
-    warnings = () if check.agrees else (check.verdict,)
-    return solved._replace(fit=replace(solved.fit, crosscheck=check, warnings=(*solved.fit.warnings, *warnings)))
-
-
-def _output_error_problem(
-    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[ParameterName, float]
+def _problem(
+    experiment: Experiment,
+    moving: tuple[str, ...],
+    records: Sequence[Record],
+    fixed: Mapping[ParameterName, float],
+    predict: str = "torque",
 ) -> DynamicProblem:
-    """`_equation_error_problem` where the motor is simulated, whose inertia is a parameter, fixed or not."""
-    known, _ = inertia(experiment)
-    options, asked = experiment.fit, regressors(experiment)
+    """The problem that some records pose, with the experiment's options, in the directions `moving`.
+
+    Where it predicts the position the motor is simulated, whose inertia is a parameter, fixed or not.
+    """
+    (known, _), options, asked = inertia(experiment), experiment.fit, regressors(experiment)
+    count, law = _count(experiment, records), options.friction
+    if predict == "torque":
+        posed = dynamic_problem(records, moving, asked, options.every, known, fixed, law)
+        return replace(posed, count=count, cutoff=max(r.cutoff for r in records), stribeck=options.model)
     if known is not None:
         asked, fixed = (*asked, "inertia"), {**fixed, INERTIA: known}
-    posed = dynamic_problem(records, moving, asked, 1, None, fixed, options.friction)
-    posed = replace(posed, count=_count(experiment, records), stribeck=options.model)
+    posed = replace(dynamic_problem(records, moving, asked, 1, None, fixed, law), count=count, stribeck=options.model)
     return simulation(records, posed, experiment.motor, options.every)
-
-
-def _equation_error_problem(
-    experiment: Experiment, moving: tuple[str, ...], records: Sequence[Record], fixed: Mapping[ParameterName, float]
-) -> DynamicProblem:
-    """The problem that some records pose, with the experiment's options, in the directions `moving`."""
-    known, _ = inertia(experiment)
-    options = experiment.fit
-    posed = dynamic_problem(
-        records,
-        moving,
-        regressors(experiment),
-        options.every,
-        known,
-        fixed,
-        options.friction,
-    )
-    count = _count(experiment, records)
-    return replace(posed, count=count, cutoff=max(r.cutoff for r in records), stribeck=options.model)
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:
@@ -245,8 +232,7 @@ def _start(
 ) -> dict[ParameterName, float]:
     """A first guess of every parameter, from the stages where they have one."""
     torque = float(np.median([np.abs(m.torque).mean() for m in problem.motions]))
-    speed = max(float(np.abs(m.velocity).max()) for m in problem.motions)
-    travel = max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in problem.motions)
+    speed, travel = problem.fastest, problem.travel
     shared = {n: e for fit in static.values() for n, e in fit.parameters.items()}
     extra = {name: _value(shared.get(name.name), 0.0) for name in problem.extra_names}
     out: dict[ParameterName, float] = {}
@@ -298,16 +284,6 @@ def _value(e: Estimate | None, otherwise: float) -> float:
     return otherwise if e is None or not e.value else e.value
 
 
-def _shape(problem: DynamicProblem, static: Mapping[str, StaticFit]) -> dict[ParameterName, float]:
-    """What the peak has beside v_s: as the static fit found it, which motion hardly shows; else the middle of what is searched."""
-    shape = dict[ParameterName, float]()
-    for d, own in product(problem.directions, problem.law.peak.own):
-        fit = _static_of(static, d)
-        known = fit.parameters.get(own.name) if fit is not None else None
-        shape[ParameterName(own.name, d)] = _value(known, own.middle)
-    return shape
-
-
 def _fixed(experiment: Experiment, problem: DynamicProblem) -> dict[ParameterName, float]:
     """What the experiment file fixes, by the problem's names: a bare name stands for both directions."""
     known = (*problem.friction_names, *problem.extra_names)
@@ -336,16 +312,15 @@ def _priors(
             rows = [k for k, name in enumerate(fit.names) if of_friction(name)]
             covariance = fit.covariance[np.ix_(rows, rows)] * _scatter(fit.degrees_of_freedom)
             if rows and np.isfinite(covariance).all() and np.linalg.eigvalsh(covariance).min() > 0:
-                value = np.array([fit.parameters[fit.names[k]].value for k in rows], dtype=float)
-                root = np.linalg.inv(np.linalg.cholesky(covariance))
                 estimates = [fit.parameters[fit.names[k]] for k in rows]
+                means = np.array([e.value for e in estimates], dtype=float)
+                root = np.linalg.inv(np.linalg.cholesky(covariance))
                 shifts = {c: np.array([e.shifts.get(c, 0.0) for e in estimates]) for c in estimates[0].shifts}
-                priors.append(Prior("static", tuple(ParameterName(fit.names[k], d) for k in rows), value, root, shifts))
+                priors.append(Prior("static", tuple(ParameterName(fit.names[k], d) for k in rows), means, root, shifts))
         bristle = _stiffness(slow, d)
         if bristle is not None:
-            sigma_0 = _single(
-                "presliding", ParameterName("sigma_0", d), bristle.value or 0.0, bristle.standard_error or 1.0
-            )
+            value, error = bristle.value or 0.0, bristle.standard_error or 1.0
+            sigma_0 = _single("presliding", ParameterName("sigma_0", d), value, error)
             priors.append(replace(sigma_0, shifts={c: np.array([by]) for c, by in bristle.shifts.items()}))
     _, known = inertia(experiment)
     if known is not None and INERTIA in problem.extra_names:
@@ -366,7 +341,9 @@ def _single(stage: str, name: ParameterName, value: float, error: float) -> Prio
 def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit) -> tuple[Consistency, ...]:
     """Each parameter of each stage beside the moving data alone and the joint fit."""
     rows = []
-    limit = _limit(sum(alone.parameters[name].value is not None for prior in priors for name in prior.names))
+    # combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)
+    count = sum(alone.parameters[name].value is not None for prior in priors for name in prior.names)
+    limit = float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
     for prior in priors:
         errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
         for k, (name, value, error) in enumerate(zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True)):
@@ -416,11 +393,6 @@ def _disagreements(agree: Sequence[Consistency], alone: TrackingFit, joint: Trac
         )
         warnings.append(Finding("stages-do-not-fit", CRITICAL, message, {"joint": of_joint, "alone": of_alone}))
     return warnings
-
-
-def _limit(count: int) -> float:
-    """Combined standard errors by which none of so many parameters differs by chance (normal, Bonferroni)."""
-    return float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
 
 
 def _verdict(stage: str, differ: bool, stage_share: float, own_share: float) -> Finding:

@@ -150,6 +150,21 @@ class DynamicProblem:
         return (*(n for n in every if n not in self.fixed), *starts)
 
     @property
+    def size(self) -> int:
+        """Equations, n."""
+        return sum(m.size for m in self.motions)
+
+    @property
+    def fastest(self) -> float:
+        """The largest speed, rad/s."""
+        return max(float(np.abs(m.velocity).max()) for m in self.motions)
+
+    @property
+    def travel(self) -> float:
+        """The longest way between two positions of a motion, rad."""
+        return max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in self.motions)
+
+    @property
     def with_prior(self) -> frozenset[ParameterName]:
         """The parameters of which another stage says something."""
         return frozenset(name for prior in self.priors for name in prior.names)
@@ -189,9 +204,8 @@ class DynamicProblem:
     def extent(self) -> float:
         """What residuals are relative to: the norm of the measured torque, or of the way from each motion's mean position."""
         rows = [m.smoothed(m.measured) for m in self.motions]
-        return float(
-            np.linalg.norm(np.concatenate(rows if self.quantity == "torque" else [r - r.mean() for r in rows]))
-        )
+        rows = rows if self.quantity == "torque" else [r - r.mean() for r in rows]
+        return float(np.linalg.norm(np.concatenate(rows)))
 
     def percent(self, rows: Array) -> float:
         """100 * norm(rows) / extent, percent; nan where its squares are too small to be numbers."""
@@ -288,12 +302,17 @@ def dynamic_problem(
     )
 
 
-def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[float]:
-    """The LuGre set, or pair of sets, among some values by name."""
+def sets_of(problem: DynamicProblem, values: Values) -> dict[Direction, Lugre[float]]:
+    """The LuGre set of each direction among some values by name."""
     known: Values = {**problem.fixed, **values}
     one = lugre_of(problem.law)
-    sets = [one(*(known[ParameterName(name, d)] for name in one._fields)) for d in problem.directions]
-    return sets[0] if len(sets) == 1 else Pair(*sets)
+    return {d: one(*(known[ParameterName(name, d)] for name in one._fields)) for d in problem.directions}
+
+
+def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[float]:
+    """The LuGre set, or pair of sets, among some values by name."""
+    sets = sets_of(problem, values).values()
+    return next(iter(sets)) if len(sets) == 1 else Pair(*sets)
 
 
 def residuals(problem: DynamicProblem, values: Values, chain: Array | None = None) -> tuple[Array, Array]:
@@ -333,10 +352,8 @@ def equation_error(
     keys = [ParameterName(name, d) for d, name in product(problem.directions, fields_of(problem.law))]
     for parts, raised, given in _together(problem, known):
         size, (first, *others) = given["velocity"].size, parts
-        every: tuple[Unknown, ...] = (
-            *keys,
-            InitialState("z0", first),
-        )  # a motion by itself has memory; a shared parameter has it once
+        every: tuple[Unknown, ...] = (*keys, InitialState("z0", first))
+        # a motion by itself has memory; a shared parameter has it once
         own: dict[Unknown, Array] = {} if others else memory[first]
         own_memory = (own.pop(key, None) for key in every)
         rows = [np.empty(size) if row is None else row for row in own_memory]
@@ -383,9 +400,8 @@ def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[Parameter
     load = motion.load
     if load is None:
         return None, ()
-    levels, weights = (
-        [ParameterName(name, Direction.SHARED) for name in names] for names in (load.levels, load.weights)
-    )
+    both = (load.levels, load.weights)
+    levels, weights = ([ParameterName(name, Direction.SHARED) for name in names] for names in both)
     rises, slopes = load.by({name.name: known[name] for name in weights})
     by = np.array([known[name] for name in levels])
     return np.vstack([by @ rises, rises, np.einsum("m,mkn->kn", by, slopes)]), (*levels, *weights)

@@ -5,6 +5,11 @@ Each of several runs fitted apart as well, from where the fit of all ended, for 
 What encoder counts add is taken off after the fit (`encoder_bias`): the estimate is moved, and its error widened by a
 factor. The profile's ends and the bootstrap's draws, which know nothing of it, are moved and spread about the estimate
 in the same way; an end that is open stays so.
+
+And what errors of constants do to a fit, to first order. A constant that is off by its standard error changes the
+measured torque by dT, and so the residuals by dr; the minimum then moves by -(J'J)**-1 J' dr, J being the Jacobian of
+the residuals. Rows of priors move as the stages behind them do: what has the same cause is not averaged out. An inertia
+that is given holds its ground.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,15 +21,20 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import ENOUGH, FEW, SHOWN, bootstrap_at, too_few
+from bristle.estimation.covariance import seen
+from bristle.estimation.linear import first_order
+from bristle.estimation.nonlinear import projected
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.fit import DynamicSolution
-from bristle.identification.dynamic.problem import Unknown, Values
+from bristle.identification.dynamic.output_error import with_more_torque
+from bristle.identification.dynamic.problem import Unknown, Values, residuals
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName
 from bristle.progress import Progress
 
 _RESTARTS = 3
+_STEP = 1e-2  # of a standard error: by so much either way a constant is moved where the motor is simulated
 
 Refit = Callable[[Values], DynamicSolution]
 """Fits again, also from a start with every unknown in it."""
@@ -36,7 +46,7 @@ def profile_until_stable(
     """The profile of each parameter, and the fit; solved again, and saying so, where a profile found a better optimum."""
     warnings: tuple[Finding, ...] = ()
     for refits in range(_RESTARTS + 1):
-        seen, better = profiles(solved.solution, progress, stop_at_better=refits < _RESTARTS)
+        found, better = profiles(solved.solution, progress, stop_at_better=refits < _RESTARTS)
         if better is None:
             break
         end = solved.solution.posed.unknowns.values(better)
@@ -45,28 +55,20 @@ def profile_until_stable(
     if refits == _RESTARTS:
         message = f"Profiles still find lower costs after {_RESTARTS} new fits: do not use this fit."
         warnings = (*warnings, Finding("still-lower", CRITICAL, message, {"fits": _RESTARTS}))
-    return solved._replace(fit=replace(solved.fit, warnings=(*solved.fit.warnings, *warnings))), seen
+    return solved._replace(fit=replace(solved.fit, warnings=(*solved.fit.warnings, *warnings))), found
 
 
 def with_three_ways(solved: DynamicSolution, fit: TrackingFit, profiles: Mapping[Unknown, Profiled]) -> TrackingFit:
-    """The fit with each parameter's intervals three ways.
-
-    Args:
-        solved: as it was profiled.
-        fit: the same, the bias of encoder counts taken off.
-        profiles: by name.
-    """
-    (drawn, blocks), three = bootstrap_at(solved.solution), {}
+    """The fit, the bias of encoder counts taken off, with intervals three ways of the parameters of what was profiled."""
+    (drawn, blocks), three, parameters = bootstrap_at(solved.solution), {}, dict(fit.parameters)
+    not_fitted = Finding("not-fitted", NOTE, "It was not fitted: there is nothing to profile or to resample.")
     for name, e in fit.parameters.items():
-        if e.value is None and e.interval is None:
-            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=e.warnings)
-        elif name in profiles:
+        unseen = e.value is None and e.interval is None
+        if name in profiles and not unseen:
             three[name] = _three(solved, name, e, profiles[name], drawn.get(name), blocks)
         else:
-            not_fitted = Finding("not-fitted", NOTE, "It was not fitted: there is nothing to profile or to resample.")
-            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=(*e.warnings, not_fitted))
-    parameters = dict(fit.parameters)
-    for name, e in fit.parameters.items():
+            told = e.warnings if unseen else (*e.warnings, not_fitted)
+            three[name] = Uncertainty(covariance=None, profile=None, bootstrap=None, warnings=told)
         if e.value is not None:
             new = (warning for warning in three[name].warnings if warning not in e.warnings)
             parameters[name] = replace(e, warnings=(*e.warnings, *new))
@@ -106,9 +108,9 @@ def _three(
     elif blocks < FEW:
         warnings.append(too_few(few))
     if e.value is not None:
-        warnings += interval_comparison.warnings(
-            e.value, e.interval, (low, high), bootstrap, at_bound=at_bound, few=few if blocks < ENOUGH else None
-        )
+        told = few if blocks < ENOUGH else None
+        ways = (e.interval, (low, high), bootstrap)
+        warnings += interval_comparison.warnings(e.value, *ways, at_bound=at_bound, few=told)
     return Uncertainty(
         covariance=e.interval if profile.curve.size else None,
         profile=(low, high),
@@ -128,7 +130,7 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
     free = np.flatnonzero(np.isfinite(solved.solution.scaled_errors))
     unknowns = posed.unknowns
     slope = np.where(unknowns.logarithmic, 1.0, unknowns.scale)[free]
-    n, file = sum(m.size for m in solved.problem.motions), solved.problem.file
+    n, file = solved.problem.size, solved.problem.file
     J, left = -minimum.jacobian[:n, free] / slope, minimum.residuals[:n]
     names = [solved.solution.names[k] for k in free]
     shared = np.array([isinstance(name, ParameterName) for name in names])
@@ -143,3 +145,31 @@ def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tup
 
     parts = {name: part(np.flatnonzero(file == name)) for name in dict.fromkeys(file.tolist())}
     return [name for name, each in zip(names, shared, strict=True) if each], parts
+
+
+def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:
+    """Change of each free parameter that lies at no bound, per standard error of each constant, by constant."""
+    problem, posed, minimum = solved.problem, solved.solution.posed, solved.solution.minimum
+    held = [*(m.shifts for m in problem.motions), *(prior.shifts for prior in problem.priors)]
+    constants = dict.fromkeys(constant for by in held for constant in by)
+    x, unknowns, shared = minimum.x, posed.unknowns, posed.shared
+    if not constants or not shared.size:  # nothing is uncertain, or every parameter is given
+        return {constant: {} for constant in constants}
+    inside = (x > unknowns.lower) & (x < unknowns.upper)
+    chosen = shared[seen(minimum.jacobian[:, shared]) & inside[shared]]
+    J, slopes = projected(minimum.jacobian, chosen, posed.blocks), unknowns.slopes(x)[chosen]
+    weight, shifts = problem.weight, dict[str, Mapping[ParameterName, float]]()
+    for constant in constants:
+        if problem.quantity == "torque":
+            rows = [m.smoothed(m.shifts.get(constant, np.zeros(m.time.size))) for m in problem.motions]
+            change = np.concatenate(rows)
+        else:
+            both = (with_more_torque(problem, constant, by) for by in (_STEP, -_STEP))
+            more, less = (residuals(moved, solved.values)[0] for moved in both)
+            change = (more - less) / (2 * _STEP)
+        of_priors = ((x.root, x.shifts.get(constant, np.zeros(x.value.size))) for x in problem.priors)
+        rows = [change * weight, *(-problem.sigma * (root @ shift) for root, shift in of_priors)]
+        moves = (-first_order(J, np.concatenate(rows)) * slopes).tolist()
+        names = (unknowns.names[k] for k in chosen.tolist())
+        shifts[constant] = {n: by for n, by in zip(names, moves, strict=True) if isinstance(n, ParameterName)}
+    return shifts

@@ -22,45 +22,30 @@ from bristle.estimation.score_test import Candidate, Fitted, Score, explained, s
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.claims import BRISTLE
-from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, parameters
+from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, sets_of
 from bristle.identification.moving_runs import load_columns
-from bristle.model.parameters import INERTIA, Lugre, ParameterName, of_friction, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, unit
 
 _SURE, _ALIKE = 4.0, 3.3
 """Standard errors from zero, beyond which all equations ask for a delay, and beyond which those far from reversals do: 5e-4 by chance."""
-_SLID = 5.0
-"""Deflections g0 / sigma_0 that a joint travels after a reversal until it slides: exp(-5) is left of the way."""
-_FILTERED = 2.0
-"""Periods of the position's cut-off before and after a reversal in which the low pass rounds it off."""
-_REACHED = 0.02
-"""An equation whose decimation filter gives less than this weight to what is near a reversal is far from it."""
-_LEAST = 1e-100
-"""Of sigma_0: no division by zero."""
-_BURST, _TOP = 0.25, 0.01
-"""Share of the squares left, that this share of the equations may hold: 0.08 of normal noise, 0.16 of Laplace's."""
-_PATTERN = 0.9
-"""Correlation of neighbours in what is left, beyond which hardly any of it is noise: 1 - 0.9**2 at the most."""
-_ENOUGH, _INDEPENDENT = 300, 30
-"""Equations that tell it, and how many of them must be independent."""
+_SLID = 5.0  # deflections g0 / sigma_0 after a reversal until a joint slides: exp(-5) is left of the way
+_FILTERED = 2.0  # periods of the position's cut-off before and after a reversal in which the low pass rounds it off
+_REACHED = 0.02  # an equation whose filter gives less weight to what is near a reversal is far from it
+_LEAST = 1e-100  # of sigma_0: no division by zero
+_BURST, _TOP = 0.25, 0.01  # share of the squares that few equations may hold: 0.08 of normal noise, 0.16 of Laplace's
+_PATTERN = 0.9  # correlation of neighbours beyond which hardly any of what is left is noise: 1 - 0.9**2 at most
+_ENOUGH, _INDEPENDENT = 300, 30  # equations that tell it, and how many of them must be independent
 _TURNING, _BESIDE = 0.1, 2
 """An equation is about a reversal where it is slower than this share of the rms speed, or one of two neighbours is, ..."""
 _TURNS_WORSE, _FEWEST = 2.0, 20
 """... and so many of them may not leave more than so many times what the others do, rms: 1.0 to 1.1 times of clean runs."""
-_PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1
-"""Places named, s between two, and their squares beside the largest."""
-_WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)
-"""Of the largest speed: how fast a joint is when it has gone through its backlash."""
-_ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())
-"""Of the largest torque: half the width of a dead zone, ..."""
-_TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
-"""Of the largest torque: from where on a sensor or drive saturates."""
-_OF_ITSELF = 1.5
-"""... which what is missing of the torque is, within such a factor."""
-_SMALL = 1e-5
-"""Of the way: a shift of the position that changes the torque in proportion."""
-_PHASE = 0.37
-"""Where in a count the joint rests in a draw of what counting does."""
+_PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1  # places named, s between two, and their squares beside the largest
+_WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, once through the backlash
+_ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone, ...
+_TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: from where on a sensor or drive saturates
+_OF_ITSELF = 1.5  # ... which what is missing of the torque is, within such a factor
+_SMALL = 1e-5  # of the way: a shift of the position that changes the torque in proportion
+_PHASE = 0.37  # where in a count the joint rests in a draw of what counting does
 
 
 class Left(NamedTuple):
@@ -76,7 +61,7 @@ class Left(NamedTuple):
     """By how much the torque was logged late, and its standard error, s."""
 
 
-def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: JointKind) -> Left:
+def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown], kind: Kind) -> Left:
     """What a fit lacks, to first order, and patterns of what it leaves that nothing tried explains; of a predicted torque alone."""
     errors = solution.scaled_errors.copy()
     if problem.quantity != "torque":
@@ -128,7 +113,7 @@ def what_is_left(problem: DynamicProblem, solution: MultistartSolution[Unknown],
 
 def known_and_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
     """Derivatives of the equations by all that they tell, (n, p), and what the fit leaves of them, (n,)."""
-    n = sum(m.size for m in problem.motions)
+    n = problem.size
     jacobian, rest = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
     return jacobian[:, solution.scaled_errors < np.inf], rest
 
@@ -163,9 +148,7 @@ def _delay(
     """
     far = _far_from_reversals(problem, solution)
     apart = score(fit.known[far], fit.rest[far], (fit.weight * column)[far, None])
-    (whole, error), (beyond, its_error) = (
-        _without_counts(x, made[rows]) for x, rows in ((found, slice(None)), (apart, far))
-    )
+    (whole, error), (beyond, its_error) = _without_counts(found, made), _without_counts(apart, made[far])
     alike = beyond * whole > 0 and abs(beyond) > _ALIKE * its_error
     if abs(whole) < _SURE * error or (not alike and _SURE * its_error < abs(whole)):
         return None  # sliding would have shown it
@@ -224,7 +207,7 @@ def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], w
 
     It turns within so much of the largest speed. A difference of the modelled torque of each motion, (N,).
     """
-    top = max(float(np.abs(m.velocity).max()) for m in problem.motions)
+    top = problem.fastest
     small, motions = _SMALL * max(float(np.ptp(m.position)) for m in problem.motions), []
     for m in problem.motions:
         record = Record(file=m.file, time=m.time)
@@ -272,7 +255,7 @@ def _saturates(largest: float, found: Score, which: int) -> Finding | None:
     return Finding("torque-saturates", CAUTION, message, {"torque": top, "share": found.share})
 
 
-def _inertia(kind: JointKind, found: Score, _: int) -> Finding:
+def _inertia(kind: Kind, found: Score, _: int) -> Finding:
     more, error, of = float(found.sizes[0]), float(found.errors[0]), unit(INERTIA.name, kind)
     message = (
         f"The given inertia may be wrong: with {more:+.3g} +/- {error:.2g} {of} added the moving runs fit better; omit inertia to have it "
@@ -333,7 +316,7 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
     """
     inertia = solution.values.get(INERTIA, problem.fixed.get(INERTIA, 0.0))
     if not (problem.count and problem.cutoff and inertia):
-        return np.zeros(sum(m.size for m in problem.motions))
+        return np.zeros(problem.size)
     noises = []  # acceleration that comes of counting the motion anew, with the joint resting elsewhere in a count, rad/s**2
     for m in problem.motions:
         record, noise = Record(file=m.file, time=m.time), np.zeros(m.time.size)
@@ -343,10 +326,8 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
             off = np.asarray(quantise(path, problem.count)).ravel() - path
             noise = derivative(record, smoothed(record, off, cutoff), 2)
         noises.append(noise)
-    known = parameters(problem, solution.values)
-    alpha_2 = known.alpha_2 if isinstance(known, Lugre) else sum(p.alpha_2 for p in known) / 2
-    made: Array = -inertia * alpha_2 * _equations(problem.motions, noises) ** 2
-    return made
+    sets = sets_of(problem, solution.values).values()
+    return -inertia * (sum(p.alpha_2 for p in sets) / len(sets)) * _equations(problem.motions, noises) ** 2
 
 
 def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
@@ -356,10 +337,8 @@ def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
 
 def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:
     """Which equations see only samples at which the joint slides, (n,)."""
-    known = parameters(problem, solution.values)
-    reach = _SLID * max(
-        (p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in ([known] if isinstance(known, Lugre) else known)
-    )
+    sets = sets_of(problem, solution.values).values()
+    reach = _SLID * max((p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in sets)
     filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0
     far = []
     for m in problem.motions:

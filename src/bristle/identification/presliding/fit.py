@@ -38,21 +38,15 @@ from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
-_FEW = 8
-"""Count edges in a loading below which they are called few."""
-_MOVED = 3.0
-"""Counts by which the end of a closed cycle has surely moved from its beginning, ..."""
-_MOVES = 0.01
-"""... and the share of its range from which that is said."""
-_OUTLIER = 0.2
-"""A breakaway torque this far from the median, relative, is named."""
-_SINGLE = 0.1
-"""Standard error of a breakaway torque seen once, relative: a guess, said where it is used."""
+_FEW = 8  # count edges in a loading below which they are called few
+_MOVED = 3.0  # counts by which the end of a closed cycle has surely moved from its beginning, ...
+_MOVES = 0.01  # ... and the share of its range from which that is said
+_OUTLIER = 0.2  # a breakaway torque this far from the median, relative, is named
+_SINGLE = 0.1  # standard error of a breakaway torque seen once, relative: a guess, said where it is used
 _CREEP = 1 / (ONSET - 1)
 """Of a breakaway torque found by speed: how far above it g0 may lie. LuGre's creep is ONSET times as fast as at first where
 1 - T / g0 is one over ONSET; a joint that lets go at once slides there."""
-_SURE = 3.0
-"""Standard errors of g0 above which a torque that was held contradicts it."""
+_SURE = 3.0  # standard errors of g0 above which a torque that was held contradicts it
 
 
 def identify_presliding(
@@ -111,11 +105,8 @@ def fit_presliding(
 ) -> PreslidingFit:
     """sigma_0 of one direction by four estimators, side by side, and sigma_1 by (15).
 
-    Args:
-        loadings: of one direction, at least one.
-        level: g0 of this direction; a lower bound where its error is infinite.
-        inertia: for (15); None: sigma_1 is absent, with the reason.
-        kind: of the joint.
+    Of loadings of that direction, at least one, and its g0, a lower bound where its error is infinite; without an inertia sigma_1
+    is absent, with the reason.
     """
     quantum, direction = max(loading.quantum for loading in loadings), loadings[0].direction
     pieces = [of_loading(loading, level.value) for loading in loadings]
@@ -326,16 +317,15 @@ def _sigma_1(sigma_0: Estimate, inertia: KnownValue | None, kind: Kind) -> Estim
         )
         none = Finding("no-sigma-1", NOTE, f"No estimate: (15) needs J and sigma_0, but {why}.", {"why": why})
         return Estimate(value=None, unit=unit("sigma_1", kind), warnings=(none,))
-    value, by_sigma_0, by_J = (
-        float(x) for x in evaluate(functions.presliding_damping_function(), sigma_0.value, inertia.value, DAMPING_RATIO)
-    )
+    damping = functions.presliding_damping_function()
+    value, by_sigma_0, by_J = map(float, evaluate(damping, sigma_0.value, inertia.value, DAMPING_RATIO))
     message = (
         f"An assumption, not an estimate: (15) with an assumed damping ratio of {DAMPING_RATIO:g} (J: "
         f"{inertia.source.message}); without an error, since that ratio is known no better than a factor."
     )
     assumed = Finding("prior", CAUTION, message, {"ratio": DAMPING_RATIO, "source": inertia.source})
     prior = Estimate(value=value, unit=unit("sigma_1", kind), warnings=(assumed,))
-    constants = dict.fromkeys((*sigma_0.shifts, *inertia.shifts))
-    return shifted(
-        prior, {c: by_sigma_0 * sigma_0.shifts.get(c, 0.0) + by_J * inertia.shifts.get(c, 0.0) for c in constants}
-    )
+    shifts = {c: by_sigma_0 * by for c, by in sigma_0.shifts.items()}
+    for c, by in inertia.shifts.items():
+        shifts[c] = shifts.get(c, 0.0) + by_J * by
+    return shifted(prior, shifts)

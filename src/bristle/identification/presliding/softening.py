@@ -26,27 +26,17 @@ from bristle.estimation.covariance import student
 from bristle.estimation.levels import RARE
 from bristle.findings import CAUTION, Finding, in_direction
 from bristle.identification.fits import AmplitudeStiffness
-from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading
-from bristle.model import functions
+from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading, unbent
 from bristle.model.parameters import Kind, unit
-from bristle.model.vectorize import evaluate
 
-_BLOCKS = 32
-"""Means over so many stretches of each loading stand for its samples where there are no counts."""
-_KNOTS = (3, 6)
-"""At least, for with two a curve is not told from its chords; and at the most."""
-_PER_KNOT = 6
-"""Points above one for each loading, for each knot."""
-_VAGUE = 0.3
-"""Relative standard error of a displacement above which there are fewer knots: a stiffness known no better is none."""
-_SINGULAR = 1e8
-"""Condition above which the points do not determine the line."""
-_GRID = 64
-"""Values of 1 / g0 between which its ends are sought ..."""
-_STRAIGHT = 1e-6
-"""... as shares of the bound's, down to one that bends nothing."""
-_SMALLEST = 0.05
-"""A fall beyond LuGre's smaller than this is none: viscous torque and filters, which are left out, cause as much."""
+_BLOCKS = 32  # means over so many stretches of each loading stand for its samples where there are no counts
+_KNOTS = (3, 6)  # at least, for with two a curve is not told from its chords; and at the most
+_PER_KNOT = 6  # points above one for each loading, for each knot
+_VAGUE = 0.3  # relative standard error of a displacement above which there are fewer knots
+_SINGULAR = 1e8  # condition above which the points do not determine the line
+_GRID = 64  # values of 1 / g0 between which its ends are sought ...
+_STRAIGHT = 1e-6  # ... as shares of the bound's, down to one that bends nothing
+_SMALLEST = 0.05  # a fall beyond LuGre's smaller than this is none: viscous torque and filters cause as much
 
 
 class _Points(NamedTuple):
@@ -85,12 +75,8 @@ def stiffness_by_amplitude(
 ) -> tuple[tuple[AmplitudeStiffness, ...], Finding | None]:
     """The stiffness of one direction at some amplitudes, the initial one first, and whether it softens beyond LuGre.
 
-    Nothing where the loadings show too few count edges, or too few samples.
-
-    Args:
-        loadings: of one direction.
-        level: its g0; where that is a lower bound LuGre bends most at the bound, and what falls more than that softens.
-        kind: of the joint.
+    Nothing where the loadings show too few count edges, or too few samples. Where its g0 is a lower bound LuGre bends most at
+    the bound, and what falls more than that softens.
     """
     points = _points(loadings, level.value)
     found = _finest(points, level.value)
@@ -106,7 +92,12 @@ def stiffness_by_amplitude(
             strict=True,
         )
     )  # fmt: skip  # one row, one line
-    error = float(np.hypot(line.error, _by_level(points, knots, level)))
+    by_level = 0.0  # what the error of g0 adds to that of the fall
+    if level.standard_error and not level.is_bound:
+        width = min(level.standard_error, 0.1 * level.value)
+        falls = [other.fall for s in (-1, 1) if (other := _line(points, knots, level.value + s * width)) is not None]
+        by_level = abs(falls[-1] - falls[0]) / (2 * width) * level.standard_error if len(falls) == 2 else np.inf
+    error = float(np.hypot(line.error, by_level))
     if line.fall > stdtrit(line.freedom, RARE) * error or np.exp(line.fall) > 1 - _SMALLEST:
         return rows, None
     low, high, of, d = float(knots[0]), float(knots[-1]), unit("torque", kind), loadings[0].direction
@@ -134,11 +125,10 @@ def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
     def left(x: float) -> Array:
         """Residuals of T at g0 = level / x."""
         g0 = level.value / x
-        U = evaluate(functions.loading_displacement_function(), points.T, g0, 1.0)[0]
+        U = unbent(points.T, g0)
         weighted = points._replace(weight=(1 - points.T / g0) ** 2)
         y, u = _within_loadings(np.column_stack([points.y, U]), weighted)[0].T
-        rest: Array = u - y * float(y @ u) / float(y @ y)
-        return rest
+        return np.asarray(u - y * float(y @ u) / float(y @ y))
 
     def cost(x: float) -> float:
         """Their sum of squares."""
@@ -161,15 +151,6 @@ def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
     return level._replace(value=level.value / ends[0], most=most)
 
 
-def _by_level(points: _Points, knots: Array, level: KnownValue) -> float:
-    """What the error of g0 adds to that of the fall."""
-    if level.is_bound or not level.standard_error:
-        return 0.0
-    width = min(level.standard_error, 0.1 * level.value)
-    falls = [line.fall for s in (-1, 1) if (line := _line(points, knots, level.value + s * width)) is not None]
-    return abs(falls[-1] - falls[0]) / (2 * width) * level.standard_error if len(falls) == 2 else np.inf
-
-
 def _points(loadings: Sequence[Loading], g0: float) -> _Points:
     """Count edges, or means over stretches of samples where there are no counts."""
     rows = []
@@ -179,10 +160,8 @@ def _points(loadings: Sequence[Loading], g0: float) -> _Points:
             y, U, weight = piece.edge_y, piece.edge_U, piece.weight
         else:
             stretches = np.linspace(0, piece.y.size, min(_BLOCKS, piece.y.size) + 1).astype(int)[:-1]
-            y, U = (
-                np.add.reduceat(x, stretches) / np.diff([*stretches, x.size]) if x.size else x
-                for x in (piece.y, piece.U)
-            )
+            sizes = np.diff([*stretches, piece.y.size])
+            y, U = (np.add.reduceat(x, stretches) / sizes if x.size else x for x in (piece.y, piece.U))
             weight = np.exp(-2 * np.maximum(U, 0.0) / g0)
         rows.append([y, -g0 * np.expm1(-U / g0), weight, np.full(y.size, k)])
     return _Points(*(np.concatenate(column) for column in zip(*rows, strict=True)))
@@ -202,10 +181,7 @@ def _finest(points: _Points, g0: float) -> tuple[Array, _Bending] | None:
 
 def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
     """The line f by weighted least squares; None where the points do not determine it."""
-    U, at = (
-        evaluate(functions.loading_displacement_function(), np.minimum(T, LIMIT * g0), g0, 1.0)[0]
-        for T in (points.T, knots)
-    )
+    U, at = (unbent(np.minimum(T, LIMIT * g0), g0) for T in (points.T, knots))
     columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
     centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
     y, A = centred[:, 0], centred[:, 1:]

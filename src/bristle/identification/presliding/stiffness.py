@@ -11,7 +11,7 @@ the joint rests is not known: only differences of y are. One encoder count is q.
                  torque noise follow the time
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import NamedTuple
@@ -30,25 +30,16 @@ from bristle.model import functions
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
-REACH = 0.8
-"""Of g0: above, a little noise in T is much in log(1 - T / g0)."""
-LIMIT = 0.97
-"""Of g0: noise may reach above REACH, but not to where U has no value."""
-_YIELDS = 3.0
-"""An edge-to-edge stiffness this many times below what the first count allows is that of a joint that slides."""
-_STRAIGHT = 1e6
-"""Times the largest torque held: a g0 this large bends nothing, which is the other end of what a lower bound allows."""
-_PHASES = 64
-"""Where inside a count the joint may rest, for the spread that counts alone cause."""
-_NONE = 1e-60
-"""A compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20."""
+REACH = 0.8  # of g0: above, a little noise in T is much in log(1 - T / g0)
+LIMIT = 0.97  # of g0: noise may reach above REACH, but not to where U has no value
+_YIELDS = 3.0  # times below what the first count allows: an edge-to-edge stiffness of a joint that slides
+_STRAIGHT = 1e6  # times the largest torque held: a g0 that bends nothing, the other end of a lower bound
+_PHASES = 64  # where inside a count the joint may rest, for the spread that counts alone cause
+_NONE = 1e-60  # a compliance below is rounding: no signal is smaller than 1e-20 or larger than 1e20
 
 
 class KnownValue(NamedTuple):
-    """A quantity from elsewhere.
-
-    g0 = alpha_0 + alpha_1, the torque at which slow loading slides (N*m), or the inertia (kg*m**2).
-    """
+    """A quantity from elsewhere: g0 = alpha_0 + alpha_1, at which slow loading slides (N*m), or J (kg*m**2)."""
 
     value: float
     standard_error: float
@@ -90,23 +81,16 @@ Estimator = Callable[[Sequence[Piece]], tuple[float, float, float]]
 
 
 def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dict[str, Estimate]:
-    """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`.
+    """sigma_0 of one direction by each estimator, `printed`, `corrected`, `edges` and `samples`, from at least one loading.
 
     A lower bound where counts hide the motion. Where g0 itself is a lower bound, sigma_0 falls as g0 rises, nearly in
     proportion to 1 / g0: its interval reaches from that of the largest g0 to that of the bound, and it is that of the
     middle.
-
-    Args:
-        loadings: of one direction, at least one.
-        level: g0 of this direction.
-        kind: of the joint.
     """
     if level.is_bound:
         most = min(level.most, _STRAIGHT * level.value)
-        near, middle, far = (
-            stiffness(loadings, KnownValue(g0, 0.0, level.source), kind)
-            for g0 in (level.value, level.middle.value, most)
-        )
+        each = (KnownValue(g0, 0.0, level.source) for g0 in (level.value, level.middle.value, most))
+        near, middle, far = (stiffness(loadings, given, kind) for given in each)
         found = {name: _between(near[name], middle[name], far[name]) for name in near}
         ends = found["edges"].interval
         if ends is None:
@@ -133,24 +117,19 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> dic
     return _estimates(loadings, level, quantum, kind)
 
 
-def _either(near: Sequence[Finding], far: Sequence[Finding]) -> Iterator[Finding]:
-    """What both warn of, each kind once; a range that both exclude is the wider one."""
-    other = {x.code: x for x in far}
-    for one in near:
-        two = other.pop(one.code, one)
-        if one.code == "rest-excludes":
-            ends = [x.numbers[name] for x in (one, two) for name in ("low", "high")]
-            yield _rest_excludes(min(ends), max(ends), one.numbers["unit"])
-        else:
-            yield one
-    yield from other.values()
-
-
 def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
-    """The estimate in the middle, with the interval that g0 anywhere between leaves, and their distance in its error."""
-    warnings = tuple(_either(near.warnings, far.warnings))
-    ends = [x.interval for x in (near, far) if x.interval]
-    interval = (min(low for low, _ in ends), max(high for _, high in ends)) if len(ends) == 2 else None
+    """The estimate in the middle, with the interval that g0 anywhere between leaves, and their distance in its error.
+
+    And what near and far warn of, each kind once; a range that both exclude is the wider one.
+    """
+    other, told = {x.code: x for x in far.warnings}, list[Finding]()
+    for one in near.warnings:
+        both = (one, other.pop(one.code, one))
+        ends = [x.numbers[name] for x in both for name in ("low", "high") if one.code == "rest-excludes"]
+        told.append(_rest_excludes(min(ends), max(ends), one.numbers["unit"]) if ends else one)
+    warnings = (*told, *other.values())
+    known = [x.interval for x in (near, far) if x.interval]
+    interval = (min(low for low, _ in known), max(high for _, high in known)) if len(known) == 2 else None
     if near.value is None or middle.value is None or far.value is None:
         if interval:
             interval = (interval[0], float("inf"))
@@ -175,7 +154,7 @@ def printed_bias(u: Array) -> tuple[Array, Array, Array]:
     return on_edge - 1, mean - 1, np.sqrt(np.maximum(square - mean**2, 0.0))
 
 
-def _unbent(torque: Array, g0: float) -> Array:
+def unbent(torque: Array, g0: float) -> Array:
     """U = sigma_0 y of slow loading to this torque, N*m."""
     return evaluate(functions.loading_displacement_function(), torque, g0, 1.0)[0]
 
@@ -187,14 +166,14 @@ def of_loading(loading: Loading, g0: float) -> Piece:
     reached = float(loading.displacement[:stop].max(initial=0.0))
     edge = loading.edge_displacement <= reached
     T = np.minimum(loading.edge_torque[edge], LIMIT * g0)
-    y, U = loading.edge_displacement[edge], _unbent(T, g0)
+    y, U = loading.edge_displacement[edge], unbent(T, g0)
     # 1 - T / g0 from a line through the edges: from T itself, noise that raises U would also lower its weight
     along = y / y[-1] if y.size else y
     line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
     return Piece(
         time=loading.time[:stop],
         y=loading.displacement[:stop],
-        U=_unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0),
+        U=unbent(np.minimum(loading.torque[:stop], LIMIT * g0), g0),
         edge_y=y,
         edge_U=U,
         weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
@@ -250,12 +229,8 @@ def _estimate(value: float, error: float, freedom: float, kind: Kind) -> Estimat
         why = Finding("not-positive", CRITICAL, message)
         return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(why,))
     reach = student(freedom) * error
-    return Estimate(
-        value=value,
-        unit=unit("sigma_0", kind),
-        standard_error=error,
-        interval=(max(value - reach, 0.0), value + reach),
-    )
+    interval = max(value - reach, 0.0), value + reach
+    return Estimate(value=value, unit=unit("sigma_0", kind), standard_error=error, interval=interval)
 
 
 def _first_count(
@@ -271,7 +246,7 @@ def _first_count(
         none = Finding("nothing-below-g0", NOTE, "No displacement was measured below g0.")
         absent = Estimate(value=None, unit=unit("sigma_0", kind), warnings=(none,))
         return absent, absent, 0.0
-    U = _unbent(T, g0)
+    U = unbent(T, g0)
     # of a count, to the first edge: uniform, whose mean over some loadings is nearly normal
     half = min(CONFIDENCE / 2, 1.96 / float(np.sqrt(12 * T.size)))
     nearest, farthest = (1 - CONFIDENCE, 1.0) if T.size == 1 else (0.5 - half, 0.5 + half)
@@ -281,19 +256,18 @@ def _first_count(
     off = 1.96 * noise / float(np.sqrt(T.size))
     low = max(float(np.mean(U)) - off, 0.0) / (quantum * farthest)
     high = (float(np.mean(U)) + off) / (quantum * nearest)
-    printed, corrected = (_within(float(np.mean(x)) / quantum, low, high, unit("sigma_0", kind)) for x in (T, U))
-    return printed, corrected, low
-
-
-def _within(value: float, low: float, high: float, of: str) -> Estimate:
-    """By the first count alone, with its interval where that holds it."""
-    if low <= value <= high:
-        message = (
-            "Assumes that the joint moves a whole count to the first edge; it may be any part of one. "
-            "The interval allows for an unknown rest position."
-        )
-        return Estimate(value=value, unit=of, interval=(low, high), warnings=(Finding("whole-count", NOTE, message),))
-    return Estimate(value=value, unit=of, warnings=(_rest_excludes(low, high, of),))
+    of, found = unit("sigma_0", kind), list[Estimate]()
+    for value in (float(np.mean(x)) / quantum for x in (T, U)):
+        if low <= value <= high:
+            message = (
+                "Assumes that the joint moves a whole count to the first edge; it may be any part of one. "
+                "The interval allows for an unknown rest position."
+            )
+            why, interval = Finding("whole-count", NOTE, message), (low, high)
+        else:
+            why, interval = _rest_excludes(low, high, of), None
+        found.append(Estimate(value=value, unit=of, interval=interval, warnings=(why,)))
+    return found[0], found[1], low
 
 
 def _rest_excludes(low: float, high: float, of: str) -> Finding:
@@ -358,9 +332,8 @@ def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     score, freedom = y * (U - slope * y), y.size - len(starts) - 1
     variance_inflation = inflation(score)
     # two edges and an intercept leave no residual to judge by: then the slope may be off by as much as itself
-    variance = (
-        float(score @ score) * y.size / freedom * variance_inflation / float(y @ y) ** 2 if freedom > 0 else slope**2
-    )
+    scattered = float(score @ score) * y.size / max(freedom, 1) * variance_inflation / float(y @ y) ** 2
+    variance = scattered if freedom > 0 else slope**2
     return slope, float(np.sqrt(variance)), max(y.size / variance_inflation - len(starts) - 1, 1.0)
 
 
@@ -379,9 +352,8 @@ def by_samples(pieces: Sequence[Piece], shifted: Sequence[Array] | None = None) 
     score = t * rest  # what scatters, correlated and of a variance that grows with the torque
     variance_inflation = inflation(score)
     freedom = max(y.size / variance_inflation - len(starts) - 1, 1.0)
-    error = np.sqrt(float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)) / abs(
-        along or 1.0
-    )
+    scatter = float(score @ score) * variance_inflation * y.size / max(y.size - len(starts) - 1, 1)
+    error = np.sqrt(scatter) / abs(along or 1.0)
     if abs(compliance) < _NONE:
         return np.inf, np.inf, freedom
     return 1 / compliance, float(error / compliance**2), freedom
@@ -442,9 +414,8 @@ def with_shifts(
         if quantum > 0 and first.size:
             by_g0 = evaluate(functions.loading_displacement_function(), first, level.value, 1.0)[1]
             slopes["corrected"] = float(np.mean(by_g0)) / quantum
-    return {
-        name: shifted(
-            e, {c: (e.value or 0.0) * shares.get(c, 0.0) + slopes.get(name, 0.0) * moved[c] for c in constants}
-        )
-        for name, e in estimates.items()
-    }
+    found = dict[str, Estimate]()
+    for name, e in estimates.items():
+        value, slope = e.value or 0.0, slopes.get(name, 0.0)
+        found[name] = shifted(e, {c: value * shares.get(c, 0.0) + slope * moved[c] for c in constants})
+    return found

@@ -20,49 +20,24 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.linear import inverse_gram
 from bristle.findings import CAUTION, Finding
-from bristle.identification.presliding.stiffness import by_samples, of_loading
-from bristle.model import functions
-from bristle.model.vectorize import evaluate
+from bristle.identification.presliding.stiffness import by_samples, of_loading, unbent
 
-_SURE = 4.0
-"""Standard errors from zero, beyond which it is said, ..."""
-_SHARE = 0.02
-"""... and how much of sigma_0 it must change: less is not worth a sentence."""
-_ORDER = 5
-"""Coefficients of the torque on each side."""
-_SIDE = 0.4
-"""Of the time to the next turn: a side that is fitted."""
-_APART = 0.1
-"""Of a side: next to a turn not fitted, since the low pass does not tell its time better."""
-_HELD = 4.0
-"""Times what the torque may stay below where its sides meet (two standard errors more), as a time: what that can do to a turn."""
-_BELOW = 1.05
-"""g0 over the torque of a turn, at the least."""
-_COUNTS = 8.0
-"""By which the joint moves on each side at the least: of fewer the turn is not told."""
-_PER_SIDE = 20
-"""Samples on a side at the least."""
-_MOST = 2000
-"""Samples about a turn, about: more are thinned."""
-_DRAWS = 100
-"""Of the torque's coefficients, for the error of its turn."""
-_GRID = 601
-"""Times at which it is sought."""
-_LOOKS = (0.4, 0.04, 0.004)
-"""Sides about the last delay found in which it is sought, ..."""
-_LOOK = 21
-"""... at so many."""
-_PIECE = 0.005
-"""Of a side: a step of the derivative by the delay."""
-_TINY = 1e-300
-"""No division by zero."""
-
-
-class _Lag(NamedTuple):
-    """How much later the torque turns than the displacement, and the standard error of that, s."""
-
-    value: float
-    error: float
+_SURE = 4.0  # standard errors from zero, beyond which it is said, ...
+_SHARE = 0.02  # ... and how much of sigma_0 it must change: less is not worth a sentence
+_ORDER = 5  # coefficients of the torque on each side
+_SIDE = 0.4  # of the time to the next turn: a side that is fitted
+_APART = 0.1  # of a side: next to a turn not fitted, since the low pass does not tell its time better
+_HELD = 4.0  # times the torque held back where its sides meet (two errors more), as a time: what it may do to a turn
+_BELOW = 1.05  # g0 over the torque of a turn, at the least
+_COUNTS = 8.0  # by which the joint moves on each side at the least: of fewer the turn is not told
+_PER_SIDE = 20  # samples on a side at the least
+_MOST = 2000  # samples about a turn, about: more are thinned
+_DRAWS = 100  # of the torque's coefficients, for the error of its turn
+_GRID = 601  # times at which it is sought
+_LOOKS = (0.4, 0.04, 0.004)  # sides about the last delay found in which it is sought, ...
+_LOOK = 21  # ... at so many
+_PIECE = 0.005  # of a side: a step of the derivative by the delay
+_TINY = 1e-300  # no division by zero
 
 
 def turning_lag(
@@ -72,14 +47,9 @@ def turning_lag(
     options: FitOptions,
     resolution: float | None,
 ) -> list[Finding]:
-    """That the torque was logged late or early, where it is sure and changes sigma_0.
+    """That the torque of presliding runs was logged late or early, where it is sure and changes sigma_0.
 
-    Args:
-        records: presliding runs.
-        loadings: of them.
-        levels: g0 per direction, N*m.
-        options: the experiment's `fit`.
-        resolution: one encoder count, rad; None: from the data.
+    `levels` are g0 per direction, N*m; `resolution` is one encoder count, rad; None: from the data.
     """
     lags = [lag for record in records for lag in _lags(record, loadings, levels)]
     if not lags:
@@ -113,55 +83,41 @@ def turning_lag(
     return [Finding("turns-late", CAUTION, message, numbers)]
 
 
-def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float]) -> list[_Lag]:
-    """Of each turn before which the joint does not slide."""
+def _lags(record: Record, loadings: Sequence[Loading], levels: Mapping[str, float]) -> list[tuple[float, float]]:
+    """How much later the torque turns than the displacement, and the standard error of that, s, at each turn before which nothing slides."""
     own = [x for x in loadings if x.file == record.file]
     slid = [x.start for x in own if x.breakaway is not None]
     torque, position, time = np.asarray(record.torque), np.asarray(record.position), record.time
     lags = []
-    for turn in _turns(record):
-        side = _SIDE * float(min(time[turn.at] - time[turn.before], time[turn.after] - time[turn.at]))
-        g0 = levels.get("+" if turn.sign > 0 else "-", 0.0)
-        if any(turn.before <= start < turn.at for start in slid) or not g0:
+    for before, at, after, sign in _turns(record):
+        side = _SIDE * float(min(time[at] - time[before], time[after] - time[at]))
+        g0 = levels.get("+" if sign > 0 else "-", 0.0)
+        if any(before <= start < at for start in slid) or not g0:
             continue
-        near = np.flatnonzero(abs(time - time[turn.at]) < side)
+        near = np.flatnonzero(abs(time - time[at]) < side)
         near = near[:: 1 + near.size // _MOST]
-        s, sides = (time[near] - time[turn.at]) / side, (near < turn.at, near > turn.at)
-        y = turn.sign * position[near]
-        if not all(
-            np.count_nonzero(rows) > _PER_SIDE and np.ptp(y[rows]) >= max(_COUNTS * own[0].quantum, _TINY)
-            for rows in sides
-        ):
-            continue
-        lag = _lag(s, turn.sign * torque[near], y, g0)
-        lags.append(_Lag(side * lag.value, float(np.hypot(side * lag.error, record.step / 2))))
+        s, y, far = (time[near] - time[at]) / side, sign * position[near], max(_COUNTS * own[0].quantum, _TINY)
+        if all(np.count_nonzero(rows) > _PER_SIDE and np.ptp(y[rows]) >= far for rows in (near < at, near > at)):
+            value, error = _lag(s, sign * torque[near], y, g0)
+            lags.append((side * value, float(np.hypot(side * error, record.step / 2))))
     return lags
 
 
-class _Turn(NamedTuple):
-    """A turn of the torque: samples of the turn before, of itself and of the one after, or the ends of the segment."""
+def _turns(record: Record) -> list[tuple[int, int, int, float]]:
+    """The turns of a presliding run's torque through the low pass.
 
-    before: int
-    at: int
-    after: int
-    sign: float
-    """1 where the torque is largest, -1 where it is smallest."""
-
-
-def _turns(record: Record) -> list[_Turn]:
-    """The turns of a presliding run's torque through the low pass."""
+    Of each the sample of the turn before, or the segment's first, its own, and that of the turn after, or the segment's last;
+    and 1 where the torque is largest, -1 where it is smallest.
+    """
     torque = np.asarray(record.torque)
     slow = smoothed(record, torque, record.cutoff) if record.cutoff < 0.5 / record.step else torque
-    found = []
+    found = list[tuple[int, int, int, float]]()
     for segment in between_gaps(record):
         tops, bottoms = torque_turns(slow[segment])
         turns = np.sort(np.concatenate([tops, bottoms])) + segment.start
         bounds = [segment.start, *turns.tolist(), segment.stop - 1]
-        top = set((tops + segment.start).tolist())
-        found += [
-            _Turn(a, k, b, 1.0 if k in top else -1.0)
-            for a, k, b in zip(bounds[:-2], bounds[1:-1], bounds[2:], strict=True)
-        ]
+        signs = np.where(np.isin(turns, tops + segment.start), 1.0, -1.0).tolist()
+        found += zip(bounds[:-2], bounds[1:-1], bounds[2:], signs, strict=True)
     return found
 
 
@@ -181,17 +137,10 @@ class _Torque(NamedTuple):
         most = self.g0 / _BELOW
         top = float(np.clip(min(np.polyval(x, self.turn) for x in (self.up, self.down)), -most, most))
         load = np.clip(np.where(before, np.polyval(self.up, s), np.polyval(self.down, s)), -most, top)
-        rise, fall = (_moved(x * load, self.g0) - _moved(x * top, self.g0) for x in (1, -1))
+        rise, fall = (unbent(x * load, self.g0) - unbent(np.array(x * top), self.g0) for x in (1, -1))
         rise, fall = np.where(before, rise, 0.0), np.where(before, 0.0, fall)
         columns = np.column_stack([np.ones(s.size), rise, rise**2, fall, fall**2])
-        scaled: Array = columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY)
-        return scaled
-
-
-def _moved(torque: Array | float, g0: float) -> Array:
-    """LuGre's displacement at a torque, of a stiffness of one."""
-    moved: Array = evaluate(functions.loading_displacement_function(), np.asarray(torque), g0, 1.0)[0]
-    return moved
+        return np.asarray(columns / np.maximum(np.linalg.norm(columns, axis=0), _TINY))
 
 
 def _torque(s: Array, T: Array, g0: float) -> _Torque:
@@ -217,8 +166,8 @@ def _torque(s: Array, T: Array, g0: float) -> _Torque:
     return _Torque(sides[0][0], sides[1][0], float(turns[0]), error, max(g0, _BELOW * top))
 
 
-def _lag(s: Array, T: Array, y: Array, g0: float) -> _Lag:
-    """The lag, in sides, from times, in sides about the turn, torques and displacements towards the turn, (n,)."""
+def _lag(s: Array, T: Array, y: Array, g0: float) -> tuple[float, float]:
+    """The lag and its error, in sides, from times, in sides about the turn, torques and displacements towards the turn, (n,)."""
     torque = _torque(s, T, g0)
 
     def fitted(delay: float) -> Array:
@@ -235,4 +184,4 @@ def _lag(s: Array, T: Array, y: Array, g0: float) -> _Lag:
     beside = slope - columns @ (inverse_gram(columns) @ (columns.T @ slope))
     variance = float(rest @ rest) / (rest.size - columns.shape[1] - 1) * inflation(rest)
     error = np.sqrt(variance / max(float(beside @ beside), _TINY))
-    return _Lag(delay, float(np.hypot(error, torque.error)))
+    return delay, float(np.hypot(error, torque.error))

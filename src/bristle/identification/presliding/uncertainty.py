@@ -38,22 +38,19 @@ from bristle.identification.presliding.stiffness import (
 from bristle.identification.repeats import less, scatter_of
 
 SEED = 0
-_LEAST_FREEDOM = 4.0
-"""Degrees of freedom from which a run says by itself how sure it is."""
-_NODES = 17
-"""Values of g0 at which the estimator is evaluated; linear between them, ..."""
-_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)
-"""... at so many, in one look."""
-_LEAST = 0.2
-"""Of g0: what it may be at least."""
+_LEAST_FREEDOM = 4.0  # degrees of freedom from which a run says by itself how sure it is
+_NODES = 17  # values of g0 at which the estimator is evaluated; linear between them, ...
+_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)  # ... at so many, in one look
+_LEAST = 0.2  # of g0: what it may be at least
 _CURVE = 41
-_BEYOND = 1.3
-"""How far the curve is drawn, in half-widths of the interval."""
+_BEYOND = 1.3  # how far the curve is drawn, in half-widths of the interval
 
 
 class _Line(NamedTuple):
     """An estimator over g0."""
 
+    estimator: str
+    """`edges`, or `samples`, whose u is the inverse of sigma_0."""
     x: Array
     """(g0 - level) / its error, ascending, (k,)."""
     u: Array
@@ -67,18 +64,19 @@ class _Line(NamedTuple):
         """U and e there, of x's shape."""
         return np.asarray(np.interp(x, self.x, self.u)), np.asarray(np.interp(x, self.x, self.e))
 
+    def sigma_0(self, u: Array) -> Array:
+        """sigma_0 at u, none below zero: infinitely stiff where an inverse is."""
+        if self.estimator == "edges":
+            return np.maximum(u, 0.0)
+        return np.asarray(np.divide(1.0, u, out=np.full(u.shape, np.inf), where=u > 0), dtype=np.float64)
+
 
 def stiffness_uncertainty(
     loadings: Sequence[Loading], level: KnownValue, estimator: str, estimate: Estimate, seed: int = SEED
 ) -> Uncertainty:
-    """The intervals of sigma_0 of one direction.
+    """The intervals of sigma_0 of one direction, estimated by `edges` or `samples`.
 
-    Args:
-        loadings: of it.
-        level: its g0.
-        estimator: `edges` or `samples`.
-        estimate: by that; without a value it is a lower bound, which is all there is.
-        seed: of the bootstrap.
+    Without a value it is a lower bound, which is all there is.
     """
     if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
         return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=estimate.warnings)
@@ -86,7 +84,7 @@ def stiffness_uncertainty(
     pieces = [of_loading(loading, level.value) for loading in loadings]
     quantum = max(loading.quantum for loading in loadings)
     spread = by_phase(pieces, estimate.value, quantum)[1] / estimate.value**2 if inverse and quantum else 0.0
-    line = _line(loadings, level, spread, inverse=inverse)
+    line = _line(loadings, level, estimator, spread)
 
     def at(x: Array) -> Conditional:
         """U at (g0 - level) / its error, (1, K, 1)."""
@@ -97,29 +95,27 @@ def stiffness_uncertainty(
     profiles = ConditionalProfiles(free=at, best=np.zeros((1, 1)), threshold=threshold, box=box, looks=_LOOKS)
     ((ends,),), (middle, _) = profiles.intervals(), line.at(0.0)
     about = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
-    profile = _pair(_natural(ends, inverse=inverse))
+    low, *_, high = sorted(line.sigma_0(ends).tolist())
+    profile = low, high
     error = estimate.standard_error / (estimate.value**2 if inverse else 1.0)
-    drawn, draws = _drawn(pieces, line, error, seed, inverse=inverse)
+    drawn, draws = _drawn(pieces, line, error, seed)
     few = f"{drawn.blocks} blocks of {'samples' if inverse else 'count edges'}"
-    bootstrap = _pair(_natural(line.at(0.0)[0] + np.array(drawn.interval(0, error)), inverse=inverse))
-    bootstrap_or_none = None if drawn.blocks < FEW else bootstrap
-    warnings = interval_comparison.warnings(
-        estimate.value,
-        estimate.interval,
-        profile,
-        bootstrap_or_none,
-        few=few if drawn.blocks < ENOUGH else None,
-    )
-    if bootstrap_or_none is None:
+    bootstrap = None
+    if drawn.blocks >= FEW:
+        low, high = sorted(line.sigma_0(line.at(0.0)[0] + np.array(drawn.interval(0, error))).tolist())
+        bootstrap = low, high
+    told = few if drawn.blocks < ENOUGH else None
+    warnings = interval_comparison.warnings(estimate.value, estimate.interval, profile, bootstrap, few=told)
+    if bootstrap is None:
         warnings = (*warnings, too_few(few))
-    values, shown = _natural(about, inverse=inverse), _natural(draws, inverse=inverse)
+    values, shown = line.sigma_0(about), line.sigma_0(draws)
     order = np.argsort(values)
     return Uncertainty(
         covariance=estimate.interval,
         profile=profile,
-        bootstrap=bootstrap_or_none,
+        bootstrap=bootstrap,
         curve=np.stack([values, profiles.heights(0, about, 0.0)])[:, order[np.isfinite(values[order])]],
-        draws=np.zeros(0) if bootstrap_or_none is None else shown[np.isfinite(shown)][:SHOWN],
+        draws=np.zeros(0) if bootstrap is None else shown[np.isfinite(shown)][:SHOWN],
         warnings=warnings,
     )
 
@@ -149,33 +145,17 @@ def stiffness_scatter(
     return less(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
 
 
-def _natural(u: Array, *, inverse: bool) -> Array:
-    """sigma_0 at u, none below zero: where u is the inverse that is infinitely stiff."""
-    if not inverse:
-        return np.maximum(u, 0.0)
-    sigma_0: Array = np.divide(1.0, u, out=np.full(u.shape, np.inf), where=u > 0)
-    return sigma_0
-
-
-def _pair(ends: Array) -> tuple[float, float]:
-    return float(ends.min()), float(ends.max())
-
-
-def _line(loadings: Sequence[Loading], level: KnownValue, spread: float, *, inverse: bool) -> _Line:
-    """The estimator at values of g0 about the level, as far as any edges lie below them.
-
-    `spread` is what counts add to e.
-    """
+def _line(loadings: Sequence[Loading], level: KnownValue, estimator: str, spread: float) -> _Line:
+    """The estimator at values of g0, as far as any edges lie below them; `spread` is what counts add to e."""
 
     def at(g0: float) -> tuple[float, float, float]:
         """u, e and degrees of freedom at one g0; no u where nothing is left to estimate from."""
         pieces = [of_loading(loading, g0) for loading in loadings]
-        if not inverse and not any(one.edge_y.size > 1 for one in pieces):
-            return np.nan, np.nan, 1.0
-        value, error, freedom = ESTIMATORS["samples" if inverse else "edges"](pieces)
+        value, error, freedom = ESTIMATORS[estimator](pieces)  # infinite by edges where no loading has two
         if not np.isfinite(value):
             return np.nan, np.nan, 1.0
-        return (1 / value, float(np.hypot(error / value**2, spread)), freedom) if inverse else (value, error, freedom)
+        by_edges = estimator == "edges"
+        return (value, error, freedom) if by_edges else (1 / value, float(np.hypot(error / value**2, spread)), freedom)
 
     reach = student(at(level.value)[2])
     error = level.standard_error if np.isfinite(level.standard_error) else 0.0
@@ -183,17 +163,18 @@ def _line(loadings: Sequence[Loading], level: KnownValue, spread: float, *, inve
     g0 = level.value + x * error
     x, g0 = x[g0 >= _LEAST * level.value], g0[g0 >= _LEAST * level.value]
     u, e, _ = np.array([at(one) for one in g0.tolist()]).T
-    return _Line(x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach)
+    return _Line(estimator, x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach)
 
 
-def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int, *, inverse: bool) -> tuple[Resampled, Array]:
+def _drawn(pieces: Sequence[Piece], line: _Line, error: float, seed: int) -> tuple[Resampled, Array]:
     """Errors of u, also studentised with those of all its sources, and u, (b,), in resampled data.
 
     Blocks of count edges, or of samples, each loading's about its own mean; `error` is the estimate's.
     """
+    inverse = line.estimator == "samples"
     columns = sample_columns(pieces) if inverse else edge_columns(pieces)
     x, y, instrument, starts = columns or (np.zeros(0), np.zeros(0), np.zeros(0), [])
-    value = ESTIMATORS["samples" if inverse else "edges"](pieces)[0]
+    value = ESTIMATORS[line.estimator](pieces)[0]
     off = (x / value if inverse else x * value) - y
     drawn = block_bootstrap(x[:, None], off, starts, instrument=instrument[:, None] if inverse else None, seed=seed)
     middle, e = map(float, line.at(0.0))

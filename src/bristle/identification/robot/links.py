@@ -21,14 +21,10 @@ from bristle.identification.static.problem import from_records
 from bristle.identification.static.runs import fit_moving
 from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-_SURELY = 3.0
-"""Standard errors by which a number is surely not another."""
-_OFF = 0.1
-"""A scale of the links' torque that is off by less is within what masses of a URDF are."""
-_BETTER = 0.5
-"""By which another order lowers the sum of log(relative error) over the joints where it is the right one."""
-_SAMPLES = 4000
-"""Samples by which orders are compared."""
+_SURELY = 3.0  # standard errors by which a number is surely not another
+_OFF = 0.1  # a scale of the links' torque that is off by less is within what masses of a URDF are
+_BETTER = 0.5  # by which another order lowers the sum of log(relative error) over the joints where it is the right one
+_SAMPLES = 4000  # samples by which orders are compared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,9 +49,8 @@ class LinkScale:
 def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale | None:
     """The scale of the links' torque in some moving runs, by the static fit with the links as a regressor; None of too few samples."""
     asked = tuple(dict.fromkeys((*regressors(experiment), "links")))
-    problem = from_records(
-        records, directions(experiment, records), asked, experiment.fit.decimation or decimation(records), None
-    )[0]
+    every = experiment.fit.decimation or decimation(records)
+    problem = from_records(records, directions(experiment, records), asked, every, None)[0]
     if problem.torque.size <= len(problem.names):
         return None
     estimate = estimate_static(problem, experiment.fit, experiment.joint.kind)["links"]
@@ -72,14 +67,15 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale |
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
     """The scale of the links' torque by the fit of all LuGre parameters, where that explains the runs better.
 
-    The static fit takes presliding for something else, the links' torque among it: its error is wide. `experiment` has the
+    The static fit takes presliding for something else, the links' torque among it: its error is wide, and stays where that fit
+    has a wider one, as beside parameters that a motion does not show. `experiment` has the
     links among its regressors, and its torque in the logged unit.
     """
     if not found.scale:
         return found
     fit = fit_alone(experiment, records, fit_moving(experiment, records, (), None)[0])
     links = fit.parameters[ParameterName("links", Direction.SHARED)]
-    if not links.value or not links.standard_error or fit.rms >= found.left:
+    if not links.value or not links.standard_error or links.standard_error > found.error or fit.rms >= found.left:
         return found
     explained = found.explained * abs(links.value / found.scale)
     return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
@@ -166,11 +162,7 @@ def _score(course: Course, moved: Array, links: Array) -> float:
 
 
 def order_warnings(
-    course: Course,
-    moved: Array,
-    names: Sequence[str],
-    body: RigidBody,
-    gravity: Sequence[float],
+    course: Course, moved: Array, names: Sequence[str], body: RigidBody, gravity: Sequence[float]
 ) -> tuple[Finding, ...]:
     """Whether the log would go better with the URDF if its columns stood in another order, or gravity had another direction.
 

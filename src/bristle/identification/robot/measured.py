@@ -35,14 +35,10 @@ from bristle.model.parameters import unit
 from bristle.progress import Progress
 from bristle.workers import Share
 
-_BEYOND = 0.01
-"""rad or m: a position beyond a limit by more is none of that joint."""
-_PEAK, _NO_DRIVE = 1.5, 5.0
-"""Of the effort that the URDF allows, which may be the rated one: a peak, and what no drive has."""
-_LEAST = 0.05
-"""Of a joint's torque: what the links may amount to, below which nothing is said."""
-_SAMPLES = 500
-"""Samples over which the inertia of the links is averaged."""
+_BEYOND = 0.01  # rad or m: a position beyond a limit by more is none of that joint
+_PEAK, _NO_DRIVE = 1.5, 5.0  # of the effort that the URDF allows, perhaps the rated one: a peak, and what no drive has
+_LEAST = 0.05  # of a joint's torque: what the links may amount to, below which nothing is said
+_SAMPLES = 500  # samples over which the inertia of the links is averaged
 
 
 def measure_robot(

@@ -21,22 +21,14 @@ from bristle.identification.static.grid import Projected, solve
 from bristle.identification.static.problem import Regression, log_grid
 from bristle.identification.static.profiles import profiled
 
-GRID = 128
-"""Values of v_s; more than one refined fit needs, for here minimum, errors and intervals are interpolated between them.
-"""
-_IN_CACHE = 400_000
-"""Residuals of sets, of which robust errors are computed at a time."""
-COARSE = 48
-"""As many are enough for the minimum alone."""
+GRID = 128  # values of v_s: more than in one fit, for minimum, errors and intervals are interpolated between them
+_IN_CACHE = 400_000  # residuals of sets, of which robust errors are computed at a time
+COARSE = 48  # as many are enough for the minimum alone
 _NEWTON = 4
-_CROSSING = 12
-"""Secant steps to where a profile crosses its threshold."""
-_CROSSED = 1e-8
-"""This near to one, the statistic's root is on the threshold."""
-_LOOKS = Looks(first=17, near=9, again=4, drawn=1)
-"""Over v_s's interval, for the extremes of the other parameters."""
-_UNSEEN = 300.0
-"""Logarithm of how much alpha_1 may be of the torque, where hardly anything is left of its column; squares stay finite."""
+_CROSSING = 12  # secant steps to where a profile crosses its threshold
+_CROSSED = 1e-8  # this near to one, the statistic's root is on the threshold
+_LOOKS = Looks(first=17, near=9, again=4, drawn=1)  # over v_s's interval, for the extremes of the other parameters
+_UNSEEN = 300.0  # logarithm of alpha_1 over the torque where hardly anything is left of its column
 _NEIGHBOURS = np.arange(-2, 4)
 _TO_POLYNOMIAL = np.linalg.inv(np.vander(_NEIGHBOURS.astype(float), increasing=True))
 """From six neighbouring values to the coefficients of their polynomial in t, which counts grid steps."""
@@ -142,10 +134,7 @@ class Batch:
         return self._floored(self.theta - reach), self.theta + reach
 
     def profile_intervals(self) -> tuple[Array, Array]:
-        """Lower and upper ends where the profile crosses its threshold, (p, sets) each.
-
-        0 and inf where it does not within the range of v_s.
-        """
+        """Ends where the profile crosses its threshold, (p, sets) each; 0 and inf where it does not in the range."""
         best = self.cost
         threshold = best * profile_threshold(1.0, self.torques.shape[0], len(self.problem.names))
         ends, broken = zip(*(self._crossing(threshold, last) for last in (0.0, self.grid - 1.0)), strict=True)
@@ -180,8 +169,7 @@ class Batch:
         return np.maximum(low, self.problem.least[:, None])
 
     def _v_s(self, x: Array) -> Array:
-        values: Array = self._base * np.exp(self._step * x)
-        return values
+        return np.asarray(self._base * np.exp(self._step * x))
 
     def _at(self, x: Array) -> Tables:
         """The tables at grid coordinates x, (sets, q)."""
@@ -194,8 +182,7 @@ class Batch:
         return Tables(*(np.einsum("...sqi,sqi->...sq", table, weights) for table in tables))
 
     def _costs(self, at: Tables) -> Array:
-        cost: Array = self._rest[:, None] - np.maximum(at.along, 0.0) ** 2
-        return cost
+        return np.asarray(self._rest[:, None] - np.maximum(at.along, 0.0) ** 2)
 
     def _solve(self) -> None:
         """The minimum of each set, between grid values; those at an end of the range, or at a bound, one by one."""

@@ -20,33 +20,22 @@ from bristle.model import law
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Direction, ParameterName, of_curve, static_of, without_peak
 
-STARTS = 8
-"""Random starts of the full fit."""
+STARTS = 8  # random starts of the full fit
 SEED = 0
-_SAME = 1e-6
-"""Relative difference in cost below which two minima are the same."""
-OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}
-"""Of IPOPT, for a fit to the last digits."""
+_SAME = 1e-6  # relative difference in cost below which two minima are the same
+OPTIONS = {"tol": 1e-11, "max_iter": 300, "bound_relax_factor": 0.0}  # of IPOPT, for a fit to the last digits
 
 
-def full_fit(
-    problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS, seed: int = SEED
-) -> list[Array]:
-    """All parameters of a static problem at once, by IPOPT.
+def full_fit(problem: Regression, v_s_range: tuple[float, float], starts: int = STARTS) -> list[Array]:
+    """All parameters of a static problem at once, by IPOPT, v_s within a range, rad/s.
 
-    theta, in the order of the problem's `names`, where each random start ended.
-
-    Args:
-        problem: the data.
-        v_s_range: bounds of v_s, rad/s.
-        starts: random starts, >= 1.
-        seed: of the starts.
+    theta, in the order of the problem's `names`, where each of `starts` >= 1 random starts ended.
     """
     unknowns, (low, high) = unknowns_of(problem, v_s_range), np.log(v_s_range).tolist()
     x = ca.MX.sym("x", len(problem.names))
     residual = _residuals(problem, natural(unknowns, x), v_s_range) / (float(np.abs(problem.torque).max()) or 1.0)
     full = solver("full", x, ca.dot(residual, residual), **OPTIONS)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(SEED)
     begun = []
     for _ in range(starts):
         x0 = rng.uniform(0.0, 1.0, len(problem.names))
@@ -56,20 +45,12 @@ def full_fit(
 
 
 def crosscheck(
-    problem: Regression,
-    theta: Array,
-    cost: float,
-    standard_errors: Array,
-    v_s_range: tuple[float, float],
+    problem: Regression, theta: Array, cost: float, standard_errors: Array, v_s_range: tuple[float, float]
 ) -> Crosscheck:
     """The full fit beside the grid's: costs, parameters in units of the grid fit's standard errors, and a verdict.
 
-    Args:
-        problem: the data.
-        theta: the grid's answer, in the order of the problem's `names`.
-        cost: the grid's cost.
-        standard_errors: of theta; nan where there is none.
-        v_s_range: the range that the grid searched.
+    `theta` and its standard errors, nan where there is none, are in the order of the problem's `names`; the range, rad/s, is
+    the one that the grid searched.
     """
     ended = full_fit(problem, v_s_range)
     costs = [float(np.sum(problem.residuals(end) ** 2)) for end in ended]
@@ -103,10 +84,7 @@ def crosscheck(
 
 
 def _residuals(problem: Regression, theta: Sequence[ca.MX], v_s_range: tuple[float, float]) -> ca.MX:
-    """Measured minus modelled torque as a CasADi expression.
-
-    For smoothed equations, of fewer ones with the same sum of squares up to a constant.
-    """
+    """Measured minus modelled torque in CasADi; where smoothed of fewer equations with the same sum of squares."""
     few = reduced(problem, v_s_range)
     value = dict(zip(few.names, theta, strict=True))
     others = [k for k, name in enumerate(few.linear_names) if not of_curve(name.name)]

@@ -17,30 +17,19 @@ from bristle.identification.candidates import candidates
 from bristle.identification.fits import Crosscheck, Estimate, HoldOut, StaticFit, Uncertainty
 from bristle.identification.repeats import clustered, widened
 from bristle.identification.static.crosscheck import crosscheck
-from bristle.identification.static.fit_warnings import speeds_of
 from bristle.identification.static.grid import default_range, plain_grid, solve
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.problem import Regression
 from bristle.identification.static.solution import StaticSolution, apart, solve_static
-from bristle.identification.static.stray_report import StrayReport, report_strays
+from bristle.identification.static.stray_report import report_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
-from bristle.model.parameters import (
-    Direction,
-    ParameterName,
-    of_curve,
-    peak_parameters,
-    static_fields_of,
-    unit,
-)
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, ParameterName, of_curve, peak_parameters, static_fields_of, unit
 
-_ONE_SPEED = 1.25
-"""Times the slowest speed: where the fastest is less, they are one."""
+_ONE_SPEED = 1.25  # times the slowest speed: where the fastest is less, they are one
 _MANY, _MIXED = 10, 0.5
 """Points of a direction whose torque may go with their rows, and the rank correlation of speed and row up to which that is no matter of speed."""
-_LOGARITHMIC = ("v_s",)
-"""What is compared, and widened, as its logarithm."""
+_LOGARITHMIC = ("v_s",)  # what is compared, and widened, as its logarithm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +54,7 @@ class PointInfo:
 def fit_static(
     problem: Regression,
     options: FitOptions,
-    kind: JointKind,
+    kind: Kind,
     where: PointInfo,
     held: Sequence[tuple[str, Regression]] = (),
     timings: dict[str, float] | None = None,
@@ -90,7 +79,7 @@ def fit_static(
     # of a direction that was measured at one speed alone viscous friction is told from Coulomb's by others
     lost = set[ParameterName]()
     for d in problem.directions if problem.smooth is None else ():
-        speeds = speeds_of(problem, d)
+        speeds = problem.speeds(d)
         if speeds.size and speeds.max() < _ONE_SPEED * speeds.min():
             lost.add(ParameterName("alpha_2", d))
     if lost:
@@ -100,11 +89,19 @@ def fit_static(
     if too_few:
         return {d: _nothing(d, problem, kind, where, too_few) for d in problem.directions}, {}
     core = solve_static(problem, options, kind, v_s_range)
-    comparisons = _comparisons(problem, core, options, kind, v_s_range, where)
-    errors = tuple(
-        HoldOut(file=file, relative_error=replace(p, peaks=core.problem.peaks).relative_error(core.solution.theta))
-        for file, p in held
-    )
+    # the same parameters by other ways, and what is said of the whole
+    plain: dict[ParameterName, float] = {}
+    if len(core.problem.peaks) == 1 and problem.smooth is None:
+        plain = dict(zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range)[2]), strict=True))
+    strays, three = report_strays(core, where.search, options, kind), three_ways(core, v_s_range)
+    without, of_sticking = _without_sticking(problem, core, options, kind, where.stick_slip)
+    measured = slice(problem.torque.size - problem.priors)
+    residuals = core.solution.residuals[measured]
+    in_order = residuals[np.argsort(problem.equation_velocity[measured])] if where.segments else residuals
+    left = unexplained(in_order, float(np.linalg.norm(problem.measured[measured])))
+    warnings = (*left, *strays.warnings, *core.warnings, *of_sticking, *terms_left_out(core, kind, where))
+    posed = ((file, replace(p, peaks=core.problem.peaks)) for file, p in held)
+    errors = tuple(HoldOut(file=file, relative_error=p.relative_error(core.solution.theta)) for file, p in posed)
     label = _parts(problem)[-1]
     started = perf_counter()
     errors_of_grid = np.array([core.parameters[name].standard_error or np.nan for name in core.problem.names])
@@ -113,13 +110,20 @@ def fit_static(
         checked_at = perf_counter()
         solve(core.problem, v_s_range)  # once more, for its time alone
         timings |= {f"grid {label}": perf_counter() - checked_at, f"full fit {label}": checked_at - started}
-    if not checked.agrees:
-        comparisons = replace(comparisons, warnings=(*comparisons.warnings, checked.verdict))
-    fits = {d: _static_fit(core, kind, d, where, comparisons, errors) for d in _parts(problem)}
+    warnings = warnings if checked.agrees else (*warnings, checked.verdict)
     logarithmic, alone = {name for name in core.names if name.name in _LOGARITHMIC}, problem.smooth is None
     scatter = clustered(*parts_of_runs(core, runs), core.parameters, core.freedom, logarithmic, independent=alone)
     one, finished = len(core.problem.directions) == 1, dict[str, StaticFit]()
-    for d, fit in fits.items():  # as wide as the runs scatter, and then with the systematic errors
+    for d in _parts(problem):
+        fit = replace(
+            _static_fit(core, kind, d, where, without, three),
+            warnings=warnings,
+            hold_out=errors,
+            plain_grid={name.name: x for name, x in plain.items() if one or name.direction is d},
+            strays=strays.of(d),
+            other_points=strays.other.get(d),
+        )
+        # as wide as the runs scatter, and then with the systematic errors
         own = {name.name: x for name, x in scatter.items() if one or name.direction is d}
         shifts = {c: {n.name: x for n, x in by.items() if one or n.direction is d} for c, by in core.shifts.items()}
         finished[d] = with_systematic(widened(fit, own, _LOGARITHMIC), shifts)
@@ -127,24 +131,21 @@ def fit_static(
 
 
 def estimate_static(
-    problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float] | None = None
+    problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float] | None = None
 ) -> Mapping[str, Estimate]:
-    """The parameters of one direction alone, with their intervals, and nothing that stands beside them.
-
-    What a study of many data sets repeats.
-    """
+    """The parameters of one direction alone with their intervals: what a study of many data sets repeats."""
     core = solve_static(problem, options, kind, v_s_range)
     return {name.name: e for name, e in core.estimates.items()}
 
 
 def _split_unknown(
-    problem: Regression, parameters: Mapping[str, Estimate], part: Direction, kind: JointKind
+    problem: Regression, parameters: Mapping[str, Estimate], part: Direction, kind: Kind
 ) -> dict[str, Estimate]:
     """Of one speed alone: alpha_0 stands for all friction there, alpha_2 for none; both have what is possible as their intervals, and say so."""
     whole = parameters.get("alpha_0")
     if "alpha_2" in parameters or whole is None or whole.value is None or whole.interval is None:
         return {}
-    speed, high = float(np.mean(speeds_of(problem, part))), whole.interval[1]
+    speed, high = float(np.mean(problem.speeds(part))), whole.interval[1]
     message = (
         f"Friction is known at one speed alone, {speed:.3g}{unit_of('velocity')}: alpha_0 + alpha_2 v = {whole.value:.4g} +/- "
         f"{whole.standard_error or 0.0:.2g}{unit_of('torque')}. How it splits is not known, and alpha_2 is taken as 0; measure at other speeds."
@@ -173,7 +174,7 @@ def _too_few(problem: Regression) -> Finding | None:
     return None
 
 
-def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointInfo, why: Finding) -> StaticFit:
+def _nothing(direction: str, problem: Regression, kind: Kind, where: PointInfo, why: Finding) -> StaticFit:
     extra = (name.name for name in problem.linear_names if not of_curve(name.name))
     names = (*static_fields_of(problem.law), *extra)
     parameters = {name: Estimate(value=None, unit=unit(name, kind), warnings=(why,)) for name in names}
@@ -192,57 +193,28 @@ def _nothing(direction: str, problem: Regression, kind: JointKind, where: PointI
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Comparisons:
-    """The same parameters by other ways, which a fit is shown with."""
-
-    plain: Mapping[ParameterName, float]
-    without: Mapping[ParameterName, Estimate]
-    three: Mapping[ParameterName, Uncertainty]
-    strays: StrayReport
-    warnings: tuple[Finding, ...]
-
-
-def _comparisons(
-    problem: Regression,
-    core: StaticSolution,
-    options: FitOptions,
-    kind: JointKind,
-    v_s_range: tuple[float, float],
-    where: PointInfo,
-) -> _Comparisons:
-    plain: dict[ParameterName, float] = {}
-    if len(core.problem.peaks) == 1 and problem.smooth is None:
-        plain = dict(zip(core.problem.names, map(float, plain_grid(core.problem, v_s_range)[2]), strict=True))
-    strays = report_strays(core, where.search, options, kind)
-    warnings = [*strays.warnings, *core.warnings]
-    without: Mapping[ParameterName, Estimate] = {}
-    if (sticks := where.stick_slip).any():
-        rest = problem.rows(np.logical_not(sticks))
-        sticking, points = int(sticks.sum()), sticks.size
-        message = f"{sticking} of {points} points stick and slip; the fit without them is shown for comparison."
-        said = Finding("stick-slip-points", CAUTION, message, {"sticking": sticking, "points": points})
-        if nothing := _too_few(rest):
-            warnings.append(said)
-            message = f"Without the points that stick and slip no fit is possible. {nothing.message}"
-            warnings.append(Finding("nothing-without", CAUTION, message, {"inner": nothing}))
-        else:
-            alone = solve_static(rest, options, kind)
-            without = alone.estimates
-            warnings.append(replace(said, effect={"torque": apart(core, alone)}))
-            for inner in alone.warnings:
-                message = f"Without the points that stick and slip: {inner.message}"
-                warnings.append(Finding("without-stick-slip", NOTE, message, {"inner": inner}))
-    measured = slice(problem.torque.size - problem.priors)
-    velocity, residuals = problem.equation_velocity[measured], core.solution.residuals[measured]
-    warnings += terms_left_out(core, kind, where)
-    in_order = residuals[np.argsort(velocity)] if where.segments else residuals
-    warnings = [*unexplained(in_order, float(np.linalg.norm(problem.measured[measured]))), *warnings]
-    three = three_ways(core, v_s_range)
-    return _Comparisons(plain=plain, without=without, three=three, strays=strays, warnings=tuple(warnings))
+def _without_sticking(
+    problem: Regression, core: StaticSolution, options: FitOptions, kind: Kind, sticks: NDArray[np.bool_]
+) -> tuple[Mapping[ParameterName, Estimate], list[Finding]]:
+    """The parameters fitted without the points that stick and slip, a mask, (n,), and what is said of that; nothing where none do."""
+    if not sticks.any():
+        return {}, []
+    rest = problem.rows(np.logical_not(sticks))
+    sticking, points = int(sticks.sum()), sticks.size
+    message = f"{sticking} of {points} points stick and slip; the fit without them is shown for comparison."
+    said = Finding("stick-slip-points", CAUTION, message, {"sticking": sticking, "points": points})
+    if nothing := _too_few(rest):
+        message = f"Without the points that stick and slip no fit is possible. {nothing.message}"
+        return {}, [said, Finding("nothing-without", CAUTION, message, {"inner": nothing})]
+    alone = solve_static(rest, options, kind)
+    warnings = [replace(said, effect={"torque": apart(core, alone)})]
+    for inner in alone.warnings:
+        message = f"Without the points that stick and slip: {inner.message}"
+        warnings.append(Finding("without-stick-slip", NOTE, message, {"inner": inner}))
+    return alone.estimates, warnings
 
 
-def terms_left_out(core: StaticSolution, kind: JointKind, where: PointInfo) -> list[Finding]:
+def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[Finding]:
     """Terms that the fit lacks, to first order; points in the order of velocity, in which a misfit correlates them."""
     problem, theta = core.problem, core.solution.theta
     measured = slice(problem.torque.size - problem.priors)
@@ -295,29 +267,28 @@ def _by_rows(points: Sequence[Segment], torque: Array) -> list[Candidate]:
 
 def _static_fit(
     core: StaticSolution,
-    kind: JointKind,
+    kind: Kind,
     part: Direction,
     where: PointInfo,
-    comparisons: _Comparisons,
-    errors: tuple[HoldOut, ...],
+    without: Mapping[ParameterName, Estimate],
+    three: Mapping[ParameterName, Uncertainty],
 ) -> StaticFit:
-    """The part of a fit that belongs to one direction, to both, or to what two directions share."""
+    """The part of a fit that belongs to one direction, to both, or to what two directions share.
+
+    `without` are the parameters without points that stick and slip, `three` their intervals three ways.
+    """
     problem, theta = core.problem, core.solution.theta
-    two = len(problem.directions) == 2
-    velocity = problem.equation_velocity
-    residuals = problem.residuals(theta)
-    rows = (
-        np.ones(residuals.size, dtype=bool)
-        if not two or part == "shared"
-        else (velocity > 0 if part == "+" else velocity < 0)
-    )
+    two, velocity, residuals = len(problem.directions) == 2, problem.equation_velocity, problem.residuals(theta)
+    rows = np.ones(residuals.size, dtype=bool)
+    if two and part != "shared":
+        rows = velocity > 0 if part == "+" else velocity < 0
     rows[rows.size - problem.priors :] = False
     names = [name for name in problem.names if not two or name.direction is part]
     parameters = {name.name: core.parameters[name] for name in names}
     for name in names:  # what its three intervals say, unless it is at its bound
-        one, three = parameters[name.name], comparisons.three[name]
+        one = parameters[name.name]
         if not any(warning.code == "at-bound" for warning in one.warnings):
-            parameters[name.name] = replace(one, warnings=(*one.warnings, *three.warnings))
+            parameters[name.name] = replace(one, warnings=(*one.warnings, *three[name].warnings))
     if part != "shared" and part in core.dropped:
         lost = (core.dropped[part],)
         names_lost = peak_parameters(problem.law)
@@ -329,7 +300,7 @@ def _static_fit(
     torque = problem.friction(theta) if part != "shared" else problem.torque
     norm = float(np.linalg.norm(problem.measured[rows]))
     outcome, peak = core.outcome, ParameterName("alpha_1", part)
-    if peak in core.parameters and comparisons.without and peak not in comparisons.without:
+    if peak in core.parameters and without and peak not in without:
         message = "The Stribeck term depends on points that stick and slip; without them it is not identifiable."
         outcome = Finding("static-stick-slip", CAUTION, message)
     return StaticFit(
@@ -340,17 +311,12 @@ def _static_fit(
         relative_error=float(100 * np.linalg.norm(residuals[rows]) / norm) if norm else None,
         n=int(rows.sum()),
         outcome=outcome,
-        warnings=comparisons.warnings,
-        hold_out=errors,
         names=tuple(core.names[k].name for k in keep),
         covariance=core.covariance[np.ix_(keep, keep)],
         degrees_of_freedom=int(core.freedom),
         profile=core.profiles.get(part),
-        uncertainty={name.name: comparisons.three[name] for name in names},
-        plain_grid={name.name: x for name, x in comparisons.plain.items() if name in names},
-        without_stick_slip={n.name: e for n, e in comparisons.without.items() if not two or n.direction is part},
-        strays=comparisons.strays.of(part),
-        other_points=comparisons.strays.other.get(part),
+        uncertainty={name.name: three[name] for name in names},
+        without_stick_slip={n.name: e for n, e in without.items() if not two or n.direction is part},
         velocity=velocity[rows],
         torque=torque[rows],
         residuals=residuals[rows],

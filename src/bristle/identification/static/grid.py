@@ -26,23 +26,15 @@ from bristle.model.parameters import ParameterName
 
 T = TypeVar("T")
 _NONE = np.zeros(0, dtype=np.intp)
-_FLAT = 1e-10
-"""A Stribeck column this close to the others, relative, tells nothing."""
-GRID = 32
-"""Values of v_s in the refined grid."""
-PLAIN_GRID = 500
-"""Values of v_s in the paper's plain grid."""
-_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))
-"""From five equally spaced values to the coefficients of the polynomial through them, highest power first."""
-_BLOCK = 500
-"""Values of v_s worked on at a time, of many sets."""
-_AT_ONCE = 4_000_000
-"""Elements of the columns of one set, over values of v_s, worked on at a time."""
+_FLAT = 1e-10  # a Stribeck column this close to the others, relative, tells nothing
+GRID = 32  # values of v_s in the refined grid
+PLAIN_GRID = 500  # values of v_s in the paper's plain grid
+_TO_QUARTIC = np.linalg.inv(np.vander(np.arange(-2.0, 3.0)))  # from five equally spaced values, highest power first
+_BLOCK = 500  # values of v_s worked on at a time, of many sets
+_AT_ONCE = 4_000_000  # elements of the columns of one set, over values of v_s, worked on at a time
 _STEPS = 20
-_SETTLED = 1e-12
-"""A further step is not worth it if it lowers the cost by less than this part of the residuals' variance."""
-_UNTOUCHED = 1e-200
-"""Squared length of a peak's column, beside the others, that touches no point: a variance that is its inverse would overflow."""
+_SETTLED = 1e-12  # of the residuals' variance: a step that lowers the cost by less is not worth it
+_UNTOUCHED = 1e-200  # squared length of a peak's column off the others that touches no point
 
 
 class Inner(NamedTuple):
@@ -98,10 +90,7 @@ class Projected:
         return inside, columns - self.q @ inside
 
     def off(self, v_s: Array, direction: int = 0) -> tuple[Array, Array]:
-        """Stribeck columns less their part in the linear ones (n, k), and their squared lengths (k,).
-
-        A length is inf where a column vanishes.
-        """
+        """Stribeck columns off the linear ones (n, k), and their squared lengths (k,), inf where one vanishes."""
         shapes = self.problem.shapes(v_s, direction)
         inside, _, length = self._split(shapes)
         return shapes - self.q @ inside, length
@@ -119,10 +108,7 @@ class Projected:
         return costs
 
     def _bounded(self, shapes: Array) -> Array:
-        """J_s with each of some Stribeck columns (n, k), every bound kept.
-
-        The least of what breaks none, with any friction columns dropped, (k,).
-        """
+        """The least J_s with each of some Stribeck columns (n, k), on any face that breaks no bound, (k,)."""
         bounded = [name for name, low in zip(self.problem.linear_names, self.lower, strict=True) if np.isfinite(low)]
         least = np.full(shapes.shape[1], np.inf)
         for dropped in subsets(bounded)[1:]:
@@ -149,10 +135,7 @@ class Projected:
         return solve_at(self.problem, [v_s])
 
     def _split(self, shapes: Array) -> tuple[Array, Array, Array]:
-        """Coefficients in Q (m, k), s'r with r the torque off Q (k,), and the squared lengths of what is off Q (k,).
-
-        A length is inf where nothing is off Q.
-        """
+        """Coefficients in Q (m, k), s'r with r the torque off Q, and squared lengths off Q, inf for none, (k,)."""
         products = self.q_and_rest @ shapes
         inside, along = products[:-1], products[-1]
         total = np.einsum("nk,nk->k", shapes, shapes)
@@ -173,8 +156,7 @@ class Projected:
         if len(self.problem.peaks) == 1:
             return self.costs(v_s)
         surface, _ = self.surface(v_s, others) if peak == 0 else self.surface(others, v_s)
-        lowest: Array = surface.min(axis=1 - peak)
-        return lowest
+        return np.asarray(surface.min(axis=1 - peak))
 
     def surface(self, first_v_s: Array, second_v_s: Array) -> tuple[Array, tuple[float, float]]:
         """J_s over v_s of two peaks, (k, l), with alpha_1 >= 0, and the least cost without each peak."""
@@ -195,10 +177,7 @@ class Projected:
         return np.maximum(self.rest_cost - gain, 0.0), without
 
     def conditional(self, v_s: Array) -> Conditional:
-        """The linear parameters, bounds apart, at values of v_s, (K, peaks of the problem).
-
-        alpha_1 is zero where a peak touches no point.
-        """
+        """The linear parameters, bounds apart, at v_s, (K, peaks); alpha_1 is zero where a peak touches no point."""
         K, P, p = v_s.shape[0], len(self.peaks), self.size
         off, inside = np.empty((K, P, self.rest.size)), np.empty((K, P, self.q.shape[1]))
         for row, k in enumerate(self.peaks):
@@ -304,10 +283,7 @@ def solve(problem: Regression, v_s_range: tuple[float, float], grid: int = GRID)
 def descended(
     problem: Regression, solution: Solution, v_s: Sequence[float], v_s_range: tuple[float, float]
 ) -> Solution:
-    """The solution with the minimum nearest to other v_s, one per peak, in place of its own.
-
-    What was solved on the grid stays.
-    """
+    """The solution with the minimum nearest to other v_s, one per peak; what was solved on the grid stays."""
     inner = solve_at(problem, _descend(problem, list(v_s), v_s_range))
     return replace(solution, **inner._asdict())
 

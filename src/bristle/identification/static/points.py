@@ -18,15 +18,14 @@ from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.moving_runs import DIRECTIONS, declared, load_columns, terms_of
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import Regression, from_points
-from bristle.identification.static.shape_search import with_best_shape
+from bristle.identification.static.profiles import with_best_shape
 from bristle.identification.static.strays import all_but, find_strays, refit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
 
 _MOST, _NEIGHBOURS, _MOVES = 0.1, 3, 0.01
 """Of the points: more than this are no strays, nor are so many in a row; of the curve: what moves it by less is none of its business."""
-_ASLEEP = 0.85
-"""Of alpha_0 of faster points: what is slow and has less does not slide."""
+_ASLEEP = 0.85  # of alpha_0 of faster points: what is slow and has less does not slide
 
 
 @result
@@ -102,12 +101,7 @@ def _places(searches: Sequence[PointSearch]) -> frozenset[tuple[str, int, int]]:
     return frozenset(x.points[k].place for x in searches if not x.misfit for k in x.strays)
 
 
-def _search(
-    sides: tuple[str, ...],
-    points: tuple[Segment, ...],
-    asked: Sequence[str],
-    law: Law,
-) -> PointSearch:
+def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence[str], law: Law) -> PointSearch:
     problem = points_problem(points, sides, asked, law)
     problem = with_best_shape(problem, default_range(problem.velocity))
     n = len(points)

@@ -31,8 +31,7 @@ from bristle.model.laws.parts import Law
 from bristle.model.parameters import INERTIA, Direction, ParameterName, least_of, of_curve
 from bristle.model.vectorize import evaluate
 
-_AT_ONCE = 1_000_000
-"""Samples times values of v_s that are smoothed together."""
+_AT_ONCE = 1_000_000  # samples times values of v_s that are smoothed together
 Tables = tuple[Array, ...]
 """Columns over v_s, one table per output of a function, each (n, k)."""
 
@@ -90,12 +89,14 @@ class Regression:
         """How a parameter prints beside a fit of these directions: bare where there is but one."""
         return name.name if len(self.directions) == 1 else str(name)
 
+    def speeds(self, direction: str) -> Array:
+        """The speeds of a direction, or of `both`, that are not zero, rad/s."""
+        moving = {"+": self.velocity > 0, "-": self.velocity < 0}.get(direction, self.velocity != 0)
+        return np.asarray(np.abs(self.velocity[moving]))
+
     @property
     def least(self) -> Array:
-        """What each parameter may be at least: 0 for friction, -inf for the extra regressors, the inertia among them.
-
-        In the order of `names`.
-        """
+        """What each of `names` may be at least: 0 for friction, -inf for the extra regressors, the inertia too."""
         return np.array([-np.inf if name == INERTIA else least_of(name.name) for name in self.names])
 
     @property
@@ -175,10 +176,6 @@ class Regression:
         """The same velocities with another torque, N*m, (n,)."""
         return replace(self, torque=torque.copy(), memory={})
 
-    def with_shape(self, shape: tuple[float, ...]) -> "Regression":
-        """The same with another shape of its peaks, what the law's peak takes beside v_s."""
-        return replace(self, shape=shape)
-
     def rows(self, keep: NDArray[np.bool_]) -> "Regression":
         """The same problem with only some equations, no prior among them; `keep` is a mask, (n,)."""
         return replace(
@@ -215,8 +212,7 @@ class Regression:
 def log_grid(v_s_range: tuple[float, float], grid: int) -> Array:
     """Values of v_s spaced evenly in log(v_s), both ends included, (grid,)."""
     low, high = v_s_range
-    values: Array = low * np.exp(np.arange(grid) * (np.log(high / low) / (grid - 1)))
-    return values
+    return np.asarray(low * np.exp(np.arange(grid) * (np.log(high / low) / (grid - 1))))
 
 
 def from_points(
@@ -227,10 +223,7 @@ def from_points(
     shifts: Mapping[str, Array] | None = None,
     law: Law = GAUSSIAN,
 ) -> Regression:
-    """The problem (12) for velocity-torque points, both of shape (n,), rad/s and N*m.
-
-    `extra` holds known columns by name, `shifts` are as in `Regression`.
-    """
+    """The problem (12) for points, rad/s and N*m, (n,), known columns by name, and shifts as in `Regression`."""
     return replace(_build(velocity, torque, directions, extra or {}, None, law), shifts=shifts or {})
 
 
@@ -305,10 +298,7 @@ def from_records(
 def with_prior(
     problem: Regression, name: ParameterName, value: float, standard_error: float, sigma: float
 ) -> Regression:
-    """The problem with one more equation.
-
-    Parameter `name` (a linear one) is value +- standard_error, where residuals scatter by sigma.
-    """
+    """The problem with one more equation: a linear parameter is value +- standard_error, residuals scatter by sigma."""
     weight = sigma / standard_error
     row = np.array([[weight if n == name else 0.0 for n in problem.linear_names]])
     smooth = problem.smooth if problem.smooth is not None else sparse.eye_array(problem.velocity.size, format="csr")
@@ -362,10 +352,7 @@ def _moves(velocity: Array, direction: str) -> Array:
 
 
 def unknowns_of(problem: Regression, v_s_range: tuple[float, float]) -> Unknowns[ParameterName]:
-    """The parameters in the order of the problem's `names`.
-
-    A typical size is the torque over the column's largest entry.
-    """
+    """The parameters in the order of `names`; a typical size is the torque over the column's largest entry."""
     torque, peaks = float(np.abs(problem.torque).max()) or 1.0, len(problem.peaks)
     columns = np.abs(problem.linear).max(axis=0)
     columns[columns == 0] = 1.0

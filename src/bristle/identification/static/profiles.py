@@ -3,9 +3,13 @@
 At given v_s the problem is linear, so that the profiles of the others follow no path: see
 `estimation.conditional_profile`; eta is log(v_s). Moving data are profiled in few equations: the same static problem, a
 hundred times smaller (`reduced`).
+
+What the shape of a peak takes beside v_s, as the free exponent does, is searched around the grid, which holds it. The
+cost at its best v_s and linear parameters, as a function of such a parameter, is its profile: the interval comes of it,
+as that of v_s does. Those of the others are the union over what the profile allows.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -13,12 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 from scipy.interpolate import BSpline
+from scipy.optimize import brentq, minimize_scalar
 
 from bristle.arrays import Array
 from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
 from bristle.identification.fits import Profile
-from bristle.identification.static.grid import GRID, PLAIN_GRID, Projected, Solution, subsets
+from bristle.identification.static.grid import GRID, PLAIN_GRID, Projected, Solution, solve, subsets
 from bristle.identification.static.problem import Regression, log_grid
 from bristle.model.parameters import Direction, ParameterName
 
@@ -28,20 +33,17 @@ _LOOKS = (
     Looks(first=25, near=7, again=5, drawn=33),
 )
 """Over how many v_s extremes are looked for, by the number of peaks."""
-_DRAWN = 61
-"""Values of a parameter at which its profile is drawn."""
-_NEAR = 40
-"""Values of v_s around the minimum at which its profile is drawn."""
-_BEYOND = 0.5
-"""How far beyond its interval, in widths of it."""
-_AROUND = (0.5, 2.0, 101)
-"""Of two peaks, where the other v_s is searched, over its best: from, to, values."""
-_ROUNDING = 1e-13
-"""Of what the linear columns leave of the torque: costs this near are the same."""
-_NODES = 1000
-"""Velocities that stand for all of moving data."""
-_SLOWEST = 1e-7
-"""Of the fastest speed: where they begin."""
+_DRAWN = 61  # values of a parameter at which its profile is drawn
+_NEAR = 40  # values of v_s around the minimum at which its profile is drawn
+_BEYOND = 0.5  # how far beyond its interval, in widths of it
+_AROUND = (0.5, 2.0, 101)  # of two peaks, where the other v_s is searched, over its best: from, to, values
+_ROUNDING = 1e-13  # of what the linear columns leave of the torque: costs this near are the same
+_NODES = 1000  # velocities that stand for all of moving data
+_SLOWEST = 1e-7  # of the fastest speed: where they begin
+_FIRST = 7  # values even in their logarithm at which each parameter is tried first ...
+_STEPS = 14  # ... and at most so many more, between the neighbours of the best
+_SETTLED = 1e-4  # of its logarithm: a parameter that moves less is found
+_WITHIN = 5  # values between the ends of its interval at which the intervals of the others are worked out
 
 
 class StaticProfiles(NamedTuple):
@@ -62,10 +64,7 @@ class StaticProfiles(NamedTuple):
         return None if self.linear.better is None else np.exp(self.linear.better)
 
     def curve(self, name: ParameterName, value: float, low: float, high: float) -> Array:
-        """A linear parameter's profile about its estimate, (2, k).
-
-        From half a width below its interval to half a width above.
-        """
+        """A linear parameter's profile, (2, k), from half a width below its interval to half a width above."""
         j, wide = self.problem.names.index(name), high - low
         least = 0.0 if self.linear.bounded[j] else -np.inf
         ends = max(low - _BEYOND * wide, least), high + _BEYOND * wide
@@ -89,9 +88,8 @@ def profiled(
     peaks = len(problem.peaks)
     names, best = few.names[: len(few.names) - peaks], solution.theta[solution.theta.size - peaks :]
     projected, v_s = Projected(few), dict[ParameterName, tuple[float, float]]()
-    for k, name in enumerate(
-        few.names[len(names) :]
-    ):  # of two, the other's v_s is searched on the grid and near its best
+    for k, name in enumerate(few.names[len(names) :]):
+        # of two, the other's v_s is searched on the grid and near its best
         costs = partial(projected.profile, peak=k, others=others(solution, peaks, k))
         v_s[name] = interval_on_grid(costs, solution.grid, costs(solution.grid), float(best[k]), threshold)
     box = np.array([np.clip(ends, solution.grid[0], solution.grid[-1]) for ends in v_s.values()]).reshape(peaks, 2)
@@ -131,9 +129,8 @@ def drawn_profiles(
     for k, direction in enumerate(problem.peaks):
         best = float(solution.theta[k - len(problem.peaks)])
         costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
-        plain_v_s = (
-            np.linspace(*v_s_range, PLAIN_GRID) if len(problem.peaks) == 1 and problem.smooth is None else solution.grid
-        )
+        plain = len(problem.peaks) == 1 and problem.smooth is None
+        plain_v_s = np.linspace(*v_s_range, PLAIN_GRID) if plain else solution.grid
         # even in log(v_s), where the profile is below ten times the threshold's height
         grid, low = solution.grid, solution.profiles[k] <= solution.cost + 10 * (threshold - solution.cost)
         near = np.append(np.flatnonzero(low), np.searchsorted(grid, best))
@@ -145,7 +142,7 @@ def drawn_profiles(
             near_v_s=around,
             near_cost=costs(around),
             plain_v_s=plain_v_s,
-            plain_cost=costs(plain_v_s) if plain_v_s is not solution.grid else solution.profiles[k],
+            plain_cost=costs(plain_v_s) if plain else solution.profiles[k],
             best=best,
             best_cost=solution.cost,
             threshold=threshold,
@@ -217,9 +214,88 @@ def _over_log(projected: Projected) -> Face:
 
 
 def others(solution: Solution, peaks: int, peak: int) -> Array:
-    """Over which values of the other v_s the profile of a peak's own is minimised, where there are two.
-
-    Near its best, and the grid, (k,).
-    """
+    """Values of the other of two v_s over which a peak's profile is minimised: near its best, and the grid, (k,)."""
     other = float(solution.theta[solution.theta.size - 1 - peak])
     return solution.grid if peaks < 2 else np.append(other * np.geomspace(*_AROUND), solution.grid)
+
+
+def with_best_shape(problem: Regression, v_s_range: tuple[float, float]) -> Regression:
+    """The problem with the shape at which its cost is least; itself where its peak has nothing beside v_s."""
+    if not problem.law.peak.own or not problem.peaks:
+        return problem
+
+    def cost(shape: tuple[float, ...]) -> float:
+        """The least there is with this shape."""
+        return solve(replace(problem, shape=shape), v_s_range).cost
+
+    best, _ = _searched(cost, tuple(own.searched for own in problem.law.peak.own))
+    return replace(problem, shape=best)
+
+
+def _searched(
+    cost: Callable[[tuple[float, ...]], float], ranges: tuple[tuple[float, float], ...]
+) -> tuple[tuple[float, ...], float]:
+    """Where a cost is least within ranges, one after another: for each value of the first, the best of the rest."""
+    if not ranges:
+        return (), cost(())
+    (low, high), *rest = ranges
+
+    def inner(u: float) -> tuple[tuple[float, ...], float]:
+        """The best of the rest at a logarithm of the first."""
+        own = float(np.exp(u))
+        shape, least = _searched(lambda others: cost((own, *others)), tuple(rest))
+        return (own, *shape), least
+
+    values = np.linspace(np.log(low), np.log(high), _FIRST)
+    first = [inner(u) for u in values.tolist()]
+    k = int(np.argmin([least for _, least in first]))
+    around = float(values[max(k - 1, 0)]), float(values[min(k + 1, values.size - 1)])
+    found = minimize_scalar(
+        lambda u: inner(float(u))[1], bounds=around, method="bounded", options={"xatol": _SETTLED, "maxiter": _STEPS}
+    )
+    return min(first[k], inner(float(found.x)), key=lambda x: x[1])
+
+
+def own_columns(problem: Regression, solution: Solution) -> Array:
+    """The derivative of the modelled torque with respect to each of the shape's parameters, (n, k)."""
+    columns = np.zeros((problem.torque.size, len(problem.shape) if problem.peaks else 0))
+    if not columns.size:
+        return columns
+    linear, v_s = problem.split(solution.theta)
+    alpha_1 = linear[problem.linear.shape[1] :]
+    for peak, (height, at) in enumerate(zip(alpha_1.tolist(), v_s.tolist(), strict=True)):
+        columns += height * np.concatenate(problem.own_slopes(at, peak), axis=1)
+    return columns
+
+
+def over_shapes(
+    problem: Regression, likelihood: StaticProfiles, v_s_range: tuple[float, float]
+) -> tuple[Mapping[ParameterName, tuple[float, float]], Mapping[str, tuple[float, float]]]:
+    """The intervals of the problem's parameters, over every shape of the peak that the data allow; and those of the shape's.
+
+    Along each parameter of the shape, the others at their best: where the cost stays below the threshold. An end is 0 or
+    infinite where it does so to the end of what is searched.
+    """
+    of_shape, every, threshold = dict[str, tuple[float, float]](), [likelihood.intervals], likelihood.threshold
+
+    def solved(k: int, value: float) -> tuple[Regression, Solution]:
+        """With another value of one parameter of the shape."""
+        one = replace(problem, shape=(*problem.shape[:k], value, *problem.shape[k + 1 :]))
+        return one, solve(one, v_s_range)
+
+    def above(k: int, u: float) -> float:
+        """By how much the cost passes the threshold at a logarithm of it."""
+        return solved(k, float(np.exp(u)))[1].cost - threshold
+
+    for k, own in enumerate(problem.law.peak.own if problem.shape and problem.peaks else ()):
+        ends, best = [], np.log(problem.shape[k])
+        for end, beyond in zip(np.log(own.searched).tolist(), (0.0, np.inf), strict=True):
+            inside = above(k, end) <= 0
+            ends.append(beyond if inside else float(np.exp(brentq(partial(above, k), end, best, xtol=1e-3))))
+        of_shape[own.name] = ends[0], ends[1]
+        low, high = np.clip(ends, *own.searched).tolist()
+        for value in np.geomspace(low, high, _WITHIN).tolist():
+            one, solution = solved(k, value)
+            if solution.cost <= threshold:
+                every.append(profiled(one, solution, threshold=threshold).intervals)
+    return {name: (min(x[name][0] for x in every), max(x[name][1] for x in every)) for name in every[0]}, of_shape

@@ -5,6 +5,7 @@ From points at constant velocity, direction by direction or of both, or from mov
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -13,7 +14,8 @@ from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.identification.fits import Crosscheck, StaticFit
+from bristle.findings import NOTE, Finding
+from bristle.identification.fits import Crosscheck, StaticFit, TrackingFit
 from bristle.identification.load_levels import levels_of, settled_weights
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, refuse_opposing, regressors
@@ -58,10 +60,8 @@ def fit_points(
     searches = {search.sides: search for search in measured.searches}
     for sides, group in groups(experiment, points):
         signs = [DIRECTIONS[d] for d in sides if d in DIRECTIONS] or list(DIRECTIONS.values())
-        own = by_file(s for s in held if np.sign(s.velocity) in signs)
-        tests, apart = (
-            [(file, points_problem(s, sides, asked, law)) for file, s in of.items()] for of in (own, by_file(group))
-        )
+        both = by_file(s for s in held if np.sign(s.velocity) in signs), by_file(group)
+        tests, apart = ([(file, points_problem(s, sides, asked, law)) for file, s in of.items()] for of in both)
         runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
         # a run of one point has no course over time
         known = [[s.time for s in group] if len(apart) < len(group) else [None], [s.position for s in group]]
@@ -115,3 +115,29 @@ def fit_moving(
     apart = [(r.file, problem([r], weights)[0]) for r in records if len(records) > 1]
     runs = [(file, one) for file, one in apart if one.torque.size > len(one.names)]
     return fit_static(training, experiment.fit, experiment.joint.kind, where, tests, timings, runs)
+
+
+def beside_moving(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
+    """The static fits of moving runs; where the fit of all parameters of the same runs knows their friction, their outcome says so.
+
+    A static law is LuGre's with a bristle that does not bend: the poorer model of the same runs, whose errors do not know what
+    presliding does to it. One fit gives a joint's values; what is said of the other is then no reason to doubt them. One that
+    estimated nothing says why, as before.
+    """
+    if moving is None or all(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0"):
+        return dict(static)
+    found = dict(static)
+    for d, fit in static.items():
+        if fit.relative_error is not None:
+            message = (
+                f"Without presliding, of which its errors know nothing: the relative error is {fit.relative_error:.2g} %, and "
+                f"{moving.relative_error:.2g} % with it. Use the fit of all parameters of the moving runs, not these numbers."
+            )
+            numbers = {"error": fit.relative_error, "other": moving.relative_error}
+            found[d] = replace(fit, outcome=Finding("static-superseded", NOTE, message, numbers), warnings=())
+    return found
+
+
+def is_superseded(fit: StaticFit) -> bool:
+    """Whether the fit of all parameters of the same runs is the one to use."""
+    return fit.outcome.code == "static-superseded"

@@ -16,6 +16,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.estimation.information import criteria, power_of
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     REGRESSORS,
@@ -31,22 +32,14 @@ from bristle.identification.static.problem import Regression, from_records
 from bristle.identification.static.strays import refit
 from bristle.model.parameters import of_curve, slides
 
-_PARTS = 5
-"""Held out in turn; ..."""
-_BLOCKS = 25
-"""... of moving runs each is every fifth of so many stretches, so that none is a motion that the others do not hold."""
-_BENT = (0.03, 0.1, 0.3)
-"""Shares of the fastest speed: v_s of the columns that stand in for the Stribeck term."""
-_CLEARLY = 0.75
-"""Of the error of what was asked for: another set-up has to bring it below that, to be named."""
-_WORTH = 1.05
-"""Times the error of the best set-up: one more parameter is not worth less."""
-_SPARE = 2
-"""Equations per column, at the least."""
-_FREE = 4
-"""Points more than parameters, with which BIC tells one friction from two."""
-_RANK = 1e-10
-"""Of the largest eigenvalue: what is below is not told apart."""
+_PARTS = 5  # held out in turn; ...
+_BLOCKS = 25  # ... of moving runs each is every fifth of so many stretches, for none to be a motion by itself
+_BENT = (0.03, 0.1, 0.3)  # shares of the fastest speed: v_s of the columns that stand in for the Stribeck term
+_CLEARLY = 0.75  # of the error of what was asked for: another set-up has to bring it below that, to be named
+_WORTH = 1.05  # times the error of the best set-up: one more parameter is not worth less
+_SPARE = 2  # equations per column, at the least
+_FREE = 4  # points more than parameters, with which BIC tells one friction from two
+_RANK = 1e-10  # of the largest eigenvalue: what is below is not told apart
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,9 +91,8 @@ def better_for_motion(experiment: Experiment, records: Sequence[Record]) -> Bett
 
 def better_for_points(experiment: Experiment, points: Sequence[Segment]) -> BetterSetUp | None:
     """The same of points at constant velocity; a part is every fifth of them in the order of speed."""
-    asked = SetUp(
-        _sides(points) if experiment.fit.directions == "separate" else ("both",), point_regressors(experiment)
-    )
+    sides = _sides(points) if experiment.fit.directions == "separate" else ("both",)
+    asked = SetUp(sides, point_regressors(experiment))
     return _better(asked, _of_points(points, asked.regressors))
 
 
@@ -131,8 +123,7 @@ def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> d
         if n < p + _FREE or (_drives(problem) and "gravity" not in asked):
             found[way] = np.inf
             continue
-        cost, least = refit(problem).cost, 1e-24 * float(problem.torque @ problem.torque)
-        found[way] = float(n * np.log(max(cost, least)) + p * np.log(n))
+        _, found[way] = criteria(refit(problem).residuals, p, n, power_of(problem.torque))
     return found if np.isfinite(list(found.values())).any() else {}
 
 
@@ -143,14 +134,12 @@ def proposed_for_points(points: Sequence[Segment]) -> BetterSetUp | None:
 
 def _of_motion(experiment: Experiment, records: Sequence[Record]) -> _Trial:
     fixed, _ = inertia(experiment)
-    has = {
-        name for name in ("position", "velocity", "acceleration") if all(getattr(r, name) is not None for r in records)
-    }
-    has |= {"link_torque"} if "links" in regressors(experiment) else set()  # else it is known, and no column
-    possible = [
-        name for name, terms in REGRESSORS.items() if set(terms.needs) <= has and (name != "inertia" or fixed is None)
-    ] + _periodic(regressors(experiment))
-    possible = [name for name in possible if name not in {r.made_of for r in records}]
+    signals, asked = ("position", "velocity", "acceleration"), regressors(experiment)
+    has = {name for name in signals if all(getattr(r, name) is not None for r in records)}
+    has |= {"link_torque"} if "links" in asked else set()  # else it is known, and no column
+    known = {*(r.made_of for r in records), *(() if fixed is None else ("inertia",))}
+    possible = [name for name, terms in REGRESSORS.items() if set(terms.needs) <= has] + _periodic(asked)
+    possible = [name for name in possible if name not in known]
     turns = not slides(experiment.joint.kind) and "position" in has
     if "gravity" in possible and not (turns and swings([np.asarray(r.position) for r in records])):
         possible.remove("gravity")

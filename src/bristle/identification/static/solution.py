@@ -6,39 +6,35 @@ Which Stribeck terms the data support, and an interval and its warnings on each 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import compress
+from math import sqrt
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
-from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.autocorrelation import correlated, inflation
 from bristle.estimation.levels import NO_SIGN, SIGNIFICANCE
 from bristle.estimation.linear import best_column_p_value, first_order
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Estimate, Profile
 from bristle.identification.shared_findings import at_bound, curve_held, takes_up_peak
-from bristle.identification.static.fit_warnings import fit_warnings, is_closed, speeds_of
 from bristle.identification.static.grid import Projected, Solution, default_range, descended, solve
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.profiles import StaticProfiles, drawn_profiles, profiled
-from bristle.identification.static.shape_search import over_shapes, own_columns, with_best_shape
+from bristle.identification.static.profiles import (
+    StaticProfiles,
+    drawn_profiles,
+    over_shapes,
+    own_columns,
+    profiled,
+    with_best_shape,
+)
 from bristle.identification.systematic import all_shifted
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import Direction, ParameterName, unit
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind, ParameterName, unit
 
-UNTOUCHED = 0.34
-"""At three v_s nothing is left of the Stribeck term: with a smaller v_s than this share of the slowest speed, alpha_1
-is invented."""
-_THERE = {
-    "peak-left-out",
-    "bend",
-    "one-speed",
-    "v-s-down-to-zero",
-    "v-s-up-to-any",
-    "none-below-v-s",
-}
+UNTOUCHED = 0.34  # of the slowest speed: at a smaller v_s nothing is left of the term, and alpha_1 is invented
+_THERE = {"peak-left-out", "bend", "one-speed", "v-s-down-to-zero", "v-s-up-to-any", "none-below-v-s"}
 """Reasons to drop a term that is more than noise."""
 
 
@@ -75,13 +71,12 @@ class StaticSolution:
 def apart(one: StaticSolution, other: StaticSolution) -> float:
     """By how much another fit of some of the points differs from one over all of its own, N*m, rms."""
     posed = replace(one.problem, peaks=other.problem.peaks)
-    return float(
-        np.sqrt(np.mean((posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)) ** 2))
-    )
+    off = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
+    return float(np.sqrt(np.mean(off**2)))
 
 
 def solve_static(
-    problem: Regression, options: FitOptions, kind: JointKind, v_s_range: tuple[float, float] | None = None
+    problem: Regression, options: FitOptions, kind: Kind, v_s_range: tuple[float, float] | None = None
 ) -> StaticSolution:
     """Solve, drop the Stribeck terms that the data do not support, and put an interval on each parameter.
 
@@ -89,16 +84,14 @@ def solve_static(
     """
     v_s_range = v_s_range or default_range(problem.velocity)
     problem = with_best_shape(problem, v_s_range)
-    dropped, solution = _without_peak(problem, options, v_s_range)
-    problem, solution, likelihood, again = _settled(problem, solution, dropped, options, v_s_range)
+    problem, solution, likelihood, again, dropped = _settled(problem, options, v_s_range)
     variance_inflation = _inflation(problem, solution)
     free = np.array([name not in solution.at_bound for name in problem.names])
     jacobian = solution.jacobian
     intervals, of_shape = over_shapes(problem, likelihood, v_s_range)
     more = own_columns(problem, solution)
-    with_more, freedom = uncertainty.covariance(
-        np.concatenate([jacobian[:, free], more], axis=1), solution.cost, variance_inflation
-    )
+    J = np.concatenate([jacobian[:, free], more], axis=1)
+    with_more, freedom = uncertainty.covariance(J, solution.cost, variance_inflation)
     alone = free.sum() + more.shape[1] * (len(problem.directions) == 1)  # of two directions the shape is of neither
     covariance = with_more[:alone, :alone]
     full, _ = uncertainty.covariance(np.concatenate([jacobian, more], axis=1), solution.cost, variance_inflation)
@@ -116,7 +109,7 @@ def solve_static(
     reach = uncertainty.student(freedom) * np.sqrt(np.diag(full)[: free.size])
     ends = np.maximum(solution.theta - reach, problem.least), solution.theta + reach
     v_s = {d: intervals[name] for d, name in zip(problem.peaks, problem.names[-len(problem.peaks) :], strict=False)}
-    warnings = fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
+    warnings = _fit_warnings(problem, solution, jacobian[:, free], v_s, profiles, v_s_range, variance_inflation)
     outcome = _outcome(problem, solution, dropped, v_s_range)
     return StaticSolution(
         problem=problem,
@@ -137,7 +130,7 @@ def solve_static(
 
 
 def _beside(
-    problem: Regression, of_shape: Mapping[str, tuple[float, float]], errors: Array, solution: Solution, kind: JointKind
+    problem: Regression, of_shape: Mapping[str, tuple[float, float]], errors: Array, solution: Solution, kind: Kind
 ) -> dict[ParameterName, Estimate]:
     """What the law has beside the problem's parameters, of each direction."""
     beside = dict[ParameterName, Estimate]()
@@ -151,7 +144,7 @@ def _beside(
             if d in problem.peaks:
                 beside[ParameterName(name, d)] = shown
         if problem.law.terms:
-            fastest, values = float(speeds_of(problem, d).max()), dict(zip(problem.names, solution.theta, strict=True))
+            fastest, values = float(problem.speeds(d).max()), dict(zip(problem.names, solution.theta, strict=True))
             held = min(values[ParameterName(name, d)] for name in problem.law.coefficients) < 0
             measured = Finding("fastest-measured", NOTE, "Not estimated: the fastest speed that was measured.")
             told = (measured, *((curve_held(fastest),) if held else ()))
@@ -160,16 +153,26 @@ def _beside(
 
 
 def _settled(
-    problem: Regression,
-    solution: Solution | None,
-    dropped: dict[Direction, Finding],
-    options: FitOptions,
-    v_s_range: tuple[float, float],
-) -> tuple[Regression, Solution, StaticProfiles, tuple[Finding, ...]]:
+    problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
+) -> tuple[Regression, Solution, StaticProfiles, tuple[Finding, ...], dict[Direction, Finding]]:
     """The problem as it is fitted in the end, with its solution, profiles, and whether these led to a lower minimum.
 
-    `dropped` grows by the directions whose v_s the data do not bound; `solution` is with all peaks, where it is known.
+    And the directions that get no Stribeck term, each with the reason: it is not asked for, not supported, or not bounded.
     """
+    not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
+    asked, points, least = options.model == "coulomb-viscous", problem.torque.size, len(problem.names) + 1
+    dropped, solution = dict[Direction, Finding](), None
+    if points < least:
+        message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
+        few = Finding("too-few-for-peak", NOTE, message, {"points": points, "least": least})
+        dropped = dict.fromkeys(problem.peaks, not_asked if asked else few)
+    else:
+        solution = solve(problem, v_s_range)
+        dropped = {} if options.model == "stribeck" else _unsupported(problem, solution)
+    if asked and points >= least:
+        message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
+        left_out = Finding("peak-left-out", NOTE, message)
+        dropped = {d: not_asked if d in dropped else left_out for d in problem.peaks}
     while True:
         kept = replace(problem, peaks=tuple(d for d in problem.peaks if d not in dropped))
         again = tuple[Finding, ...]()
@@ -183,44 +186,16 @@ def _settled(
             again = (Finding("refitted-from-grid", NOTE, message),)
         unbounded = {} if options.model == "stribeck" else _unbounded(kept, solution, likelihood)
         if not unbounded:
-            return kept, solution, likelihood, again
+            return kept, solution, likelihood, again, dropped
         dropped |= unbounded
 
 
-def _without_peak(
-    problem: Regression, options: FitOptions, v_s_range: tuple[float, float]
-) -> tuple[dict[Direction, Finding], Solution | None]:
-    """Directions that get no Stribeck term, each with the reason, and the solution with all of them, if it was needed."""
-    asked = options.model == "coulomb-viscous"
-    not_asked = Finding("no-stribeck-asked", NOTE, "Not fitted: fit.law is coulomb-viscous.")
-    points, least = problem.torque.size, len(problem.names) + 1
-    if points < least and asked:
-        return dict.fromkeys(problem.peaks, not_asked), None
-    if points < least:
-        message = f"{points} points are too few for a Stribeck term; at least {least} are needed."
-        few = Finding("too-few-for-peak", NOTE, message, {"points": points, "least": least})
-        return dict.fromkeys(problem.peaks, few), None
-    solution = solve(problem, v_s_range)
-    none = _unsupported(problem, solution)
-    if asked:
-        message = "Not fitted, for fit.law is coulomb-viscous, although these data show a Stribeck term."
-        left_out = Finding("peak-left-out", NOTE, message)
-        return {d: not_asked if d in none else left_out for d in problem.peaks}, None
-    return {} if options.model == "stribeck" else none, solution
-
-
-def _unbounded(
-    problem: Regression,
-    solution: Solution,
-    likelihood: StaticProfiles,
-) -> dict[Direction, Finding]:
+def _unbounded(problem: Regression, solution: Solution, likelihood: StaticProfiles) -> dict[Direction, Finding]:
     """Directions whose v_s has an end outside the range searched, or no speed below it, each with the reason."""
-    unbounded = {}
-    for direction, name, v_s in zip(
-        problem.peaks, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1].tolist(), strict=False
-    ):
+    unbounded, names, best = {}, problem.names[-len(problem.peaks) :], problem.split(solution.theta)[1].tolist()
+    for direction, name, v_s in zip(problem.peaks, names, best, strict=False):
         low, high = likelihood.intervals[name]
-        speeds, why = speeds_of(problem, direction), None
+        speeds, why = problem.speeds(direction), None
         if low == 0:
             why = Finding("v-s-down-to-zero", NOTE, "these speeds set no lower limit on v_s (slower ones would)")
         elif np.isinf(high):
@@ -255,7 +230,7 @@ def _unsupported(problem: Regression, solution: Solution) -> dict[Direction, Fin
         unexplained = max(solution.cost, noise) or 1.0  # a torque of zero throughout has neither
         ratio = gain / unexplained / variance_inflation
         p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
-        speeds, why = speeds_of(problem, direction), None
+        speeds, why = problem.speeds(direction), None
         fastest, slowest = float(speeds.max()), float(speeds.min())
         if p > SIGNIFICANCE:
             why = Finding("no-peak", NOTE, "no sign of a Stribeck peak")
@@ -291,7 +266,7 @@ def _estimates(
     covariance: Array,
     free: Array,
     intervals: Mapping[ParameterName, tuple[float, float]],
-    kind: JointKind,
+    kind: Kind,
 ) -> dict[ParameterName, Estimate]:
     """Each parameter with its interval by the profile; the standard error is that of the exact Jacobian."""
     errors = np.full(len(problem.names), np.nan)
@@ -339,3 +314,64 @@ def _outcome(
         message = "A parameter lies at its physical bound; its interval is one-sided."
         return Finding("static-at-bound", CAUTION, message)
     return Finding("static-converged", NOTE, "Converged.")
+
+
+def _fit_warnings(
+    problem: Regression,
+    solution: Solution,
+    jacobian: Array,
+    intervals: Mapping[Direction, tuple[float, float]],
+    profiles: Mapping[Direction, Profile],
+    v_s_range: tuple[float, float],
+    variance_inflation: float,
+) -> tuple[Finding, ...]:
+    """Each warning about a fit as a whole; `jacobian` is of the free parameters, (n, p), `intervals` are of v_s."""
+    warnings = []
+    for name in map(problem.text, solution.at_bound):
+        message = f"{name} lies at its physical bound of zero; an unconstrained fit would make it negative."
+        warnings.append(Finding("bound", CAUTION, message, {"name": name}))
+    low, high = v_s_range
+    for direction, profile in profiles.items():
+        interval, where = intervals[direction], in_direction(direction)
+        if interval[0] == 0 and np.isinf(interval[1]):
+            message = f"v_s is not identifiable from these speeds{where}: its profile is flat."
+            warnings.append(Finding("flat-profile", CRITICAL, message, {"direction": direction}))
+        elif not is_closed(interval):
+            side = "below" if interval[0] == 0 else "above"
+            message = f"The interval of v_s is one-sided{where}: the data do not bound v_s from {side}."
+            warnings.append(Finding("one-sided-profile", CAUTION, message, {"direction": direction, "side": side}))
+        if not low * 1.001 < profile.best < high / 1.001:
+            message = (
+                f"The best v_s lies at the edge of the range searched{where}, {low:.3g}{unit_of('velocity')} to "
+                f"{high:.3g}{unit_of('velocity')}."
+            )
+            warnings.append(Finding("at-edge", CRITICAL, message, {"direction": direction, "low": low, "high": high}))
+        inner = np.r_[False, (profile.cost[1:-1] < profile.cost[:-2]) & (profile.cost[1:-1] < profile.cost[2:]), False]
+        inner &= np.abs(np.log(profile.v_s / profile.best)) > 2 * np.log(profile.v_s[1] / profile.v_s[0])
+        for v_s in profile.v_s[inner & (profile.cost <= profile.threshold)].tolist():
+            message = f"The cost has a second minimum{where} at v_s = {v_s:.3g}, below the 95 % threshold."
+            warnings.append(Finding("second-minimum", CAUTION, message, {"direction": direction, "v_s": v_s}))
+        speeds = np.abs(problem.velocity) if direction == "both" else problem.speeds(direction)
+        below, points = int(np.count_nonzero(speeds < profile.best)), speeds.size
+        if below < 3:
+            message = (
+                f"Only {below} of {points} points lie below v_s{in_direction(direction)}; measure slower speeds to identify the "
+                "Stribeck term."
+            )
+            numbers = {"below": below, "points": points, "direction": direction}
+            warnings.append(Finding("few-below-v-s", CAUTION, message, numbers))
+    condition = uncertainty.condition(jacobian)
+    if condition > 1e3:
+        message = (
+            f"Ill conditioned: the scaled Jacobian's condition number is {condition:.2g}; some parameters are "
+            "strongly correlated."
+        )
+        warnings.append(Finding("ill-conditioned", CAUTION, message, {"condition": condition}))
+    if variance_inflation > 2:
+        warnings.append(correlated(problem.residuals(solution.theta), sqrt(variance_inflation)))
+    return tuple(warnings)
+
+
+def is_closed(interval: tuple[float, float]) -> bool:
+    """Whether an interval of v_s is limited on both sides."""
+    return interval[0] > 0 and bool(np.isfinite(interval[1]))

@@ -12,11 +12,9 @@ from bristle.identification.moving_runs import DIRECTIONS
 from bristle.identification.static.points import PointSearch
 from bristle.identification.static.solution import StaticSolution, apart, solve_static
 from bristle.identification.static.strays import SINGLY, most_strays
-from bristle.model.parameters import Direction
-from bristle.model.parameters import Kind as JointKind
+from bristle.model.parameters import Direction, Kind
 
-_LISTED = 50
-"""Points that a warning names; of more it says how many there are."""
+_LISTED = 50  # points that a warning names; of more it says how many there are
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,16 +31,10 @@ class StrayReport:
         return tuple(stray for stray in self.strays if DIRECTIONS.get(part, 0.0) * stray.velocity >= 0)
 
 
-def report_strays(
-    core: StaticSolution, search: PointSearch | None, options: FitOptions, kind: JointKind
-) -> StrayReport:
+def report_strays(core: StaticSolution, search: PointSearch | None, options: FitOptions, kind: Kind) -> StrayReport:
     """The strays of a solve, and the fit without them, or with them where they are left out.
 
-    Args:
-        core: the fit.
-        search: which of its points do not belong; None: nobody looked.
-        options: the experiment's `fit`.
-        kind: for units.
+    `search` says which points do not belong; None: nobody looked.
     """
     if search is None:
         return StrayReport()
@@ -131,18 +123,18 @@ def _told(points: Sequence[str]) -> tuple[str, ...]:
 
 def _listed(search: PointSearch, rows: Sequence[int]) -> tuple[str, ...]:
     """The first points by name, and how many there are beside them."""
-    rest = len(rows) - _LISTED
-    return (*(_named(search, k) for k in rows[:_LISTED]), *([f"and {rest} more"] if rest > 0 else []))
+    named, rest = list[str](), len(rows) - _LISTED
+    for k in rows[:_LISTED]:
+        s = search.points[k]
+        file, where = s.subject
+        off = f", {search.deviations[k]:+.0f} standard deviations off" if search.deviations[k] else ""
+        named.append(
+            f"{file} {where} ({s.torque:.4g}{unit_of('torque')} at {s.velocity:.3g}{unit_of('velocity')}{off})"
+        )
+    return (*named, *([f"and {rest} more"] if rest > 0 else []))
 
 
-def _named(search: PointSearch, k: int) -> str:
-    s = search.points[k]
-    file, where = s.subject
-    off = f", {search.deviations[k]:+.0f} standard deviations off" if search.deviations[k] else ""
-    return f"{file} {where} ({s.torque:.4g}{unit_of('torque')} at {s.velocity:.3g}{unit_of('velocity')}{off})"
-
-
-def _stray(search: PointSearch, k: int, options: FitOptions, kind: JointKind) -> Stray:
+def _stray(search: PointSearch, k: int, options: FitOptions, kind: Kind) -> Stray:
     """One stray, and what the parameters become without it alone."""
     s = search.points[k]
     file, where = s.subject

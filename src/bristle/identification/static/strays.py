@@ -29,20 +29,13 @@ from bristle.identification.static.problem import Regression, log_grid
 SHARE = 8
 """At most one point in so many is a stray; of few points two, for such as hide each other, where the rest has as many
 degrees of freedom as the law has parameters."""
-_GRIDS = {1: 96, 2: 24}
-"""Values of v_s for each of so many peaks."""
-_LEVELS = {1: SIGNIFICANCE, 2: SIGNIFICANCE, 3: RARE}
-"""By how many are left out at once: threes, of which there are so many, only where there is no doubt."""
-SINGLY = 1000
-"""Points up to which strays are left out, and looked at, one by one."""
-_ALIKE = 0.25
-"""Of the largest fall of the cost: of more points, strays with at least as large a one are left out with it."""
-_TRIED = {1: None, 2: 200, 3: 24}
-"""By how many are left out at once: of more points only those that lower the cost most by themselves are tried."""
-_REFITTED = 5
-"""Of the points, pairs or threes that lower the cost most on the grid, so many are refitted."""
-_VANISHED = 1e-9
-"""A point with less than this share of itself off the fit's columns is fitted whatever its torque is."""
+_GRIDS = {1: 96, 2: 24}  # values of v_s for each of so many peaks
+_LEVELS = {1: SIGNIFICANCE, 2: SIGNIFICANCE, 3: RARE}  # by how many are left out at once: of threes there are many
+SINGLY = 1000  # points up to which strays are left out, and looked at, one by one
+_ALIKE = 0.25  # of the largest fall of the cost: of many points, strays with as large a one are left out with it
+_TRIED = {1: None, 2: 200, 3: 24}  # by how many at once: of more points those that lower the cost most alone
+_REFITTED = 5  # of the points, pairs or threes that lower the cost most on the grid, so many are refitted
+_VANISHED = 1e-9  # a point with less than this share of itself off the fit's columns is fitted whatever its torque is
 
 
 class StraySearch(NamedTuple):
@@ -55,11 +48,7 @@ class StraySearch(NamedTuple):
 
 
 def find_strays(problem: Regression) -> StraySearch:
-    """The points of a problem that do not belong to its law; none where there are too few to tell.
-
-    Args:
-        problem: n points, not moving data.
-    """
+    """The points of a problem, not moving data, that do not belong to its law; none where there are too few to tell."""
     n, most, out = problem.torque.size, most_strays(problem), list[int]()
     while True:
         kept = np.delete(np.arange(n), out)

@@ -28,31 +28,20 @@ from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution
 from bristle.identification.static.problem import Regression
-from bristle.identification.static.profiles import others
-from bristle.identification.static.shape_search import own_columns
+from bristle.identification.static.profiles import others, own_columns
 from bristle.identification.static.solution import StaticSolution
 from bristle.model.parameters import ParameterName
 
-SEED = 0
-"""Of the bootstrap."""
-MANY = 2_000
-"""Points from which on one step does for the bootstrap: errors are then too small for the law to bend within them."""
-_FEW = 8
-"""Points beyond the parameters, below which they are few."""
-_DRAWN, _BEYOND = 61, 0.6
-"""Values of v_s at which its profile is drawn, and how far beyond its interval, in shares of its logarithmic width."""
+SEED = 0  # of the bootstrap
+MANY = 2_000  # points from which on one step does for the bootstrap: the law does not bend within such small errors
+_FEW = 8  # points beyond the parameters, below which they are few
+_DRAWN, _BEYOND = 61, 0.6  # values of v_s on its drawn profile, and how far beyond its interval, in widths of it
 
 
 def three_ways(
     solved: StaticSolution, v_s_range: tuple[float, float], seed: int = SEED
 ) -> dict[ParameterName, Uncertainty]:
-    """The intervals of every parameter of a solved and judged problem, by the problem's names.
-
-    Args:
-        solved: the problem with its solution, covariance and profiles.
-        v_s_range: as it was solved with.
-        seed: of the bootstrap.
-    """
+    """The intervals of every parameter of a solved and judged problem, by its names; `seed` is that of the bootstrap."""
     n, names = solved.problem.torque.size, solved.problem.names
     spare = n - len(names)
     few = f"{n} points for {len(names)} parameters" if spare < _FEW else None
@@ -182,10 +171,7 @@ def _refitted(
     best, logarithmic = solution.theta[:, None], problem.logarithmic[:, None]
 
     def refit(residuals: Array, uneven: bool) -> tuple[Array, Array]:
-        """How far the whole grid's estimates lie off, and their standard errors.
-
-        inf where nothing is seen of a parameter.
-        """
+        """How far the grid's estimates lie off, and their errors, inf where nothing is seen of a parameter."""
         torques = (problem.torque - solution.residuals)[:, None] + residuals
         if not problem.peaks:
             theta, errors = linear_refit(problem.linear, torques, uneven)

@@ -9,12 +9,10 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.model.laws.parts import Expression, Peak, ViscousTerm
 
-_V_S = 0.1
-"""The Stribeck velocity at which a peak is tried, rad/s."""
+_V_S = 0.1  # the Stribeck velocity at which a peak is tried, rad/s
 _SPEEDS = np.concatenate([[0.0], _V_S * np.geomspace(1e-6, 300, 200)])
 _CLOSE = 1e-9
-_LEFT = 0.1
-"""Of a peak at the highest of these speeds, at most: one with a slow tail falls by and by."""
+_LEFT = 0.1  # of a peak at the highest of these speeds, at most: one with a slow tail falls by and by
 
 
 def fault_of(part: Peak | ViscousTerm) -> str | None:

@@ -10,8 +10,7 @@ import casadi as ca
 from bristle.model.laws.parts import Expression, OwnParameter, Peak
 
 DELTA = OwnParameter(name="delta", symbol="δ", units=("1", "1"), searched=(0.5, 4.0))
-_TINY = 1e-100
-"""Keeps the power and its derivatives finite at rest."""
+_TINY = 1e-100  # keeps the power and its derivatives finite at rest
 
 
 def free_exponent(v: Expression, v_s: Expression, delta: Expression) -> Expression:

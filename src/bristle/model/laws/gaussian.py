@@ -11,5 +11,4 @@ def gaussian(v: Expression, v_s: Expression) -> Expression:
 
 
 PEAK = Peak(name="gaussian", title="Gaussian", shape=gaussian, reach=1.5)
-GAUSSIAN = Law(PEAK)
-"""The paper's law: a Gaussian peak, linear viscous friction."""
+GAUSSIAN = Law(PEAK)  # the paper's law: a Gaussian peak, linear viscous friction

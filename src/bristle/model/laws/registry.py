@@ -11,10 +11,8 @@ from bristle.model.laws.check import fault_of
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST, Law, OwnParameter, Peak, ViscousTerm
 
-PAPER = "paper"
-"""Another name of the paper's law."""
-AUTO = "auto"
-"""Not a law: the data choose one."""
+PAPER = "paper"  # another name of the paper's law
+AUTO = "auto"  # not a law: the data choose one
 LOADS = {
     "link-load": ("link_load",),
     "motor-load": ("motor_load",),
@@ -28,11 +26,9 @@ _PARTS: dict[str, Peak | ViscousTerm] = {
 }
 _COMPETE = {gaussian.PEAK.name, exponential.PEAK.name, lorentzian.PEAK.name, quadratic.TERM.name}
 """Those that `auto` chooses from; the free exponent is fitted by name alone."""
-_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
-"""What a parameter may be called: it is a name in C and MATLAB as well."""
+_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")  # what a parameter may be called: it is a name in C and MATLAB as well
 _LOG = logging.getLogger(__name__)
-_looked: list[bool] = []
-"""Not empty once installed packages have been asked for theirs."""
+_looked: list[bool] = []  # not empty once installed packages have been asked for theirs
 
 
 def register_law(part: Peak | ViscousTerm, *, compete: bool = True) -> None:

@@ -1,6 +1,6 @@
 """The compensated joint as matplotlib figures: Figs 5 to 12 of the paper, and what goes beyond them."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 from matplotlib import colormaps
@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, NullLocator
 from bristle.arrays import Array
 from bristle.control.closed_loop import Trajectory
 from bristle.model.parameters import unit
-from bristle.page.style import ON_DARK, ON_LIGHT, new_figure, styled, thinned, title
+from bristle.page.style import ON_DARK, ON_LIGHT, new_figure, panels, styled, thinned, title
 from bristle.page.wording import axis, number, pretty, symbol
 from bristle.questions.compensation.study import Study
 from bristle.simulation.edro import TABLE_2_ADAPTED
@@ -32,13 +32,6 @@ def _line(ax: Axes, run: Trajectory, values: Array, colour: str, line: object, l
     ax.plot(run.time[k], values[k], linestyle=line, color=colour, linewidth=1.3, label=label)
 
 
-def _panels(study: Study, count: int, height: float = 2.2, *, simulated: bool = True) -> tuple[Figure, Sequence[Axes]]:
-    figure = new_figure(0.5 + height * count)
-    axes: Sequence[Axes] = list(figure.subplots(count, sharex=True, squeeze=False)[:, 0])
-    title(axes[0], study.loops[0].name, simulated)
-    return figure, axes
-
-
 @styled
 def followed_figure(study: Study) -> Figure:
     """Figs 5 to 7: reference and position, position error, and control, without and with friction compensation."""
@@ -48,8 +41,7 @@ def followed_figure(study: Study) -> Figure:
 def _courses(study: Study, runs: Mapping[str, Trajectory]) -> Figure:
     """Two runs of one reference by their labels: position, position error and control over time."""
     kind = study.loops[0].kind
-    figure, axes = _panels(study, 3)
-    above, middle, below = axes
+    figure, (above, middle, below) = panels(0.5 + 3 * 2.2, study.loops[0].name, True, 3, sharex=True)
     looks = ((_VERMILION, "--"), (_BLUE, "-"))
     last = list(runs.values())[-1]
     _line(above, last, last.reference, _GREY, "-", "reference")
@@ -74,9 +66,8 @@ def errors_figure(study: Study) -> Figure:
     rows = [row for row in study.errors if not row.inertia]
     names = list(dict.fromkeys(row.joint for row in rows))
     frequencies = list(dict.fromkeys(row.frequency for row in rows))
-    figure = new_figure(0.4 + 3.0 * len(frequencies))
-    axes = figure.subplots(len(frequencies), squeeze=False)[:, 0]
-    title(axes[0], names[0] if len(names) == 1 else f"{len(names)} joints", True)
+    named = names[0] if len(names) == 1 else f"{len(names)} joints"
+    figure, axes = panels(0.4 + 3.0 * len(frequencies), named, True, len(frequencies))
     looks = (("without", _GREY, ""), ("identified", _BLUE, "//"), ("adaptive", _GREEN, ".."))
     labels = {"without": "without", "identified": "LuGre feed-forward", "adaptive": "the same, adaptive"}
     for ax, f in zip(axes, frequencies, strict=True):
@@ -102,7 +93,8 @@ def errors_figure(study: Study) -> Figure:
 def gains_figure(study: Study) -> Figure:
     """Fig. 9: the adapted parameters over time by each law, with what the paper reports as lines across."""
     shown, a = study.adapted, study.adapted.adaptation
-    figure, axes = _panels(study, len(a.parameters), 2.6)
+    count = len(a.parameters)
+    figure, axes = panels(0.5 + 2.6 * count, study.loops[0].name, True, count, sharex=True)
     own = "the true value" if study.paper else "the identified value"
     for k, (ax, name) in enumerate(zip(axes, a.parameters, strict=True)):
         begun = study.adapting.start.get(name, 1.0)
@@ -139,20 +131,17 @@ def adaptation_map_figure(study: Study) -> Figure:
     columns = ((m.gammas, "Learning rate", m.by_gamma), (m.amplitudes, amplitude, m.by_amplitude))
     for k, name in enumerate(parameters):
         for ax, (rows, label, values) in zip(axes[k], columns, strict=True):
-            _heat(ax, values[k], m.frequencies, rows, f"_{symbol(name)}, final ratio")
+            norm, told = LogNorm(0.25, 4.0, clip=True), f"{symbol(name)}, final ratio"
+            ax.imshow(values[k], origin="lower", aspect="auto", cmap="RdBu_r", norm=norm, label=f"_{told}")
+            ax.grid(visible=False)
+            ax.set_xticks(np.arange(m.frequencies.size), [number(float(x), 2) for x in m.frequencies])
+            ax.set_yticks(np.arange(rows.size), [number(float(x), 2) for x in rows])
+            for (row, column), value in np.ndenumerate(values[k]):
+                _in_cell(ax, column, row, number(float(value), 2), 8.5, on_light=bool(0.4 < value < 2.5))
             ax.set_xlabel("Frequency (Hz)")
             ax.set_ylabel(label)
-            _above(ax, f"{symbol(name)}, final ratio", 3, 9)
+            _above(ax, told, 3, 9)
     return figure
-
-
-def _heat(ax: Axes, values: Array, across: Array, up: Array, label: str) -> None:
-    ax.imshow(values, origin="lower", aspect="auto", cmap="RdBu_r", norm=LogNorm(0.25, 4.0, clip=True), label=label)
-    ax.grid(visible=False)
-    ax.set_xticks(np.arange(across.size), [number(float(x), 2) for x in across])
-    ax.set_yticks(np.arange(up.size), [number(float(x), 2) for x in up])
-    for (row, column), value in np.ndenumerate(values):
-        _in_cell(ax, column, row, number(float(value), 2), 8.5, on_light=bool(0.4 < value < 2.5))
 
 
 def _in_cell(ax: Axes, column: int, row: int, text: str, size: float, *, on_light: bool) -> None:
@@ -170,9 +159,7 @@ def gradients_figure(study: Study) -> Figure:
     loop = study.adapting
     v, found = study.gradients
     name = loop.adaptation.parameters[0]
-    figure = new_figure(3.2)
-    ax = figure.subplots()
-    title(ax, study.loops[0].name, False)
+    figure, (ax,) = panels(3.2, loop.name, False)
     for law, g in found.items():
         colour, line = LAWS[law]
         ax.plot(v, g, linestyle=line, color=colour, label=law)
@@ -229,9 +216,7 @@ def band_figure(study: Study) -> Figure | None:
     band, kind = study.band, study.loops[0].kind
     if band is None:
         return None
-    figure = new_figure(3.0)
-    ax = figure.subplots()
-    title(ax, study.loops[0].name, True)
+    figure, (ax,) = panels(3.0, study.loops[0].name, True)
     k = thinned(band.time.size, MOST)
     time, lower, upper, actual = band.time[k], *(1e3 * x[k] for x in (band.lower, band.upper, band.actual))
     ax.fill_between(time, lower, upper, color=_BLUE, alpha=0.3, linewidth=0, label="95 % of the joints")
@@ -246,8 +231,9 @@ def band_figure(study: Study) -> Figure | None:
 @styled
 def replay_figure(study: Study, at: int) -> Figure:
     """One replay: torque measured, predicted with gains of 1 and adapted, and the ratios vs time."""
-    replay, kind = study.replays[at], study.loops[0].kind
-    figure, (above, below) = _panels(study, 2, 2.5, simulated=study.loops[0].simulated)
+    replay, loop = study.replays[at], study.loops[0]
+    kind = loop.kind
+    figure, (above, below) = panels(5.5, loop.name, loop.simulated, 2, sharex=True)
     k = thinned(replay.time.size, 2 * MOST)
     for values, colour, line, width, label in (
         (replay.measured, _GREY, "-", 2.4, "measured"),

@@ -42,10 +42,10 @@ class Errors(NamedTuple):
     """The same with the identified parameters."""
 
 
-def errors(loops: Sequence[JointLoop]) -> tuple[Errors, ...]:
-    """Fig. 8 at both frequencies of each joint, without and with inertia feed-forward."""
-    rows = [[*_errors(loop, inertia=False), *_errors(loop, inertia=True)] for loop in loops]
-    return tuple(row for own in rows for row in sorted(own, key=lambda row: (row.frequency, row.inertia)))
+def errors(loop: JointLoop) -> tuple[Errors, ...]:
+    """Fig. 8 at both frequencies of a joint, without and with inertia feed-forward."""
+    rows = *_errors(loop, inertia=False), *_errors(loop, inertia=True)
+    return tuple(sorted(rows, key=lambda row: (row.frequency, row.inertia)))
 
 
 def _errors(loop: JointLoop, *, inertia: bool) -> list[Errors]:

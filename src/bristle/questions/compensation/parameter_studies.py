@@ -94,20 +94,17 @@ class Drift(NamedTuple):
     """Farthest that a gain went from 1, as a factor; nan where nothing is adapted."""
 
 
-def drifts(loops: Sequence[JointLoop], shares: Sequence[float] = (0.25, 1.0)) -> tuple[Drift, ...]:
-    """Every joint at the plan's frequency and at its slow one: known, fixed, adapted at shares of the plan's rates, unprojected, normalised."""
-    return tuple(row for loop in loops for row in _drift(loop, shares))
-
-
-def _drift(loop: JointLoop, shares: Sequence[float]) -> list[Drift]:
+def drifts(loop: JointLoop) -> tuple[Drift, ...]:
+    """At the plan's frequency and at its slow one: known, fixed, adapted at a quarter of the plan's rates and at these, unprojected, normalised."""
     frequencies = (loop.slow, loop.frequency)
     reference = stacked([loop.sine(f, paper.LONG) for f in frequencies])
     rising: Array = np.linspace(1.0, 1.5, reference.position.shape[-1], dtype=np.float64)
     drifting = Disturbance(drift_0=rising, drift_2=rising)
     plan, cases = loop.adaptation, [loop.case(model=loop.plant)] * len(frequencies)
     ways: list[tuple[str, Adaptation | None]] = [("known", None), ("fixed", None)]
-    ways += [(plan.law, replace(plan, gamma=tuple(share * g for g in plan.gamma))) for share in shares]
     ways += [
+        (plan.law, replace(plan, gamma=tuple(0.25 * g for g in plan.gamma))),
+        (plan.law, plan),
         (f"{plan.law}, without limits", replace(plan, limits=(1e-12, 1e12))),
         (f"{plan.law}, normalised", replace(plan, step="normalised")),
     ]
@@ -119,7 +116,7 @@ def _drift(loop: JointLoop, shares: Sequence[float]) -> list[Drift]:
             gain = float(np.exp(np.abs(np.log(theta)).max())) if a else np.nan
             known = rows[f][0].rms_error if rows[f] else rms
             rows[f].append(Drift(loop.name, f, way, a.gamma[0] if a else np.nan, rms, rms / known, gain))
-    return [row for f in frequencies for row in rows[f]]
+    return tuple(row for f in frequencies for row in rows[f])
 
 
 class Controlled(NamedTuple):
@@ -173,21 +170,18 @@ class Sampled(NamedTuple):
     """Largest difference of the positions over the run, rad."""
 
 
-def compare_sampling(loops: Sequence[JointLoop]) -> tuple[Sampled, ...]:
-    """Every joint at twice, once and half its control period."""
-    rows = []
-    for loop in loops:
-        sine = Sine(loop.amplitude, loop.frequency)
-        case = replace(loop.case(), gains=loop.gains._replace(filter_time=0.0))  # the continuous loop has none
-        for factor in (2.0, 1.0, 0.5):
-            h = factor * loop.period
-            exact = simulate_continuous(case, loop.compensator, sine.position, paper.SETTLE, h)
-            reference = sine.sampled(paper.SETTLE, h)
-            try:
-                held = simulate(LoopOptions(compensator=loop.compensator), [case], reference, h)
-            except InputError:  # a longer period than the loop bears
-                continue
-            rows.append(Sampled(loop.name, h, float(np.abs(held.position - exact.position).max())))
+def compare_sampling(loop: JointLoop) -> tuple[Sampled, ...]:
+    """At twice, once and half the joint's control period."""
+    rows, sine = [], Sine(loop.amplitude, loop.frequency)
+    case = replace(loop.case(), gains=loop.gains._replace(filter_time=0.0))  # the continuous loop has none
+    for h in (2.0 * loop.period, loop.period, 0.5 * loop.period):
+        exact = simulate_continuous(case, loop.compensator, sine.position, paper.SETTLE, h)
+        reference = sine.sampled(paper.SETTLE, h)
+        try:
+            held = simulate(LoopOptions(compensator=loop.compensator), [case], reference, h)
+        except InputError:  # a longer period than the loop bears
+            continue
+        rows.append(Sampled(loop.name, h, float(np.abs(held.position - exact.position).max())))
     return tuple(rows)
 
 

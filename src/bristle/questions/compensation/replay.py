@@ -5,7 +5,6 @@ proportional gain: e = (T_model - T_measured) / K_p, rad, which has the sign of 
 So the rates are those of the loop. A run with gaps is replayed segment by segment, the gains continuing from one to the next.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -17,14 +16,14 @@ from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.control_period import flat, no_friction, symbols
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.dynamic.problem import Motion, dynamic_problem
+from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.known_joint import rises_of
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import LEVELS, REGRESSORS, inertia, regressors, regressors_of
 from bristle.identification.results import Joint
 from bristle.model import law
 from bristle.model.laws.parts import Law
-from bristle.model.parameters import INERTIA, Pair
+from bristle.model.parameters import INERTIA
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import chained
 from bristle.simulation.joint_loop import JointLoop
@@ -104,7 +103,7 @@ class Replay:
 
 def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, ...]:
     """Every tracking run, held-out too: by the loop's law from the identified model and from the wrong start, by the total one from the former."""
-    fixed, _ = inertia(measured.experiment)
+    held, _ = inertia(measured.experiment)
     known = {INERTIA: loop.J} | (joint.moving.known if joint.moving is not None else {})
     wrong = ", ".join(f"{share:g} {name}" for name, share in loop.start.items())
     ways = [("identified", loop.model, loop.adaptation), (wrong, loop.wrong_start(loop.model), loop.adaptation)]
@@ -116,7 +115,7 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
     asked = tuple(dict.fromkeys(own))
     found = []
     for record in (run.record for run in measured.runs if run.kind == "tracking"):
-        problem = dynamic_problem([record], ("both",), asked, 1, fixed)
+        problem = dynamic_problem([record], ("both",), asked, 1, held)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
         weights = {name.name: x for name, x in zip(problem.extra_names, extra.tolist(), strict=True)}
         levels = []  # what the load along each motion adds to alpha_0, N*m, (n,)
@@ -124,36 +123,24 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
             terms = () if m.load is None else m.load.levels
             columns = np.zeros((0, m.velocity.size)) if m.load is None else m.load.by(weights)[0]
             levels.append(np.array([rises[name] for name in terms]) @ columns)
-        found += [_replay(loop, record.file, problem.motions, levels, extra, *way) for way in ways]
+        for begun, model, a in ways:
+            parts, state = [], initial_state(Compensator(adaptation=a), model)
+            for m, level in zip(problem.motions, levels, strict=True):
+                friction = m.torque - m.extra @ extra
+                state = state._replace(deflection=0.0, velocity=m.velocity[0])
+                inputs = np.vstack([m.velocity, friction, np.append(0.0, m.step), level])
+                run = _run(a, model.law, m.velocity.size)
+                ends, log = run(packed(state), inputs, flat((model, loop.gains.K_p)))
+                state = unpacked(np.asarray(ends).ravel().tolist(), model, len(a.parameters))
+                fixed = rollout(m.velocity, m.step, model, 0.0, level=level).torque
+                parts.append((m.time, m.velocity, friction, fixed, np.asarray(log)))
+            shares = np.array([1.0 if begun == "identified" else loop.start.get(name, 1.0) for name in a.parameters])
+            time, velocity, friction, fixed, log = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
+            found.append(Replay(
+                file=record.file, begun=begun, time=time, velocity=velocity, measured=friction, fixed=fixed, adapted=log[0],
+                theta=shares[:, None] * log[1:], start=shares, adaptation=a,
+            ))  # fmt: skip  # a list of values
     return tuple(found)
-
-
-def _replay(
-    loop: JointLoop,
-    file: str,
-    motions: Sequence[Motion],
-    levels: Sequence[Array],
-    extra: Array,
-    begun: str,
-    model: Pair[float],
-    a: Adaptation,
-) -> Replay:
-    parts, state = [], initial_state(Compensator(adaptation=a), model)
-    numbers = flat((model, loop.gains.K_p))
-    for m, level in zip(motions, levels, strict=True):
-        friction = m.torque - m.extra @ extra
-        state = state._replace(deflection=0.0, velocity=m.velocity[0])
-        inputs = np.vstack([m.velocity, friction, np.append(0.0, m.step), level])
-        ends, log = _run(a, model.law, m.velocity.size)(packed(state), inputs, numbers)
-        state = unpacked(np.asarray(ends).ravel().tolist(), model, len(a.parameters))
-        fixed = rollout(m.velocity, m.step, model, 0.0, level=level).torque
-        parts.append((m.time, m.velocity, friction, fixed, np.asarray(log)))
-    shares = np.array([1.0 if begun == "identified" else loop.start.get(name, 1.0) for name in a.parameters])
-    time, velocity, friction, fixed, log = (np.concatenate(x, axis=-1) for x in zip(*parts, strict=True))
-    return Replay(
-        file=file, begun=begun, time=time, velocity=velocity, measured=friction, fixed=fixed, adapted=log[0],
-        theta=shares[:, None] * log[1:], start=shares, adaptation=a,
-    )  # fmt: skip  # a list of values
 
 
 @lru_cache(maxsize=8)

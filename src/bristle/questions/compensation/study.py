@@ -80,13 +80,13 @@ def begin_study(
         "followed": partial(paper_experiments.followed, first),
         "gradients": partial(parameter_studies.gradients, adapting.plant.positive, adapting.adaptation.parameters[0]),
     }
-    of_each: dict[str, Callable[[Sequence[JointLoop]], tuple[Any, ...]]] = {
+    of_each: dict[str, Callable[[JointLoop], tuple[Any, ...]]] = {
         "errors": paper_experiments.errors,
         "drifts": parameter_studies.drifts,
         "sampling": parameter_studies.compare_sampling,
     }
     parts = list(of_first.items())
-    parts += [(name, partial(run, [loop])) for name, run in of_each.items() for loop in loops]
+    parts += [(name, partial(run, loop)) for name, run in of_each.items() for loop in loops]
     results = iter(share(called, [run for _, run in parts]))
 
     def ended() -> Study:

@@ -1,6 +1,7 @@
 """A plan as matplotlib figures."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -13,7 +14,7 @@ from bristle.arrays import Array
 from bristle.model import functions
 from bristle.model.parameters import Direction
 from bristle.model.vectorize import evaluate
-from bristle.page.style import DIRECTION, decimal_log, new_figure, styled, thinned, title
+from bristle.page.style import DIRECTION, decimal_log, panels, styled, thinned
 from bristle.page.wording import axis, direction, symbol, two_digits
 from bristle.questions.experiment_design.loading import PEAKS
 from bristle.questions.experiment_design.plan import Plan
@@ -28,12 +29,9 @@ _APART, _ROW = 0.055, 0.085
 """Least distance of two counts in a row, and height of a row, as shares of the axes."""
 
 
-def _panels(plan: Plan, count: int, height: float, *, sharex: bool = False) -> tuple[Figure, list[Axes]]:
-    """One panel for each direction."""
-    figure = new_figure(0.6 + height * count)
-    axes = list(figure.subplots(count, squeeze=False, sharex=sharex)[:, 0])
-    title(axes[0], plan.joint.name, plan.joint.simulated)
-    return figure, axes
+def _panels(plan: Plan, height: float, count: int = 1, **how: Any) -> tuple[Figure, list[Axes]]:
+    """Panels under the name of the plan's joint."""
+    return panels(height, plan.joint.name, plan.joint.simulated, count, **how)
 
 
 def percentage(error: float) -> str:
@@ -53,7 +51,7 @@ def _logarithmic(axis: Axis) -> None:
 @styled
 def velocities_figure(plan: Plan) -> Figure:
     """The curve at the estimate, what was measured, what v_s may be, and the velocities to run with how often."""
-    figure, axes = _panels(plan, len(plan.velocities), 2.6)
+    figure, axes = _panels(plan, 0.6 + 2.6 * len(plan.velocities), len(plan.velocities))
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         p, problem, look = velocities.problem.p, velocities.problem, DIRECTION[velocities.direction]
         sign = -1 if velocities.direction is Direction.NEGATIVE else 1
@@ -99,7 +97,7 @@ def _write_counts(ax: Axes, speeds: Array, counts: Sequence[int]) -> None:
 @styled
 def robustness_figure(plan: Plan) -> Figure:
     """The standard error of v_s to expect were v_s another one."""
-    figure, axes = _panels(plan, len(plan.velocities), 2.3)
+    figure, axes = _panels(plan, 0.6 + 2.3 * len(plan.velocities), len(plan.velocities))
     for ax, velocities in zip(axes, plan.velocities, strict=True):
         p = velocities.problem.p
         low, high = min(0.5 * p.v_s, velocities.problem.nodes.min()), max(2 * p.v_s, velocities.problem.nodes.max())
@@ -120,36 +118,50 @@ def robustness_figure(plan: Plan) -> Figure:
 @styled
 def intervals_figure(plan: Plan) -> Figure:
     """Relative standard error of each parameter now and after each part of the plan."""
-    names = [plan.start.names[k] for k in plan.free]
-    figure = new_figure(1.4 + 0.3 * len(names))
-    ax = figure.subplots()
-    title(ax, plan.joint.name, plan.joint.simulated)
-    y = np.arange(len(names))[::-1]
-    looks = (("#D55E00", "s"), ("#E69F00", "v"), ("#009E73", "^"), ("#0072B2", "o"))
-    relative = {
-        stage: (100 * errors / np.abs(plan.start.estimate))[plan.free] for stage, errors in plan.standard_errors.items()
-    }
+    relative = {stage: plan.percent(errors)[plan.free] for stage, errors in plan.standard_errors.items()}
     first, last = relative["now"], relative["with motion"]
-    ax.hlines(y, np.minimum(last, CEILING), np.minimum(first, CEILING), color="#bbbbbb", linewidth=1.5)
-    for (stage, errors), (colour, marker) in zip(relative.items(), looks, strict=True):
-        ax.plot(np.minimum(errors, CEILING), y, marker, color=colour, markersize=6, label=stage, clip_on=False)
-    ax.set_xscale("log")
-    _logarithmic(ax.xaxis)
+    looks = (("#D55E00", "s"), ("#E69F00", "v"), ("#009E73", "^"), ("#0072B2", "o"))
+    figure, ax = _by_parameter(plan, relative, looks, 6, room=0.8, joined=True)
     if max(np.max(first), np.max(last)) > CEILING:
         ax.axvline(CEILING, color="#555555", linewidth=0.8, linestyle=":")
         ax.set_xlabel(f"Standard error (% of the value; at {CEILING:g} or more: not identifiable)")
-    else:
-        ax.set_xlabel("Standard error (% of the value)")
-    ax.set_yticks(y, [symbol(name) for name in names])
-    ax.set_ylim(-0.7, len(names) + 0.8)
     ax.legend(loc="upper center", ncols=4, fontsize=8.5, handletextpad=0.2, columnspacing=1.0)
     return figure
+
+
+def _by_parameter(
+    plan: Plan,
+    relative: Mapping[str, Array],
+    looks: Sequence[tuple[str, str]],
+    size: int,
+    room: float,
+    *,
+    joined: bool = False,
+) -> tuple[Figure, Axes]:
+    """Standard errors, percent, by label, each of all free parameters, which have a row each.
+
+    `room`: rows left for the legend; `joined`: whether a line goes from the last errors to the first.
+    """
+    names = [plan.start.names[k] for k in plan.free]
+    figure, (ax,) = _panels(plan, 1.4 + 0.3 * len(names))
+    y, drawn = np.arange(len(names))[::-1], {label: np.minimum(x, CEILING) for label, x in relative.items()}
+    if joined:
+        first, *_, last = drawn.values()
+        ax.hlines(y, last, first, color="#bbbbbb", linewidth=1.5)
+    for (label, errors), (colour, marker) in zip(drawn.items(), looks, strict=False):
+        ax.plot(errors, y, marker, color=colour, markersize=size, label=label, clip_on=False)
+    ax.set_xscale("log")
+    _logarithmic(ax.xaxis)
+    ax.set_yticks(y, [symbol(name) for name in names])
+    ax.set_ylim(-0.7, len(names) + room)
+    ax.set_xlabel("Standard error (% of the value)")
+    return figure, ax
 
 
 @styled
 def loading_figure(plan: Plan) -> Figure:
     """The standard error of sigma_0 to expect vs where the loading turns, for several rises; the chosen one is marked."""
-    figure, axes = _panels(plan, len(plan.loadings), 2.4, sharex=True)
+    figure, axes = _panels(plan, 0.6 + 2.4 * len(plan.loadings), len(plan.loadings), sharex=True)
     for ax, loading in zip(axes, plan.loadings, strict=True):
         percent = 100 / plan.start.p(loading.direction).sigma_0
         errors = np.where(np.isfinite(loading.errors), percent * loading.errors, np.nan)
@@ -171,9 +183,7 @@ def motion_figure(plan: Plan) -> Figure:
     """The tracking motion: position and velocity vs time, with their limits."""
     run, limits = plan.references[-1], plan.limits
     time = np.arange(run.position.size) / limits.rate
-    figure = new_figure(5.0)
-    above, below = figure.subplots(2, sharex=True)
-    title(above, plan.joint.name, plan.joint.simulated)
+    figure, (above, below) = _panels(plan, 5.0, 2, sharex=True)
     k = thinned(time.size, 1500)
     above.plot(time[k], run.position[k], color="#0072B2", linewidth=1.2)
     below.plot(time[k], run.velocity[k], color="#0072B2", linewidth=1.0)
@@ -188,19 +198,8 @@ def motion_figure(plan: Plan) -> Figure:
 @styled
 def motions_figure(plan: Plan) -> Figure:
     """Relative standard errors after the planned motion, a plain multisine, and the motion measured so far, each after the rest of the plan."""
-    names = [plan.start.names[k] for k in plan.free]
-    figure = new_figure(1.4 + 0.3 * len(names))
-    ax = figure.subplots()
-    title(ax, plan.joint.name, plan.joint.simulated)
-    y = np.arange(len(names))[::-1]
-    for x, colour, marker in zip(plan.motions, _MOTIONS, ("o", "s", "^"), strict=False):
-        errors = np.minimum(100 * x.errors / np.abs(plan.start.estimate), CEILING)[plan.free]
-        ax.plot(errors, y, marker, color=colour, markersize=7, label=x.name, clip_on=False)
-    ax.set_xscale("log")
-    _logarithmic(ax.xaxis)
-    ax.set_yticks(y, [symbol(name) for name in names])
-    ax.set_ylim(-0.7, len(names) + 0.6)
-    ax.set_xlabel("Standard error (% of the value)")
+    relative = {x.name: plan.percent(x.errors)[plan.free] for x in plan.motions}
+    figure, ax = _by_parameter(plan, relative, tuple(zip(_MOTIONS, "os^", strict=True)), 7, room=0.6)
     ax.legend(loc="upper center", ncols=3)
     return figure
 
@@ -209,9 +208,7 @@ def motions_figure(plan: Plan) -> Figure:
 def whole_figure(plan: Plan) -> Figure:
     """All references vs time: position, velocity and torque, by experiment."""
     frame = references(plan)
-    figure = new_figure(6.2)
-    axes = figure.subplots(3, sharex=True)
-    title(axes[0], plan.joint.name, plan.joint.simulated)
+    figure, axes = _panels(plan, 6.2, 3, sharex=True)
     time = frame.iloc[:, 0].to_numpy()
     looks = {"ramp": "#0072B2", "move": "#999999", "presliding": "#009E73", "tracking": "#D55E00"}
     for kind, colour in looks.items():

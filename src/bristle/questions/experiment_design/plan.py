@@ -77,6 +77,10 @@ class Plan:
         """Where the free parameters stand that the plan is for."""
         return [k for k in self.free if self.aim in ("all", self.start.names[k].name)]
 
+    def percent(self, errors: Array) -> Array:
+        """Standard errors of all parameters, (p,), in percent of the estimates."""
+        return 100 * errors / np.abs(self.start.estimate)
+
     @property
     def duration(self) -> float:
         """Of all references, s."""

@@ -8,7 +8,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.arrays import Array
 from bristle.model.parameters import Direction, effort, static_estimated_of, unit
 from bristle.page.page import Drawing
 from bristle.page.plain import columns, pair
@@ -111,7 +110,7 @@ def _drawing(plan: Plan, draw: Callable[[Plan], Figure], label: str, caption: st
 
 def _intervals(plan: Plan) -> Drawing:
     """Errors before and after: the parameter that stays widest, or those that the plan is for; which of them stay open where any does."""
-    now, then = (_relative(plan, plan.standard_errors[stage]) for stage in ("now", "with motion"))
+    now, then = (plan.percent(plan.standard_errors[stage]).tolist() for stage in ("now", "with motion"))
     largest, unseen = plan.aim == "all", [k for k in plan.aimed if not then[k] < CEILING]
     widest = [max(plan.aimed, key=then.__getitem__)] if largest else plan.aimed
     errors = (f"{percentage(then[k])} % of {_names(plan, [k])}, from {percentage(now[k])} % now" for k in widest)
@@ -307,7 +306,7 @@ def _rounded(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _beside(plan: Plan, planned: MotionDesign, other: MotionDesign) -> str:
     """From the largest gain to the worst loss in what the plan is for; what of it one of the two motions alone shows."""
-    mine, theirs = (_relative(plan, x.errors) for x in (planned, other))
+    mine, theirs = (plan.percent(x.errors).tolist() for x in (planned, other))
     ratio = {k: mine[k] / theirs[k] for k in plan.aimed if mine[k] < CEILING and theirs[k] < CEILING}
     by = [f"{two_digits(ratio[k])} times for {_names(plan, [k])}" for k in sorted(ratio, key=ratio.__getitem__)]
     ends = " to ".join(dict.fromkeys((by[0], by[-1]))) if by else f"none below {CEILING:g} % after both"
@@ -315,11 +314,6 @@ def _beside(plan: Plan, planned: MotionDesign, other: MotionDesign) -> str:
     lost = _names(plan, [k for k in plan.aimed if theirs[k] < CEILING and k not in ratio])
     alone = f", only the planned one shows {gained}" * bool(gained) + f", only the other one shows {lost}" * bool(lost)
     return f"vs {other.name}: {ends}{alone}"
-
-
-def _relative(plan: Plan, errors: Array) -> list[float]:
-    """Of each parameter, percent."""
-    return list(map(float, 100 * errors / np.abs(plan.start.estimate)))
 
 
 def _names(plan: Plan, at: Sequence[int]) -> str:

@@ -79,7 +79,7 @@ def motions(plan: Plan) -> pd.DataFrame:
     names = {k: plan.start.names[k] for k in plan.free}
     rows = []
     for motion in plan.motions:
-        relative = 100 * motion.errors / np.abs(plan.start.estimate)
+        relative = plan.percent(motion.errors)
         errors = {str(name): _finite(relative[k]) for k, name in names.items()}
         rows.append({"motion": motion.name, **errors, "rms": _finite(np.sqrt(np.mean(relative[plan.aimed] ** 2)))})
     return pd.DataFrame(rows)

@@ -85,6 +85,7 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
     sets, truth = list(_sets(joint, known, travel, J)), _truth(joint)
     speeds = np.abs(np.concatenate([fit.velocity for fit in joint.static.values()] or [np.zeros(0)]))
     slowest = float(min(speeds[speeds > 0], default=fastest / 1000))  # that was fitted
+    fitted = {s.place for fit in joint.static.values() for s in fit.segments}
     truth_law = next((p.law for p in joint.truth.values()), None)
     shown = [{name: row["value"] for name, row in p.items()} for one in sets for p in one["values"].values()]
     shown += (truth or {}).values() if truth_law == joint.law else ()
@@ -102,7 +103,7 @@ def _joint(joint: Joint, known: KnownJoint, loop: JointLoop | str) -> dict[str, 
         "ranges": ranges(joint.law, shown, fastest),
         "speeds": [slowest, fastest],
         "static": [_static(d, fit) for d, fit in joint.static.items() if d in set(Direction) - {Direction.SHARED}],
-        "other_points": _other_points(joint),
+        "other_points": [_point(s) for s in joint.segments if s.accepted and s.place not in fitted],  # held out
         "presliding": {d: _presliding(fit) for d, fit in (joint.presliding.fits if joint.presliding else {}).items()},
         "loops": _loops(joint),
         "moving": _moving(joint.moving),
@@ -254,12 +255,6 @@ def _static(direction: str, fit: StaticFit) -> dict[str, Any]:
         "profile": drawn,
         "strays": [_point(s) for s in fit.strays],
     }
-
-
-def _other_points(joint: Joint) -> list[dict[str, Any]]:
-    """Points that were kept and not fitted: they are held out."""
-    fitted = {s.place for fit in joint.static.values() for s in fit.segments}
-    return [_point(s) for s in joint.segments if s.accepted and s.place not in fitted]
 
 
 def _point(s: Any) -> dict[str, Any]:

@@ -6,12 +6,13 @@ No text of a user goes in here. A source's name is its renderer's; the script fi
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from bristle.page.bokeh_page import GREY, bare_plot, plain_axes
 from bristle.page.style import DIRECTION
 
 if TYPE_CHECKING:
     from bokeh.models import Plot
 
+GREY = "#767676"
+"""3:1 on white and on near black."""
 TRUE, SECOND = "#009E73", "#CC79A7"
 """Of the true values, beside GREY, the identified ones, and of what stands beside the current ones; 3:1 on white and on near black."""
 PLUS, MINUS = DIRECTION["+"].colour, DIRECTION["-"].colour
@@ -208,13 +209,20 @@ def figures() -> dict[str, list["Plot"]]:
 
 
 def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plot":
-    from bokeh.models import HoverTool
+    from bokeh.models import BasicTickFormatter, HoverTool
     from bokeh.models.annotations.geometry import BoxAnnotation, Span
+    from bokeh.plotting import figure
 
+    # As wide as its place, on the ground of the page.
     shared: dict[str, Any] = {"x_range": drawn[panel.follows].x_range} if panel.follows else {}
     if panel.framed:
         shared = {"x_range": (0.1, 1.0), "y_range": (0.0, 1.0)}
-    plot = bare_plot(panel.name, panel.height, "log" if panel.x_log else "linear", **shared)
+    plot: Any = figure(
+        name=panel.name, height=panel.height, sizing_mode="stretch_width", min_width=200, tools="pan,box_zoom,wheel_zoom,reset,save",
+        x_axis_type="log" if panel.x_log else "linear", toolbar_location="above", background_fill_alpha=0.0,
+        border_fill_alpha=0.0, outline_line_color=None, min_border_left=64, output_backend="canvas", **shared,
+    )  # fmt: skip  # a list of values
+    plot.toolbar.update(logo=None, active_drag=None)  # a finger that is drawn over a figure scrolls the page
     drawn[panel.name] = plot
     for name in panel.shaded:
         plot.add_layout(BoxAnnotation(
@@ -236,17 +244,16 @@ def _drawn(panel: Panel, sources: dict[str, Any], drawn: dict[str, Any]) -> "Plo
         tips = [("from", "@place"), ("velocity", "@x{0.0000}"), (torque, "@y{0.000000}")]
         plot.add_tools(HoverTool(renderers=told, tooltips=tips))
     if any(mark.legend for mark in panel.marks) and not panel.keyed:
-        for legend in plot.legend:
-            legend.background_fill_alpha = 0.0
-            legend.border_line_color = None
-            legend.label_text_font_size = "11px"
-            legend.orientation = "horizontal"
-            legend.padding = legend.margin = 2
-            legend.ncols = 4
-            legend.location = "center"
-            legend.click_policy = "hide"
+        plot.legend[0].update(
+            background_fill_alpha=0.0, border_line_color=None, label_text_font_size="11px", orientation="horizontal",
+            padding=2, margin=2, ncols=4, location="center", click_policy="hide",
+        )  # fmt: skip  # a list of values
         plot.add_layout(plot.legend[0], "below")
-    plain_axes(plot)
+    # Labels upright, and kept a place for until the page's script sets them; no powers of ten from 1e-6 up.
+    for axis in plot.axis:
+        axis.update(axis_label_text_font_style="normal", axis_label=" ")
+        if isinstance(axis.formatter, BasicTickFormatter):
+            axis.formatter.power_limit_low = -6
     drawing: Plot = plot
     return drawing
 

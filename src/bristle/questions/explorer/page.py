@@ -5,18 +5,21 @@ HTML: it lies in one block of JSON and is set as text. A policy in the page forb
 the page's own, by their digests. Cost maps are computed by a worker, which is made of the text of some of these scripts.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from math import isfinite
 from pathlib import Path
 from typing import Any
+
+from markupsafe import Markup
 
 from bristle import __version__
 from bristle.identification.results import Joint
 from bristle.model.parameters import fields_of, least_of
-from bristle.page.bokeh_page import bokeh_script, json_block, numbered_document, policy, script_elements
 from bristle.page.output_folder import write_bytes
-from bristle.page.page import encoded, html
+from bristle.page.page import digest, encoded, html
 from bristle.page.wording import PARAMETERS, symbol
 from bristle.questions.explorer.data import explored
 from bristle.questions.explorer.engine import script
@@ -54,26 +57,36 @@ class Explorer:
 
 def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> Explorer:
     """The page of some joints; arguments and what is raised as of `data.explored`. Equal arguments give equal bytes."""
+    from bokeh.resources import Resources
+
     known = explored(joints, loops)
     document, roots = _drawing()
     laws = tuple(dict.fromkeys((*(x.law for x in joints), *(p.law for x in joints for p in x.truth.values()))))
     words = dict(
         PARAMETERS
-    )  # what each parameter that has a slider is: those of every law, then what some have beside them
+    )  # what each parameter that has a slider is: those of all laws, then what some have beside them
     for law in laws:
         words |= {own.name: f"{law.peak.title} peak" for own in law.peak.own}
         words |= {term.coefficient.name: f"of {term.title}" for term in law.terms}
     symbols = {name: symbol(name) for law in laws for name in fields_of(law)}
     settings = {"parameters": [*words], "symbols": symbols, "paper": PAPER}
     data = {"known": known, "settings": settings, "document": document, "roots": roots}
+    # Scripts by name: Bokeh's core, without widgets, tables and mathematics, then our own; the policy knows each by its digest.
     texts = {
-        "bokeh": bokeh_script(),
+        "bokeh": "\n".join(Resources(mode="inline", components=["bokeh"], minified=True).js_raw),
         "bristle": script([loop for loop in loops.values() if isinstance(loop, JointLoop)], laws),
         **{name: (_HERE / f"{name}.js").read_text(encoding="utf-8") for name in _SCRIPTS},
     }
-    scripts = script_elements(texts)
+    scripts = {name: Markup(f"\n{text.strip()}\n") for name, text in texts.items()}  # noqa: S704
+    policy = (
+        "default-src 'none'", f"script-src {' '.join(map(digest, scripts.values()))}", "worker-src blob:", "style-src 'unsafe-inline'",
+        "img-src data: blob:", "font-src data:", "base-uri 'none'", "form-action 'none'",
+    )  # fmt: skip  # a list of values
+    # JSON in which no tag can begin, and none of whose characters ends a line of JavaScript.
+    block = json.dumps(_finite(data), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    block = block.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
     named = {
-        "data": json_block(data), "scripts": scripts, "policy": policy(scripts.values(), "worker-src blob:"), "views": _VIEWS,
+        "data": Markup(block), "scripts": scripts, "policy": "; ".join(policy), "views": _VIEWS,  # noqa: S704  # no character can end the block
         "panels": {view: [panel.name for panel in panels] for view, panels in PANELS.items()}, "parameters": words,
         "signed": [name for name in words if least_of(name) < 0], "key": key(), "version": __version__,
     }  # fmt: skip  # a list of values
@@ -81,7 +94,36 @@ def explorer(joints: Sequence[Joint], loops: Mapping[str, JointLoop | str]) -> E
     return Explorer(joints=tuple(joint["name"] for joint in known["joints"]), html=page)
 
 
+def _finite(part: Any) -> Any:
+    """A part of the data in which null stands for what is no finite number."""
+    if isinstance(part, dict):
+        return {key: _finite(x) for key, x in part.items()}
+    if isinstance(part, list | tuple):
+        return [_finite(x) for x in part]
+    return None if isinstance(part, float) and not isfinite(part) else part
+
+
 @cache
 def _drawing() -> tuple[dict[str, Any], dict[str, str]]:
-    """The figures, empty, as Bokeh has them, and their ids by name: the same on every page, and most of its time."""
-    return numbered_document({str(plot.name): plot for view in figures().values() for plot in view})
+    """The figures, empty, as Bokeh's JSON, and the id of each by its name: the same on every page, and most of its time."""
+    from bokeh.document import Document
+
+    plots = [plot for view in figures().values() for plot in view]
+    document, numbers = Document(), dict[str, str]()
+    with document.models.freeze():  # else every model is looked through anew at each
+        for plot in plots:
+            document.add_root(plot)
+
+    def numbered(part: Any) -> Any:
+        """A part in which each model's id is its number in the order of writing, from 1: Bokeh counts on in a process."""
+        if isinstance(part, list):
+            return [numbered(x) for x in part]
+        if not isinstance(part, dict):
+            return part
+        own = part.get("id")
+        if isinstance(own, str):
+            numbers.setdefault(own, f"p{len(numbers) + 1}")
+        return {key: numbers[x] if key == "id" and isinstance(x, str) else numbered(x) for key, x in part.items()}
+
+    written = numbered(document.to_json(deferred=False))
+    return written, {str(plot.name): root["id"] for plot, root in zip(plots, written["roots"], strict=True)}

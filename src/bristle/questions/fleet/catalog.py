@@ -198,15 +198,23 @@ def _of_pattern(pattern: str) -> _Texts:
             f"{pattern}: has no {{{lacking[0]}}}; expected a pattern such as logs/{{unit}}/{{session}}.yaml"
         )
     whole = pattern if is_remote(pattern) else str(Path(pattern).absolute())
-    matching = re.compile(_expression(whole))
+    # Its regular expression, in which a field that is named twice must agree.
+    parts, seen = list[str](), set[str]()
+    known = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}
+    for token in re.split(r"(\{[^{}]*\}|\*\*/?|\*|\?)", whole):
+        if token.startswith("{"):
+            field = token[1:-1]
+            parts.append(f"(?P={field})" if field in seen else f"(?P<{field}>[^/]+)")
+            seen.add(field)
+        else:
+            parts.append(known.get(token, re.escape(token)))
+    matching = re.compile("".join(parts))
     try:
         found = glob_of(_FIELD.sub("*", whole).replace("[", "?"))
     except OSError as error:
         raise InputError(f"{pattern}: cannot be looked for ({error.strerror or error})") from error
     rows = []
-    before = (
-        whole.removesuffix(pattern) if whole.endswith(pattern) else ""
-    )  # as given: from where one is, or from anywhere
+    before = whole.removesuffix(pattern) if whole.endswith(pattern) else ""  # files as given: from here, or anywhere
     for path in found:
         if match := matching.fullmatch(path):
             of = match.groupdict()
@@ -216,20 +224,6 @@ def _of_pattern(pattern: str) -> _Texts:
             f"{pattern}: matches no file; expected a path from where you are, with {{unit}} and {{session}}"
         )
     return _Texts(rows, str(Path.cwd()), {})
-
-
-def _expression(pattern: str) -> str:
-    """The regular expression of a pattern; a field that is named twice must agree."""
-    parts, seen = list[str](), set[str]()
-    for token in re.split(r"(\{[^{}]*\}|\*\*/?|\*|\?)", pattern):
-        if token.startswith("{"):
-            field = token[1:-1]
-            parts.append(f"(?P={field})" if field in seen else f"(?P<{field}>[^/]+)")
-            seen.add(field)
-        else:
-            known = {"**/": "(?:.*/)?", "**": ".*", "*": "[^/]*", "?": "[^/]"}
-            parts.append(known.get(token, re.escape(token)))
-    return "".join(parts)
 
 
 def _row(texts: Mapping[str, str], base: str, wrong: str) -> CatalogRow:

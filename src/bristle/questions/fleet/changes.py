@@ -77,8 +77,18 @@ def _joined(parts: Sequence[Array | NDArray[np.intp]]) -> Array:
 
 def change_rows(tests: Sequence[StepTests], decided: Decided, frame: pd.DataFrame) -> pd.DataFrame:
     """A row per test, and the number of its joint."""
-    none = pd.DataFrame(columns=list(_COLUMNS)).astype(_COLUMNS)
-    rows = pd.concat([_rows(x, frame) for x in tests], ignore_index=True) if tests else none
+    parts = []
+    for one, which, steps in tests:
+        q, counts = one.of, np.bincount(one.of.joint)
+        row = q.rows[np.searchsorted(q.joint, which) + steps.after]
+        reach = student(one.fit.freedom) * steps.error
+        parts.append(pd.DataFrame({
+            **q.key._asdict(), "sessions": counts[which], "value_unit": q.value_unit,
+            "before": q.shown(steps.before), "after": q.shown(steps.before + steps.size), "percent": q.percent(steps.size),
+            "percent_lower": q.percent(steps.size - reach), "percent_upper": q.percent(steps.size + reach),
+            "since": frame["session"].to_numpy()[row], "sessions_after": counts[which] - steps.after,
+        }))  # fmt: skip  # a table
+    rows = pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=list(_COLUMNS)).astype(_COLUMNS)
     return rows.assign(number=decided.joint, z=decided.z, p=decided.p, changed=decided.named)
 
 
@@ -89,42 +99,14 @@ _COLUMNS = {
 """Columns of the tests, and their types."""
 
 
-def _rows(x: StepTests, frame: pd.DataFrame) -> pd.DataFrame:
-    one, steps, q = x.one, x.steps, x.one.of
-    counts = np.bincount(q.joint)
-    row = q.rows[np.searchsorted(q.joint, x.which) + steps.after]
-    reach = student(one.fit.freedom) * steps.error
-    type_, parameter, direction = q.key
-    return pd.DataFrame(
-        {
-            "type": type_, "parameter": parameter, "direction": direction, "sessions": counts[x.which], "value_unit": q.value_unit,
-            "before": q.shown(steps.before), "after": q.shown(steps.before + steps.size), "percent": q.percent(steps.size),
-            "percent_lower": q.percent(steps.size - reach), "percent_upper": q.percent(steps.size + reach),
-            "since": frame["session"].to_numpy()[row], "sessions_after": counts[x.which] - steps.after,
-        },
-        columns=list(_COLUMNS),
-    )  # fmt: skip  # a table
-
-
 def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFrame:
     """A row per joint with its clearest test, those that changed first, by p-value; the index is the number of its last baseline."""
     first = changes.assign(size=-changes["z"].abs()).sort_values(["number", "p", "size"], kind="stable")
     first = first.drop_duplicates("number").set_index("number")
-    table = people.table.join(
-        first[
-            [
-                "parameter",
-                "direction",
-                "percent",
-                "percent_lower",
-                "percent_upper",
-                "since",
-                "sessions_after",
-                "p",
-                "size",
-            ]
-        ]
-    )
+    own = [
+        "parameter", "direction", "percent", "percent_lower", "percent_upper", "since", "sessions_after", "p", "size",
+    ]  # fmt: skip  # a list of names
+    table = people.table.join(first[own])
     table = table.assign(adjusted_p=decided.adjusted, changed=decided.changed)[people.table["now"]]
     table = table.sort_values(["adjusted_p", "p", "size", "unit", "joint"], kind="stable", na_position="last")
     return table.assign(rank=np.arange(1, len(table) + 1)).drop(columns=["p", "size"])

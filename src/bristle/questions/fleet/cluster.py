@@ -13,7 +13,7 @@ from time import monotonic, sleep
 from typing import Any, NamedTuple
 
 from bristle.errors import InputError, one_line, short
-from bristle.questions.fleet.files import digest_of, joined_path, read_bytes, remove, write_whole
+from bristle.questions.fleet.files import digest_of, joined_path, remove, write_whole
 from bristle.questions.fleet.tasks import version_difference, versions
 from bristle.workers import cores, pinned
 
@@ -274,23 +274,20 @@ def check_workers(client: Client) -> None:
 
 def reach_of(client: Client, output: str, inputs: Iterable[str]) -> Reach:
     """Whether all workers see what is written to an output, and read the same in some inputs. Raises OSError where nothing can be written."""
-    token = secrets.token_hex(16).encode()
-    probe = joined_path(output, f".probe-{token.decode()[:8]}")
-    write_whole(probe, token)
+    token = secrets.token_hex(16)
+    probe = joined_path(output, f".probe-{token[:8]}")
+    write_whole(probe, token.encode())
     try:
-        seen = client.run(_reads, probe, on_error="return")
+        written = _alike(client, [probe])
     finally:
         remove(probe)
-    known = [(name, digest_of(name)) for name in inputs]
-    same = (client.run(_digests, [name for name, _ in known], on_error="return") if known else {}).values()
-    return Reach(all(found == token for found in seen.values()), all(found == [x for _, x in known] for found in same))
+    return Reach(written, _alike(client, list(inputs)))
 
 
-def _reads(name: str) -> bytes | None:
-    try:
-        return read_bytes(name)
-    except (OSError, InputError):
-        return None
+def _alike(client: Client, names: list[str]) -> bool:
+    """Whether all workers read the same in some files as this process does."""
+    own = [digest_of(name) for name in names]
+    return not names or all(found == own for found in client.run(_digests, names, on_error="return").values())
 
 
 def _digests(names: list[str]) -> list[str] | None:

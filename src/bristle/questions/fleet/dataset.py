@@ -63,12 +63,26 @@ def failure_bytes(key: str, failure: str) -> bytes:
 
 def _written(rows: list[dict[str, Any]]) -> bytes:
     import pyarrow as pa
+
+    table = pa.Table.from_pylist(rows, schema=schema_of(OF_TASK, coded=False))
+    return parquet_of(table, compression="none", use_dictionary=False, write_statistics=False, store_schema=False)
+
+
+def parquet_of(table: "pa.Table", **how: Any) -> bytes:
+    """A table as the bytes of a Parquet file; `how` as of `pyarrow.parquet.write_table`."""
     import pyarrow.parquet as pq
 
     sink = io.BytesIO()
-    table = pa.Table.from_pylist(rows, schema=schema_of(OF_TASK, coded=False))
-    pq.write_table(table, sink, compression="none", use_dictionary=False, write_statistics=False, store_schema=False)
+    pq.write_table(table, sink, **how)
     return sink.getvalue()
+
+
+def read_parquet(name: str, **how: Any) -> "pa.Table":
+    """The table of a Parquet file; `how` as of `pyarrow.parquet.ParquetFile.read`. Raises what Arrow does, ValueError or OSError."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    return pq.ParquetFile(pa.BufferReader(read_bytes(name))).read(**how)
 
 
 def task_file(folder: str, key: str) -> str:
@@ -85,12 +99,10 @@ def task_keys(folder: str) -> set[str]:
 def read_tasks(folder: str, keys: Collection[str]) -> tuple["pa.Table", set[str]]:
     """The rows of some tasks, and the keys of those whose file is damaged or gone."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     def read(key: str) -> "pa.Table | None":
         try:
-            table = pq.ParquetFile(pa.BufferReader(read_bytes(task_file(folder, key)))).read(use_threads=False)
-            return table.cast(schema_of(OF_TASK, coded=False))
+            return read_parquet(task_file(folder, key), use_threads=False).cast(schema_of(OF_TASK, coded=False))
         except (pa.ArrowException, ValueError, OSError):
             return None
 
@@ -122,10 +134,9 @@ def read_parts(folder: str) -> "pa.Table":
 
 def _part(name: str) -> "pa.Table":
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     try:
-        table = pq.ParquetFile(pa.BufferReader(read_bytes(name))).read()
+        table = read_parquet(name)
         known = (table.schema.metadata or {}).get(b"bristle")
         schema = schema_of(tuple(COLUMNS), coded=True)
         # Another version's results are identified anew; a column that only it has is left out.
@@ -137,27 +148,9 @@ def _part(name: str) -> "pa.Table":
     return rows
 
 
-def _codes(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:
-    """The rank of each entry among those of its column, -1 where there is none."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    whole = column.combine_chunks()
-    if pa.types.is_dictionary(whole.type):
-        ranks = pc.rank(whole.dictionary, tiebreaker="min").to_numpy(zero_copy_only=False).astype(np.int64)
-        places = pc.fill_null(whole.indices, -1).to_numpy(zero_copy_only=False)
-        return np.where(places < 0, -1, ranks[np.maximum(places, 0)] if ranks.size else -1)
-    if pa.types.is_string(whole.type):
-        return _codes(pa.chunked_array([whole.dictionary_encode()]))
-    return np.asarray(pc.fill_null(pc.cast(whole, pa.int64()), -(2**62)).to_numpy(zero_copy_only=False))
-
-
 def _once(table: "pa.Table", columns: Sequence[str]) -> "pa.Table":
     """The first of rows that are equal in some columns."""
-    import pandas as pd
-
-    codes = pd.DataFrame({name: _codes(table[name]) for name in columns})
-    kept = np.flatnonzero(~codes.duplicated().to_numpy())
+    kept = np.flatnonzero(~table.select(columns).to_pandas().duplicated().to_numpy())
     return table if kept.size == len(table) else table.take(kept)
 
 
@@ -198,7 +191,9 @@ def assembled(sessions: "pd.DataFrame", results: "pa.Table") -> "pa.Table":
     )
     failure = pc.coalesce(columns["failure"].cast(pa.string()).combine_chunks(), own)
     table = pa.table({name: (pa.chunked_array([failure]) if name == "failure" else columns[name]) for name in COLUMNS})
-    return _coded(table.take(np.lexsort([_last(table[name]) for name in reversed(ORDER)])))
+    coded = _coded(table)  # text is in the order of its dictionary; what is missing comes last
+    order = coded.select(ORDER).to_pandas().sort_values(list(ORDER)).index
+    return coded.take(order.to_numpy())
 
 
 def _coded(table: "pa.Table") -> "pa.Table":
@@ -219,11 +214,6 @@ def _coded(table: "pa.Table") -> "pa.Table":
     return pa.table(columns, schema=schema_of(tuple(COLUMNS), coded=True))
 
 
-def _last(column: "pa.ChunkedArray") -> np.ndarray[Any, np.dtype[np.int64]]:
-    codes = _codes(column)
-    return np.where(codes < 0, codes.max(initial=0) + 1, codes) if column.null_count else codes
-
-
 def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:
     """Write the dataset of an output in parts; then those of before are removed. Raises OSError where a part cannot be written."""
     make_folder(joined_path(folder, RESULTS))
@@ -238,11 +228,7 @@ def write_parts(folder: str, table: "pa.Table", before: Sequence[str]) -> None:
 
 def part_files(table: "pa.Table") -> Iterator[tuple[str, bytes]]:
     """The parts of a dataset, each with its name."""
-    import pyarrow.parquet as pq
-
     text = [name for name, holds in COLUMNS.items() if holds == _TEXT]
     for k, start in enumerate(range(0, max(len(table), 1), ROWS)):
-        sink = io.BytesIO()
-        pq.write_table(_coded(table.slice(start, ROWS)), sink, compression="zstd", use_dictionary=text)
-        data = sink.getvalue()
+        data = parquet_of(_coded(table.slice(start, ROWS)), compression="zstd", use_dictionary=text)
         yield f"part-{k:05d}-{hashlib.sha256(data).hexdigest()[:8]}.parquet", data

@@ -3,10 +3,9 @@
 What is finished stays whatever ends the run: the rows of each task lie in the output, and the next run goes on from them.
 """
 
-import io
 import os
 import secrets
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from time import monotonic
 from typing import TYPE_CHECKING, NamedTuple
@@ -30,7 +29,9 @@ from bristle.questions.fleet.cluster import (
 from bristle.questions.fleet.dataset import (
     assembled,
     known_results,
+    parquet_of,
     parts_of,
+    read_parquet,
     read_tasks,
     task_file,
     task_keys,
@@ -77,20 +78,17 @@ class FleetRun(NamedTuple):
     """Those without a result."""
 
 
-class _Telling:
-    """Tells how far a work is, how fast it goes and how long it will take."""
+def _telling(progress: Progress | None, what: str, total: int) -> Callable[[int], None]:
+    """What tells how many are done of a work that begins now, how fast it goes and how long it will take."""
+    begun = monotonic()
 
-    def __init__(self, progress: Progress | None, what: str, total: int) -> None:
-        self._progress, self._what, self._total = progress, what, total
-        self._begun = monotonic()
+    def tell(done: int) -> None:
+        if progress and total:
+            rate = done / max(monotonic() - begun, 1e-3)
+            pace = f", {rate:.3g}/s, {in_words((total - done) / rate)} left" if done else ""
+            progress(f"{what}{pace}", done, total)
 
-    def tell(self, done: int) -> None:
-        """So many are done."""
-        if self._progress is None or not self._total:
-            return
-        rate = done / max(monotonic() - self._begun, 1e-3)
-        pace = f", {rate:.3g}/s, {in_words((self._total - done) / rate)} left" if done else ""
-        self._progress(f"{self._what}{pace}", done, self._total)
+    return tell
 
 
 def in_words(seconds: float) -> str:
@@ -121,23 +119,67 @@ def run_fleet(
         verify: whether every input is hashed anew.
         progress: told of every step.
 
-    Raises InputError where the workers cannot be used, and OSError where the output is full, or the scheduler is lost. What is
-    finished by then stays.
+    Raises InputError where the workers cannot be used, or nothing at all is identified, and OSError where the output is full, or
+    the scheduler is lost. What is finished by then stays.
     """
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
     step(progress, "checking the workers")
-    known = task_keys(output)
+    written = task_keys(output)
     try:
         with told_where_lost(client):
             check_workers(client)
-            reach = reach_of(client, output, _samples(rows))
+            # By the first file of each file system that is there.
+            samples: dict[str, str] = {}
+            for row in rows:
+                system = row.path.partition("://")[0] if is_remote(row.path) else ""
+                if system not in samples and not row.failure:
+                    with suppress(OSError, InputError):
+                        if exists(row.path):
+                            samples[system] = row.path
+            reach = reach_of(client, output, samples.values())
         files = _survey(client, rows, _ledger(output), reach, progress, verify=verify)
         _write_ledger(output, files)
-        return _run(client, joint_sessions(rows, files), files, output, reach, identify, progress)
+        sessions, before, known = joint_sessions(rows, files), parts_of(output), known_results(output)
+        good = sessions[sessions["failure"] == ""]
+        wanted = good.drop_duplicates("key").set_index("key")
+        cached = set(known["key"].to_pylist()) & set(wanted.index)
+        todo = wanted[~wanted.index.isin(list(cached | written))]
+        tasks = _tasks(todo, files, output, reach)
+        identified, untold = _identified(client, tasks, len(todo), output, identify, progress, sent=not reach.inputs)
     except SchedulerLostError as error:
-        stay = len(task_keys(output) - known)
+        stay = len(task_keys(output) - written)
         raise OSError(
             f"{error}; what is finished stays ({counted(stay, 'joint session')} of this run); run again to go on"
         ) from error
+
+    step(progress, "writing the dataset")
+    read, damaged = read_tasks(output, set(wanted.index) - cached - set(untold))
+    failures = untold | dict.fromkeys(damaged, "its rows in the output are damaged; run again")
+    for key in damaged:
+        remove(task_file(output, key))
+    failed = sessions["key"].isin(list(failures)) & (sessions["failure"] == "")
+    sessions.loc[failed, "failure"] = sessions.loc[failed, "key"].map(failures)
+    sessions.loc[sessions["failure"] != "", "key"] = ""
+
+    # The dataset in parts; then what tasks and older parts wrote is removed. Where nothing at all is identified, what was known stays.
+    table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
+    ended = [task_file(output, key) for key in task_keys(output)]
+    some = table["failure"].null_count > 0
+    if some:
+        write_parts(output, table, before)
+    for path in ended:
+        remove(path)
+    if not some:
+        file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
+        many = counted(len(table), "joint session")
+        raise InputError(f"none of {many} could be identified; the first is {short(file)}: {reason}")
+
+    refused = set(table.filter(pc.is_valid(table["failure"]))["key"].to_pylist())
+    unchanged = int(good["key"].isin(list((cached | written) - refused)).sum())
+    lost = table["failure"].length() - table["failure"].null_count
+    return FleetRun(table, len(identified - refused - damaged), unchanged, lost)
 
 
 @contextmanager
@@ -185,25 +227,12 @@ def held(output: str) -> Iterator[None]:
             raise
 
 
-def _samples(rows: Iterable[CatalogRow]) -> list[str]:
-    """Files by which it is seen whether workers read what the client does: the first of each file system that is there."""
-    found: dict[str, str] = {}
-    for row in rows:
-        system = row.path.partition("://")[0] if is_remote(row.path) else ""
-        if system not in found and not row.failure:
-            with suppress(OSError, InputError):
-                if exists(row.path):
-                    found[system] = row.path
-    return list(found.values())
-
-
 def _ledger(output: str) -> dict[str, str]:
     """By path, what the last run found of a file; nothing where there is no ledger, or none that can be read."""
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
     try:
-        table = pq.ParquetFile(pa.BufferReader(read_bytes(joined_path(output, LEDGER)))).read(columns=["path", "found"])
+        table = read_parquet(joined_path(output, LEDGER), columns=["path", "found"])
     except (OSError, pa.ArrowException, ValueError, KeyError):
         return {}
     return dict(zip(table["path"].to_pylist(), table["found"].to_pylist(), strict=True))
@@ -211,15 +240,10 @@ def _ledger(output: str) -> dict[str, str]:
 
 def _write_ledger(output: str, files: Mapping[str, Surveyed]) -> None:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    paths = sorted(files)
-    table = pa.table(
-        {"path": pa.array(paths, pa.string()), "found": pa.array([files[x].written() for x in paths], pa.string())}
-    )
-    sink = io.BytesIO()
-    pq.write_table(table, sink, compression="zstd", use_dictionary=False)
-    write_whole(joined_path(output, LEDGER), sink.getvalue())
+    rows = [{"path": path, "found": files[path].written()} for path in sorted(files)]
+    table = pa.Table.from_pylist(rows, schema=pa.schema({"path": pa.string(), "found": pa.string()}))
+    write_whole(joined_path(output, LEDGER), parquet_of(table, compression="zstd", use_dictionary=False))
 
 
 def _survey(
@@ -233,7 +257,7 @@ def _survey(
 ) -> dict[str, Surveyed]:
     """What each file of the catalog goes back to; by the workers, where they reach the inputs."""
     paths = list(dict.fromkeys(row.path for row in rows if not row.failure))
-    telling, found = _Telling(progress, "looking at files", len(paths)), dict[str, Surveyed]()
+    tell, found = _telling(progress, "looking at files", len(paths)), dict[str, Surveyed]()
     batches = [[(path, ledger.get(path)) for path in paths[k : k + BATCH]] for k in range(0, len(paths), BATCH)]
     if reach.inputs:
         token = secrets.token_hex(4)
@@ -245,7 +269,7 @@ def _survey(
         for k, (path, _) in enumerate(batch):
             failed = Surveyed(path, failure=_of_worker(end)) if isinstance(end, BaseException) else None
             found[path] = failed or surveyed_of(end[k]) or Surveyed(path, failure="its worker has another version")
-        telling.tell(len(found))
+        tell(len(found))
     return found
 
 
@@ -256,40 +280,6 @@ def _of_worker(error: BaseException) -> str:
     if isinstance(error, KilledWorker):
         return _MEMORY.format(times=counted(getattr(error, "allowed_failures", 3) + 1, "time"))
     return one_line(f"a defect of bristle: {type(error).__name__}: {error}")
-
-
-def _run(
-    client: Client,
-    sessions: "pd.DataFrame",
-    files: Mapping[str, Surveyed],
-    output: str,
-    reach: Reach,
-    identify: Identify,
-    progress: Progress | None,
-) -> FleetRun:
-    import pyarrow.compute as pc
-
-    before = parts_of(output)
-    known = known_results(output)
-    good = sessions[sessions["failure"] == ""]
-    wanted = good.drop_duplicates("key").set_index("key")
-    cached, written = set(known["key"].to_pylist()) & set(wanted.index), task_keys(output)
-    todo = wanted[~wanted.index.isin(list(cached | written))]
-    tasks = _tasks(todo, files, output, reach)
-    identified, untold = _identified(client, tasks, len(todo), output, identify, progress, sent=not reach.inputs)
-    step(progress, "writing the dataset")
-    read, damaged = read_tasks(output, set(wanted.index) - cached - set(untold))
-    failures = untold | dict.fromkeys(damaged, "its rows in the output are damaged; run again")
-    for key in damaged:
-        remove(task_file(output, key))
-    failed = sessions["key"].isin(list(failures)) & (sessions["failure"] == "")
-    sessions.loc[failed, "failure"] = sessions.loc[failed, "key"].map(failures)
-    sessions.loc[sessions["failure"] != "", "key"] = ""
-    table = _compacted(sessions, known, read, output, before)
-    refused = set(table.filter(pc.is_valid(table["failure"]))["key"].to_pylist())
-    unchanged = int(good["key"].isin(list((cached | written) - refused)).sum())
-    lost = table["failure"].length() - table["failure"].null_count
-    return FleetRun(table, len(identified - refused - damaged), unchanged, lost)
 
 
 def _tasks(todo: "pd.DataFrame", files: Mapping[str, Surveyed], output: str, reach: Reach) -> Iterator[FleetTask]:
@@ -319,8 +309,8 @@ def _identified(
     token, threads = secrets.token_hex(4), threads_of(client)
     window = SENT_WINDOW * threads if sent else max(LEAST_WINDOW, WINDOW * threads)
     calls = (Call(f"bristle-identify-{task.key}-{token}", identify_task, (task, identify)) for task in tasks)
-    telling, identified, failures = _Telling(progress, "identifying", total), set[str](), dict[str, str]()
-    telling.tell(0)
+    tell, identified, failures = _telling(progress, "identifying", total), set[str](), dict[str, str]()
+    tell(0)
     for done, (call, end) in enumerate(spread(client, calls, window), 1):
         key = call.arguments[0].key
         how = TaskEnd(key, failure=_of_worker(end)) if isinstance(end, BaseException) else end
@@ -332,29 +322,5 @@ def _identified(
             failures[key] = how.failure
         else:
             identified.add(key)
-        telling.tell(done)
+        tell(done)
     return identified, failures
-
-
-def _compacted(
-    sessions: "pd.DataFrame", known: "pa.Table", read: "pa.Table", output: str, before: Sequence[str]
-) -> "pa.Table":
-    """The dataset, written in parts; what tasks and older parts wrote is then removed.
-
-    Raises InputError where nothing at all is identified: then what was known stays.
-    """
-    import pyarrow as pa
-    import pyarrow.compute as pc
-
-    table = assembled(sessions, pa.concat_tables([known.cast(read.schema), read]))
-    tasks = [task_file(output, key) for key in task_keys(output)]
-    if not pc.any(pc.is_null(table["failure"])).as_py():
-        for path in tasks:
-            remove(path)
-        file, reason = table["file"][0].as_py(), table["failure"][0].as_py()
-        many = counted(len(table), "joint session")
-        raise InputError(f"none of {many} could be identified; the first is {short(file)}: {reason}")
-    write_parts(output, table, before)
-    for path in tasks:
-        remove(path)
-    return table

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from bristle.arrays import Array
-from bristle.page.style import DIRECTION, new_figure, styled, thinned, title
+from bristle.page.style import DIRECTION, panels, styled, thinned
 from bristle.page.wording import shortened
 
 _BLUE, _VERMILION, _GREY = DIRECTION["+"].colour, DIRECTION["-"].colour, "#767676"
@@ -41,13 +41,11 @@ class Course(NamedTuple):
 @styled
 def joint_figure(name: str, first: pd.Timestamp, courses: Sequence[Course], *, simulated: bool) -> Figure:
     """Courses of a joint, whose baseline began at `first`: values with intervals, adjusted, the limits for one more session, and the step."""
-    figure = new_figure(1.1 + 1.7 * len(courses))
+    figure, axes = panels(1.1 + 1.7 * len(courses), name, simulated, len(courses), sharex=True)
     figure.subplots_adjust(left=0.2, hspace=0.16)
-    panels = figure.subplots(len(courses), sharex=True, squeeze=False)[:, 0]
-    title(panels[0], name, simulated)
-    for ax, one in zip(panels, courses, strict=True):
+    for ax, one in zip(axes, courses, strict=True):
         _course(ax, one, first)
-    _dated(panels[-1])
+    _dated(axes[-1])
     figure.align_ylabels()
     return figure
 
@@ -123,9 +121,7 @@ def units_figure(name: str, label: str, rows: pd.DataFrame, spread: Spread, *, s
     rows = rows.head(POINTS).sort_values("value", kind="stable")
     x, value, outside = np.arange(1, len(rows) + 1), rows["value"].to_numpy(float), rows["outside"].to_numpy(bool)
     reach = 1.96 * rows["standard_error"].to_numpy(float)
-    figure = new_figure(3.2)
-    ax = figure.subplots()
-    title(ax, name, simulated)
+    figure, (ax,) = panels(3.2, name, simulated)
     if np.isfinite(spread.low):
         ax.axhspan(spread.low, spread.high, color=_GREY, alpha=0.18, linewidth=0, label="95 % of the units")
     ax.axhline(spread.mean, color=_GREY, linestyle="--", linewidth=1.8, label="mean")
@@ -166,9 +162,7 @@ def quality_figure(quality: pd.DataFrame, codes: Sequence[str], *, simulated: bo
     """Percent of the joint-sessions of each period that have these kinds of warnings, of which `failed` is one. None where there are none."""
     if not codes:
         return None
-    figure = new_figure(3.0)
-    ax = figure.subplots()
-    title(ax, "Data quality", simulated)
+    figure, (ax,) = panels(3.0, "Data quality", simulated)
     percent = quality.pivot_table(index="period", columns="code", values="percent", aggfunc="max", observed=True)
     percent = percent.reindex(np.sort(quality["period"].unique())).fillna(0.0)
     for k, code in enumerate(codes):

@@ -13,17 +13,8 @@ from bristle.page.output_folder import MARKER, claim, listed, marker_of
 
 _LOCAL = ("file://", "local://")
 _MODIFIED = (
-    "mtime",
-    "LastModified",
-    "last_modified",
-    "updated",
-    "modified",
-    "created",
-    "ETag",
-    "etag",
-    "md5",
-    "version",
-)
+    "mtime", "LastModified", "last_modified", "updated", "modified", "created", "ETag", "etag", "md5", "version",
+)  # fmt: skip  # a list of names
 """What file systems call that by which a file is known to be the same."""
 _WHOLE = frozenset({"s3", "s3a", "gs", "gcs", "abfs", "abfss", "az", "oci", "memory", "github", "http", "https"})
 """Protocols where a file that is put is there whole or not at all."""

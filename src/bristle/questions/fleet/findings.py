@@ -101,8 +101,8 @@ def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) 
         outside=[pair in odd for pair in zip(joints["unit"], joints["joint"], strict=True)],
         untested=np.where(joints["adjusted_p"].notna(), "", why),
     )
-    who = people.table[["unit", "joint"]].iloc[changes["number"].to_numpy(int)].reset_index(drop=True)
-    changes = pd.concat([who, changes.drop(columns="number").reset_index(drop=True)], axis=1)
+    own = ["unit", "joint", *changes.columns.drop("number")]
+    changes = changes.join(people.table[["unit", "joint"]], on="number")[own]
     order = ["changed", "p", "unit", "joint"]
     changes = changes.sort_values(order, ascending=[False, True, True, True], ignore_index=True)
     return Findings(
@@ -124,16 +124,8 @@ def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Ite
     """Each parameter in each direction of each type; `said` gets what is said of values that are left out."""
     where = np.flatnonzero(people.usable)
     columns = [
-        "parameter",
-        "direction",
-        "source",
-        "value",
-        "standard_error",
-        "lower",
-        "upper",
-        "value_unit",
-        *COVARIATES,
-    ]
+        "parameter", "direction", "source", "value", "standard_error", "lower", "upper", "value_unit", *COVARIATES,
+    ]  # fmt: skip  # a list of names
     used = frame.iloc[where][columns].reset_index(drop=True)
     used["joint"], used["type"] = people.joint[where], people.table["type"].to_numpy()[people.joint[where]]
     # The fit from which most values of a joint's parameter come: two fits may differ without any wear.
@@ -169,12 +161,6 @@ def _quantities(frame: pd.DataFrame, people: Roster, said: list[Finding]) -> Ite
     yield from (adjusted(one, len(found)) for one in found)
 
 
-def _types(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]]) -> pd.DataFrame:
-    """A row per type, parameter and direction."""
-    rows = [_type(one, most) for one, most in zip(every, settled, strict=True)]
-    return pd.DataFrame(rows, columns=list(_TYPES)).astype(_TYPES)
-
-
 _TYPES = (
     dict.fromkeys(("type", "parameter", "direction", "value_unit"), "str") | dict.fromkeys(("joints", "sessions"), "int64")
     | dict.fromkeys((
@@ -185,28 +171,32 @@ _TYPES = (
 """Columns of the types, and their types."""
 
 
-def _type(one: Adjusted, most: NDArray[np.intp]) -> dict[str, object]:
-    q, nan = one.of, float("nan")
-    type_, parameter, direction = q.key
-    low, high = variance_interval(one.fit.variance, float(np.median(one.known)), one.fit.freedom)
-    row: dict[str, object] = {
-        "type": type_, "parameter": parameter, "direction": direction, "value_unit": q.value_unit, "joints": q.now.sum(), "sessions": q.y.size,
-        "scatter_percent": 100 * np.sqrt(one.fit.variance), "scatter_lower": 100 * np.sqrt(low), "scatter_upper": 100 * np.sqrt(high),
-        "shift_percent": float(np.abs(q.percent(one.shift)).max()) if one.shift.size else nan, "shift_p": one.shift_p,
-    }  # fmt: skip  # a table
-    for name in COVARIATES:
-        row |= dict(zip((f"{name}_percent", f"{name}_lower", f"{name}_upper"), one.effect(name), strict=True))
-    known = population_of(one, most)
-    if known is not None:
-        reach = student(known.freedom) * known.mean_error
-        typical = float(np.median(one.variance)) / max(float(np.median(most)), 1.0)
-        low, high = variance_interval(known.variance, typical, known.freedom)
-        middle = q.shown(np.array([known.mean, known.mean - reach, known.mean + reach]))
-        row |= dict(zip(("mean", "mean_lower", "mean_upper"), middle.tolist(), strict=True))
-        row |= {
-            "spread_percent": 100 * np.sqrt(known.variance), "spread_lower": 100 * np.sqrt(low), "spread_upper": 100 * np.sqrt(high),
-        }  # fmt: skip  # a table
-    return row
+def _types(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]]) -> pd.DataFrame:
+    """A row per type, parameter and direction."""
+    rows = []
+    for one, most in zip(every, settled, strict=True):
+        q, fit = one.of, one.fit
+        low, high = variance_interval(fit.variance, float(np.median(one.known)), fit.freedom)
+        shift = float(np.abs(q.percent(one.shift)).max()) if one.shift.size else np.nan
+        row = {**q.key._asdict(), "value_unit": q.value_unit, "joints": q.now.sum(), "sessions": q.y.size}
+        row |= _ends("scatter", 100 * np.sqrt(fit.variance), 100 * np.sqrt(low), 100 * np.sqrt(high))
+        row |= {"shift_percent": shift, "shift_p": one.shift_p}
+        for name in COVARIATES:
+            row |= _ends(name, *one.effect(name))
+        known = population_of(one, most)
+        if known is not None:
+            reach = student(known.freedom) * known.mean_error
+            typical = float(np.median(one.variance)) / max(float(np.median(most)), 1.0)
+            low, high = variance_interval(known.variance, typical, known.freedom)
+            middle = q.shown(np.array([known.mean, known.mean - reach, known.mean + reach]))
+            row |= dict(zip(("mean", "mean_lower", "mean_upper"), middle.tolist(), strict=True))
+            row |= _ends("spread", 100 * np.sqrt(known.variance), 100 * np.sqrt(low), 100 * np.sqrt(high))
+        rows.append(row)
+    return pd.DataFrame(rows, columns=list(_TYPES)).astype(_TYPES)
+
+
+def _ends(name: str, percent: float, lower: float, upper: float) -> dict[str, float]:
+    return {f"{name}_percent": percent, f"{name}_lower": lower, f"{name}_upper": upper}
 
 
 def _series(every: Sequence[Adjusted], settled: Sequence[NDArray[np.intp]], frame: pd.DataFrame) -> pd.DataFrame:

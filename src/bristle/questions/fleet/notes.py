@@ -46,9 +46,73 @@ def notes(
         left_out: what was said of values and types already.
         baseline: sessions before the first that may be changed.
     """
-    said = [
-        *_shifts(every), *_warned(joints), *left_out, *_few(every), *_unused(frame, joints, baseline),
-    ]  # fmt: skip  # a list of values
+    said = []
+    # The shifts common to a type, of all its parameters in one sentence.
+    shifted = [x for x in every if x.knots.size]
+    for type_ in dict.fromkeys(x.of.key.type for x in shifted):
+        own = [x for x in shifted if x.of.key.type == type_]
+        names = tuple(str(ParameterName(x.of.key.parameter, Direction(x.of.key.direction))) for x in own)
+        count = max(int(x.of.now.sum()) for x in own)
+        percent = max((float(y) for x in own for y in x.of.percent(x.shift)), key=abs)
+        logged = any("temperature" in x.of.names for x in own)
+        cause = (
+            "Temperature is taken off already; look for a new lot of grease, new firmware or another torque constant."
+            if logged
+            else "Temperature is not in the catalog; log it, for it does this."
+        )
+        message = (
+            f"{', '.join(names)} of all {count} joints of type {type_} shifted together, by up to {percent:+.2g} %: the cause is "
+            f"common to the type. The shift is taken off, and no joint is accused of it. {cause}"
+        )
+        numbers = {"type": type_, "names": names, "joints": count, "percent": percent, "temperature_logged": logged}
+        said.append(Finding("common-shift", CAUTION, message, numbers))
+
+    warned = joints.loc[joints["changed"] & (joints["new_warnings"] != ""), "new_warnings"]
+    if len(warned):
+        codes = most_common(code for x in warned for code in x.split())
+        message = (
+            f"{len(warned)} of the joints that changed have warnings since that they did not have before: {', '.join(codes)}. "
+            "Look at their logs first; a failing sensor is not wear."
+        )
+        said.append(Finding("warned-since", CAUTION, message, {"count": len(warned), "codes": codes}))
+    said += left_out
+
+    # The types whose scatter rests on few differences, once each.
+    few = [x for x in every if LEAST_FREEDOM <= x.fit.freedom < _FEW]
+    for type_ in dict.fromkeys(x.of.key.type for x in few):
+        count = max(int((x.of.joint[1:] == x.of.joint[:-1]).sum()) for x in few if x.of.key.type == type_)
+        message = (
+            f"The scatter between sessions of type {type_} rests on {count} pairs of successive sessions, so only large changes "
+            "are told from it; more joints of the type, or more sessions, narrow it."
+        )
+        said.append(Finding("scatter-of-few", CAUTION, message, {"type": type_, "count": count}))
+
+    # Joints that are not tested, and sessions and values that are in no finding.
+    not_tested = joints[joints["untested"] != ""]
+    if count := len(not_tested):
+        short = int(not_tested["untested"].str.startswith("fewer").sum())
+        why = [f"{short} without values in more than {baseline} sessions"] * (short > 0)
+        if count > short:
+            why.append(f"{count - short} whose type has too few repeated sessions to tell the scatter between them")
+        message = f"Not tested for a change: {counted(count, 'joint')}; {'; '.join(why)}."
+        said.append(Finding("joints-untested", NOTE, message, {"count": count, "short": short}))
+    keys = ["unit", "joint", "session"]
+    total = len(frame[keys].drop_duplicates())
+    failed, unused = (frame[frame[column].notna()] for column in ("failure", "left_out"))
+    if len(failed):
+        count, first = len(failed[keys].drop_duplicates()), failed["failure"].iloc[0]
+        message = f"{count} of {counted(total, 'joint session')} without a result; the first: {first}"
+        said.append(Finding("sessions-failed", NOTE, message, {"failed": count, "total": total}))
+    if len(unused):
+        count, first = len(unused[keys].drop_duplicates()), unused["left_out"].iloc[0]
+        message = f"{counted(count, 'joint session')} left out of the findings; the first: {first}"
+        said.append(Finding("sessions-left-out", NOTE, message, {"count": count}))
+    # Values that are not used, and the warnings that they have most often.
+    rows = frame[(frame["severity"] == "critical") & frame["value"].notna()]
+    if len(rows):
+        codes = most_common(critical(codes_of(rows)["code"]))
+        message = f"{counted(len(rows), 'value')} with a critical warning left out of the findings; the commonest: {', '.join(codes)}."
+        said.append(Finding("values-critical", NOTE, message, {"count": len(rows), "codes": codes}))
     return tuple(sorted(said, key=lambda x: list(Severity).index(x.severity)))
 
 
@@ -65,67 +129,14 @@ def anew(people: Roster) -> Iterator[Finding]:
         yield Finding("baselines-begun", NOTE, message, {"count": len(again)})
 
 
-def _shifts(every: Sequence[Adjusted]) -> Iterator[Finding]:
-    """The shifts common to a type, of all its parameters in one sentence."""
-    shifted = [x for x in every if x.knots.size]
-    for type_ in dict.fromkeys(x.of.key.type for x in shifted):
-        own = [x for x in shifted if x.of.key.type == type_]
-        names = tuple(str(ParameterName(x.of.key.parameter, Direction(x.of.key.direction))) for x in own)
-        joints = max(int(x.of.now.sum()) for x in own)
-        percent = max((float(y) for x in own for y in x.of.percent(x.shift)), key=abs)
-        logged = any("temperature" in x.of.names for x in own)
-        cause = (
-            "Temperature is taken off already; look for a new lot of grease, new firmware or another torque constant."
-            if logged
-            else "Temperature is not in the catalog; log it, for it does this."
-        )
-        yield Finding(
-            "common-shift",
-            CAUTION,
-            f"{', '.join(names)} of all {joints} joints of type {type_} shifted together, by up to {percent:+.2g} %: the cause is "
-            f"common to the type. The shift is taken off, and no joint is accused of it. {cause}",
-            {"type": type_, "names": names, "joints": joints, "percent": percent, "temperature_logged": logged},
-        )
-
-
-def _warned(joints: pd.DataFrame) -> Iterator[Finding]:
-    said = joints.loc[joints["changed"] & (joints["new_warnings"] != ""), "new_warnings"]
-    if len(said):
-        codes = most_common(code for x in said for code in x.split())
-        yield Finding(
-            "warned-since",
-            CAUTION,
-            f"{len(said)} of the joints that changed have warnings since that they did not have before: {', '.join(codes)}. "
-            "Look at their logs first; a failing sensor is not wear.",
-            {"count": len(said), "codes": codes},
-        )
-
-
-def _few(every: Sequence[Adjusted]) -> Iterator[Finding]:
-    """The types whose scatter rests on few differences, once each."""
-    told: dict[str, int] = {}
-    for x in every:
-        if LEAST_FREEDOM <= x.fit.freedom < _FEW:
-            pairs = int((x.of.joint[1:] == x.of.joint[:-1]).sum())
-            told[x.of.key.type] = max(pairs, told.get(x.of.key.type, 0))
-    for type_, count in told.items():
-        yield Finding(
-            "scatter-of-few",
-            CAUTION,
-            f"The scatter between sessions of type {type_} rests on {count} pairs of successive sessions, so only large changes "
-            "are told from it; more joints of the type, or more sessions, narrow it.",
-            {"type": type_, "count": count},
-        )
-
-
 def compared(every: Sequence[Adjusted], frame: pd.DataFrame, people: Roster) -> Iterator[Finding]:
     """Of types whose scatter rests on few, what differs by the errors of the estimates alone."""
     few = [x for x in every if x.tested and x.fit.freedom < _FEW]
     rows = beyond_errors(few, frame)
     for type_, own in rows.groupby("type", sort=False):
         head = own.head(_NAMED)
-        who = people.table[["unit", "joint"]].iloc[head["number"].to_numpy(int)].to_dict("records")
-        steps = "; ".join(_step({**row, **one}) for row, one in zip(head.to_dict("records"), who, strict=True))
+        named = head.join(people.table[["unit", "joint"]], on="number")
+        steps = "; ".join(map(_step, named.to_dict("records")))
         more = f", {len(own) - len(head)} more" if len(own) > len(head) else ""
         yield Finding(
             "beyond-errors",
@@ -140,32 +151,3 @@ def _step(row: "Mapping[Hashable, Any] | pd.Series[Any]") -> str:
     """One change, with its joint."""
     name = ParameterName(row["parameter"], Direction(row["direction"]))
     return f"{row['unit']} {row['joint']}, {name} by {row['percent']:+.3g} % since {row['since']:%Y-%m-%d}"
-
-
-def _unused(frame: pd.DataFrame, joints: pd.DataFrame, baseline: int) -> Iterator[Finding]:
-    """Joints that are not tested, and sessions and values that are in no finding."""
-    not_tested = joints[joints["untested"] != ""]
-    if len(not_tested):
-        count, short = len(not_tested), int(not_tested["untested"].str.startswith("fewer").sum())
-        why = [f"{short} without values in more than {baseline} sessions"] * (short > 0)
-        if count > short:
-            why.append(f"{count - short} whose type has too few repeated sessions to tell the scatter between them")
-        message = f"Not tested for a change: {counted(count, 'joint')}; {'; '.join(why)}."
-        yield Finding("joints-untested", NOTE, message, {"count": count, "short": short})
-    keys = ["unit", "joint", "session"]
-    total = len(frame[keys].drop_duplicates())
-    failed, left_out = (frame[frame[column].notna()] for column in ("failure", "left_out"))
-    if len(failed):
-        count, first = len(failed[keys].drop_duplicates()), failed["failure"].iloc[0]
-        message = f"{count} of {counted(total, 'joint session')} without a result; the first: {first}"
-        yield Finding("sessions-failed", NOTE, message, {"failed": count, "total": total})
-    if len(left_out):
-        count, first = len(left_out[keys].drop_duplicates()), left_out["left_out"].iloc[0]
-        message = f"{counted(count, 'joint session')} left out of the findings; the first: {first}"
-        yield Finding("sessions-left-out", NOTE, message, {"count": count})
-    # Values that are not used, and the warnings that they have most often.
-    rows = frame[(frame["severity"] == "critical") & frame["value"].notna()]
-    if len(rows):
-        codes = most_common(critical(codes_of(rows)["code"]))
-        message = f"{counted(len(rows), 'value')} with a critical warning left out of the findings; the commonest: {', '.join(codes)}."
-        yield Finding("values-critical", NOTE, message, {"count": len(rows), "codes": codes})

@@ -33,15 +33,8 @@ def _severity(code: str) -> str:
 def codes_of(frame: pd.DataFrame, *whose: str) -> pd.DataFrame:
     """Which warnings each joint session has, once each: session, code, and whose (unit and joint, if not said)."""
     kept = [*(whose or ("unit", "joint")), "session"]
-    said = frame["warnings"].astype("category")
-    words = [str(x).split() for x in said.cat.categories]
-    code = said.cat.codes.to_numpy()
-    length = np.array([*map(len, words), 0])  # the last one is of no text
-    count, begin = length[code], (length.cumsum() - length)[code]
-    rows = np.repeat(np.arange(len(frame)), count)
-    place = np.repeat(begin - (count.cumsum() - count), count) + np.arange(rows.size)
-    text = pd.array([word for listed in words for word in listed], dtype="str")
-    warned = frame.iloc[rows][kept].assign(code=text.take(place))
+    said = frame["warnings"].astype(object).map({x: str(x).split() for x in frame["warnings"].dropna().unique()})
+    warned = frame[kept].assign(code=said)[said.notna()].explode("code").dropna(subset="code").astype({"code": "str"})
     failed = frame[frame["failure"].notna()][kept].assign(code=FAILED)
     return pd.concat([warned, failed]).drop_duplicates()
 
@@ -101,11 +94,10 @@ def warnings_begun(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
 def warned(begun: pd.DataFrame, people: Roster) -> pd.DataFrame:
     """Of those the ones that are no chance among so many: unit, joint, code, severity, since, sessions, of."""
     sure = begun[(begun["before"] > 1) & (begun["chance"] * max(len(begun), 1) < NAMED)]
-    who = people.table[["unit", "joint"]].iloc[sure["number"].to_numpy(int)].reset_index(drop=True)
-    rows = pd.concat([who, sure[["code", "severity", "since", "sessions", "of"]].reset_index(drop=True)], axis=1)
-    return rows.sort_values(
-        ["severity", "since", "unit", "joint", "code"], ascending=[False, True, True, True, True], ignore_index=True
-    )
+    rows = sure.join(people.table[["unit", "joint"]], on="number")
+    rows = rows[["unit", "joint", "code", "severity", "since", "sessions", "of"]]
+    order = ["severity", "since", "unit", "joint", "code"]
+    return rows.sort_values(order, ascending=[False, True, True, True, True], ignore_index=True)
 
 
 def new_warnings(
@@ -128,6 +120,6 @@ def critical(codes: "pd.Series[Any]") -> Iterator[str]:
     return (str(code) for code in codes if _severity(code) == "critical")
 
 
-def most_common(codes: Iterator[str], count: int = 3) -> tuple[str, ...]:
-    """The most frequent of some codes."""
-    return tuple(code for code, _ in Counter(codes).most_common(count))
+def most_common(codes: Iterator[str]) -> tuple[str, ...]:
+    """The three most frequent of some codes."""
+    return tuple(code for code, _ in Counter(codes).most_common(3))

@@ -61,7 +61,11 @@ def report(found: Findings, output: str = "", base: str = "") -> Report:
         output: the folder that the report is meant for: reports of joints that lie there are linked, and commands make the others.
         base: the folder that the catalog's files are relative to.
     """
-    reports = _reports(found.joints, output, base)
+    # Of each joint's latest session the report, where it is there, or the command that makes it.
+    reports: dict[Name, str | Link] = dict(report_commands(found.joints, output, base)) if output else {}
+    for name, slug in report_folders(found.joints).items() if output and "://" not in output else ():
+        if (Path(output) / "reports" / slug / "index.html").is_file():
+            reports[name] = Link("report", f"reports/{slug}/index.html")
     tested, outside = int(found.joints["adjusted_p"].notna().sum()), int(found.units["outside"].sum())
     simulated = ("SIMULATED data.",) if found.simulated else ()
     units = f"{outside} of {counted(len(found.units), 'value')} are outside their type."
@@ -107,22 +111,9 @@ def report(found: Findings, output: str = "", base: str = "") -> Report:
     )  # fmt: skip  # a table
 
 
-def _reports(joints: pd.DataFrame, output: str, base: str) -> dict[Name, str | Link]:
-    """Of each joint's latest session the report, where it is there, or the command that makes it."""
-    if not output:
-        return {}
-    found: dict[Name, str | Link] = dict(report_commands(joints, output, base))
-    for name, slug in report_folders(joints).items():
-        if "://" not in output and (Path(output) / "reports" / slug / "index.html").is_file():
-            found[name] = Link("report", f"reports/{slug}/index.html")
-    return found
-
-
 def _table(name: str, title: str, whole: pd.DataFrame, printed: pd.DataFrame) -> Table:
-    cut = f"This page has the first {MOST} of {counted(len(whole), 'row')}; tables/{name}.csv has all." * (
-        len(whole) > MOST
-    )
-    return Table(name, title, part=printed, note=cut)
+    cut = f"This page has the first {MOST} of {counted(len(whole), 'row')}; tables/{name}.csv has all."
+    return Table(name, title, part=printed, note=cut * (len(whole) > MOST))
 
 
 def _drawn_joints(found: Findings, reports: Mapping[Name, str | Link]) -> Iterator[Section]:
@@ -132,14 +123,9 @@ def _drawn_joints(found: Findings, reports: Mapping[Name, str | Link]) -> Iterat
         frame[frame["unit"].isin(chosen["unit"]) & frame["joint"].isin(chosen["joint"])]
         for frame in (found.series, found.changes)
     )
-    of_joint = dict(list(series.groupby(["unit", "joint"], observed=True)))
-    tests = dict(list(changes.groupby(["unit", "joint"], observed=True)))
     for row in rows_of(chosen):
-        name = str(row.unit), str(row.joint)
-        own, steps = (
-            every.get((row.unit, row.joint), frame[:0]) for every, frame in ((of_joint, series), (tests, changes))
-        )
-        yield _joint(found, row, own, steps, reports.get(name))
+        own, steps = (x[(x["unit"] == row.unit) & (x["joint"] == row.joint)] for x in (series, changes))
+        yield _joint(found, row, own, steps, reports.get((str(row.unit), str(row.joint))))
     if found.changed > _DRAWN:
         text = f"Figures show the first {_DRAWN} of the {found.changed} joints that changed; tables/changes.csv and the dataset have all."
         yield Section("Further joints", text=text, form="part", lines=())
@@ -149,34 +135,28 @@ def _joint(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame,
     """One joint: what is said of it, its clearest parameters over its sessions, and the step of each."""
     own_type = "" if row.type == row.joint else f" of type {row.type}"
     anew = len(series) and series["session"].min() < row.first
-    sessions = counted(int(row.sessions), "session") + f" since its baseline began anew on {day(row.first)}" * bool(
-        anew
-    )
+    sessions = counted(int(row.sessions), "session")
+    sessions += f" since its baseline began anew on {day(row.first)}" if anew else ""
     size = f"{label(row)} by {change(row.percent, row.percent_lower, row.percent_upper)} % since {day(row.since)}"
     if row.untested:
         said = f"{sessions}. Not tested for a change: {row.untested}."
     elif row.changed:
         said = f"{sessions}, {number(row.sessions_after)} of them since the change. Changed: {size}, adjusted p {probability(row.adjusted_p)}."
     else:
-        said = (
-            f"{sessions}. No change is named; the most likely step is {size}, adjusted p {probability(row.adjusted_p)}."
-        )
+        likely = f"the most likely step is {size}, adjusted p {probability(row.adjusted_p)}"
+        said = f"{sessions}. No change is named; {likely}."
     text: tuple[Said, ...] = (said,)
     if row.new_warnings:
         codes = map(code_link, str(row.new_warnings).split())
-        wear = (
-            "They point at the log, its sensors or its sampling, and not at wear: look at the session's report first."
-        )
-        text = (said, "Warnings that begin with the step:", *codes, "–", wear)
-    name = f"{row.unit} {row.joint}"
+        wear = "They point at the log, its sensors or its sampling, and not at wear"
+        text = (said, "Warnings that begin with the step:", *codes, "–", f"{wear}: look at the session's report first.")
+    name = shortened(f"{row.unit} {row.joint}")
     return Section(
         f"{shortened(str(row.unit))}, joint {shortened(str(row.joint))}{shortened(own_type)}",
         text=text,
         facts=((f"Report of its latest session, {day(row.latest)}", made),) if made else (),
         figure=_course(found, row, series, steps) if len(series) else None,
-        table=Table(
-            "changes", f"All parameters of {shortened(name)}: the most likely step of each", part=in_steps(steps)
-        ),
+        table=Table("changes", f"All parameters of {name}: the most likely step of each", part=in_steps(steps)),
         form="part" if row.changed else "folded",
         lines=(),
     )
@@ -201,11 +181,8 @@ def _course(found: Findings, row: Any, series: pd.DataFrame, steps: pd.DataFrame
         size = change(first.percent, first.percent_lower, first.percent_upper)
         single, verdict = probability(first.p), "changed" if first.changed else "no change found"
         finding = f"{label(first)}: the most likely step is {size} % since {day(first.since)}, p {single} of this test alone: {verdict}."
-    thinned = (
-        f" Of {len(series['session'].unique())} sessions {figures.POINTS} are drawn."
-        if len(series["session"].unique()) > figures.POINTS
-        else ""
-    )
+    count = series["session"].nunique()
+    thinned = f" Of {count} sessions {figures.POINTS} are drawn." if count > figures.POINTS else ""
     return Drawing(
         partial(figures.joint_figure, name, row.first, courses, simulated=found.simulated),
         f"joint-{row.rank}",
@@ -231,10 +208,10 @@ def _unit_sections(found: Findings) -> Iterator[Section]:
     for _, rows in types.groupby("type", sort=True, observed=True):
         of_type = units[units["type"] == rows["type"].iloc[0]]
         odd = of_type[of_type["outside"].astype(bool)].groupby(["parameter", "direction"], observed=True).size()
-        for row in sorted(rows_of(rows), key=lambda row: -int(odd.get((row.parameter, row.direction), 0)))[:1]:
-            own = of_type[(of_type["parameter"] == row.parameter) & (of_type["direction"] == row.direction)]
-            if len(own):
-                drawings.append(_units_drawing(found, row, own, len(drawings) + 1))
+        row = max(rows_of(rows), key=lambda row: int(odd.get((row.parameter, row.direction), 0)))
+        own = of_type[(of_type["parameter"] == row.parameter) & (of_type["direction"] == row.direction)]
+        if len(own):
+            drawings.append(_units_drawing(found, row, own, len(drawings) + 1))
     cut = f" Figures show the first {_TYPES_DRAWN} of {len(drawings)} types." if len(drawings) > _TYPES_DRAWN else ""
     yield Section(
         "Which units differ from their type",

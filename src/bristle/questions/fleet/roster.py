@@ -50,8 +50,19 @@ def roster(frame: pd.DataFrame, whole: pd.DataFrame) -> Roster:
     pairs = unit * (int(name.max(initial=0)) + 1) + name
     day = (frame["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
     kept = frame["left_out"].isna().to_numpy()
-    marked = pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"]) & kept})
-    marked = pd.concat([marked, _marks_of_all(whole, frame, pairs)])
+    marks = [pd.DataFrame({"pair": pairs, "day": day, "marked": _marked(frame["tags"]) & kept})]
+    # Marks of sessions of which no joint is known, for each joint of their unit, and of their type where it is given.
+    unknown = whole[whole["joint"].isna() & whole["unit"].notna() & whole["session"].notna()]
+    unknown = unknown[_marked(unknown["tags"])]
+    if len(unknown):
+        known = pd.DataFrame({"unit": frame["unit"].astype(str), "type": frame["type"].astype(str), "pair": pairs})
+        days = (unknown["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
+        names = unknown[["type"]].assign(unit=unknown["unit"].astype(str), day=days)
+        both = names.merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
+        asked = both["type_asked"]
+        own = asked.isna() | (asked.astype(str) == both["type"])
+        marks.append(both.loc[own, ["pair", "day"]].assign(marked=True))
+    marked = pd.concat(marks)
     begun = np.zeros(pairs.size, dtype=np.intp)
     if marked["marked"].any():  # one of successive marked sessions is the baseline's first
         sessions = marked.groupby(["pair", "day"])["marked"].any()
@@ -86,18 +97,3 @@ def _marked(tags: "pd.Series[str]") -> NDArray[np.bool_]:
     text = tags.astype("category")
     begins = np.array([_BEGINS.search(str(tag)) is not None for tag in text.cat.categories], dtype=bool)
     return np.append(begins, False)[text.cat.codes]
-
-
-def _marks_of_all(whole: pd.DataFrame, frame: pd.DataFrame, pairs: NDArray[np.intp]) -> pd.DataFrame:
-    """Marks of sessions of which no joint is known: pair, day and marked, for each joint of their unit, and of their type where it is given."""
-    unknown = whole[whole["joint"].isna() & whole["unit"].notna() & whole["session"].notna()]
-    unknown = unknown[_marked(unknown["tags"])]
-    if unknown.empty:
-        return pd.DataFrame({"pair": pairs[:0], "day": np.zeros(0), "marked": np.zeros(0, dtype=bool)})
-    known = pd.DataFrame({"unit": frame["unit"].astype(str), "type": frame["type"].astype(str), "pair": pairs})
-    names = unknown.assign(
-        unit=unknown["unit"].astype(str), day=(unknown["session"].to_numpy("datetime64[us]") - _EPOCH) / _DAY
-    )
-    rows = names[["unit", "day", "type"]].merge(known.drop_duplicates(), on="unit", suffixes=("_asked", ""))
-    asked = rows["type_asked"]
-    return rows.loc[asked.isna() | (asked.astype(str) == rows["type"]), ["pair", "day"]].assign(marked=True)

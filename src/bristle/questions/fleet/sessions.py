@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
 _IN_ORDER = 0.8
 """Of all steps from a joint's session to its next one, in the order of a catalog: with fewer forward the catalog is in no order of time."""
-
-
 _OLDEST = "2001-01-01"
 """Clocks that were reset show 1970, 1980 or 2000."""
 
@@ -50,14 +48,53 @@ def joint_sessions(rows: Iterable[CatalogRow], files: Mapping[str, Surveyed]) ->
     """
     import pandas as pd
 
+    whose = ["unit", "joint", "session"]
     frame = pd.DataFrame([x for row in rows for x in _of_row(row, files)], columns=list(JointSession._fields))
     frame["session"] = pd.to_datetime(frame["session"]).astype("datetime64[us]")
-    frame = _without_repeated(frame)
+
+    # One failure in place of rows that are of one unit, joint and session.
     good = frame["failure"] == ""
-    frame.loc[good, "left_out"] = _other_types(frame[good])
-    for judge in (_clock_reset, _clock_back):
-        kept = good & (frame["left_out"] == "")
-        frame.loc[kept, "left_out"] = judge(frame[kept])
+    twice = good & frame[good].duplicated(whose, keep=False).reindex(frame.index, fill_value=False)
+    failed = []
+    for _, group in frame[twice].groupby(whose, sort=False):
+        names = short_list(dict.fromkeys(group["file"]))
+        reason = f"{len(group)} rows of the catalog are of this joint and session ({names}); name each session once"
+        failed.append(group.iloc[0].to_dict() | {"failure": one_line(reason), "key": ""})
+    if failed:
+        made = pd.DataFrame(failed, columns=frame.columns).astype(frame.dtypes.to_dict())
+        frame = pd.concat([frame[~twice], made], ignore_index=True)
+
+    # Sessions whose joint mostly has another type.
+    kept = frame[frame["failure"] == ""]
+    types = kept.groupby(whose[:2])["type"].transform("nunique")
+    for _, group in kept[types > 1].groupby(whose[:2], sort=False):
+        most = set(group["type"].mode())
+        first = next(x for x in group["type"] if x in most)
+        odd = group.index[group["type"] != first]
+        reason = f"but {short(first)} in {len(group) - odd.size} of the {len(group)} sessions of this joint; give it one type"
+        frame.loc[odd, "left_out"] = [f"of type {short(other)}, {reason}" for other in group.loc[odd, "type"]]
+
+    # Sessions whose clock was reset, in a catalog most of whose sessions are later.
+    kept = frame[(frame["failure"] == "") & (frame["left_out"] == "")]
+    early = kept["session"] < pd.Timestamp(_OLDEST)
+    if early.mean() < 1 / 2:
+        frame.loc[kept.index[early], "left_out"] = [
+            f"its time is {at:%Y-%m-%d %H:%M}, that of a clock that was reset; set it right"
+            for at in kept.loc[early, "session"]
+        ]
+
+    # Sessions whose clock went back.
+    kept = frame[(frame["failure"] == "") & (frame["left_out"] == "")]
+    by = kept.groupby(whose[:2], sort=False)["session"]
+    step, latest = by.diff(), by.cummax()
+    back, steps = step < step * 0, int(step.notna().sum())
+    if steps and (~back & step.notna()).sum() >= _IN_ORDER * steps:
+        once = back.groupby([kept["unit"], kept["joint"]], sort=False).transform("sum") == 1
+        early = once & (kept["session"] < latest)
+        frame.loc[kept.index[early], "left_out"] = [
+            f"its time lies before {at:%Y-%m-%d %H:%M}, of a session above it in the catalog; set the clock right"
+            for at in latest[early]
+        ]
     return frame
 
 
@@ -81,69 +118,3 @@ def _session(row: CatalogRow, name: str, key: str, failure: str) -> JointSession
     joint = row.joint or name
     own = {"joint": joint, "type": row.type or joint, "name": name, "key": key, "failure": failure}
     return JointSession(**{**row._asdict(), **own})
-
-
-def _without_repeated(frame: "pd.DataFrame") -> "pd.DataFrame":
-    """Where rows are of one unit, joint and session, one failure in place of them."""
-    import pandas as pd
-
-    whose = ["unit", "joint", "session"]
-    twice = (frame["failure"] == "") & frame[frame["failure"] == ""].duplicated(whose, keep=False).reindex(
-        frame.index, fill_value=False
-    )
-    if not twice.any():
-        return frame
-    failed = []
-    for _, group in frame[twice].groupby(whose, sort=False):
-        files = short_list(dict.fromkeys(group["file"]))
-        reason = f"{len(group)} rows of the catalog are of this joint and session ({files}); name each session once"
-        failed.append(group.iloc[0].to_dict() | {"failure": one_line(reason), "key": ""})
-    made = pd.DataFrame(failed, columns=frame.columns).astype(frame.dtypes.to_dict())
-    return pd.concat([frame[~twice], made], ignore_index=True)
-
-
-def _other_types(frame: "pd.DataFrame") -> "pd.Series[str]":
-    """Of sessions whose joint mostly has another type, why they are left out."""
-    types = frame.groupby(["unit", "joint"])["type"].transform("nunique")
-    said = frame["type"].where(frame["type"].isna(), "")
-    for _, group in frame[types > 1].groupby(["unit", "joint"], sort=False):
-        most = set(group["type"].mode())
-        first = next(x for x in group["type"] if x in most)
-        odd = group["type"] != first
-        reason = f"but {short(first)} in {(~odd).sum()} of the {len(group)} sessions of this joint; give it one type"
-        said.loc[group.index[odd]] = [f"of type {short(other)}, {reason}" for other in group["type"][odd]]
-    return said
-
-
-def _clock_reset(frame: "pd.DataFrame") -> "pd.Series[str]":
-    """Of sessions from before `_OLDEST`, in a catalog most of whose sessions are later, why they are left out."""
-    import pandas as pd
-
-    said = frame["joint"].where(frame["joint"].isna(), "")
-    oldest = pd.Timestamp(_OLDEST)
-    early = frame["session"] < oldest
-    if early.mean() < 1 / 2:
-        said.loc[early] = [
-            f"its time is {at:%Y-%m-%d %H:%M}, that of a clock that was reset; set it right"
-            for at in frame.loc[early, "session"]
-        ]
-    return said
-
-
-def _clock_back(frame: "pd.DataFrame") -> "pd.Series[str]":
-    """Of sessions whose clock went back, why they are left out."""
-    by = frame.groupby(["unit", "joint"], sort=False)["session"]
-    step = by.diff()
-    said = frame["joint"].where(frame["joint"].isna(), "")
-    back = step < step * 0
-    steps = int(step.notna().sum())
-    if not steps or (~back & step.notna()).sum() < _IN_ORDER * steps:
-        return said
-    once = back.groupby([frame["unit"], frame["joint"]], sort=False).transform("sum") == 1
-    latest = by.cummax()
-    early = once & (frame["session"] < latest)
-    said.loc[early] = [
-        f"its time lies before {at:%Y-%m-%d %H:%M}, of a session above it in the catalog; set the clock right"
-        for at in latest[early]
-    ]
-    return said

@@ -8,7 +8,6 @@ import json
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path, PurePosixPath
 from typing import Any, NamedTuple
 
@@ -191,23 +190,23 @@ def _urdf_of(data: Mapping[str, Any]) -> str | None:
 
 def _found(path: str, patterns: Sequence[str], beside: Sequence[str]) -> list[tuple[str, str]]:
     """The files by these patterns, and those beside, each with its name from the folder of the file; sorted."""
-    look = partial(_remote_matches, path) if is_remote(path) else partial(_local_matches, path)
-    found = {name: at for pattern in patterns for name, at in look(pattern)}
+    found = dict[str, str]()
+    for pattern in patterns:
+        for name, at in _matches(path, pattern):
+            if is_folder(at):
+                found |= {f"{name}/{part}": joined_path(at, part) for part in names_in(at) if part.endswith(_BAG)}
+                continue
+            if not is_remote(at):
+                check_regular(local_path(at))
+            found[name] = at
     found |= {name: joined_path(folder_of(path), name) for name in beside}
     return sorted(found.items())
 
 
-def _local_matches(path: str, pattern: str) -> Iterator[tuple[str, str]]:
-    for found, shown in matches(pattern, local_path(path)):
-        if found.is_dir():
-            yield from ((f"{shown}/{name}", str(found / name)) for name in names_in(str(found)) if name.endswith(_BAG))
-        else:
-            check_regular(found)
-            yield shown, str(found)
-
-
-def _remote_matches(path: str, pattern: str) -> Iterator[tuple[str, str]]:
-    """As on this machine; variables of the environment and absolute paths mean nothing on another file system."""
+def _matches(path: str, pattern: str) -> list[tuple[str, str]]:
+    """Files and folders by a pattern; elsewhere than on this machine variables of the environment and absolute paths mean nothing."""
+    if not is_remote(path):
+        return [(name, str(at)) for at, name in matches(pattern, local_path(path))]
     folder, shown = folder_of(path), f"{name_of(path)}: runs: files {short(pattern)}"
     if "${" in pattern or PurePosixPath(pattern).is_absolute():
         raise InputError(
@@ -219,12 +218,7 @@ def _remote_matches(path: str, pattern: str) -> Iterator[tuple[str, str]]:
         raise InputError(
             f"{shown} matches no file; expected a path or glob relative to the folder of the experiment file"
         )
-    for one in found:
-        name = pattern if one == whole else one.removeprefix(f"{folder}/")
-        if is_folder(one):
-            yield from ((f"{name}/{part}", f"{one}/{part}") for part in names_in(one) if part.endswith(_BAG))
-        else:
-            yield name, one
+    return [(pattern if one == whole else one.removeprefix(f"{folder}/"), one) for one in found]
 
 
 def laid_out(folder: Path, name: str, contents: Mapping[str, bytes]) -> Path:

@@ -1,7 +1,6 @@
 """The tables of a fleet in print, as its page has them, and how a change, a probability and a time are written."""
 
 import shlex
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from math import floor, isfinite, isnan, log10
 from typing import Any
@@ -97,19 +96,14 @@ def report_folders(joints: pd.DataFrame) -> dict[Name, str]:
 
     Joints of a unit that are in one file, as those of a robot, are in one report.
     """
-    rows = joints.sort_values(["unit", "joint"], kind="stable")
-    names = [(str(row.unit), str(row.joint)) for row in rows_of(rows)]
-    files = list(zip(rows["unit"].astype(str), rows["file"].astype(str), rows["latest"], strict=True))
-    count = Counter(files)
-    asked = [
-        unit if file[1] and count[file] > 1 else f"{unit} {joint}"
-        for (unit, joint), file in zip(names, files, strict=True)
-    ]
-    every = list(dict.fromkeys(asked))
+    rows = joints.sort_values(["unit", "joint"], kind="stable").astype(dict.fromkeys(("unit", "joint", "file"), str))
+    count = rows.groupby(["unit", "file", "latest"], dropna=False)["joint"].transform("size")
+    asked = rows["unit"].where((rows["file"] != "") & (count > 1), rows["unit"] + " " + rows["joint"])
+    every = list(asked.unique())
     slug = dict(zip(every, slugs(every), strict=True))
     return {
-        name: slug[said] if pd.isna(time) else f"{slug[said]}-{time:%Y-%m-%d-%H%M}"
-        for name, said, (_, _, time) in zip(names, asked, files, strict=True)
+        (row.unit, row.joint): slug[said] + ("" if pd.isna(row.latest) else f"-{row.latest:%Y-%m-%d-%H%M}")
+        for row, said in zip(rows_of(rows), asked, strict=True)
     }
 
 
@@ -200,19 +194,13 @@ def in_quality(quality: pd.DataFrame) -> pd.DataFrame:
     """Every kind of warning over all periods, the most frequent first."""
     last = quality[quality["period"] == quality["period"].max()]
     late = dict(zip(last["code"].astype(str), last["percent"], strict=True))
+    meanings = {code: in_print(x.meaning) for code, x in entries().items()}
+    meanings["failed"] = "The session was not identified; the reasons are listed below."
     return _printed({
         "Code": code_link(str(row.code)), "Severity": str(row.severity), "Joint-sessions": row.joint_sessions,
         "of all (%)": number(row.percent, 2), "in the last period (%)": number(late.get(str(row.code), 0.0), 2),
-        "What it says": _sentence_of(str(row.code)),
+        "What it says": meanings.get(str(row.code), ""),
     } for row in rows_of(totals(quality)))  # fmt: skip  # a table
-
-
-def _sentence_of(code: str) -> str:
-    """What a code says, with a dash for every number."""
-    if code == "failed":
-        return "The session was not identified; the reasons are listed below."
-    known = entries().get(code)
-    return in_print(known.meaning) if known else ""
 
 
 def in_warned(begun: pd.DataFrame) -> pd.DataFrame:

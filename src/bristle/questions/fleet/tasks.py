@@ -148,7 +148,11 @@ def _rows(task: FleetTask, identify: Identify) -> bytes:
         try:
             with _ONE:
                 found = identify(path, task.joint)
-            _refuse_changed(task, found.inputs)
+            for one in task.file.inputs:
+                if not task.file.apart and found.inputs.get(one.name, one.sha256) != one.sha256:
+                    raise _changed_meanwhile(one)
+            if _changed(task):
+                raise _changed_meanwhile(task.file.inputs[0])
             if not found.rows:
                 raise InputError(found.reason)
             return task_bytes(task.key, found.rows)
@@ -171,15 +175,6 @@ def _changed(task: FleetTask) -> bool:
         return any(stamp(one.path) != one.stamp for one in task.file.inputs)
     except (OSError, InputError):
         return True
-
-
-def _refuse_changed(task: FleetTask, read: Mapping[str, str]) -> None:
-    """Raise InputError where a log was changed since it was surveyed, by its stamp or by what was read."""
-    for one in task.file.inputs:
-        if not task.file.apart and read.get(one.name, one.sha256) != one.sha256:
-            raise _changed_meanwhile(one)
-    if _changed(task):
-        raise _changed_meanwhile(task.file.inputs[0])
 
 
 def _may_pass(error: BaseException | None) -> bool:

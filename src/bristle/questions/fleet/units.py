@@ -65,9 +65,8 @@ def unit_rows(
         shown, near = q.shown(level), q.shown(drawn)
         slope, near_slope = (np.full(level.size, q.scale),) * 2 if q.scale else (shown, near)
         who = people.table.iloc[q.joints[now]]
-        type_, parameter, direction = q.key
         parts.append(pd.DataFrame({
-            "unit": who["unit"].to_numpy(), "joint": who["joint"].to_numpy(), "type": type_, "parameter": parameter, "direction": direction,
+            "unit": who["unit"].to_numpy(), "joint": who["joint"].to_numpy(), **q.key._asdict(),
             "value_unit": q.value_unit, "sessions": most[now], "value": shown, "standard_error": np.sqrt(variance) * slope,
             "percent": q.percent(level - known.mean), "z": z, "shrunken": near, "shrunken_error": error * near_slope,
             "borrowed_percent": 100 * (1 - own),

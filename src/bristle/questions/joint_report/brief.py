@@ -83,11 +83,11 @@ def _curve(joint: Joint) -> Iterator[str]:
         "quadratic": "quadratic v**2",
     }
     torque = unit("alpha_0", joint.kind)
-    told = [
-        f"{' and '.join(f'{number(x, 3)} {torque} at {number(at, 2)} {speed}' for x, at in zip(T, v, strict=True))}{f' ({d})' * bool(d)}"
-        for d, T in ways.items()
-        if np.isfinite(T).all()
-    ]
+    told = []
+    for d, T in ways.items():
+        if np.isfinite(T).all():
+            ends = (f"{number(x, 3)} {torque} at {number(at, 2)} {speed}" for x, at in zip(T, v, strict=True))
+            told.append(f"{' and '.join(dict.fromkeys(ends))}{f' ({d})' * bool(d)}")
     law = f"{' + '.join(text for name, text in terms.items() if name in given)} = " * (joint.law_name == GAUSSIAN.name)
     yield f"  friction: {law}{'; '.join(told)}"
 

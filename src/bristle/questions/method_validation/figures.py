@@ -9,7 +9,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullLocato
 
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.model.parameters import Kind
-from bristle.page.style import LINES, Look, decimal_log, new_figure, styled, title
+from bristle.page.style import LINES, Look, decimal_log, new_figure, panels, styled, title
 from bristle.page.wording import axis, shortened
 from bristle.questions.method_validation.results import FINE_ENOUGH, CaseResult, Validation
 from bristle.questions.method_validation.run import PLAIN_GRIDS, REFINED
@@ -136,10 +136,8 @@ def resolution_figure(validation: Validation) -> Figure | None:
 @styled
 def methods_figure(result: CaseResult) -> Figure:
     """Median error and spread of v_s by each method, relative to the truth."""
-    figure = new_figure(5.0)
+    figure, (ax,) = panels(5.0, result.case.label, True)
     figure.subplots_adjust(left=0.34)
-    ax = figure.subplots()
-    title(ax, result.case.label, simulated=True)
     rows, v_s = list(result.methods.values()), result.case.truth.v_s
     # A method that fails in more than a fifth of the sets does not widen the axis.
     reach = 100 * max(abs(m.bias[-1]) + m.spread[-1] for m in rows if m.failed <= 0.2) / v_s

@@ -16,9 +16,9 @@ from bristle.estimation import covariance
 from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.fit import estimate_static
-from bristle.identification.static.fit_warnings import is_closed
 from bristle.identification.static.grid import PLAIN_GRID, Projected, plain_grid, solve
 from bristle.identification.static.problem import log_grid
+from bristle.identification.static.solution import is_closed
 from bristle.identification.static.uncertainty import resample
 from bristle.progress import Progress
 from bristle.questions.method_validation import solvers as methods

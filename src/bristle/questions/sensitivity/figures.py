@@ -13,7 +13,7 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLoca
 from numpy.typing import NDArray
 
 from bristle.model.parameters import Kind, Lugre, effort, unit
-from bristle.page.style import ON_DARK, ON_LIGHT, WIDTH, new_figure, styled, thinned, title
+from bristle.page.style import ON_DARK, ON_LIGHT, WIDTH, new_figure, panels, styled, thinned, title
 from bristle.page.wording import axis, measured, number, pretty, printable, symbol
 from bristle.questions.sensitivity.sobol import Global
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy
@@ -41,14 +41,13 @@ def time_figure(study: SensitivityStudy) -> Figure:
     k = seen[thinned(seen.size, 900)]
     time, velocity = study.local.time[k], study.local.velocity[k]
     names = study.local.names
-    figure = new_figure(8.6 + 1.15 * (len(names) - _PARAMETERS))
+    height, count = 8.6 + 1.15 * (len(names) - _PARAMETERS), 1 + len(names)
+    figure, (above, *below) = panels(height, study.name, study.simulated, count, sharex=True)
     figure.subplots_adjust(hspace=0.32)
-    above, *panels = figure.subplots(1 + len(names), sharex=True)
-    title(above, study.name, study.simulated)
     above.plot(time, velocity, color="black", linewidth=1.3)
     above.set_ylabel(f"v ({pretty(unit('velocity', study.kind))})")
     for ax, name, colour, partial, total in zip(
-        panels, names, colours(len(names)), study.local.partial[k].T, study.local.total[k].T, strict=True
+        below, names, colours(len(names)), study.local.partial[k].T, study.local.total[k].T, strict=True
     ):
         ax.plot(time, partial, "--", color="#666666", linewidth=1.2)
         ax.plot(time, total, "-", color=colour, linewidth=1.5)
@@ -58,12 +57,12 @@ def time_figure(study: SensitivityStudy) -> Figure:
             ax.set_ylim(-limit, limit)
         ax.yaxis.set_major_locator(MaxNLocator(3))
         ax.yaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}".replace("-", "−")))  # no exponent floats above
-    handles = [panels[0].lines[1], panels[0].lines[0]]
+    handles = [below[0].lines[1], below[0].lines[0]]
     above.legend(
         handles, ["total", "at fixed z"], loc="lower right", ncols=2, bbox_to_anchor=(1.0, 0.98), frameon=False
     )
-    panels[-1].set_xlabel(axis("time", study.kind))
-    panels[0].set_title(
+    below[-1].set_xlabel(axis("time", study.kind))
+    below[0].set_title(
         f"p · dT/dp ({pretty(unit('torque', study.kind))}), each parameter p", loc="left", pad=4, fontsize=9.5
     )
     figure.align_ylabels()
@@ -90,9 +89,7 @@ def shares_figure(study: SensitivityStudy) -> Figure:
     """RMS of each derivative relative to the RMS of the friction torque as bars: total and at fixed z, largest total first."""
     total, partial = study.local.shares(), study.local.shares(partial=True)
     order = [study.local.names.index(name) for name in study.local.ranking]
-    figure = new_figure(3.7 + 0.5 * (len(order) - _PARAMETERS))
-    ax = figure.subplots()
-    title(ax, study.name, study.simulated)
+    figure, (ax,) = panels(3.7 + 0.5 * (len(order) - _PARAMETERS), study.name, study.simulated)
     place = np.arange(len(order), dtype=np.float64)
     for values, shift, colour, hatch, label in (
         (total, -0.2, "#0072B2", "", "total"),
@@ -118,10 +115,8 @@ def shares_figure(study: SensitivityStudy) -> Figure:
 @styled
 def first_figure(study: SensitivityStudy) -> Figure:
     """Which parameter ranks first at each amplitude and frequency; a line around where the paper's claim holds."""
-    figure = new_figure(5.4)
+    figure, (ax,) = panels(5.4, study.name, study.simulated)
     figure.subplots_adjust(left=0.16, top=0.86)
-    ax = figure.subplots()
-    title(ax, study.name, study.simulated)
     ax.set_title(ax.get_title(loc="left"), loc="left", pad=32)
     first, names, shades = study.map.first, study.map.names, colours(len(study.map.names))
     _cells(ax, first, cmap=ListedColormap(shades), vmin=-0.5, vmax=len(shades) - 0.5)
@@ -234,10 +229,8 @@ def correlated(correlation: float) -> str:
 @styled
 def sobol_figure(sobol: Global, kind: Kind, *, name: str, simulated: bool) -> Figure:
     """First-order and total index of each parameter with its confidence interval, a panel for each output."""
-    figure = new_figure(0.5 + 2.35 * len(sobol.outputs))
+    figure, axes = panels(0.5 + 2.35 * len(sobol.outputs), name, simulated, len(sobol.outputs))
     figure.subplots_adjust(hspace=0.5)
-    axes = figure.subplots(len(sobol.outputs), squeeze=False)[:, 0]
-    title(axes[0], name, simulated)
     for ax, output in zip(axes, sobol.outputs, strict=True):
         heading, indices = output.heading(kind), output.indices
         if indices is None:

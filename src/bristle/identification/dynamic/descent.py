@@ -1,0 +1,341 @@
+"""The descent over the scaled unknowns of moving data, from one start or several.
+
+alpha_0, v_s and sigma_0 stand as logarithms, the others over a typical size. Starts are one from the other stages,
+softnesses of the bristle, and those that an end suggests.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from bristle.arrays import Array
+from bristle.errors import InputError
+from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
+from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, descend, minimise
+from bristle.identification.dynamic.claims import asked_peak
+from bristle.identification.dynamic.problem import (
+    DynamicProblem,
+    InitialState,
+    Unknown,
+    Values,
+    modelled,
+    parameters,
+    residuals,
+)
+from bristle.identification.moving_runs import DIRECTIONS
+from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName, in_direction, least_of, of_load
+from bristle.model.rollout import rollout
+from bristle.progress import Progress
+
+FEWEST = 2  # equations for each unknown, at the least: fewer estimate nothing
+LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")  # what the descent sees as its logarithm
+_LARGE = 50_000  # samples from which a descent begins on a few of them
+_EVERY = 8  # those few are every 8th, ...
+_ROUGH = 10.0  # ... with nodes this many times farther apart, ...
+_NEAR = 0.1  # ... and end within about a third of their own standard errors
+_POLISH = 25  # steps, each with some evaluations in which windows settle
+_MORE = 200  # steps more of a predicted torque, where the lowest of its ends ran out of them
+_RISES = 0.1  # of a load, that friction rises by: a typical size
+_MOST = 10.0  # of the largest torque: alpha_1 at most
+_RUNGS, _DESCENT = 8, 6  # deflections of the bristle that are tried, and steps of a descent at each
+_LOST = 10.0  # times the lowest cost, from which no descent begins
+_OFFSET = ParameterName("offset", Direction.SHARED)
+_WINDOWS = 2  # of a simulated position, for the jackknife over them
+_WORTH = 0.1  # a Stribeck term that noise alone would ask for less often than this is worth a start
+
+
+def fit(
+    problem: DynamicProblem, start: Values, most: int = 60, enough: float = 0.0
+) -> tuple[dict[Unknown, float], Minimum]:
+    """The parameters of least squares near a start, by name, and the minimum over the scaled unknowns; `enough` and InputError as of `minimise`."""
+    posed, minimum = solved(problem, start, most, enough=enough)
+    return posed.unknowns.values(minimum.x), minimum
+
+
+def solved(
+    problem: DynamicProblem, start: Values, most: int, lowest: float = np.inf, enough: float = 0.0
+) -> tuple[LeastSquares[Unknown], Minimum]:
+    """The least-squares problem about a start, and its minimum near there; `lowest` and `enough` as in `minimise`."""
+    posed = least_squares(problem, start)
+    unknowns = posed.unknowns
+    begin, bounds = unknowns.scaled(start), (unknowns.lower, unknowns.upper)
+    few, between = thinned(problem), thinned(problem, _EVERY // 2)
+    if few is not problem:
+        # a quick descent over a few of many samples, if samples between those like its end better than the start
+        with suppress(InputError):
+            rough = unknowns.values(minimise(_evaluation(few, unknowns), begin, *bounds, most, _NEAR).x)
+            left = [np.sum((between.measured - np.concatenate(modelled(between, x))) ** 2) for x in (rough, start)]
+            begin = unknowns.scaled(rough) if left[0] <= left[1] else begin
+    return posed, minimise(posed.evaluate, begin, *bounds, most, lowest=lowest, enough=enough)
+
+
+def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
+    """A predicted torque at every 8th of many samples, from that one on, unsmoothed; else the problem as it is."""
+    if problem.quantity != "torque" or sum(m.time.size for m in problem.motions) < _LARGE:
+        return problem
+    names, at = ("time", "velocity", "torque", "extra", "measured"), slice(first, None, _EVERY)
+    few = ({name: getattr(m, name)[at] for name in names} | {"load": m.load and m.load.at(at)} for m in problem.motions)
+    pairs = zip(problem.motions, few, strict=True)
+    return replace(problem, motions=tuple(replace(m, smooth=None, coarsening=_ROUGH, **own) for m, own in pairs))
+
+
+def polished(
+    problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
+) -> tuple[LeastSquares[Unknown], Minimum]:
+    """A minimum that ran out of steps, brought to its end, of simulated positions by windows that settle by themselves, where that is lower."""
+    if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
+        return posed, minimum
+    values = posed.unknowns.values(minimum.x)
+    near = least_squares(problem, values)
+    start, lower, upper = near.unknowns.scaled(values), near.unknowns.lower, near.unknowns.upper
+    by_torque = problem.quantity == "torque"
+    better = minimise(near.evaluate, start, lower, upper, _MORE) if by_torque else descend(near, start, _POLISH)
+    if better.cost > minimum.cost:
+        return posed, minimum
+    return near, better._replace(steps=minimum.steps + better.steps)
+
+
+def unknowns_of(problem: DynamicProblem, at: Values) -> Unknowns[Unknown]:
+    """The free parameters and what each motion begins with: typical sizes from the data, of z0 from the values `at`.
+
+    And bounds. What stands as a logarithm lies in the range that a motion can show. None shows a v_s below 1e-4 of its
+    fastest speed, nor one so near to it that the term is a bend over all speeds; nor a bristle that bends by more than
+    ten times the travel or less than a billionth of it; nor an alpha_1 far above every torque, which would have held
+    the joint. z0 lies within twice the typical deflection.
+    """
+    torque, speed = max(float(np.abs(m.torque).max()) for m in problem.motions), problem.fastest
+    travel = problem.travel or speed
+    known: Values = {**problem.fixed, **at}
+    alpha_0, sigma_0 = ([x for n, x in known.items() if n.name == name] for name in ("alpha_0", "sigma_0"))
+    damping, position = torque / speed, max(float(np.ptp(m.measured)) for m in problem.motions) or 1.0
+    columns = np.array([np.abs(m.extra).max(axis=0) for m in problem.motions]).max(axis=0)
+    table = {  # typical size, and bounds of the scaled unknown
+        "alpha_0": (1.0, *np.log([1e-6 * torque, 1e3 * torque])),
+        "alpha_1": (torque, 0.0, _MOST),
+        "alpha_2": (damping, 0.0, np.inf),
+        "v_s": (1.0, *np.log([1e-4 * speed, speed / problem.law.peak.reach])),
+        "sigma_0": (1.0, *np.log([1e-1 * torque / travel, 1e9 * torque / travel])),
+        "sigma_1": (damping, 0.0, np.inf),
+        **dict.fromkeys(problem.law.coefficients, (torque / speed**2, -np.inf, np.inf)),
+        "z0": (max(alpha_0) / min(sigma_0), -2.0, 2.0),
+        "v0": (speed, -np.inf, np.inf),
+        "y0": (position, -np.inf, np.inf),
+    }
+    table |= {
+        n.name: (torque / (top or 1.0), -np.inf, np.inf) for n, top in zip(problem.extra_names, columns, strict=True)
+    }
+    table |= {
+        n.name: (_RISES / (torque if n.name == "gear_load_squared" else 1.0), 0.0, np.inf)
+        for n in problem.extra_names
+        if of_load(n.name)
+    }
+    bare = [name.name for name in problem.names]
+    scale, lower, upper = np.array([table[name] for name in bare]).T
+    return Unknowns(
+        names=problem.names,
+        logarithmic=np.isin(bare, LOGARITHMIC),
+        scale=scale,
+        lower=lower,
+        upper=upper,
+        least=np.array([-np.inf if name == INERTIA.name else least_of(name) for name in bare]),
+    )
+
+
+def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
+    """The problem over its scaled unknowns about some values; the rows of priors come last."""
+    unknowns = unknowns_of(problem, at)
+    return LeastSquares(
+        unknowns=unknowns,
+        evaluate=_evaluation(problem, unknowns),
+        blocks=problem.blocks,
+        independent=problem.quantity == "position",
+        starts=problem.starts,
+        priors=sum(len(prior.names) for prior in problem.priors),
+        sigma=problem.sigma,
+    )
+
+
+def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluate:
+    """The residuals, priors included, and their Jacobian as functions of the scaled unknowns."""
+    weight = problem.weight if any(m.weight != 1 for m in problem.motions) else None
+
+    def evaluate(x: Array) -> tuple[Array, Array]:
+        """Residuals, (n,), and Jacobian, (n, p), at scaled unknowns, (p,); a single infinite residual where they overflow."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            natural = unknowns.natural(x)
+            if not np.isfinite(natural).all() or (natural[unknowns.logarithmic] <= 0).any():
+                return np.full(1, np.inf), np.zeros((1, x.size))
+            chain = unknowns.slopes(x)
+            rows, slopes = residuals(problem, unknowns.values(x), chain)
+            if not np.isfinite(slopes.sum()):
+                return np.full(1, np.inf), np.zeros((1, x.size))
+        if weight is not None:
+            rows, slopes = rows * weight, slopes * weight[:, None]
+        for prior in problem.priors:
+            columns = [problem.names.index(name) for name in prior.names]
+            slope = np.zeros((len(columns), x.size))
+            slope[:, columns] = problem.sigma * prior.root * chain[columns]
+            rows = np.append(rows, problem.sigma * (prior.root @ (natural[columns] - prior.value)))
+            slopes = np.vstack([slopes, slope])
+        return rows, slopes
+
+    return evaluate
+
+
+def logarithms(names: Iterable[ParameterName]) -> set[ParameterName]:
+    """Those that the descent sees as their logarithm."""
+    return {name for name in names if name.name in LOGARITHMIC}
+
+
+def equations_left(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
+    """Measured less modelled of every equation at the minimum, without its run's weight, N*m or rad, (n,)."""
+    weight = problem.weight
+    return solution.minimum.residuals[: weight.size] / weight
+
+
+def with_deflections(problem: DynamicProblem, start: Values) -> dict[Unknown, float]:
+    """A start with what each motion begins with.
+
+    The deflection that carries its first torque, within the steady one, and the first position. Where a motion goes on
+    from the one before, the deflection is that to which the estimated velocity has brought it.
+    """
+    p = parameters(problem, start)
+    out, end = dict(start), 0.0
+    for k, m in enumerate(problem.motions):
+        acting = p if isinstance(p, Lugre) else p[int(m.torque[0] < 0)]
+        most = acting.alpha_0 / acting.sigma_0
+        z0 = float(np.clip(m.torque[: max(m.torque.size // 100, 1)].mean() / acting.sigma_0, -most, most))
+        if m.continues_previous:
+            z0 = end
+        end = float(rollout(m.velocity, m.step, p, z0).z[-1]) if problem.quantity == "position" else z0
+        first = {"y0": float(m.measured[0]), "v0": float(m.velocity[0]), "z0": z0}
+        out |= {InitialState(name, k): first[name] for name in problem.initial_states}
+    return out
+
+
+def without_deflections(values: Values) -> dict[ParameterName, float]:
+    """The values without the deflections at the start of each segment."""
+    return {name: value for name, value in values.items() if isinstance(name, ParameterName)}
+
+
+def solve_dynamic(
+    problem: DynamicProblem,
+    start: Values,
+    others: Sequence[Values] = (),
+    progress: Progress | None = None,
+    *,
+    search: bool = True,
+) -> MultistartSolution[Unknown]:
+    """The lowest minimum from `others` and from a start, and the covariance there.
+
+    With `search` from softnesses of the bristle as well. Of two directions that each have their friction, one set for both is
+    searched for first, about an offset: it has half the unknowns, and where it ends is a start for the two. Where a direction
+    has no Stribeck term in the end, or one within its error, and the residuals ask for one, it is given the one that they ask
+    for: without it its v_s, and so its alpha_1, has no slope to follow.
+
+    Raises InputError where there is one window alone, whose error no other one tells.
+    """
+    if problem.quantity == "position" and len(problem.motions) < _WINDOWS:
+        raise InputError(
+            f"{problem.motions[0].file}: fit.predict: the moving runs make one window; expected at least {_WINDOWS}, which "
+            "tell the errors by how they differ: measure longer"
+        )
+    begins = [*others, with_deflections(problem, start)]
+    if search and problem.quantity == "torque" and len(problem.directions) == len(SIGNED):
+        one = _of_both(problem)
+        found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
+        both = carried(problem, {**one.fixed, **without_deflections(found.values)})
+        begins.append(with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed}))
+    elif search and problem.quantity == "torque":
+        begins += _by_softness(problem, start)
+    solve, finish = partial(solved, problem), partial(polished, problem)
+    best = solve_from_starts(solve, begins, finish, progress)
+    while search:
+        added = dict[Unknown, float]()  # the Stribeck terms that the residuals ask for
+        errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
+        for direction in problem.directions:
+            alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
+            none = {alpha_1, v_s} <= best.values.keys() and best.values[alpha_1] <= errors[alpha_1]
+            if none and (asked := asked_peak(problem, best, direction, _WORTH)):
+                added |= {alpha_1: asked.alpha_1, v_s: asked.v_s}
+        if not added:
+            break
+        peaked = with_deflections(problem, {**without_deflections(best.values), **added})
+        again = solve_from_starts(solve, [peaked], finish, known=(best.posed, best.minimum))
+        if again.minimum.cost > best.minimum.cost * (1 - SAME):
+            break
+        best = again._replace(starts=best.starts + 1)
+    return best
+
+
+def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
+    """Starts at the deflections of the bristle that leave less than those beside them do, from a count to a third of the travel.
+
+    Each is held while all else descends a little, from where the stiffer one before ended: over sigma_0 the cost has many
+    minima, and a descent finds the next.
+    """
+    few = thinned(problem)
+    sigma_0 = [n for n in few.friction_names if n.name == "sigma_0" and n not in few.fixed and n not in few.with_prior]
+    if not sigma_0:
+        return []
+    softest = few.travel / 3
+    way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step for m in problem.motions])))
+    at, ends, costs = dict(start), list[Values](), [np.inf]
+    for reach in np.geomspace(max(few.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist():
+        known = {**few.fixed, **at}
+        held = {n: 0.0 for n in at if n.name == "sigma_1"}
+        held |= {n: (known[n._replace(name="alpha_0")] + known[n._replace(name="alpha_1")]) / reach for n in sigma_0}
+        rung = replace(few, fixed={**few.fixed, **held})
+        with suppress(InputError):
+            found, minimum = fit(rung, with_deflections(rung, {n: x for n, x in at.items() if n not in held}), _DESCENT)
+            if minimum.cost < _LOST * min(costs):
+                at |= without_deflections(found)
+            ends.append(with_deflections(problem, at | without_deflections(found) | held))
+            costs.append(minimum.cost)
+    costs.append(np.inf)
+    return [end for k, end in enumerate(ends, 1) if costs[k] == min(costs[k - 1 : k + 2])]
+
+
+def _of_both(problem: DynamicProblem) -> DynamicProblem:
+    """The problem with one set of friction for both directions, about an offset, of which nothing but itself is told."""
+    motions, names = problem.motions, problem.extra_names
+    if _OFFSET not in names:
+        motions = tuple(replace(m, extra=np.column_stack([m.extra, np.ones(m.time.size)])) for m in motions)
+        names = (*names, _OFFSET)
+    one = replace(problem, motions=motions, extra_names=names, directions=(Direction.BOTH,), priors=(), fixed={})
+    both = {
+        n
+        for n in problem.fixed
+        if n.direction not in SIGNED or {n._replace(direction=d) for d in SIGNED} <= problem.fixed.keys()
+    }
+    known = carried(one, {n: problem.fixed[n] for n in both})
+    return replace(one, fixed={n: x for n, x in known.items() if n.name in {m.name for m in both}})
+
+
+def carried(problem: DynamicProblem, known: Mapping[ParameterName, float]) -> dict[ParameterName, float]:
+    """Values of one problem by the names of another: one set for both directions, or the mean of two; 0 for what is not known.
+
+    The mean is geometric where both are positive.
+    An offset and half the difference of the two Coulomb terms are the same thing, and become one another.
+    """
+
+    def value(name: str, direction: Direction) -> float:
+        """Its own, or of both directions, or between those of each."""
+        own = in_direction(known, name, direction)
+        each = [x for d in SIGNED if (x := known.get(ParameterName(name, d))) is not None]
+        if own is not None or not each:
+            return own or 0.0
+        return float(np.prod(each)) ** (1 / len(each)) if min(each) > 0 else float(np.mean(each))
+
+    out = {name: value(*name) for name in (*problem.friction_names, *problem.extra_names)}
+    Coulomb = [ParameterName("alpha_0", d) for d in SIGNED]
+    if _OFFSET in problem.extra_names and Coulomb[0] in known and _OFFSET not in known:
+        out[_OFFSET] = (known[Coulomb[0]] - known[Coulomb[1]]) / 2
+    for name, sign in zip(Coulomb, DIRECTIONS.values(), strict=True):
+        both = known.get(name._replace(direction=Direction.BOTH))
+        if name in out and name not in known and both is not None:
+            out[name] = max(out[name] + sign * known.get(_OFFSET, 0.0), 1e-3 * both)
+    return out
