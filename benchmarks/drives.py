@@ -36,8 +36,7 @@ from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
 from bristle.identification.verdict import verdict
 from bristle.page.plain import interval, pair
-from bristle.page.wording import axis
-from bristle.questions.joint_report.sentences import known_to
+from bristle.page.wording import axis, number
 
 CASES = "../cases/logs/"
 PUBLIC = {
@@ -241,33 +240,36 @@ def write_page(rows: Sequence[dict[str, Any]], docs: Path) -> None:
     figures.mkdir(parents=True, exist_ok=True)
     lines = [OPENING]
     for begins, (what, whence) in PUBLIC.items():
-        lines += [f"## {what}", "", f"{whence[:1].upper()}{whence[1:]}.", ""]
-        for row in (x for x in rows if x["entry"].startswith(begins)):
-            joint, stem = row["joint"], re.sub("[^a-z0-9]+", "-", row["entry"].lower()).strip("-")
-            said = [f"**{row['verdict'].partition(' [')[0]}**."]
-            if joint is not None:
-                said[0] += f" {in_markdown(known_to(joint, '±'))}"
-                values = [x.partition(" ") for x in row["values"].split("; ")]
-                shown = [f"`{name} {value}`" for name, _, value in values if not value.startswith("not identifiable")]
-                open_ = [f"`{name}`" for name, _, value in values if value.startswith("not identifiable")]
-                said += [
-                    f"Values: {', '.join(shown) or 'none'}" + f"; not identifiable: {', '.join(open_)}" * bool(open_)
-                ]
-            said += [f"Reason: {in_markdown(row['reason'])}"] if row["reason"] not in ("none", "-") else []
-            said += [
-                f"Published, or seen by plain least squares: {in_markdown(row['right'])}",
-                f"{row['seconds']:.1f} s",
-            ]
-            lines += [f"### {row['entry']}", ""]
-            if joint is not None and drawn(joint, figures / f"{stem}.svg"):
-                lines += [
-                    f"![Friction vs velocity of {row['entry']}, with its 95 % band](_static/drives/{stem}.svg)",
-                    "",
-                ]
-            lines += [*(fill(f"- {text}", 118, subsequent_indent="  ", break_on_hyphens=False) for text in said), ""]
+        own = [x for x in rows if x["entry"].startswith(begins)]
+        lines += [f"## {what}", "", f"{whence[:1].upper()}{whence[1:]}.", "", HEADINGS]
+        for row in own:
+            found = re.findall(r"(\w+[+-]?) (\S+) \+/- (\S+) ", row["values"])
+            cells = [", ".join(f"{v}±{e}" for n, v, e in found if n.startswith(stem)) or "–" for stem in SHOWN]
+            joint = row["joint"]
+            band = "–" if joint is None or joint.accuracy is None else f"±{number(joint.accuracy.band, 2)} %"
+            left = row["hold-out"] if row["hold-out"] != "-" else f"{row['in the fit']} in the fit"
+            says, seconds = row["verdict"].partition(" [")[0], f"{row['seconds']:.1f}"
+            lines.append(f"| {' | '.join((row['entry'], says, band, *cells, left, seconds))} |")
+        lines.append("")
+        for row in own:
+            stem = re.sub("[^a-z0-9]+", "-", row["entry"].lower()).strip("-")
+            if row["joint"] is not None and drawn(row["joint"], figures / f"{stem}.svg"):
+                lines.append(f"![{row['entry']}](_static/drives/{stem}.svg)")
+        lines.append("")
+        for right in dict.fromkeys(row["right"] for row in own):
+            lines.append(
+                fill(f"- Published, or seen by least squares: {in_markdown(right)}", 118, subsequent_indent="  ")
+            )
+        for row in own:
+            if row["reason"] not in ("none", "-"):
+                why = re.split(r"(?<=[a-z)%])[.;:] ", in_markdown(row["reason"]))[0]
+                lines.append(fill(f"- {row['entry']}: {why.rstrip('.')}.", 118, subsequent_indent="  "))
+        lines.append("")
     (docs / "drives.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
 
 
+SHOWN = ("alpha_0", "alpha_2", "inertia")
+HEADINGS = "| log | verdict | friction to | alpha_0 | alpha_2 | inertia | left of the torque | s |\n|---|---|---|---|---|---|---|---|"
 OPENING = """<!-- written by: python benchmarks/drives.py --page docs -->
 # What does bristle give on real drives?
 
@@ -275,7 +277,8 @@ Every public log that we have, as a new user has it: drafted by `bristle new` wi
 identified by default settings, good or bad. What the owners published, or plain least squares gave, stands beside it.
 Measured data are not part of bristle; where they are there,
 `BRISTLE_DATA=FOLDER python benchmarks/drives.py --page docs` writes this page anew. Figures show the friction that was
-identified, and its 95 % band, over the speeds that were measured; seconds are of one core.
+identified, and its 95 % band, over the speeds that were measured. Values are in SI, with one standard error; "left" is
+what the model leaves of a held-out torque, or of the fitted one.
 """
 
 
