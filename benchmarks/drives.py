@@ -256,10 +256,10 @@ def write_page(rows: Sequence[dict[str, Any]], docs: Path) -> None:
             if row["joint"] is not None and drawn(row["joint"], figures / f"{stem}.svg"):
                 lines.append(f"![{row['entry']}](_static/drives/{stem}.svg)")
         lines.append("")
-        for right in dict.fromkeys(row["right"] for row in own):
-            lines.append(
-                fill(f"- Published, or seen by least squares: {in_markdown(right)}", 118, subsequent_indent="  ")
-            )
+        rights = dict.fromkeys(in_markdown(row["right"]) for row in own)
+        lines.append(
+            fill(f"- Right, as published or by least squares: {'; '.join(rights)}.", 118, subsequent_indent="  ")
+        )
         for row in own:
             if row["reason"] not in ("none", "-"):
                 why = re.split(r"(?<=[a-z)%])[.;:] ", in_markdown(row["reason"]))[0]
