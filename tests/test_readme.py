@@ -54,7 +54,7 @@ def commands() -> list[list[str]]:
     """Every `bristle ...` that README shows, in its text and in its shell blocks, as arguments."""
     inline = re.findall(r"`bristle ([^`]+)`", README)
     shell = re.findall(r"(?:\bbin/|^)bristle\b(.*)$", "\n".join(blocks("sh")), re.MULTILINE)
-    return [shlex.split(command) for command in (*inline, *shell)]
+    return [shlex.split(command, comments=True) for command in (*inline, *shell)]
 
 
 @pytest.fixture(scope="module")
