@@ -447,9 +447,8 @@ def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
     drive = next(iter([*asked, *computable, *there]), None)
     if drive is None:
         raise InputError(
-            f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME --unit "
-            f"torque=N*m, or --column command=NAME --kp '20 N*m/rad' --kd '1 N*m*s/rad'; of a joint that nothing drives, --coasting "
-            f"(there are: {short(log.described)})"
+            f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME (of another "
+            f"file FILE:NAME) or command=NAME, or say --coasting (there are: {short(log.described)})"
         )
     if drive == "command":
         gains = [gain for name, gain in GAINS.items() if name in commands and gain not in told.motor]
