@@ -209,6 +209,8 @@ def test_a_drive_that_is_told_what_to_follow_tells_friction(tmp_path: Path, late
     joint = bristle.identify(tmp_path / "log.yaml").joint()
     near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
     assert "ASSUMED not held between samples: held (--held), alpha_2 is" in joint.settings["chosen delay"]
+    first = " ".join(bristle.Results(joints=(joint,)).text().split())
+    assert "rad/s, ASSUMED commands are not held between samples" in first.partition(";")[0]
     found, error = map(float, joint.settings["chosen delay"].split(" s late")[0].split(", ")[1].split(" +/- "))
     assert abs(found - late) <= 3 * error < 0.001
     declared = text.replace('"q_des", unit: "rad"', f'"q_des", unit: "rad", delay: {-late!r} s')

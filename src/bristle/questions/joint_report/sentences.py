@@ -6,6 +6,7 @@ from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Crosscheck, Estimate, PreslidingFit, TrackingFit
 from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
+from bristle.identification.verdict import value_warnings
 from bristle.model.parameters import Kind, ParameterName, effort, unit
 from bristle.page.wording import METHODS, measured, number
 
@@ -23,6 +24,8 @@ def known_to(joint: Joint, plus_minus: str = "±") -> str:
     to = f"to {plus_minus} {number(known.band, 2)} % (95 %)" if math.isfinite(known.band) else "to no stated error"
     ends = dict.fromkeys(number(x, 2) for x in (known.slowest, known.fastest))
     speeds = f"{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)} {unit('v_s', joint.kind)}"
+    if any(w.code == "commands-at-once" for w in value_warnings(joint)):
+        speeds += ", ASSUMED commands are not held between samples"
     held = [x.relative_error for fit in fits for x in fit.hold_out]
     left = held or [fit.relative_error for fit in fits if fit.relative_error is not None]
     what = (
