@@ -38,6 +38,8 @@ STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effor
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
 _TABLES = {".csv", ".txt", ".json", ".mat", ".npz", ".parquet", ".pq", ".h5", ".hdf5", ".mcap", ".bag", ".db3"}
 """Endings by which a word is a file."""
+_LISTED = 120
+"""Letters of their names in a sentence."""
 _SHOWN = 200
 """Columns that the draft lists."""
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
@@ -338,6 +340,8 @@ class _Log:
             some = [f"{k} (first value {quoted(x[:LONGEST])})" for k, x in enumerate(first[:_SHOWN]) if x]
             self.described = f"no header; {', '.join(some)}{', ...' if len(first) > _SHOWN else ''}"
         self.described = self.described or "none that is a vector of numbers"
+        self.there = self.described if len(self.described) <= _LISTED else f"{self.described[:_LISTED]} ..."
+        """The same, as far as it fits into a sentence."""
 
     def _column(self, guess: ColumnGuess) -> int | str:
         return int(guess.column) if guess.column.isdecimal() and guess.column not in self.names else guess.column
@@ -448,7 +452,7 @@ def _drive(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> str:
     if drive is None:
         raise InputError(
             f"{log.path}: no column is named as a torque, a current, a voltage or a command; name it, as in --column torque=NAME (of another "
-            f"file FILE:NAME) or command=NAME, or say --coasting (there are: {short(log.described)})"
+            f"file FILE:NAME) or command=NAME, or say --coasting (there are: {log.there})"
         )
     if drive == "command":
         gains = [gain for name, gain in GAINS.items() if name in commands and gain not in told.motor]
@@ -472,7 +476,7 @@ def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> boo
     if "position" not in guesses and "velocity" not in guesses:
         raise InputError(
             f"{log.path}: no column is named as a position or a velocity; name it, as in --column position=NAME --unit position=deg "
-            f"(there are: {short(log.described)})"
+            f"(there are: {log.there})"
         )
     if told.rate is not None or "time" in guesses:
         return False
@@ -481,7 +485,7 @@ def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> boo
         return True
     raise InputError(
         f"{log.path}: no column is named as the time; name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz' "
-        f"(there are: {short(log.described)})"
+        f"(there are: {log.there})"
     )
 
 
