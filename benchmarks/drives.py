@@ -247,7 +247,8 @@ def write_page(rows: Sequence[dict[str, Any]], docs: Path) -> None:
             cells = [", ".join(f"{v}±{e}" for n, v, e in found if n.startswith(stem)) or "–" for stem in SHOWN]
             joint = row["joint"]
             band = "–" if joint is None or joint.accuracy is None else f"±{number(joint.accuracy.band, 2)} %"
-            left = row["hold-out"] if row["hold-out"] != "-" else f"{row['in the fit']} in the fit"
+            fitted = "–" if row["in the fit"] == "-" else f"{row['in the fit']} in the fit"
+            left = fitted if row["hold-out"] == "-" else row["hold-out"]
             says, seconds = row["verdict"].partition(" [")[0], f"{row['seconds']:.1f}"
             lines.append(f"| {' | '.join((row['entry'], says, band, *cells, left, seconds))} |")
         lines.append("")

@@ -204,11 +204,16 @@ def edro_report(tmp_path_factory: pytest.TempPathFactory, vector_alone: None) ->
         (shared / "edro.begun").mkdir()
     except FileExistsError:
         while not folder.exists():
-            assert time.monotonic() < ends, "another worker did not write the report"
+            failed = (shared / "edro.failed").exists() or time.monotonic() > ends
+            assert not failed, "another worker did not write the report"
             time.sleep(0.1)
         return folder
     told: list[tuple[str, int, int]] = []
-    bristle.report(folder=shared / "edro.part", progress=lambda *step: told.append(step))
+    try:
+        bristle.report(folder=shared / "edro.part", progress=lambda *step: told.append(step))
+    except BaseException:
+        (shared / "edro.failed").touch()
+        raise
     (shared / "edro.told.json").write_text(json.dumps(told), encoding="utf-8")
     return (shared / "edro.part").rename(folder)
 

@@ -11,7 +11,7 @@ from bristle.data.experiment.signals import Signals
 from bristle.findings import NOTE, Finding
 from bristle.identification.measured import Measured, measure, measured_of
 from bristle.identification.moving_runs import regressors
-from bristle.identification.robot.links import LinkScale, link_scale, scale_beside_bristles, torque_constant
+from bristle.identification.robot.links import UNSEEN, link_scale, scale_beside_bristles, torque_constant
 from bristle.model.parameters import effort, effort_unit, unit
 
 _CONSTANTS = {"current": "torque_constant", "position error": "kp"}
@@ -36,15 +36,13 @@ def measure_scaled(experiment: Experiment) -> Measured:
         if run.kind != "tracking" or record.torque is None or record.acceleration is None:
             return run
         hangs = hangs_at(record, experiment.context, record.torque, record.acceleration, np.ones(record.time.size))
-        return _with(run, link_torque=gravity.value * np.sin(np.asarray(record.position) - hangs))
+        return run.having(link_torque=gravity.value * np.sin(np.asarray(record.position) - hangs))
 
     own = measured.experiment
     asked = [name for name in regressors(own) if name != "gravity" and name not in own.fit.load]
     beside = own.model_copy(update={"fit": own.fit.model_copy(update={"regressors": (*asked, "links")})})
     records = [with_gravity(run).record for run in measured.runs if run.kind == "tracking" and not run.hold_out]
-    seen = (link_scale(beside, records) if records else None) or LinkScale(
-        scale=0.0, error=np.inf, explained=0.0, left=0.0
-    )
+    seen = (link_scale(beside, records) if records else None) or UNSEEN
     refined = scale_beside_bristles(beside, records, seen)
     kind, drive, of = experiment.joint.kind, effort(own.joint.kind), effort_unit(own.joint.kind)
     constant = torque_constant(refined if seen.told else seen, kind, of)
@@ -76,7 +74,7 @@ def measure_scaled(experiment: Experiment) -> Measured:
     (told,) = in_torque.torque_constants
     torques = [K * np.asarray(run.record.torque) for run in measured.runs]
     runs = tuple(
-        _with(run, torque=T, torque_shifts={str(told): T / K * error})
+        run.having(torque=T, torque_shifts={str(told): T / K * error})
         for run, T in zip(measured.runs, torques, strict=True)
     )
     exact = "" if gravity.standard_error else ", assumed exact,"
@@ -87,7 +85,3 @@ def measure_scaled(experiment: Experiment) -> Measured:
     )
     found = Finding("scale-by-gravity", NOTE, message, {"scale": K, "error": error})
     return replace(measured_of(in_torque, runs), findings=(*measured.findings, found))
-
-
-def _with(run: Run, **changed: object) -> Run:
-    return replace(run, record=replace(run.record, **changed))  # type: ignore[arg-type]  # fields by name

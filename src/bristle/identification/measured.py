@@ -209,10 +209,14 @@ def in_time(measured: Measured, late: float, error: float = 0.0, *, final: bool 
         gains = {"position": motor.at_joint().kp, "velocity": motor.at_joint().kd}
 
     def earlier(record: Record) -> Record:
+        """A moving run with its torque as it was then."""
+
         def moved(x: Array, by: float = late) -> Array:
+            """A signal so much later."""
             return np.interp(record.time + by, record.time, x)
 
         def torque(by: float) -> Array:
+            """That of the drive, so much later."""
             made = moved(np.asarray(record.torque), by)
             for name, gain in gains.items():
                 was = np.asarray(getattr(record, name))

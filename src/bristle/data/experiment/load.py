@@ -280,6 +280,10 @@ class Run:
     record: Record
     hold_out: bool = False
 
+    def having(self, **changed: Any) -> "Run":
+        """The run, with other fields of its record."""
+        return replace(self, record=replace(self.record, **changed))
+
 
 def read_runs(experiment: Experiment) -> tuple[Run, ...]:
     """Every file that the experiment names, as a record with velocity and torque.

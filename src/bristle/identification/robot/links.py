@@ -64,6 +64,10 @@ def link_scale(experiment: Experiment, records: Sequence[Record]) -> LinkScale |
     return LinkScale(scale=value, error=error, explained=abs(value) * own, left=left)
 
 
+UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
+"""Of links of which nothing tells."""
+
+
 def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], found: LinkScale) -> LinkScale:
     """The scale of the links' torque by the fit of all LuGre parameters, where that explains the runs better.
 

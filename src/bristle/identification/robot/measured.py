@@ -21,6 +21,7 @@ from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
 from bristle.identification.moving_runs import LEVELS, regressors
 from bristle.identification.robot.links import (
+    UNSEEN,
     Course,
     LinkScale,
     coupling,
@@ -155,7 +156,7 @@ def _measured(part: _Part) -> Measured:
     experiment, runs, found = part.joint.experiment, part.runs, _scale(part)
     findings, constant = list(part.findings), None
     if part.linked and part.joint.free:
-        seen = found or LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)
+        seen = found or UNSEEN
         beside = in_own_unit(experiment, tuple(dict.fromkeys((*regressors(experiment), "links"))))
         # it may be told by more than the links: then it is a regressor, and no constant; where the log is not as declared, nothing is told
         wrong = any(f.code in {"joint-order", "gravity-direction"} for f in findings)
@@ -185,7 +186,7 @@ def _with_constant(
         asked = tuple(dict.fromkeys((*beside, "links"))) if clear else experiment.fit.regressors
         by = experiment.motor.k_t if experiment.motor else 1.0  # 1 N*m/A, but for a gear
         links = {} if clear else {"link_torque": None}
-        bare = tuple(_with(run, torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)
+        bare = tuple(run.having(torque=np.asarray(run.record.torque) / by, torque_shifts={}, **links) for run in runs)
         return in_own_unit(experiment, asked), bare
     constants = experiment.motor_constants
     known = PlusMinus(value=K, standard_error=error)
@@ -201,12 +202,8 @@ def _with_constant(
             from_current(K * d.numbers["k_t"], d.numbers["unit"]) if d.code == "torque-from-current" else d
             for d in run.record.notes
         )
-        scaled.append(_with(run, torque=K * current, torque_shifts=shifts, notes=notes))
+        scaled.append(run.having(torque=K * current, torque_shifts=shifts, notes=notes))
     return own, tuple(scaled)
-
-
-def _with(run: Run, **changed: object) -> Run:
-    return replace(run, record=replace(run.record, **changed))  # type: ignore[arg-type]  # fields by name
 
 
 def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bool) -> list[Finding]:
