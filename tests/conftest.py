@@ -97,6 +97,17 @@ def pytest_collection_finish() -> None:
     gc.freeze()
 
 
+@pytest.fixture(autouse=True)
+def _stays_in_its_directory() -> Iterator[None]:
+    """A test that leaves the process in another directory fails itself, not those that come after it."""
+    here = Path.cwd()
+    yield
+    try:
+        assert Path.cwd() == here
+    finally:
+        os.chdir(here)
+
+
 class Ran(NamedTuple):
     """How a command ended, and what it said."""
 

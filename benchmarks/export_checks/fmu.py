@@ -199,9 +199,9 @@ class LoadedFmu:
         slave.exitInitializationMode()
         return slave
 
-    def play(self, torque: Array, step: float = STEP, **start: float) -> Played:
-        """Each torque held over a communication step."""
-        slave = self.begin(self.instance(), **start)
+    def play(self, torque: Array, step: float = STEP, slave: Any = None, **start: float) -> Played:
+        """Each torque held over a communication step, by a new slave or a given one, which is freed."""
+        slave = self.begin(slave or self.instance(), **start)
         into, out = [self.references["torque"]], [self.references[name] for name in OUTPUTS]
         rows = np.empty((torque.size, len(out)))
         for k, T in enumerate(torque.tolist()):

@@ -298,8 +298,11 @@ def test_instances_share_nothing(wrist: LoadedFmu, handed: Handed) -> None:
     for slave, one in zip(slaves, alone, strict=True):
         assert values(wrist, slave, "position", "velocity") == [one.position[-1], one.velocity[-1]]
         slave.terminate()
+    slaves = [wrist.instance() for _ in range(4)]  # here: fmpy changes the directory of the process while it loads one
     with ThreadPoolExecutor(4) as pool:
-        together = [*pool.map(lambda J: wrist.play(torque, inertia=J), (0.01, 0.02, 0.01, 0.02))]
+        together = [
+            *pool.map(lambda slave, J: wrist.play(torque, slave=slave, inertia=J), slaves, (0.01, 0.02, 0.01, 0.02))
+        ]
     for a, b in pairwise(together[k] for k in (0, 2)):
         assert np.array_equal(a.velocity, b.velocity)
     assert np.array_equal(together[1].velocity, wrist.play(torque, inertia=0.02).velocity)

@@ -249,7 +249,7 @@ def test_a_full_disk_leaves_what_was(ran: Any, tmp_path: Path, monkeypatch: pyte
     assert str(stopped.value.filename).startswith(str(tmp_path / "out/tasks/"))
     assert dataset() == before
     monkeypatch.undo()
-    os.chdir(tmp_path)
+    monkeypatch.chdir(tmp_path)
     assert ran().identified == 1
 
 
@@ -328,7 +328,7 @@ def test_versions_must_agree(ran: Any, tmp_path: Path, monkeypatch: pytest.Monke
     with pytest.raises(InputError, match=said):
         ran()
     monkeypatch.undo()
-    os.chdir(tmp_path)
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(engine, "versions", lambda: other)
     with pytest.raises(InputError, match="has scipy"):
         ran()
