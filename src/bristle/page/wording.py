@@ -166,9 +166,15 @@ def slugs(names: list[str]) -> list[str]:
     """
     out: dict[str, None] = {}
     for name in names:
-        base = re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:40].strip("-") or "joint"
-        out[free(base, out.__contains__)] = None
+        out[free(plain(name), out.__contains__)] = None
     return list(out)
+
+
+def plain(name: str, between: str = "-", length: int = 40) -> str:
+    """A name in ASCII letters and digits, with single signs between them, as a file is called on every system."""
+    found = re.sub(r"[^a-z0-9]+", between, name.lower()).strip(between)[:length].strip(between) or "joint"
+    is_device = re.fullmatch("con|prn|aux|nul|(com|lpt)[0-9]", found)  # on Windows, whatever follows a dot
+    return f"{found}{between}joint" if is_device else found
 
 
 def free(name: str, taken: Callable[[str], bool]) -> str:

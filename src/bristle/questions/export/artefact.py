@@ -1,6 +1,5 @@
 """What an export gives: files, what the target holds, and what it loses."""
 
-import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -10,7 +9,7 @@ from bristle.errors import one_line
 from bristle.findings import CAUTION, Finding
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.parameters import INERTIA, fields_of
-from bristle.page.wording import measured, span
+from bristle.page.wording import measured, plain, span
 from bristle.questions.export.exported import ExportedJoint
 from bristle.questions.export.loss import LARGE, Loss, told
 
@@ -147,6 +146,4 @@ def artefact_of(
 
 def slug(joints: Sequence[ExportedJoint]) -> str:
     """What a file of these joints is called: the joint's name in plain letters, or `robot`."""
-    if len(joints) > 1:
-        return "robot"
-    return re.sub(r"[^a-z0-9]+", "_", joints[0].name.lower()).strip("_")[:50] or "joint"
+    return "robot" if len(joints) > 1 else plain(joints[0].name, "_", 50)
