@@ -5,6 +5,7 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+import pandas as pd
 import pytest
 
 import bristle
@@ -36,6 +37,21 @@ def test_every_way_to_its_friction_agrees(joint: JointModel) -> None:
         row = rows[f"alpha_0{d}"]
         assert row["lower"] < row["value"] < row["upper"]
         assert row["value"] == p.alpha_0
+
+
+def test_drag_beside_the_law_is_friction(joint: JointModel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With `regressors: [quadratic]` friction is what was measured, and CasADi's has as much of it."""
+    for module in ("curve", "joint_model"):
+        monkeypatch.setattr(f"bristle.identification.{module}.drag_of", lambda _: 0.3)
+    assert float(joint.casadi().steady(-0.7)) == pytest.approx(float(joint.friction(-0.7)), rel=1e-12)
+    monkeypatch.undo()
+    file, log = write(tmp_path, speeds()), pd.read_csv(tmp_path / "wrist.csv")
+    torque = log.tau + 0.05 * log.v * log.v.abs()
+    log.assign(tau=torque).to_csv(tmp_path / "wrist.csv", index=False)
+    file.write_text(
+        f"{file.read_text('utf-8')}fit: {{regressors: [quadratic], set_up: as-written}}\n", encoding="utf-8"
+    )
+    np.testing.assert_allclose(bristle.identify(file).model().friction(log.v), torque, rtol=0.02)
 
 
 def test_casadi_differentiates_it(joint: JointModel) -> None:

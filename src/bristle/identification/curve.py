@@ -60,30 +60,46 @@ def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "") -> Array |
 
 
 def friction_of(known: KnownJoint, v: Array) -> Array:
-    """Friction (9) of what is known of a joint at some velocities, N*m, of their shape: 0 at rest, nan in a direction of which no law is known."""
+    """Friction (9) and drag of what is known of a joint at some velocities, N*m, of their shape: 0 at rest, nan in a direction without a law."""
     torque = np.where(v == 0, 0.0, np.nan)
     for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
         if known.has_law(d):
             values = {"sigma_0": 0.0, "sigma_1": 0.0, **known.values(d)}
             torque[side] = curve(v[side], lugre_of(known.law)(**values).stribeck)
-    return torque
+    return torque + drag_of(known) * v * np.abs(v)
+
+
+def drag_of(known: KnownJoint) -> float:
+    """What v abs(v) is multiplied by in friction, beside its law, N*m*s**2/rad**2."""
+    return sum(e.value or 0.0 for name, e in known.estimates.items() if name.name == _DRAG)
 
 
 def known_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
-    """Friction of an identified joint at some velocities, N*m, drag included, and half of its 95 % band, each (n,).
+    """`friction_of` an identified joint at some velocities, N*m, and half of its 95 % band, each (n,).
 
     Both are nan in a direction of which no law is known, the band where it is not known how far. Raises InputError where a
     number of the joint is none that a joint can have.
     """
     known, rows = known_joint(joint), chosen(joint)
-    drag = sum(row.estimate.value or 0.0 for row in rows if row.parameter.name == _DRAG)
     moving = any(row.source is not Source.STATIC for row in rows if row.parameter.name == "alpha_0")
     half = np.full(v.size, np.nan)
     for d, side in zip(SIGNED, (v > 0, v < 0), strict=True):
         fit = joint.moving if moving else joint.static.get(d) or joint.static.get(Direction.BOTH)
         wide = band(v[side], fit, d) if fit is not None and known.has_law(d) else None
         half[side] = np.nan if wide is None else wide
-    return friction_of(known, v) + drag * v * np.abs(v), half
+    return friction_of(known, v), half
+
+
+def stated_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
+    """`known_curve` with half of the band that the joint's accuracy states: what is not of the errors is as large a part of friction everywhere.
+
+    The band is infinite where no accuracy is known.
+    """
+    (friction, half), known = known_curve(joint, v), joint.accuracy
+    if known is None or not np.isfinite(known.statistical):
+        return friction, np.full(v.size, np.inf)
+    rest = np.sqrt(max(known.band**2 - known.statistical**2, 0.0)) / 100
+    return friction, np.hypot(BIASED * half, rest * np.abs(friction))
 
 
 def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accuracy | None:

@@ -13,7 +13,7 @@ from bristle.control.compensator import Compensator, Name
 from bristle.control.running import RunningCompensator
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
-from bristle.identification.curve import friction_of
+from bristle.identification.curve import drag_of, friction_of
 from bristle.identification.known_joint import chosen, inertia_of, known_joint, rises_of, whole
 from bristle.identification.results import Joint
 from bristle.model import law as equations
@@ -41,7 +41,7 @@ class JointModel:
     """From which an inertia is known that was not fitted; None: from nothing."""
 
     def friction(self, velocity: ArrayLike) -> Array:
-        """Friction (9) of steady sliding, N*m, in the shape of `velocity`, rad/s: 0 at rest, nan in a direction that is not known.
+        """Friction (9) of steady sliding, drag included, N*m, in the shape of `velocity`, rad/s: 0 at rest, nan in a direction that is not known.
 
         Raises InputError where nothing is known of friction vs velocity.
         """
@@ -81,7 +81,7 @@ class JointModel:
             name: of the compensator, as in `bristle.control.compensator`.
             settings: others of `Compensator`, such as `share` or `inertia`.
 
-        Raises InputError as `parameters` does, or where a setting cannot be.
+        It has no drag of the regressor `quadratic`, only that of a law. Raises InputError as `parameters` does, or where a setting cannot be.
         """
         rates = gamma if isinstance(gamma, tuple) else (gamma, gamma)
         adaptation = None if law is None else Adaptation(law=law, gamma=rates)
@@ -92,10 +92,11 @@ class JointModel:
         """The model without load as CasADi functions; raises InputError as `parameters` does."""
         z, v, pair = ca.SX.sym("z"), ca.SX.sym("v"), self.parameters
         acting, sliding = equations.active(z, v, pair), equations.active(v, v, pair)
-        moving = [equations.torque(z, v, acting), equations.bristle_rate(z, v, acting)]
+        drag = drag_of(known_joint(self.joint)) * equations.load_terms(0.0, v, 0.0, 0.0)["quadratic"]
+        moving = [equations.torque(z, v, acting) + drag, equations.bristle_rate(z, v, acting)]
         return Functions(
             ca.Function("torque", [z, v], moving, ["z", "v"], ["T", "dz"]),
-            ca.Function("steady", [v], [equations.steady_torque(v, sliding)], ["v"], ["T"]),
+            ca.Function("steady", [v], [equations.steady_torque(v, sliding) + drag], ["v"], ["T"]),
         )
 
     def to_frame(self) -> "pd.DataFrame":

@@ -8,7 +8,7 @@ import numpy as np
 
 from bristle.errors import InputError
 from bristle.findings import Finding, Severity
-from bristle.identification.curve import known_curve
+from bristle.identification.curve import stated_curve
 from bristle.identification.fits import Estimate, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, value_fits
 from bristle.identification.results import Joint
@@ -63,15 +63,16 @@ def law_in_force(joint: Joint) -> Iterator[str]:
 
 
 def _curve(joint: Joint) -> Iterator[str]:
-    """What the values give together at the slowest and the fastest speed, in each direction: parameters are known less well one by one."""
+    """What the values give together at the slowest and the fastest speed, and its band: parameters are known less well one by one."""
     known, speed = joint.accuracy, unit("v_s", joint.kind)
     if known is None:
         return
     v = np.unique([known.slowest, known.fastest])
     try:
-        plus, minus = np.abs(known_curve(joint, np.concatenate([v, -v]))[0]).reshape(2, -1)
+        friction, half = stated_curve(joint, np.concatenate([v, -v]))
     except InputError:  # a number that no joint has
         return
+    plus, minus = np.stack([np.abs(friction), half], axis=1).reshape(2, -1, 2)
     ways = {"": plus} if np.allclose(plus, minus, rtol=1e-9) else {"+": plus, "-": minus}
     model = as_identified(joint)
     given = {name for d in SIGNED for name, value in model.values(d).items() if value}
@@ -84,9 +85,12 @@ def _curve(joint: Joint) -> Iterator[str]:
     }
     torque = unit("alpha_0", joint.kind)
     told = []
-    for d, T in ways.items():
-        if np.isfinite(T).all():
-            ends = (f"{number(x, 3)} {torque} at {number(at, 2)} {speed}" for x, at in zip(T, v, strict=True))
+    for d, curve in ways.items():
+        if np.isfinite(curve[:, 0]).all():
+            ends = (
+                f"{number(T, 3)} {torque} {f'{interval((T - half, T + half))} ' * isfinite(half)}at {number(at, 2)} {speed}"
+                for (T, half), at in zip(curve.tolist(), v.tolist(), strict=True)
+            )
             told.append(f"{' and '.join(dict.fromkeys(ends))}{f' ({d})' * bool(d)}")
     law = f"{' + '.join(text for name, text in terms.items() if name in given)} = " * (joint.law_name == GAUSSIAN.name)
     yield f"  friction: {law}{'; '.join(told)}"
