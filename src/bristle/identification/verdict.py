@@ -1,5 +1,6 @@
 """Whether to use what was identified of a joint, decided by the kinds and severities of what is said about the values to use."""
 
+import math
 from collections.abc import Iterable
 from enum import StrEnum
 from typing import NamedTuple
@@ -98,7 +99,8 @@ _SIZES = {"unexplained", "misfit"}
 
 def _largest(known: Accuracy, finding: Finding | None, cause: Finding | None) -> Finding:
     """What makes the band as wide as it is: that directions may be alike or not, the finding of the largest effect, or another part."""
-    largest = max(known.statistical, known.apart, known.sides)
+    of_findings = math.sqrt(max(known.band**2 - known.statistical**2 - known.apart**2 - known.sides**2, 0.0))
+    largest = max(known.statistical, known.apart, known.sides, of_findings)
     # what is lacking makes errors large, and opinions differ
     if finding is not None and finding.effect.get("torque", 0.0) > 0 and known.sides != largest:
         return finding
