@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import bristle
@@ -58,6 +59,30 @@ def test_each_value_to_use_stands_in_the_table_with_its_source(edro: Results) ->
                 re.M,
             )
         assert "; held-out torque within " in first
+
+
+def test_a_band_just_above_what_is_needed_has_the_digits_that_show_it(edro: Results) -> None:
+    """10.03 % where 10 % is needed; what is known well enough has two digits."""
+    joint = edro.joints[0]
+    assert joint.accuracy is not None
+    shown = [known_to(replace(joint, accuracy=replace(joint.accuracy, band=x)), "+/-") for x in (10.03, 9.9, 31.2)]
+    assert [re.findall(r"known to \+/- (\S+)", x) for x in shown] == [["10.03"], ["9.9"], ["31"]]
+
+
+def test_friction_has_its_band_at_both_ends(edro: Results) -> None:
+    """The line of friction: between the ends of each interval lies the value before it, and a wider band makes them wider."""
+    joint = edro.joints[0]
+    assert joint.accuracy is not None
+    wide = replace(joint, accuracy=replace(joint.accuracy, band=2 * joint.accuracy.band))
+    ends = []
+    for x in (joint, wide):
+        (line,) = re.findall(r"friction: .*? parameter ", words(brief_report([x])))
+        found = re.findall(r"(\S+) N\*m \[(\S+), (\S+)\]", line)
+        assert len(found) == 4
+        ends.append(np.array(found, dtype=float))
+    assert (ends[0][:, 1] <= ends[0][:, 0]).all()
+    assert (ends[0][:, 0] <= ends[0][:, 2]).all()
+    assert (np.ptp(ends[1], axis=1) > np.ptp(ends[0], axis=1)).all()
 
 
 def test_no_row_of_a_table_is_broken(edro: Results) -> None:

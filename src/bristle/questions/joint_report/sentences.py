@@ -20,8 +20,10 @@ def known_to(joint: Joint, plus_minus: str = "±") -> str:
     if known is None:
         told = any(row.parameter.name == "alpha_0" and row.estimate.value for row in chosen(joint))
         return "How well its friction is known was not computed." if told else "No friction vs velocity is known."
-    need = f", where {plus_minus} {number(joint.need, 2)} % is needed" if not known.band <= joint.need else ""
-    to = f"to {plus_minus} {number(known.band, 2)} % (95 %)" if math.isfinite(known.band) else "to no stated error"
+    short = not known.band <= joint.need
+    digits = next(k for k in range(2, 17) if not short or number(known.band, k) != number(joint.need, k))
+    need = f", where {plus_minus} {number(joint.need, 2)} % is needed" if short else ""
+    to = f"to {plus_minus} {number(known.band, digits)} % (95 %)" if math.isfinite(known.band) else "to no stated error"
     ends = dict.fromkeys(number(x, 2) for x in (known.slowest, known.fastest))
     speeds = f"{'from' if len(ends) > 1 else 'at'} {' to '.join(ends)} {unit('v_s', joint.kind)}"
     if any(w.code == "commands-at-once" for w in value_warnings(joint)):
