@@ -275,6 +275,16 @@ def test_definitions_that_are_garbage(tmp_path: Path) -> None:
     )
 
 
+def test_names_may_stand_behind_what_they_name(tmp_path: Path) -> None:
+    """In a message of another type, of either order of bytes, a joint's number is found where the names come after the numbers."""
+    schema, channel, _ = _defined("float64[] position\nstring[] name\nint16 x")
+    for order, head in (("<", b"\0\1\0\0"), (">", bytes(4))):
+        content = struct.pack(f"{order}I4x2d2I4sI2sh", 2, 1.5, 2.5, 2, 2, b"a", 2, b"b", 7)
+        bag = _mcap(tmp_path / "x.mcap", schema, channel, _message(head + content))
+        table = read_table(bag, [Key("/a.position[b]"), Key("/a.x")])
+        assert [column.tolist() for column in table.columns.values()] == [[2.5], [7.0]]
+
+
 @_QUICK
 @given(
     st.one_of(

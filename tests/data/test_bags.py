@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from bristle.data.columns import Key
 from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment
 from bristle.data.experiment.load import load_experiment, read_runs
-from bristle.data.ros import messages as decoding
 from bristle.data.ros.files import open_bag
 from bristle.data.ros.read import bag_columns, bag_joints
 from bristle.data.ros.topics import topics_of
@@ -60,20 +59,6 @@ def test_a_bag_is_read_as_its_messages_are(tmp_path: Path, form: str, count: int
     assert table.rows == count
     np.testing.assert_array_equal(table.columns[_STAMP], np.arange(count) * 10**6 / 1e9)
     assert not table.notes
-
-
-@pytest.mark.parametrize("form", ["sqlite3", "mcap"])
-def test_many_messages_are_read_as_one(tmp_path: Path, form: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Of 20 000 messages fields are visited some dozens of times a batch, not a message, and all columns are equal to the loop's."""
-    visits, real = list[int](), decoding._Walk.visit
-
-    def visit(walk: Any, *what: Any) -> None:
-        visits.append(1)
-        real(walk, *what)
-
-    monkeypatch.setattr(decoding._Walk, "visit", visit)
-    assert_read(write_bag(tmp_path, form, _states(20_000)), ("elbow",))
-    assert len(visits) < 500
 
 
 _JOINTS = ("a", "bb", "joint_3", "ellbow\u00fc")

@@ -2,18 +2,19 @@
 
 import zipfile
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.columns import Key, bounded, is_vector, numeric, reading
+from bristle.data.columns import Key, bounded, is_vector, numeric, place_of, reading
 from bristle.data.hdf5 import read_hdf5
 from bristle.data.isolated import Columns
 from bristle.data.json_table import read_json
 from bristle.data.mat import read_mat
-from bristle.errors import InputError, short, short_list
+from bristle.errors import InputError, short
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _NPZ = ("NPZ file", "write it again with numpy.savez")
@@ -49,11 +50,7 @@ def _npz(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
             return
         bounded(sum(member.file_size for member in members) / 4)
         for key in keys:
-            if there.count(str(key.column)) != 1:
-                problem = "several arrays" if key.column in there else "no array"
-                raise InputError(f"{problem} named {key}; there are: {short_list(there)}")
-        for key in keys:
-            member = members[there.index(str(key.column))]
+            member = members[place_of(replace(key, column=str(key.column)), there, "array")]
             shape, dtype = _header(archive, member)
             if dtype.hasobject:
                 raise InputError(
@@ -90,7 +87,7 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
         if keys is None:
             yield from (field.name for field in schema if _is_number(field.type))
             return
-        names = [_named(key, schema.names) for key in keys]
+        names = [schema.names[place_of(key, schema.names)] for key in keys]
         for key, name in zip(keys, names, strict=True):
             kind = schema.field(name).type
             if not _is_number(kind if key.index is None else getattr(kind, "value_type", kind)):
@@ -106,18 +103,6 @@ def _parquet(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
                 column = column if key.index is None else compute.list_element(column, key.index)
                 numbers = column.cast(pa.float64(), safe=False).to_numpy()
             yield np.array(numbers, dtype=float)
-
-
-def _named(key: Key, there: Sequence[str]) -> str:
-    """The name of the column that a key means, which has it alone."""
-    number = isinstance(key.column, int)
-    if key.column >= len(there) if isinstance(key.column, int) else key.column not in there:
-        raise InputError(f"no column {key}; there are: {short_list(there)}")
-    name = there[key.column] if isinstance(key.column, int) else key.column
-    if there.count(name) > 1:
-        which = f", as column {key} is" if number else ""
-        raise InputError(f"several columns named {short(name)}{which}; give each its own name")
-    return name
 
 
 def _is_number(kind: Any) -> bool:

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from bristle.data.columns import Key, bounded, is_vector, numeric, reading
-from bristle.errors import InputError, short_list
+from bristle.data.columns import Key, bounded, is_vector, numeric, place_of, reading
+from bristle.errors import InputError
 
 _WHAT, _HOW = 'JSON of records, as [{"t": 0, "q": 1}, ...], or of columns', "expected as many numbers in each"
 SCHEMA = "schema"
@@ -45,21 +45,15 @@ def read_json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
         yield from (name for name, x in zip(names, columns, strict=True) if is_vector(x.shape, x.dtype))
         return
     for key in keys:
-        at = key.column if isinstance(key.column, int) else names.index(key.column) if key.column in names else -1
-        if not 0 <= at < len(names):
-            raise InputError(f"no column named {key}; there are: {short_list(names)}")
-        yield numeric(columns[at], key)
+        yield numeric(columns[place_of(key, names)], key)
 
 
 def _array(column: Any) -> np.ndarray[Any, np.dtype[Any]]:
     """The values of a column, (n,), or of one of lists of one length, (n, k); null is nan."""
     if column.dtype.kind == "O":
+        plain = column.map(lambda x: x is None or isinstance(x, int | float)).all()
         lists = column.map(lambda x: len(x) if isinstance(x, list) else -1)
-        if lists.iloc[0] >= 0 and (lists == lists.iloc[0]).all():
+        if plain or (lists.iloc[0] >= 0 and (lists == lists.iloc[0]).all()):
             with reading(_WHAT, _HOW):
-                return np.array(column.tolist())
-        known = column.map(lambda x: x is None or isinstance(x, int | float))
-        if known.all():
-            with reading(_WHAT, _HOW):
-                return np.asarray(column, dtype=float)
+                return np.array(column.tolist(), dtype=float if plain else None)
     return np.asarray(column)

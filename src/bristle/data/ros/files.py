@@ -2,7 +2,6 @@
 
 import hashlib
 from pathlib import Path
-from typing import Any
 
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.ros.storage import Bag
@@ -49,37 +48,32 @@ def digest_of(bag: Bag) -> str:
     digest = hashlib.sha256()
     for path in bag.files:
         with path.open("rb") as file:
-            for piece in iter(lambda: file.read(2**20), b""):
-                digest.update(piece)
+            hashlib.file_digest(file, lambda: digest)
     return digest.hexdigest()
 
 
 def _of_folder(folder: Path) -> Bag:
-    """The storage files that metadata.yaml names, all inside the folder. Raises InputError."""
+    """The storage files that metadata.yaml names, all inside the folder, through no link either. Raises InputError.
+
+    The oldest bags name their own folder before a file, as it was called then.
+    """
     about = parse(read_text(folder / METADATA), METADATA).get(_HEAD)
     if not isinstance(about, dict):
         raise InputError(f"{METADATA} holds no {_HEAD}; expected the folder of a ROS 2 bag")
     names, distribution = about.get("relative_file_paths"), about.get("ros_distro")
     if not isinstance(names, list) or not 0 < len(names) <= _MOST_FILES:
         raise InputError(f"{METADATA}: got relative_file_paths {short(names)}; expected the names of the storage files")
-    files = tuple(dict.fromkeys(_inside(folder, name) for name in names))
-    return Bag(folder, files, distribution if isinstance(distribution, str) else None)
-
-
-def _inside(folder: Path, name: Any) -> Path:
-    """A storage file by its name, which leads nowhere else, through no link either.
-
-    The oldest bags name their own folder before it, as it was called then.
-    """
-    path = Path(name) if isinstance(name, str) and "\0" not in name else Path()
-    known = not {*path.suffixes}.isdisjoint(_SUFFIXES[:2])
-    if not 0 < len(path.parts) < 3 or path.is_absolute() or ".." in path.parts or not known:
-        raise InputError(
-            f"{METADATA}: got the file {short(name)}; expected the name of a .mcap or .db3 file in the folder of the bag"
-        )
-    file = folder / path.name
-    if not file.exists():
-        raise InputError(f"{METADATA}: file {short(path.name)} is not in the folder of the bag; copy it there")
-    if file.resolve().parent != folder.resolve():
-        raise InputError(f"{METADATA}: file {short(path.name)} is a link out of the folder of the bag; copy it there")
-    return file
+    files = dict[Path, None]()
+    for name in names:
+        path = Path(name) if isinstance(name, str) and "\0" not in name else Path()
+        known = not {*path.suffixes}.isdisjoint(_SUFFIXES[:2])
+        if not 0 < len(path.parts) < 3 or path.is_absolute() or ".." in path.parts or not known:
+            raise InputError(
+                f"{METADATA}: got the file {short(name)}; expected the name of a .mcap or .db3 file in the folder of the bag"
+            )
+        file = folder / path.name
+        if not file.exists() or file.resolve().parent != folder.resolve():
+            why = "is a link out of" if file.exists() else "is not in"
+            raise InputError(f"{METADATA}: file {short(path.name)} {why} the folder of the bag; copy it there")
+        files[file] = None
+    return Bag(folder, tuple(files), distribution if isinstance(distribution, str) else None)

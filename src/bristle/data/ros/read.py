@@ -1,5 +1,6 @@
 """Columns of a ROS bag, each at the time stamps of one topic."""
 
+from array import array
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,31 +14,29 @@ from bristle.data.columns import Key, between_samples, bounded
 from bristle.data.ros.files import digest_of, open_bag
 from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import Bag, Integers, batches_of
+from bristle.data.ros.storage import messages_of
 from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
 
+Integers = NDArray[np.int64]
 _GAP = 5
 """Median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Messages:
-    """All messages of a topic, in the order in which they were received."""
+    """All messages of a topic, in the order in which they were received, ns."""
 
     topic: str
     received: Integers
-    """ns."""
     values: Mapping[FieldPath, NDArray[Any]]
     joints: tuple[str, ...]
 
     def stamps(self, path: FieldPath | None) -> Integers:
         """Times in ns, `NO_STAMP` where there is none. Raises InputError where all are zero, and so were never set."""
-        if path is None:
-            return self.received
-        stamps = self.values[path].astype(np.int64)
-        if stamps.size and not stamps.any():
+        stamps: Integers = self.received if path is None else self.values[path]
+        if path is not None and stamps.size and not stamps.any():
             raise InputError(
                 f"the stamps of {self.topic} are all zero; name the time as {self.topic}.{RECEIVED}, when its messages were received"
             )
@@ -58,13 +57,19 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
     targets = {key: target_of(key, topics) for key in keys}
     if not targets:
         return {}, digest_of(bag), ()
-    base = _base(targets)
-    names = list(dict.fromkeys(target.topic for target in targets.values()))
-    clocks = {name: _clock(topics[name], base) for name in names} if len(names) > 1 else {}
-    wanted = {
-        name: [t.path for t in (*targets.values(), Target(name, clocks.get(name))) if t.topic == name] for name in names
-    }
-    read = {name: _read(topics[name], [path for path in paths if path]) for name, paths in wanted.items()}
+    base, names = _base(targets), list(dict.fromkeys(target.topic for target in targets.values()))
+
+    # where there are several topics, the stamps at which the messages of each stand: those in its header, if the time is one
+    clocks: dict[str, FieldPath | None] = {}
+    for name in names if len(names) > 1 else ():
+        header = topics[name].message().fields.get("header")
+        stamped = base.path is not None and "stamp" in getattr(header, "fields", {})
+        clocks[name] = base.path if name == base.topic else STAMP if stamped else None
+
+    read = dict[str, _Messages]()
+    for name in names:
+        paths = [*(t.path for t in targets.values() if t.topic == name), clocks.get(name)]
+        read[name] = _read(topics[name], [path for path in paths if path])
     bounded(sum(messages.received.size for messages in read.values()) * len(keys))
     _check_there(targets, read)
     columns = {key: _column(target, read, base.topic, clocks) for key, target in targets.items()}
@@ -86,36 +91,19 @@ def _base(targets: Mapping[Key, Target]) -> Target:
     return times[0]
 
 
-def _clock(topic: Topic, base: Target) -> FieldPath | None:
-    """The stamps at which the messages of a topic stand, where there are several: those in the header, if the time is."""
-    if topic.name == base.topic:
-        return base.path
-    header = topic.message().fields.get("header")
-    stamped = base.path is not None and "stamp" in getattr(header, "fields", {})
-    return STAMP if stamped else None
-
-
 def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
     """The numbers of a topic at some paths, in the order in which messages were received."""
-    paths = list(dict.fromkeys(paths))
-    times, parts, joints = list[Integers](), list[list[NDArray[Any]]](), dict[str, None]()
-    message, count = topic.message(), 0
-    decoders = {c.number: Decoder(message, paths, is_cdr=c.encoding == "cdr") for c in topic.channels}
-    for batch in batches_of(topic.bag, frozenset(decoders)):
-        count += batch.starts.size
-        bounded(count * (len(paths) + 1))
-        for number, decoder in decoders.items():
-            some = batch.where(batch.channels == number)
-            if some.starts.size:
-                times.append(some.times)
-                parts.append(decoder.decode(some))
-                joints |= decoder.joints
-    if not times:
+    paths, received = list(dict.fromkeys(paths)), array("q")
+    decoder = Decoder(topic.message(), paths, is_cdr=topic.channels[0].encoding == "cdr")
+    for _, time, raw in messages_of(topic.bag, frozenset(channel.number for channel in topic.channels)):
+        received.append(time)
+        bounded(len(received) * (len(paths) + 1))
+        decoder.decode(raw)
+    if not received:
         raise InputError(f"holds no message of topic {topic.name}; name another")
-    received = np.concatenate(times)
     order = np.argsort(received, kind="stable")
-    values = {path: np.concatenate([part[k] for part in parts])[order] for k, path in enumerate(paths)}
-    return _Messages(topic.name, received[order], values, tuple(joints))
+    values = {path: np.array(column)[order] for path, column in zip(paths, decoder.columns, strict=True)}
+    return _Messages(topic.name, np.array(received)[order], values, tuple(decoder.joints))
 
 
 def _check_there(targets: Mapping[Key, Target], read: Mapping[str, _Messages]) -> None:
@@ -144,14 +132,10 @@ def _column(target: Target, read: Mapping[str, _Messages], base: str, clocks: Ma
         known = stamps != NO_STAMP
         first = stamps[known][0]
         return np.where(known, (stamps - first) / 1e9, np.nan)
-    values: Array = messages.values[target.path].astype(float)  # type: ignore[index]  # no time has a path here
+    values: Array = messages.values[target.path]  # type: ignore[index]  # no time has a path here
     if target.topic == base:
         return values
-    return _interpolated(messages.stamps(clocks[target.topic]), values, read[base].stamps(clocks[base]), target.topic)
-
-
-def _interpolated(stamps: Integers, values: Array, at: Integers, topic: str) -> Array:
-    """Values at other times, ns; nan where there is nothing on both sides within a gap."""
+    stamps, at, topic = messages.stamps(clocks[target.topic]), read[base].stamps(clocks[base]), target.topic
     known = stamps != NO_STAMP
     order = np.argsort(stamps[known], kind="stable")
     stamps, values = stamps[known][order], values[known][order]
@@ -162,7 +146,9 @@ def _interpolated(stamps: Integers, values: Array, at: Integers, topic: str) -> 
             f"the messages of {topic} are at other times than those of the time's topic; name topics that were logged together"
         )
     since = np.where(at == NO_STAMP, np.nan, (at - stamps[0]).astype(float))
-    return between_samples(since, (stamps - stamps[0]).astype(float), values, _GAP)
+    return between_samples(
+        since, (stamps - stamps[0]).astype(float), values, _GAP
+    )  # nan where there is nothing on both sides
 
 
 def _notes(
@@ -221,9 +207,8 @@ def _joints(topic: Topic) -> tuple[str, ...]:
 
 def bag_columns(path: Path) -> tuple[str, ...]:
     """Names of the columns that a bag offers. Raises InputError; needs the extra `ros`."""
-    bag: Bag = open_bag(path)
     names = list[str]()
-    for topic in topics_of(bag).values():
+    for topic in topics_of(open_bag(path)).values():
         try:
             names += columns_of(topic, _joints(topic) if topic.kind == JOINT_STATE else ())
         except InputError:  # of a topic that is not read, and may not be wanted

@@ -6,24 +6,18 @@ rosbags unpacks a chunk whole, whatever size it claims: a bag of strangers can t
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import islice
+from operator import index
 from pathlib import Path
 from typing import Any, NamedTuple
-
-import numpy as np
-from numpy.typing import NDArray
 
 from bristle.data.columns import reading
 from bristle.errors import InputError
 
-Integers = NDArray[np.int64]
-Bytes = NDArray[np.uint8]
 DAMAGED = "record it again, or repair it with the tools of ROS (ros2 bag reindex, mcap recover, rosbag reindex)"
 """What to do about a damaged bag."""
 _WHAT = "ROS bag that ended in order"
-_ROWS, _BYTES = 8192, 2**23
-"""Messages that are read together, and about how many bytes of them."""
-_MOST, _RATIO = 2**33, 200
-"""Bytes of messages that are read of one bag: so many, or so many times its size beyond `_BYTES`."""
+_MOST, _RATIO, _BYTES = 2**33, 200, 2**23
+"""Bytes of messages that are read of one bag: so many, or so many times its size beyond the last."""
 
 
 class Bag(NamedTuple):
@@ -52,23 +46,6 @@ class Channel(NamedTuple):
     """Whether the definition is in IDL, which is not parsed."""
 
 
-class MessageBatch(NamedTuple):
-    """Some messages, as bytes of one buffer; the arrays have shape (messages,)."""
-
-    data: Bytes
-    starts: Integers
-    """Offset of each message in `data`; it lies inside, as long as it is."""
-    lengths: Integers
-    times: Integers
-    """Receive time, ns."""
-    channels: Integers
-    """`Channel.number` of each."""
-
-    def where(self, mask: NDArray[np.bool_]) -> "MessageBatch":
-        """Some of its messages."""
-        return MessageBatch(self.data, *(x[mask] for x in (self.starts, self.lengths, self.times, self.channels)))
-
-
 @contextmanager
 def _opened(bag: Bag) -> Iterator[Any]:
     """The reader of rosbags for a bag."""
@@ -93,28 +70,20 @@ def channels_of(bag: Bag) -> list[Channel]:
         ]  # fmt: skip  # a record
 
 
-def batches_of(bag: Bag, wanted: frozenset[int]) -> Iterator[MessageBatch]:
-    """The messages of some channels of a bag. Raises InputError where it cannot be read, or they are far longer than its files."""
+def messages_of(bag: Bag, wanted: frozenset[int]) -> Iterator[tuple[int, int, bytes]]:
+    """Channel number, receive time, ns, and bytes of each message of some channels of a bag.
+
+    Raises InputError where it cannot be read, or the messages are far longer than its files.
+    """
     left = min(_MOST, _BYTES + _RATIO * sum(file.stat().st_size for file in bag.files))
     with _opened(bag) as reader:
-        messages, rows = reader.messages([c for c in reader.connections if c.id in wanted]), 64
+        messages = reader.messages([c for c in reader.connections if c.id in wanted])
         while True:
-            with reading(_WHAT, DAMAGED):
-                some = [(c.id, time, bytes(raw)) for c, time, raw in islice(messages, rows)]
-                if not some:
-                    return
-                numbers, times = np.array([x[:2] for x in some], np.int64).T
-            lengths = np.fromiter((len(raw) for *_, raw in some), np.int64, len(some))
-            left -= int(lengths.sum())
+            with reading(_WHAT, DAMAGED):  # some at a time, and times that are none are damage
+                some = [(c.id, index(time), bytes(raw)) for c, time, raw in islice(messages, 64)]
+            left -= sum(len(raw) for *_, raw in some)
             if left < 0:
                 raise InputError(f"holds messages of far more bytes than the file explains; {DAMAGED}")
-            data = np.frombuffer(b"".join(raw for *_, raw in some), np.uint8)
-            rows = int(np.clip(_BYTES * len(some) // max(1, data.size), 1, _ROWS))
-            yield MessageBatch(data, np.cumsum(lengths) - lengths, lengths, times, numbers)
-
-
-def rows_of(data: Bytes, starts: Integers, width: int) -> Bytes:
-    """`width` bytes from each offset on, shape (offsets, width)."""
-    if not starts.size:
-        return np.empty((0, width), np.uint8)
-    return np.ascontiguousarray(np.lib.stride_tricks.sliding_window_view(data, width)[starts])
+            if not some:
+                return
+            yield from some
