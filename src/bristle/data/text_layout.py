@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import IO, NamedTuple
+from typing import NamedTuple
 
 from bristle.data.units import signal_unit
 from bristle.errors import InputError, short
@@ -76,13 +76,25 @@ def text_layout(path: Path) -> Layout:
     Raises InputError where the file is no text, or a row of numbers would be lost above the table.
     """
     with path.open("rb") as file:
-        encoding, lines = _decode(file)
-    return _layout(encoding, tuple(lines))
+        sample = file.read(_SAMPLE)
+        while sample.count(b"\n") < _HEADED and len(sample) < _MOST and (line := file.readline(_MOST - len(sample))):
+            sample += line
+        whole = not file.read(1)
+    encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+    if encoding != "utf-16" and b"\0" in sample:
+        raise InputError("is not a text file; expected CSV text, or a .mat, .npz, .parquet or .h5 file")
+    try:
+        text = sample.decode(encoding)
+    except UnicodeDecodeError as error:
+        cut = not whole and error.start > len(sample) - 4
+        encoding = encoding if cut or encoding == "utf-16" else "latin-1"
+        text = sample.decode(encoding, errors="replace")
+    lines = re.split(r"\r\n|\r|\n", text)
+    return _layout(encoding, tuple(lines if whole else lines[:-1])[:2000])  # 2000 lines that are looked at
 
 
 @lru_cache(maxsize=256)  # a log is opened several times: to draft, to choose, to read
 def _layout(encoding: str, lines: tuple[str, ...]) -> Layout:
-    """The same of lines."""
     comment = next((c for c in ("#", "%", "//") if any(line.lstrip().startswith(c) for line in lines)), None)
     rows = [
         (i, line)
@@ -236,24 +248,6 @@ def split(line: str, delimiter: str) -> list[str]:
         raise InputError(f"is not a table of numbers ({error})") from error
     finally:
         csv.field_size_limit(before)
-
-
-def _decode(file: IO[bytes]) -> tuple[str, list[str]]:
-    sample = file.read(_SAMPLE)
-    while sample.count(b"\n") < _HEADED and len(sample) < _MOST and (line := file.readline(_MOST - len(sample))):
-        sample += line
-    whole = not file.read(1)
-    encoding = "utf-16" if sample[:2] in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-    if encoding != "utf-16" and b"\0" in sample:
-        raise InputError("is not a text file; expected CSV text, or a .mat, .npz, .parquet or .h5 file")
-    try:
-        text = sample.decode(encoding)
-    except UnicodeDecodeError as error:
-        cut = not whole and error.start > len(sample) - 4
-        encoding = encoding if cut or encoding == "utf-16" else "latin-1"
-        text = sample.decode(encoding, errors="replace")
-    lines = re.split(r"\r\n|\r|\n", text)
-    return encoding, (lines if whole else lines[:-1])[:2000]  # 2000 lines that are looked at
 
 
 def _fitness(lines: Sequence[str], delimiter: str) -> tuple[float, int]:

@@ -85,8 +85,8 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
                 raise InputError(
                     f"column {stamps}: unit iso is for text; expected a time in a unit such as s, ms or ns"
                 )
-            table = _read_text(path, keys) if text else RawTable(columns=read_binary(path, keys), rows=0, sha256="")
-            table = replace(table, sha256=digest)
+            columns = {} if text else read_binary(path, keys)
+            table = _read_text(path, keys, digest) if text else RawTable(columns=columns, rows=0, sha256=digest)
     lengths = {key: column.size for key, column in table.columns.items()}
     if len(set(lengths.values())) > 1:
         raise InputError(
@@ -157,13 +157,34 @@ def _digest(path: Path, *, text: bool) -> str:
     return digest.hexdigest()
 
 
-def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
+def _read_text(path: Path, keys: Sequence[Key], digest: str) -> RawTable:
+    import pandas as pd
+
     layout = text_layout(path)
     places = {key: _place(key, layout) for key in keys}
     if not layout.first:
         raise InputError("has a header and no row of numbers; expected a log with a row per sample")
-    frame = _frame(path, layout, [place for key, place in places.items() if key.stamps])
-    lists = _of_lists(layout)
+    with path.open(encoding=layout.encoding, errors="replace") as file:
+        for _ in range(layout.skip):  # as lines: a quote in the header opens nothing
+            file.readline()
+        with reading("table of numbers", "expected one row of numbers per line"):
+            try:
+                frame = pd.read_csv(
+                    file,
+                    sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
+                    header=None,
+                    names=list(range(layout.width)),
+                    index_col=False,
+                    comment=layout.comment,
+                    decimal=layout.decimal,
+                    dtype=dict.fromkeys((place for key, place in places.items() if key.stamps), str),
+                    skipinitialspace=True,
+                    low_memory=False,
+                )
+            except pd.errors.ParserError as error:
+                raise InputError(
+                    f"its rows differ in width: {error}; expected {layout.width} columns in every row"
+                ) from error
     times = [place for place in places.values() if place % 2 == 0] if layout.blocks else []
     for key, place in places.items():  # channels of a time and a value each have one time
         if len(times) == 1 and place % 2 and place - 1 != times[0] and not frame[place - 1].equals(frame[times[0]]):
@@ -172,14 +193,12 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
                 f"add time: {place - 1} to the signal"
             )
     comma = Finding("decimal-comma", CAUTION, "Numbers have a decimal comma.") if layout.decimal == "," else None
-    notes = tuple(filter(None, (layout.note, comma)))
     stamps = {key: seconds_of_stamps(frame[place], str(key)) for key, place in places.items() if key.stamps}
     numbers = {
-        key: _numbers(_picked(frame[place], key) if place in lists else frame[place], key)
+        key: _numbers(_picked(frame[place], key) if place in _of_lists(layout) else frame[place], key)
         for key, place in places.items()
         if not key.stamps
     }
-    stated = {key: layout.units[place] for key, place in places.items() if place < len(layout.units)}
 
     # lines and rows go together where each line after the header is one row, in a file that is short enough to look
     header = None
@@ -192,39 +211,12 @@ def _read_text(path: Path, keys: Sequence[Key]) -> RawTable:
     return RawTable(
         columns={**numbers, **{key: seconds for key, (seconds, _) in stamps.items()}},
         rows=len(frame),
-        sha256="",
-        notes=notes,
+        sha256=digest,
+        notes=tuple(filter(None, (layout.note, comma))),
         header=header,
-        units={key: unit for key, unit in stated.items() if unit},
+        units={key: unit for key, place in places.items() if (unit := "".join(layout.units[place : place + 1]))},
         origins={key: origin for key, (_, origin) in stamps.items()},
     )
-
-
-def _frame(path: Path, layout: Layout, stamps: Sequence[int]) -> "pd.DataFrame":
-    """The table of a text file, its columns by number; those of dates as text."""
-    import pandas as pd
-
-    with path.open(encoding=layout.encoding, errors="replace") as file:
-        for _ in range(layout.skip):  # as lines: a quote in the header opens nothing
-            file.readline()
-        with reading("table of numbers", "expected one row of numbers per line"):
-            try:
-                return pd.read_csv(
-                    file,
-                    sep=r"\s+" if layout.delimiter == " " else layout.delimiter,
-                    header=None,
-                    names=list(range(layout.width)),
-                    index_col=False,
-                    comment=layout.comment,
-                    decimal=layout.decimal,
-                    dtype=dict.fromkeys(stamps, str),
-                    skipinitialspace=True,
-                    low_memory=False,
-                )
-            except pd.errors.ParserError as error:
-                raise InputError(
-                    f"its rows differ in width: {error}; expected {layout.width} columns in every row"
-                ) from error
 
 
 def _place(key: Key, layout: Layout) -> int:

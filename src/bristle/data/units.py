@@ -128,7 +128,7 @@ def _parts(value: object) -> tuple[float, str, float, str] | None:
 
 
 def _plain(value: object) -> str:
-    """The text with single blanks; nothing where there is no text, or far too much."""
+    """The text with single blanks; nothing where there is none, or far too much."""
     return " ".join(value.split()) if isinstance(value, str) and len(value) <= _LONGEST else ""
 
 
