@@ -111,13 +111,6 @@ def _own(record: Record) -> float:
     return _shown(np.asarray(_known(record, "position", "velocity"))[_longest(record)], record.step).own
 
 
-def _spectrum(x: Array, step: float) -> tuple[Array, Array]:
-    """Frequencies above 0, Hz, and the one-sided power spectral density of a signal, its mean taken off, under a Hann window."""
-    window = np.hanning(x.size + 2)[1:-1]
-    power = np.abs(np.fft.rfft((x - x.mean()) * window)) ** 2 * 2 * step / np.sum(window**2)
-    return np.arange(1.0, power.size) / (x.size * step), power[1:]
-
-
 class _Shown(NamedTuple):
     """What a signal shows, in bins that grow with the frequency."""
 
@@ -136,7 +129,10 @@ class _Shown(NamedTuple):
 
 
 def _shown(x: Array, step: float, order: int | None = None) -> _Shown:
-    f, power = _spectrum(x, step)
+    # the one-sided power spectral density above 0 Hz, the mean taken off, under a Hann window
+    window = np.hanning(x.size + 2)[1:-1]
+    power = (np.abs(np.fft.rfft((x - x.mean()) * window)) ** 2 * 2 * step / np.sum(window**2))[1:]
+    f = np.arange(1.0, power.size + 1) / (x.size * step)
     count, moved = smallest_step(x), np.abs(np.diff(x))
     # steps that are all alike are those of an even motion, not of counts
     # 0.01 of all samples, that are another number of counts apart than most
@@ -145,9 +141,7 @@ def _shown(x: Array, step: float, order: int | None = None) -> _Shown:
     noise = max(highest, counts)
     edges = [0]
     while edges[-1] < f.size:
-        edges.append(
-            max(edges[-1] + 3, round(edges[-1] * 2 ** (1 / 12)))
-        )  # twelve bins an octave, of three lines or more
+        edges.append(max(edges[-1] + 3, round(edges[-1] * 2 ** (1 / 12))))  # twelve an octave, of three lines or more
     size = np.diff([*edges[:-1], f.size])
     middle, mean = (np.add.reduceat(values, edges[:-1]) / size for values in (f, power))
     seen = mean > 4.0 * noise  # four times the noise, below which a spectrum shows nothing

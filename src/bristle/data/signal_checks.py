@@ -58,16 +58,13 @@ def check_signals(record: Record, kind: RunKind, signals: Signals, context: Cont
         context: kind of the joint, and size of a count.
     """
     found: list[Finding | None] = [*check_torque(record, kind)]
+    factor = None if kind == "points" else _velocity_factor(record, signals, context)
     if kind != "points":
-        factor = _velocity_factor(record, signals, context)
         found += [factor, position_jumps(record, signals, context), held_position(record, signals)]
         found.append(count_mismatch(record, signals.position, context))
     if kind == "tracking":
-        found += [
-            irregular_sampling(record),
-            None if factor else velocity_lag(record),
-        ]
-    return tuple(d for d in found if d is not None)
+        found += [irregular_sampling(record), None if factor else velocity_lag(record)]
+    return tuple(filter(None, found))
 
 
 def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple[Finding, ...]:

@@ -142,7 +142,7 @@ def find_segments(
                 standard_error=e.torque_error,
                 accepted=not against,
                 reasons=against,
-                warnings=() if against else warnings(e),
+                warnings=() if against else tuple(warnings(e)),
                 stick_slip=not against and sticks(e),
                 time=float(middle),
                 position=None if record.position is None else float(record.position[part].mean()),

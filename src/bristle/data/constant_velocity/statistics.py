@@ -66,14 +66,14 @@ class Evidence:
 
 def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution: float | None) -> Scale:
     """What is usual in a run; from its plateaus, or from all of it where there is none."""
-    velocity, time = _signal(record.velocity), record.time
+    velocity, time = np.asarray(record.velocity), record.time
     plateaus = [s for s in candidates if s.plateau] or [CandidateSpan(0, time.size, False)]
     durations = np.array([time[s.stop - 1] - time[s.start] for s in plateaus])
     speeds = np.array([abs(float(np.mean(velocity[s.start : s.stop]))) for s in plateaus])
     steps = np.abs(np.diff(record.position)) if record.position is not None else np.zeros(0)
     smallest = float(np.min(steps, where=steps > 1e-9 * steps.max(initial=0.0), initial=np.inf))
     signals = [np.abs(x) for x in (record.torque, record.voltage) if x is not None]
-    torque = np.abs(_signal(record.torque))
+    torque = np.abs(np.asarray(record.torque))
     levels = [x for s in plateaus if (x := torque[s.start : s.stop]).max() < torque.max() * (1 - 1e-6)]
     return Scale(
         quantum=resolution or (smallest if np.isfinite(smallest) else 0.0),
@@ -88,13 +88,11 @@ def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution:
 def evidence(record: Record, candidate: CandidateSpan, usual: Scale, torque_limit: float | None) -> Evidence:
     """Measure one candidate of a run."""
     part = slice(candidate.start, candidate.stop)
-    time, v, torque = record.time[part], _signal(record.velocity)[part], _signal(record.torque)[part]
-    n = v.size
-    logged = float(v.mean())
-    position = None if record.position is None else record.position[part]
-    velocity = (
-        logged if position is None or n < 3 else float(np.polyfit(time - time.mean(), position - position[0], 1)[0])
-    )
+    time, v, torque = record.time[part], np.asarray(record.velocity)[part], np.asarray(record.torque)[part]
+    n, logged = v.size, float(v.mean())
+    velocity, position = logged, None if record.position is None else record.position[part]
+    if position is not None and n >= 3:
+        velocity = float(np.polyfit(time - time.mean(), position - position[0], 1)[0])
     swing, resting, backward = _swing(v, position, time, velocity, usual.quantum)
     drift, drift_noise, v_correlation = _drift(v)
     torque_drift, torque_drift_noise, t_correlation = _drift(torque)
@@ -157,7 +155,3 @@ def _weighted_median(x: Array, weight: Array) -> float:
     order = np.argsort(x)
     total = np.cumsum(weight[order])
     return float(x[order][np.searchsorted(total, total[-1] / 2)])
-
-
-def _signal(x: Array | None) -> Array:
-    return np.zeros(0) if x is None else x

@@ -396,7 +396,7 @@ def from_current(k_t: float, unit: str) -> Finding:
 def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str | None) -> Record:
     """The record with velocity and torque, for tracking with acceleration, and with the low pass that its kind needs."""
     from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading
-    from bristle.data.differentiation import estimate_motion, let_go, low_pass, without_rests
+    from bristle.data.differentiation import estimate_motion, let_go, without_rests
     from bristle.model.motor import drive_torque
 
     fit, motor = experiment.fit, experiment.motor
@@ -419,7 +419,7 @@ def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str 
     elif drive == "voltage":  # an effort in its own unit, as a current is without a motor
         record = replace(record, torque=record.voltage, voltage=None)
     if kind == "presliding" and record.torque is not None:
-        cutoff, why = low_pass(record, of_slow_loading)
+        cutoff, why = of_slow_loading(record)
         message = f"Torque of slow loading: low pass of {cutoff:.3g} Hz{why.message}."
         note = Finding("torque-smoothed", NOTE, message, {"cutoff": cutoff})
         record = replace(record, cutoff=cutoff, notes=(*record.notes, note))

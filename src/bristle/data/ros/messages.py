@@ -41,7 +41,7 @@ class Decoder:
 
     def __init__(self, message: MessageField, paths: Sequence[Path], *, is_cdr: bool) -> None:
         self.is_cdr = is_cdr
-        self.columns = [array("q" if path.is_stamp else "d") for path in paths]
+        self.columns: list[array[Any]] = [array("q" if path.is_stamp else "d") for path in paths]
         """The numbers at each path, message by message: nan where one has none; stamps in ns, else `NO_STAMP`."""
         self.joints: dict[str, None] = {}
         """Names that were seen, in order."""
