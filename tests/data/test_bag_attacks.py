@@ -347,5 +347,5 @@ def test_without_rosbags_the_sentence_says_how_to_install_it(tmp_path: Path, mon
 def test_a_bag_has_a_largest_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A bag over the limit is refused before it is read."""
     path = write_bag(tmp_path, "bag", [state(START, "ab", (1, 2))])
-    monkeypatch.setattr("bristle.data.ros.files.MAX_BYTES", 1000)
+    monkeypatch.setattr("bristle.data.ros.storage.MAX_BYTES", 1000)
     assert "over the limit of 1000" in str(_refusal(path))

@@ -18,8 +18,8 @@ from bristle.data.columns import Key
 from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE, GAINS
-from bristle.data.ros.files import is_bag, open_bag
 from bristle.data.ros.read import bag_columns, bag_joints, read_bag, state_topic
+from bristle.data.ros.storage import is_bag, open_bag
 from bristle.data.ros.topics import RECEIVED, Topic, target_of, topics_of
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, StrictBool, field_validator, model_validator
+from pydantic import BeforeValidator, Field, StrictBool
 
 from bristle.data.cleaning import make_record
 from bristle.data.constant_velocity.acceptance import Thresholds
@@ -30,7 +30,7 @@ from bristle.data.experiment.schema import (
     RunKind,
     Shown,
     TrueSet,
-    read_inertia,
+    read_constant,
 )
 from bristle.data.experiment.signals import DRIVE, GAINS, Cleaning, Context, Signals, quantity, si
 from bristle.data.experiment.tables import Source, joined, keys_of, part_of, read_columns
@@ -52,7 +52,7 @@ class Experiment(StrictModel):
     path: Path
     joint: JointDescription
     motor_constants: MotorConstants | None = Field(default=None, alias="motor")
-    inertia: Annotated[PlusMinus, BeforeValidator(read_inertia)] | None = None
+    inertia: Annotated[PlusMinus, read_constant("inertia", is_prior=True)] | None = None
     gravity: Gravity | None = None
     """What is known of it, which scales a torque that is known as a voltage, a current or a position error alone."""
     declared_count: Annotated[float, quantity("position", of_motor=True), Field(gt=0)] | None = Field(
@@ -81,7 +81,7 @@ class Experiment(StrictModel):
         if m is None or m.torque_constant is None:
             return None
         R = m.resistance.value if m.resistance else _NAN
-        return Motor(m.torque_constant.value, R, m.inductance, _known(m.inertia))
+        return Motor(m.torque_constant.value, R, m.inductance, _NAN if m.inertia is None else m.inertia)
 
     @property
     def encoder_resolution(self) -> float | None:
@@ -91,10 +91,7 @@ class Experiment(StrictModel):
     @property
     def truth(self) -> dict[str, Lugre[float]]:
         """The true parameters by direction (+, -, both), where the data are simulated."""
-        return {
-            d: Lugre(p.alpha_0, p.alpha_1, p.alpha_2, p.v_s, _known(p.sigma_0), _known(p.sigma_1))
-            for d, p in self.true_sets.items()
-        }
+        return {d: Lugre(**{name: _NAN if x is None else x for name, x in p}) for d, p in self.true_sets.items()}
 
     def signals_of(self, run: RunFiles) -> Signals:
         """The signals of a run: its own, and those of the experiment that it does not replace."""
@@ -116,97 +113,65 @@ class Experiment(StrictModel):
         gear = self.motor_constants.gear if self.motor_constants else None
         return Context(kind=self.joint.kind, resolution=self.declared_count, gear=gear)
 
-    @field_validator("true_sets")
-    @classmethod
-    def _both_or_each(cls, sets: dict[str, TrueSet]) -> dict[str, TrueSet]:
-        if "both" in sets and len(sets) > 1:
-            raise InputError("got both beside + or -; expected either both, or + and -")
-        return sets
-
-    @model_validator(mode="after")
-    def _coasts(self) -> "Experiment":
-        if self.coasting is None:
-            return self
-        made, signals = self.coasting.made_of, [self.signals_of(run) for run in self.runs]
-        got = [f"signals.{drive}" for x in signals if (drive := x.drive()) is not None]
-        got += [f"a run of kind {run.experiment}" for run in self.runs if run.experiment != "tracking"]
-        got += [f"fit.regressors: {made}"] if made in (self.fit.regressors or ()) else []
-        got += ["inertia"] if made == "inertia" and self.inertia is not None else []
-        got += ["fit.predict: position"] if self.fit.predict == "position" else []
-        if got:
-            raise InputError(
-                f"coasting: got {got[0]} beside it; expected tracking runs whose torque nothing but gravity and inertia makes"
-            )
-        return self
-
-    @model_validator(mode="after")
-    def _runs_have_signals(self) -> "Experiment":
+    def _problems(self) -> Iterator[str]:
+        if "both" in self.true_sets and len(self.true_sets) > 1:
+            yield "truth: got both beside + or -; expected either both, or + and -"
+        if self.coasting is not None:
+            made, signals = self.coasting.made_of, [self.signals_of(run) for run in self.runs]
+            got = [f"signals.{drive}" for x in signals if (drive := x.drive()) is not None]
+            got += [f"a run of kind {run.experiment}" for run in self.runs if run.experiment != "tracking"]
+            got += [f"fit.regressors: {made}"] if made in (self.fit.regressors or ()) else []
+            got += ["inertia"] if made == "inertia" and self.inertia is not None else []
+            got += ["fit.predict: position"] if self.fit.predict == "position" else []
+            if got:
+                yield f"coasting: got {got[0]} beside it; expected tracking runs whose torque nothing but gravity and inertia makes"
         for k, run in enumerate(self.runs):
-            where = f"runs.{k}"
-            signals = self.signals_of(run)
-            drive, moving = signals.drive(), run.experiment != "points"
-            if drive is None and self.coasting is None:
-                raise InputError(
-                    f"{where}: no torque; name one of torque, voltage and current, or command, under signals"
-                )
-            if moving and signals.time is None:
-                raise InputError(
-                    f"{where}: no time; give a column, as in time: {{column: t, unit: s}}, or a rate, as in time: {{rate: 1 kHz}}, under signals"
-                )
-            by_position = not {"gravity", *PERIODIC}.isdisjoint(self.fit.regressors or ())
-            needs_position = run.experiment == "presliding" or (moving and by_position)
-            if signals.position is None and (needs_position or signals.velocity is None):
-                wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
-                raise InputError(f"{where}: no {wanted}, which {run.experiment} runs need; name it under signals")
-            if not moving and (signals.velocity is None or drive != "torque"):
-                raise InputError(f"{where}: points are pairs of velocity and torque; name both under signals")
-            constants = self.motor_constants
-            alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
-            lacks = [
-                x for name, x in GAINS.items() if getattr(signals, name) and not (constants and getattr(constants, x))
-            ]
-            if lacks and not (alone and lacks == ["kp"]):
-                raise InputError(
-                    f"{where}: the torque that a drive makes of a command needs motor.{lacks[0]}; add it, as in motor: {{kp: 20 N*m/rad, "
-                    "kd: 1 N*m*s/rad}; of a position command alone, without motor, friction is in rad, as a share of kp"
-                )
-            if signals.command is not None and signals.position is None:
-                raise InputError(
-                    f"{where}: no position, which a drive compares its command with; name it under signals"
-                )
-            if self.gravity is not None and (drive in ("torque", None) or not alone or not moving):
-                raise InputError(
-                    f"{where}: gravity: a known gravity scales a voltage, a current or a command without constants under motor; leave it out: "
-                    "of a torque gravity is found, and of a joint that coasts it stands under coasting"
-                )
-            k_t = constants and constants.torque_constant
-            if (
-                drive not in ("torque", "command", None)
-                and not alone
-                and (constants is None or k_t is None or (drive == "voltage" and constants.resistance is None))
-            ):
-                wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
-                raise InputError(
-                    f"{where}: torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
-                )
+            yield from (f"runs.{k}: {problem}" for problem in self._problems_of(run))
 
-            gear = self.context.gear
-            unsaid = [
-                name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None
-            ]
-            if unsaid:
-                raise InputError(
-                    f"{where}: motor.gear does not say on which side {unsaid[0]} was logged; add {unsaid[0]}: motor, or {unsaid[0]}: joint, to it"
-                )
-            if not moving and signals.apart():
-                raise InputError(
-                    f"{where}: points are pairs in rows, without time; leave out signals.{min(signals.apart())}.time"
-                )
-        return self
+    def _problems_of(self, run: RunFiles) -> Iterator[str]:
+        signals = self.signals_of(run)
+        drive, moving = signals.drive(), run.experiment != "points"
+        if drive is None and self.coasting is None:
+            yield "no torque; name one of torque, voltage and current, or command, under signals"
+        if moving and signals.time is None:
+            yield "no time; give a column, as in time: {column: t, unit: s}, or a rate, as in time: {rate: 1 kHz}, under signals"
+        by_position = not {"gravity", *PERIODIC}.isdisjoint(self.fit.regressors or ())
+        needs_position = run.experiment == "presliding" or (moving and by_position)
+        if signals.position is None and (needs_position or signals.velocity is None):
+            wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
+            yield f"no {wanted}, which {run.experiment} runs need; name it under signals"
+        if not moving and (signals.velocity is None or drive != "torque"):
+            yield "points are pairs of velocity and torque; name both under signals"
+        constants = self.motor_constants
+        alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
+        lacks = [x for name, x in GAINS.items() if getattr(signals, name) and not (constants and getattr(constants, x))]
+        if lacks and not (alone and lacks == ["kp"]):
+            yield (
+                f"the torque that a drive makes of a command needs motor.{lacks[0]}; add it, as in motor: {{kp: 20 N*m/rad, "
+                "kd: 1 N*m*s/rad}; of a position command alone, without motor, friction is in rad, as a share of kp"
+            )
+        if signals.command is not None and signals.position is None:
+            yield "no position, which a drive compares its command with; name it under signals"
+        if self.gravity is not None and (drive in ("torque", None) or not alone or not moving):
+            yield (
+                "gravity: a known gravity scales a voltage, a current or a command without constants under motor; leave it out: "
+                "of a torque gravity is found, and of a joint that coasts it stands under coasting"
+            )
+        k_t = constants and constants.torque_constant
+        if (
+            drive not in ("torque", "command", None)
+            and not alone
+            and (constants is None or k_t is None or (drive == "voltage" and constants.resistance is None))
+        ):
+            wanted = "motor.torque_constant" if k_t is None else "motor.resistance"
+            yield f"torque from {drive} needs {wanted}; add it, as in motor: {{torque_constant: 0.35 N*m/A, resistance: 2.1 ohm}}"
 
-
-def _known(value: float | None) -> float:
-    return _NAN if value is None else value
+        gear = self.context.gear
+        unsaid = [name for name in SIDED if gear and getattr(signals, name) is not None and getattr(gear, name) is None]
+        if unsaid:
+            yield f"motor.gear does not say on which side {unsaid[0]} was logged; add {unsaid[0]}: motor, or {unsaid[0]}: joint, to it"
+        if not moving and signals.apart():
+            yield f"points are pairs in rows, without time; leave out signals.{min(signals.apart())}.time"
 
 
 def load_experiment(path: str | Path) -> Experiment:

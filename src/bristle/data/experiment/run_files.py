@@ -4,10 +4,11 @@ import glob
 import os
 import re
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
-from pydantic import BeforeValidator, Field, PlainValidator, StrictBool, model_validator
+from pydantic import BeforeValidator, Field, PlainValidator, StrictBool
 
 from bristle.data.experiment.schema import Label, RunKind, read_rows
 from bristle.data.experiment.signals import Signals, quantity
@@ -25,13 +26,11 @@ class TimeRange(StrictModel):
     start: Annotated[float, quantity("s")] | None = Field(default=None, alias="from")
     to: Annotated[float, quantity("s")] | None = None
 
-    @model_validator(mode="after")
-    def _in_order(self) -> "TimeRange":
+    def _problems(self) -> Iterator[str]:
         if self.start is None and self.to is None:
-            raise InputError("expected one end at least, as in {from: 2 s, to: 30 s}")
+            yield "expected one end at least, as in {from: 2 s, to: 30 s}"
         if self.start is not None and self.to is not None and not self.start < self.to:
-            raise InputError(f"got {self.start:g} s to {self.to:g} s; expected the earlier time first")
-        return self
+            yield f"got {self.start:g} s to {self.to:g} s; expected the earlier time first"
 
 
 def _read_files(value: object) -> str | tuple[str, ...]:
@@ -67,13 +66,11 @@ class RunFiles(StrictModel):
         """The paths or globs, of which there may be one."""
         return (self.files,) if isinstance(self.files, str) else self.files
 
-    @model_validator(mode="after")
-    def _one_range(self) -> "RunFiles":
+    def _problems(self) -> Iterator[str]:
         if self.rows is not None and self.time is not None:
-            raise InputError("got rows and time; expected one of them")
+            yield "got rows and time; expected one of them"
         if self.time is not None and self.experiment == "points":
-            raise InputError("time: points have no time; give rows, as in rows: 2-40")
-        return self
+            yield "time: points have no time; give rows, as in rows: 2-40"
 
 
 def sources_of(run: RunFiles, experiment: Path) -> list[list[tuple[Path, str]]]:

@@ -1,12 +1,12 @@
 """YAML to a validated model, or one sentence: where in the file, what was got, what was expected."""
 
 import difflib
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, Self, TypeVar, get_args
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from bristle.errors import InputError, read_at_most, short
@@ -25,6 +25,16 @@ class StrictModel(BaseModel):
     """A part of the experiment file: frozen, and closed to unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, populate_by_name=True)
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        for problem in self._problems():
+            raise InputError(problem)
+        return self
+
+    def _problems(self) -> Iterator[str]:
+        """What of its parts, each of which is valid, does not go together: the first is told."""
+        return iter(())
 
 
 M = TypeVar("M", bound=StrictModel)

@@ -8,8 +8,8 @@ from bristle.data.experiment.column_names import guess_columns
 from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, is_there, quoted, relative
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
-from bristle.data.ros.files import is_bag, open_bag
 from bristle.data.ros.read import bag_joints, state_topic
+from bristle.data.ros.storage import is_bag, open_bag
 from bristle.data.ros.topics import topics_of
 from bristle.data.text_layout import text_layout
 from bristle.data.text_table import is_text, naming

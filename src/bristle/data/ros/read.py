@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.data.columns import Key, between_samples, bounded
-from bristle.data.ros.files import digest_of, open_bag
 from bristle.data.ros.messages import NO_STAMP, Decoder, NamedJoint
 from bristle.data.ros.messages import Path as FieldPath
-from bristle.data.ros.storage import messages_of
+from bristle.data.ros.storage import digest_of, messages_of, open_bag
 from bristle.data.ros.topics import JOINT_STATE, RECEIVED, STAMP, Target, Topic, columns_of, target_of, topics_of
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
@@ -57,7 +56,15 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
     targets = {key: target_of(key, topics) for key in keys}
     if not targets:
         return {}, digest_of(bag), ()
-    base, names = _base(targets), list(dict.fromkeys(target.topic for target in targets.values()))
+    names = list(dict.fromkeys(target.topic for target in targets.values()))
+    times = list(dict.fromkeys(target for target in targets.values() if target.is_time))
+    if len(names) > 1 and len(times) != 1:
+        got = f"the times of {short_list(t.topic for t in times)}" if times else "no stamp"
+        raise InputError(
+            f"signals come from the topics {short_list(names)}, with {got}; expected one time for all, as "
+            f"time: {{column: {names[0]}.header.stamp, unit: s}}"
+        )
+    base = next(iter([*times, *targets.values()]))
 
     # where there are several topics, the stamps at which the messages of each stand: those in its header, if the time is one
     clocks: dict[str, FieldPath | None] = {}
@@ -71,24 +78,8 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
         paths = [*(t.path for t in targets.values() if t.topic == name), clocks.get(name)]
         read[name] = _read(topics[name], [path for path in paths if path])
     bounded(sum(messages.received.size for messages in read.values()) * len(keys))
-    _check_there(targets, read)
-    columns = {key: _column(target, read, base.topic, clocks) for key, target in targets.items()}
+    columns = {key: _column(key, target, read, base.topic, clocks) for key, target in targets.items()}
     return columns, digest_of(bag), tuple(_notes(targets, columns, base, clocks))
-
-
-def _base(targets: Mapping[Key, Target]) -> Target:
-    """The column whose times are those of all rows. Raises InputError where topics differ and none is plain."""
-    times = list(dict.fromkeys(target for target in targets.values() if target.is_time))
-    names = list(dict.fromkeys(target.topic for target in targets.values()))
-    if len(names) == 1:
-        return times[0] if times else next(iter(targets.values()))
-    if len(times) != 1:
-        got = f"the times of {short_list(t.topic for t in times)}" if times else "no stamp"
-        raise InputError(
-            f"signals come from the topics {short_list(names)}, with {got}; expected one time for all, as "
-            f"time: {{column: {names[0]}.header.stamp, unit: s}}"
-        )
-    return times[0]
 
 
 def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
@@ -106,39 +97,32 @@ def _read(topic: Topic, paths: Sequence[FieldPath]) -> _Messages:
     return _Messages(topic.name, np.array(received)[order], values, tuple(decoder.joints))
 
 
-def _check_there(targets: Mapping[Key, Target], read: Mapping[str, _Messages]) -> None:
-    """Raises InputError where no message has what a column names."""
-    for key, (name, path) in targets.items():
-        if path is None:
-            continue
-        messages, values = read[name], read[name].values[path]
-        if not ((values == NO_STAMP) if path.is_stamp else np.isnan(values)).all():
-            continue
-        joint = next((step.name for step in path.steps if isinstance(step, NamedJoint)), None)
+def _column(
+    key: Key, target: Target, read: Mapping[str, _Messages], base: str, clocks: Mapping[str, FieldPath | None]
+) -> Array:
+    """One column: a time in s from the first, or values, interpolated where they are of another topic than the time."""
+    messages, path = read[target.topic], target.path
+    found = messages.received if path is None else messages.values[path]
+    if ((found == NO_STAMP) if target.is_time else np.isnan(found)).all():
+        joint = next((step.name for step in (path.steps if path else ()) if isinstance(step, NamedJoint)), None)
         if joint is not None and joint not in messages.joints and not joint.isdecimal():
             raise InputError(
-                f"column {key}: no joint {short(joint)} in {name}; there are: {short_list(messages.joints)}"
+                f"column {key}: no joint {short(joint)} in {target.topic}; there are: {short_list(messages.joints)}"
             )
         raise InputError(
-            f"column {key} is empty in all {messages.received.size} messages of {name}; leave it out, or name what was logged"
+            f"column {key} is empty in all {found.size} messages of {target.topic}; leave it out, or name what was logged"
         )
-
-
-def _column(target: Target, read: Mapping[str, _Messages], base: str, clocks: Mapping[str, FieldPath | None]) -> Array:
-    """One column: a time in s from the first, or values, interpolated where they are of another topic than the time."""
-    messages = read[target.topic]
     if target.is_time:
         stamps = messages.stamps(target.path)
         known = stamps != NO_STAMP
         first = stamps[known][0]
         return np.where(known, (stamps - first) / 1e9, np.nan)
-    values: Array = messages.values[target.path]  # type: ignore[index]  # no time has a path here
     if target.topic == base:
-        return values
+        return found
     stamps, at, topic = messages.stamps(clocks[target.topic]), read[base].stamps(clocks[base]), target.topic
     known = stamps != NO_STAMP
     order = np.argsort(stamps[known], kind="stable")
-    stamps, values = stamps[known][order], values[known][order]
+    stamps, values = stamps[known][order], found[known][order]
     lasts = np.append(np.diff(stamps) > 0, True)  # of those with one stamp the last
     stamps, values = stamps[lasts], values[lasts]
     if stamps.size < 2 or at.max() < stamps[0] or at[at != NO_STAMP].min() > stamps[-1]:
