@@ -219,13 +219,10 @@ _CLAIMS = [
     (b"\0\1\0\0" + bytes(8) + struct.pack("<I", 2**31), "ends inside one of its fields"),
     (b"\0\1\0\0" + bytes(12) + struct.pack("<I", 2**31), "ends inside one of its fields"),
     (b"\0\1\0\0" + bytes(16) + struct.pack("<I", 2**31), "ends inside one of its fields"),
-    (
-        b"\0\1\0\0" + bytes(12) + struct.pack("<I", 10**5) + bytes(4 * 10**5),
-        "with 100000 texts or messages in one array, over the limit",
-    ),
+    (b"\0\1\0\0" + bytes(12) + struct.pack("<I", 10**5) + bytes(4 * 10**5), "with 100000 texts or messages in one array, over the limit"),
     (b"\0\7\0\0" + bytes(40), "not in CDR of version 1"),
     (b"", "not in CDR of version 1"),
-]
+]  # fmt: skip  # a table
 
 
 def test_messages_that_claim_more_than_they_hold(tmp_path: Path) -> None:

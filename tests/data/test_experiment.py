@@ -160,20 +160,11 @@ _MALFORMED = [
     (_FEW + "fit: {fixed: {sigma_0: '" + "1" * 500_000 + "'}}", "fit.fixed: got"),
     (_FEW + "inertia: '" + "1 kg +/- " * 50_000 + "'", "inertia: got"),
     (_FEW + "encoder_resolution: '" + "1 counts / " * 50_000 + "'", "encoder_resolution: got"),
-    (
-        _FEW + "signals: {torque: {column: a, unit: '" + "m*" * 200_000 + "'}}",
-        "signals.torque: unit .* is not known",
-    ),
-    (
-        _FEW + "signals: {torque: {column: a, unit: N, scale: '" + "1" * 200_000 + "'}}",
-        "signals.torque: scale '111",
-    ),
-    (
-        "joint: {name: a}\nruns: [{experiment: ramp, files: '" + "${a" * 100_000 + "'}]",
-        "runs.0.files: got .*at most 4096",
-    ),
+    (_FEW + "signals: {torque: {column: a, unit: '" + "m*" * 200_000 + "'}}", "signals.torque: unit .* is not known"),
+    (_FEW + "signals: {torque: {column: a, unit: N, scale: '" + "1" * 200_000 + "'}}", "signals.torque: scale '111"),
+    ("joint: {name: a}\nruns: [{experiment: ramp, files: '" + "${a" * 100_000 + "'}]", "runs.0.files: got .*at most 4096"),
     ("? {a: b}\n: 1", "line 1"),
-]
+]  # fmt: skip  # a table
 
 
 def test_malformed_yaml_is_refused(tmp_path: Path) -> None:

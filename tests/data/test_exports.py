@@ -45,13 +45,8 @@ def tektronix() -> str:
 def tektronix_beside() -> str:
     """An older one: the metadata stand in the left columns, beside the first rows of data."""
     left = [
-        "Record Length,2.500000e+03,",
-        "Sample Interval,1.0e-03,",
-        "Trigger Point,1.25e+03,",
-        ",,",
-        "Source,CH1,",
-        "Vertical Units,V,",
-    ]
+        "Record Length,2.500000e+03,", "Sample Interval,1.0e-03,", "Trigger Point,1.25e+03,", ",,", "Source,CH1,", "Vertical Units,V,",
+    ]  # fmt: skip  # a table
     rows = lines("{:.9f}", "{:.5f}", columns=(T, Q), end=",\n").splitlines()
     return "".join(f"{left[k] if k < len(left) else ',,'},{row}\n" for k, row in enumerate(rows))
 

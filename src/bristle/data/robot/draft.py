@@ -46,7 +46,7 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
     lines = [
         f"robot: {{urdf: {quoted(relative(urdf_path, base))}, gravity: [0, 0, -9.81]}}   # m/s^2, in the frame of the base",
         "joints:",
-        *(f"  - {_entry(joint, drive, constant, templates, units, told)}" for joint in joints),
+        *(f"  - {_entry(joint, constant * (drive == 'current'), templates, units, told)}" for joint in joints),
         "",
         "signals:   # {joint} stands for the joint's name; columns: 1-6 for one column each",
         *(
@@ -64,15 +64,14 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
         "",
     ]
     if drive == "current" and constant == FREE:
-        said.append(
+        said += [
             "torque_constant: free: it comes out of the links' torque where that is large enough; write it down if you know it"
-        )
+        ]
     if drive == "torque" and "effort" in templates["torque"]:
-        said.append(
+        said += [
             "torque: effort is taken as a torque in N*m; where it is a current, give --column current= and its unit"
-        )
-    if len(logs) > 1:
-        said.append(f"runs: {logs[-1].name} is held out, for validation")
+        ]
+    said += [f"runs: {logs[-1].name} is held out, for validation"] if len(logs) > 1 else []
     return "\n".join(lines), tuple(said)
 
 
@@ -135,18 +134,14 @@ def _meant(stem: str) -> str | None:
     return next((signal for signal in guess_columns([stem]) if signal != "time"), None)
 
 
-def _entry(
-    joint: UrdfJoint, drive: str, constant: str, templates: Mapping[str, str], units: Mapping[str, str], told: Told
-) -> str:
-    own = f", torque_constant: {constant}" if drive == "current" else ""
+def _entry(joint: UrdfJoint, constant: str, templates: Mapping[str, str], units: Mapping[str, str], told: Told) -> str:
+    own = f", torque_constant: {constant}" if constant else ""
     slides = {
         name: _signal(templates[name], unit_of(name, "prismatic"), told.scales.get(name))
         for name, unit in units.items()
-        if joint.kind == "prismatic"
-        and unit == unit_of(name) != unit_of(name, "prismatic")
-        and not _is_range(templates[name])
+        if unit == unit_of(name) != unit_of(name, "prismatic") and not _is_range(templates[name])
     }
-    if slides:
+    if slides and joint.kind == "prismatic":
         own += f", signals: {{{', '.join(f'{name}: {x}' for name, x in slides.items())}}}"
     return f"{{name: {quoted(joint.name)}{own}}}"
 
@@ -156,9 +151,5 @@ def _is_range(columns: str) -> bool:
 
 
 def _signal(columns: str, unit: str, scale: str | None) -> str:
-    key = (
-        f"columns: {columns}"
-        if _is_range(columns)
-        else f"column: {columns if columns.isdecimal() else quoted(columns)}"
-    )
-    return f"{{{key}, unit: {unit}{f', scale: {scale}' if scale else ''}}}"
+    key = f"column: {columns if columns.isdecimal() else quoted(columns)}"
+    return f"{{{f'columns: {columns}' if _is_range(columns) else key}, unit: {unit}{f', scale: {scale}' if scale else ''}}}"

@@ -17,6 +17,7 @@ from bristle.data.experiment.load import Experiment, experiment_from
 from bristle.data.experiment.signals import Context
 from bristle.data.experiment.yaml_file import StrictModel, validate
 from bristle.data.robot.urdf import Payload, Urdf, read_urdf
+from bristle.data.text_table import naming
 from bristle.errors import InputError, short, short_list
 
 FREE = "free"
@@ -101,12 +102,10 @@ def robot_of(data: dict[str, Any], path: Path) -> Robot:
         raise InputError(
             f"{path}: joints: got {short(entries)}; expected a list, as [{{name: elbow_joint, index: 2}}, ...]"
         )
-    about = None
-    if data.get("robot") is not None:
-        given = data["robot"]
-        if not isinstance(given, dict):
-            raise InputError(f"{path}: robot: got {short(given)}; expected keys with values, as {{urdf: arm.urdf}}")
-        about = validate(RobotDescription, given, f"{path}: robot", Context())
+    given = data.get("robot")
+    if given is not None and not isinstance(given, dict):
+        raise InputError(f"{path}: robot: got {short(given)}; expected keys with values, as {{urdf: arm.urdf}}")
+    about = None if given is None else validate(RobotDescription, given, f"{path}: robot", Context())
     urdf = None if about is None else read_urdf(path.parent / about.urdf)
     known = [entry.get("name") for entry in entries]
     for k, run in enumerate(runs if isinstance(runs := shared.get("runs"), list) else ()):
@@ -125,16 +124,13 @@ def robot_of(data: dict[str, Any], path: Path) -> Robot:
 
 
 def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path, urdf: Urdf | None) -> JointOfRobot:
-    """The experiment of one joint."""
     where = f"{path}: joints.{k}"
     own = {key: entry.pop(key) for key in (*_OWN, *_WHOLE) if entry.get(key) is not None}
     about = validate(JointEntry, entry, where, None)
     index = k if about.index is None else about.index
     if urdf is not None:
-        try:
+        with naming(f"{where}: name"):
             known = urdf.joint(about.name)
-        except InputError as error:
-            raise InputError(f"{where}: name: {error}") from error
         if own.setdefault("kind", known.kind) != known.kind:
             raise InputError(f"{where}: kind: got {short(own['kind'])}; {urdf.file} has {about.name} {known.kind}")
     data = dict(shared)
@@ -150,18 +146,14 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
         data["motor"] = {**(data.get("motor") or {}), "torque_constant": constant}
     data["joint"] = {"name": about.name, "kind": data.pop("kind", "revolute")}
     data["signals"] = _signals(data.get("signals"), about.name, index, f"{where}: signals")
-    every = runs = data.get("runs")
-    if isinstance(runs, list):  # all with the columns of this joint
-        every = [
-            {
-                key: _signals(x, about.name, index, f"{where}: runs.{j}.signals") if key == "signals" else x
-                for key, x in run.items()
-                if key != "joint"
-            }
-            if isinstance(run, dict)
-            else run
-            for j, run in enumerate(runs)
-        ]
+    every: Any = data.get("runs")
+    if isinstance(every, list):  # all with the columns of this joint
+        every = list(every)
+        for j, run in enumerate(every):
+            if isinstance(run, dict):
+                every[j] = {key: x for key, x in run.items() if key != "joint"}
+                if "signals" in run:
+                    every[j]["signals"] = _signals(run["signals"], about.name, index, f"{where}: runs.{j}.signals")
     if urdf is not None:  # what is planned stays within the joint's limits, unless the file has its own
         q, T = ("rad", "N*m") if known.kind == "revolute" else ("m", "N")
         reach = [f"{known.lower!r} {q}", f"{known.upper!r} {q}"] if known.upper < inf else None
