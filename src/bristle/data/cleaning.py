@@ -97,7 +97,9 @@ def make_record(
         rows.warnings += [followed_at_once(file, rows.data, motor, context)] if held is None else []
         rows.data = {name: values for name, values in rows.data.items() if name not in COMMANDS}
     _refuse_constant(rows)
-    _undelay(rows, signals, starts)
+    for logged, signal in signals:
+        if isinstance(signal, Signal) and not (isinstance(signal, Command) and signal.fresh):
+            _take(rows, "torque" if logged in COMMANDS else logged, signal, starts)
     record = _record(file, table, rows, starts, labels or {})
     off = np.flatnonzero(np.diff(rows.off_before) > 0) + 1 if rows.off_before.size else ()
     return evenly_sampled(record, {*off}) if cleaning.times == "auto" else record
@@ -253,15 +255,8 @@ def _unwrap(rows: _Rows, signal: Position, context: Context, *, told: bool) -> N
             )
 
 
-def _undelay(rows: _Rows, signals: Signals, starts: tuple[int, ...]) -> None:
-    """Each signal taken when it happened: linear between samples, held beyond the ends of a segment."""
-    for logged, signal in signals:
-        if isinstance(signal, Signal) and not (isinstance(signal, Command) and signal.fresh):
-            _take(rows, "torque" if logged in COMMANDS else logged, signal, starts)
-
-
 def _take(rows: _Rows, name: str, signal: Signal, starts: tuple[int, ...]) -> None:
-    """A signal so much earlier as another, or it, was logged late; a note says so."""
+    """A signal taken when it happened, if it, or another, was logged late: linear between samples, held beyond the ends of a segment."""
     time, delay, late = rows.data["time"], abs(signal.delay), signal.delay > 0
     if not delay:
         return

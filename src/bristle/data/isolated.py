@@ -31,17 +31,10 @@ Columns = Callable[[Path, Sequence[Key] | None], Iterable[Any]]
 
 
 def ask(read: Columns, path: Path, keys: Sequence[Key] | None, library: str, what: str, advice: str) -> list[Any]:
-    """What a function of a module reads from a file in another process, columns as floats.
+    """What a function of a module reads with a library from a file in another process, columns as floats.
 
-    Args:
-        read: the function.
-        path: the file.
-        keys: as `read` takes them.
-        library: what it reads with.
-        what: it reads, and ...
-        advice: ... what to do about one that is damaged.
-
-    Raises InputError where it does, or fails, crashes, or takes too long.
+    `what` is what it reads, and `advice` what to do about one that is damaged. Raises InputError where `read` does, or
+    fails, crashes, or takes too long.
     """
     asked = {
         "path": [str(folder) for folder in sys.path],

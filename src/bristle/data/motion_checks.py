@@ -114,7 +114,24 @@ def held_position(record: Record, signals: Signals) -> Finding | None:
     """A reading that stays the same in the midst of a motion, and then catches up at once: it was not refreshed."""
     if record.position is None or record.time.size < 2 * BLOCK:
         return None
-    found = [(s.start + k, n) for s in between_gaps(record) for k, n in _held(record.position[s])]
+    found = list[tuple[int, int]]()
+    for s in between_gaps(record):
+        position = record.position[s]
+        steps = np.diff(position)
+        moves = np.flatnonzero(steps)
+        if not moves.size:
+            continue
+        # 0.05 share of the steps of a position that its count is sought in: the smallest that occur are no smaller than it
+        count = float(np.quantile(np.abs(steps[moves]), 0.05))
+        start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
+        ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
+        start, end, times = start[ok], end[ok], times[ok]
+        before, after = position[start] - position[start - _BESIDE], position[end + 1 + _BESIDE] - position[end + 1]
+        speed, fastest = (before + after) / (2 * _BESIDE), np.maximum(np.abs(before), np.abs(after)) / _BESIDE
+        caught, due = steps[end], speed * (times + 1)
+        held = (before * after > 0) & (np.abs(caught - due) < 0.5 * np.abs(due))
+        held &= np.abs(caught) > fastest + _HELD * count
+        found += zip((s.start + start[held]).tolist(), times[held].tolist(), strict=True)
     if not found:
         return None
     word, (first,) = _rows(record, signals, [found[0][0]])
@@ -127,26 +144,6 @@ def held_position(record: Record, signals: Signals) -> Finding | None:
         "time at which it was taken."
     )
     return Finding("position-held", CAUTION, message, {"files": (place,), "samples": samples, "share": share})
-
-
-def _held(position: Array) -> list[tuple[int, int]]:
-    """Where a position (n,) starts to repeat, and how often; the smallest steps that occur are no smaller than a count."""
-    steps = np.diff(position)
-    moves = np.flatnonzero(steps)
-    if not moves.size:
-        return []
-    # 0.05 share of the steps of a position that its count is sought in
-    count = float(np.quantile(np.abs(steps[moves]), 0.05))
-    start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
-    ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
-    start, end, times = start[ok], end[ok], times[ok]
-    before, after = position[start] - position[start - _BESIDE], position[end + 1 + _BESIDE] - position[end + 1]
-    speed, fastest = (before + after) / (2 * _BESIDE), np.maximum(np.abs(before), np.abs(after)) / _BESIDE
-    caught, due = steps[end], speed * (times + 1)
-    held = (
-        (before * after > 0) & (np.abs(caught - due) < 0.5 * np.abs(due)) & (np.abs(caught) > fastest + _HELD * count)
-    )
-    return [(int(k), int(n)) for k, n in zip(start[held], times[held], strict=True)]
 
 
 def irregular_sampling(record: Record) -> Finding | None:

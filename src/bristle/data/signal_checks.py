@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from itertools import groupby
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -77,7 +77,10 @@ def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple
         signal = getattr(signals, name)
         plain = not isinstance(signal, Signal) or abs(units.scale_parts(signal.scale)[0]) == 1
         declared = signal.unit
-        if unit and declared and plain and declared != ISO and not _alike(unit, declared):
+        alike = declared is not None and declared.strip().startswith("count")
+        with suppress(InputError):
+            alike = alike or bool(unit and declared and abs(units.factor(unit, declared) - 1) < 1e-6)
+        if unit and declared and plain and declared != ISO and not alike:
             remedy = f"`unit: {unit}` under signals.{name}"
             message = (
                 f"Unit of {name}: the header of {file}{OTHER_FILES} states {unit}, and {declared} is declared. Write {remedy}; where the header "
@@ -86,14 +89,6 @@ def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple
             numbers = {"files": (file,), "signal": name, "stated": unit, "declared": declared, "remedy": remedy}
             found.append(Finding("unit-differs", CAUTION, message, numbers))
     return tuple(found)
-
-
-def _alike(unit: str, other: str) -> bool:
-    if other.strip().startswith("count"):
-        return True
-    with suppress(InputError):
-        return abs(units.factor(unit, other) - 1) < 1e-6
-    return False
 
 
 def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
@@ -142,8 +137,19 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     if ratio is None:
         return None
     # correlation over a span that a velocity and its position have, where neither is mere noise
-    if abs(ratio.correlation) < 0.7:
-        return _unrelated(record, ratio)
+    if (
+        abs(ratio.correlation) < 0.7
+    ):  # a velocity that is smooth, while the position moves smoothly too: noise is neither
+        position, velocity = np.asarray(record.position)[:: SPANS[2]], np.asarray(record.velocity)
+        both = (np.diff(position), velocity[:: SPANS[2]] - velocity.mean())
+        if any(x.size < 2 * FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
+            return None
+        message = (
+            f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation {ratio.correlation:.2f}): name "
+            "the right column under signals.velocity, or leave velocity out to have it estimated."
+        )
+        numbers: dict[str, Any] = {"files": (record.file,), "correlation": ratio.correlation}
+        return Finding("velocity-unrelated", CRITICAL, message, numbers)
     sure = ratio.high < 2.0 * ratio.low  # a factor is told where noise leaves it uncertain by less than this
     if not sure or (ratio.value > 0 and ratio.low < 1 + _FACTOR and ratio.high > 1 - _FACTOR):
         return None
@@ -156,45 +162,30 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     return Finding("velocity-factor", CRITICAL, message, numbers)
 
 
-def _unrelated(record: Record, ratio: TravelRatio) -> Finding | None:
-    """A velocity that is smooth, and has nothing to do with a position that moves smoothly too: noise is neither."""
-    if record.position is None or record.velocity is None:
-        return None
-    both = (np.diff(record.position[:: SPANS[2]]), record.velocity[:: SPANS[2]] - record.velocity.mean())
-    if any(x.size < 2 * FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
-        return None
-    message = (
-        f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation {ratio.correlation:.2f}): name the "
-        "right column under signals.velocity, or leave velocity out to have it estimated."
-    )
-    numbers = {"files": (record.file,), "correlation": ratio.correlation}
-    return Finding("velocity-unrelated", CRITICAL, message, numbers)
-
-
 def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
     """Lines that would make position and velocity agree: units that are this far apart, or else a factor; and a sign."""
     size = abs(ratio)
-    if context.gear and _near(max(size, 1 / size), abs(context.gear.ratio)):
+    if context.gear and apart(max(size, 1 / size), abs(context.gear.ratio)) < _FACTOR:
         return [f"the other side for {name} under motor.gear" for name in ("velocity", "position")]
     lines = list[str]()
-    if not _near(size, 1.0):
+    if not apart(size, 1.0) < _FACTOR:
         for name, wanted in (("velocity", size), ("position", 1 / size)):
             signal: Signal | None = getattr(signals, name)
             if signal is not None and not signal.unit.strip().startswith("count"):
                 units_of = other_units(name, signal, context)
                 lines += [
-                    f"`unit: {u}` under signals.{name}" for u, by in units_of if u != "counts" and _near(by, wanted)
+                    f"`unit: {u}` under signals.{name}"
+                    for u, by in units_of
+                    if u != "counts" and apart(by, wanted) < _FACTOR
                 ]
         time, rate = signals.time, None if signals.time is None else signals.time.rate
         if time is not None and time.unit not in {None, ISO}:
             now = units.factor(time.unit or "s", "s")
-            lines += [f"`unit: {x}` under signals.time" for x in _TIMES if _near(units.factor(x, "s") / now, size)]
+            lines += [
+                f"`unit: {x}` under signals.time" for x in _TIMES if apart(units.factor(x, "s") / now, size) < _FACTOR
+            ]
         if not lines:
             lines.append(f"a `scale` of signals.velocity {size:.3g} times as large")
             lines += [] if rate is None else [f"`rate: {rate / size:.3g} Hz` under signals.time"]
     turned = ["the opposite sign of `scale` under signals.velocity or signals.position"]
     return [*lines, *(turned if ratio < 0 else [])]
-
-
-def _near(x: float, wanted: float) -> bool:
-    return apart(x, wanted) < _FACTOR

@@ -159,28 +159,25 @@ def torque_scale(constants: Sequence[Constant], *, simulated: bool) -> Finding |
     """
     uncertain = tuple(c for c in constants if c.error is not None)
     exact = () if simulated else tuple(c for c in constants if c.error is None)
+    known, assumed = (" and ".join(map(str, x)) for x in (uncertain, exact))
     if uncertain:
-        rest = f"; assuming {_listed(exact)} exact" if exact else ""
+        rest = f"; assuming {assumed} exact" if exact else ""
         message = (
-            f"Torque: every interval contains the error of {_listed(uncertain)}, which moves the parameters together; "
+            f"Torque: every interval contains the error of {known}, which moves the parameters together; "
             f"its part is shown as systematic{rest}."
         )
         return Finding("torque-uncertain", NOTE, message, {"constants": uncertain, "rest": rest})
     if not exact:
         return None
     first = exact[0]
-    key, _, known = first.name.partition(" ")
+    key, _, part = first.name.partition(" ")
     value = f"{first.value:g} +/- {abs(first.value) / 50:.2g} {first.unit}".removesuffix(" 1")
-    line = f"{key}: {{{known}: {value}}}" if key == "coasting" else f"{key}: {value}"
+    line = f"{key}: {{{part}: {value}}}" if key == "coasting" else f"{key}: {value}"
     message = (
-        f"Torque: assuming {_listed(exact)} exact: no interval contains that error, which is often the largest; "
+        f"Torque: assuming {assumed} exact: no interval contains that error, which is often the largest; "
         f"give it, as in {line} for 2 %."
     )
     return Finding("torque-exact", NOTE, message, {"constants": exact})
-
-
-def _listed(constants: Sequence[Constant]) -> str:
-    return " and ".join(map(str, constants))
 
 
 def torque_shifts(

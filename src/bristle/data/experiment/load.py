@@ -328,7 +328,13 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
         )  # fmt: skip  # a list
         if not points:
             record = _complete(experiment, run.experiment, record, signals.drive())
-        record = replace(record, notes=(*record.notes, *gear_note(signals, experiment.context)))
+        if (gear := experiment.context.gear) is not None:
+            logged = [name for name in (*SIDED, *DRIVE) if getattr(signals, name) is not None]
+            moved = ", ".join(dict.fromkeys(name for name in logged if gear.at_motor(name))) or "no signal"
+            unit = "" if experiment.joint.kind == "revolute" else " rad/m"
+            message = f"Gear of ratio {gear.ratio:g}{unit}: logged at the motor, and brought to the joint: {moved}."
+            note = Finding("gear-taken", NOTE, message, {"ratio": gear.ratio})
+            record = replace(record, notes=(*record.notes, note))
         stated = {name: table.units.get(key, "") for name, key in keys_of(signals).items()}
         found = [
             *check_units(shown, stated, signals),
@@ -337,18 +343,6 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
         about = (experiment.motor_constants, experiment.context, experiment.coasting)
         shifts = torque_shifts(record, signals, *about)
     return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
-
-
-def gear_note(signals: Signals, context: Context) -> tuple[Finding, ...]:
-    """What a gear did to which signals of a run; nothing without one."""
-    if context.gear is None:
-        return ()
-    logged = [name for name in (*SIDED, *DRIVE) if getattr(signals, name) is not None]
-    moved = dict.fromkeys(name for name in logged if context.gear.at_motor(name))
-    ratio, unit = context.gear.ratio, "" if context.kind == "revolute" else " rad/m"
-    signals_moved = ", ".join(moved) or "no signal"
-    message = f"Gear of ratio {ratio:g}{unit}: logged at the motor, and brought to the joint: {signals_moved}."
-    return (Finding("gear-taken", NOTE, message, {"ratio": ratio}),)
 
 
 def from_current(k_t: float, unit: str) -> Finding:
