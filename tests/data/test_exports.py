@@ -37,9 +37,8 @@ def lines(*formats: str, columns: tuple[Any, ...] = (T, Q, I), between: str = ",
 def tektronix() -> str:
     """An oscilloscope of now: metadata with numbers, of one cell and of three, then the names."""
     metadata = "Model,MSO54\nFirmware Version,1.28.4\n\nWaveform Type,ANALOG,,\nHorizontal Units,s\nRecord Length,10000\nProbe Attenuation,10,1\n"
-    return f"{metadata}Vertical Units,V,A\nLabel,,\nTIME,CH1,CH2\n{lines('{:.6e}', '{:.6e}', '{:.6e}')}".replace(
-        "\n", "\r\n"
-    )
+    text = f"{metadata}Vertical Units,V,A\nLabel,,\nTIME,CH1,CH2\n{lines('{:.6e}', '{:.6e}', '{:.6e}')}"
+    return text.replace("\n", "\r\n")
 
 
 def tektronix_beside() -> str:
@@ -106,9 +105,8 @@ def ros() -> str:
 
 def excel() -> str:
     """As a German Excel saves it: the separator told, names in German, units below, decimal commas."""
-    return f"sep=;\nZeit;Winkel;Strom\ns;Grad;mA\n{lines('{:.4f}', '{:.5f}', '{:.3f}', between=';').replace('.', ',')}".replace(
-        "\n", "\r\n"
-    )
+    rows = lines("{:.4f}", "{:.5f}", "{:.3f}", between=";").replace(".", ",")
+    return f"sep=;\nZeit;Winkel;Strom\ns;Grad;mA\n{rows}".replace("\n", "\r\n")
 
 
 EXPORTS: dict[str, tuple[Callable[[], str], list[int | str], tuple[str, ...] | None]] = {
@@ -352,16 +350,7 @@ def test_any_small_text_is_read_or_refused(tmp_path: Path, content: bytes, end: 
     """Headers, blocks, units, dates and rows in any order, and any bytes at all: columns and drafts, or one line that opens with the file."""
     path = tmp_path / "log.csv"
     path.write_bytes(content.replace(b"\n", end))
-    for key in (
-        Key(0),
-        Key(1),
-        Key("q"),
-        Key("t"),
-        Key("t", stamps=True),
-        Key(0, stamps=True),
-        Key("q#2"),
-        Key("q", 1),
-    ):
+    for key in (*map(Key, (0, 1, "q", "t", "q#2")), Key("t", stamps=True), Key(0, stamps=True), Key("q", 1)):
         refusal(path, [key])
     with contextlib.suppress(InputError):
         draft_experiment([path], Told(torque_constant="1 N*m/A", resistance="1 ohm"))

@@ -130,16 +130,11 @@ def test_logs_of_one_family_are_of_one_kind() -> None:
     assert kinds_of(logs) == ["ramp", "ramp", "ramp", "tracking"]
     several = Stretches(held=9, loaded=0, broken=0, moving=1, total=10, speeds=(0.1, 0.2, 0.5))
     slow = Stretches(held=0, loaded=10, broken=0, moving=0, total=10)
-    assert kinds_of([("log0.csv", slow), ("log1.csv", several), ("log2.csv", several)]) == [
-        "presliding",
-        "ramp",
-        "ramp",
-    ]
-    assert kinds_of([("log0.csv", several), ("log1.csv", several), ("log2.csv", sticks)]) == [
-        "ramp",
-        "ramp",
-        "tracking",
-    ]
+    for of, kinds in (
+        ([slow, several, several], ["presliding", "ramp", "ramp"]),
+        ([several, several, sticks], ["ramp", "ramp", "tracking"]),
+    ):
+        assert kinds_of([(f"log{k}.csv", does) for k, does in enumerate(of)]) == kinds
 
 
 def test_what_a_mixture_leaves_out_is_told() -> None:

@@ -6,14 +6,14 @@ of them load the same spring.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bristle.arrays import Array, Number, freeze, sized, unwritten
+from bristle.arrays import Array, Number, result, sized, unwritten
 from bristle.data.differentiation import between_gaps, derivative, smoothed
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
@@ -28,7 +28,7 @@ _CLOSED = 0.1
 """Of the range of torque: how far apart the ends of a closed cycle may be."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Loading:
     """One piece of a presliding run.
 
@@ -61,12 +61,8 @@ class Loading:
     shares: Mapping[str, float] = field(default_factory=dict)
     """Relative change of its torque per standard error of each constant behind it."""
 
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        freeze(self)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
+@result
 class Loop:
     """One closed cycle of torque over displacement."""
 
@@ -92,10 +88,6 @@ class Loop:
     """One over the regression of displacement on torque, N*m/rad."""
     counts: int
     """Counts that the cycle spans; 0 where no counts are seen."""
-
-    def __post_init__(self) -> None:
-        """Freeze the arrays."""
-        freeze(self)
 
 
 def find_all_loadings(
@@ -136,8 +128,7 @@ def find_loadings(
 
     Raises InputError where the joint slides from the start, in one sentence.
     """
-    position, torque = _signals(record)
-    quantum = _quantum(record, position, resolution)
+    position, torque, quantum = _signals(record, resolution)
     slow = _low_passed(record, torque, cutoff)
     speed = derivative(record, _low_passed(record, position, cutoff))
     loadings = []
@@ -153,6 +144,7 @@ def find_loadings(
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
         inside = slice(0, slide)
         edges, at = _edges(position_along[inside], quantum)
+        slid = float(torque_along[inside].max(initial=0.0))
         loadings.append(
             Loading(
                 file=record.file,
@@ -165,9 +157,7 @@ def find_loadings(
                 edge_displacement=edges - position_along[0],
                 edge_torque=np.interp(at, np.arange(torque_along.size), torque_along),
                 breakaway=None if slide is None else float(torque_along[slide]),
-                held=_held(torque_along, sign * torque[piece])
-                if slide is None
-                else float(torque_along[inside].max(initial=0.0)),
+                held=_held(torque_along, sign * torque[piece]) if slide is None else slid,
                 shares={
                     name: float(torque[piece] @ shift[piece] / (torque[piece] @ torque[piece]))
                     for name, shift in record.torque_shifts.items()
@@ -183,8 +173,7 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
     That is a share of their range. A cycle goes from one largest torque to the next, or else from one smallest to the
     next. It drifts where the two directions' friction differs.
     """
-    position, torque = _signals(record)
-    quantum = _quantum(record, position, resolution)
+    position, torque, quantum = _signals(record, resolution)
     slow = _low_passed(record, torque, cutoff)
     loops, drifts = [], []
     for segment in between_gaps(record):
@@ -218,20 +207,17 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
     return tuple(loops), tuple(drifts)
 
 
-def _signals(record: Record) -> tuple[Array, Array]:
-    if record.position is None or record.torque is None:
+def _signals(record: Record, resolution: float | None) -> tuple[Array, Array, float]:
+    """Position, torque, and one count, rad: as declared, or the smallest step seen."""
+    position, torque = record.position, record.torque
+    if position is None or torque is None:
         raise InputError(f"{record.file}: presliding needs position and torque; name both under signals")
-    return record.position, record.torque
-
-
-def _quantum(record: Record, position: Array, resolution: float | None) -> float:
-    """One count, rad: as declared, or the smallest step seen. Raises InputError where more were moved than any encoder has."""
     if resolution and not np.ptp(position) / resolution < 2.0**40:  # 2.0**40 counts that no encoder has over any travel
         raise InputError(
             f"{record.file}: the position moves {np.ptp(position) / resolution:.1g} counts of encoder_resolution, more than any encoder has; "
             "check its unit"
         )
-    return resolution or smallest_step(position)
+    return position, torque, resolution or smallest_step(position)
 
 
 def _low_passed(record: Record, values: Array, cutoff: float) -> Array:

@@ -103,7 +103,15 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
             f"{experiment}: runs: files {short(files)} has ** more than once; expected a glob such as logs/**/ramp*.csv"
         )
     try:
-        found = [pattern] if (folder / pattern).exists() else sorted(_glob(pattern, folder))
+        if (folder / pattern).exists():
+            found = [pattern]
+        elif "**" not in pattern:
+            found = sorted(glob.glob(pattern, root_dir=folder))  # noqa: PTH207  # Path.glob takes no absolute pattern
+        else:  # glob.glob follows links, in circles where they go so
+            root = Path(pattern).anchor
+            base = Path(root) if root else folder
+            below = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
+            found = sorted(f"{root}{x}" for x in below if not any(p.startswith(".") and p != ".." for p in x.parts))
     except OSError as error:
         raise InputError(f"{experiment}: runs: files {short(files)} cannot be looked for ({error.strerror})") from error
     if not found:
@@ -120,12 +128,3 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
         shown = check_name(Path(name).as_posix(), f"{experiment}: runs: files: the file name")
         sources.append((folder / match, shown))
     return sources
-
-
-def _glob(pattern: str, folder: Path) -> list[str]:
-    if "**" not in pattern:
-        return glob.glob(pattern, root_dir=folder)  # noqa: PTH207  # Path.glob takes no absolute pattern
-    root = Path(pattern).anchor  # and glob.glob follows links, in circles where they go so
-    base = Path(root) if root else folder
-    matches = (path.relative_to(base) for path in base.glob(pattern.removeprefix(root)))
-    return [f"{root}{path}" for path in matches if not any(p.startswith(".") and p != ".." for p in path.parts)]

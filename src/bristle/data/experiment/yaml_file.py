@@ -188,14 +188,14 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
 
 
 def _known(model: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
+    """The keys of the model that a path leads to."""
+
+    def inside(annotation: object) -> type[BaseModel] | None:
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            return annotation
+        return next(filter(None, map(inside, get_args(annotation))), None)
+
     for part in path:
         field = next((f for n, f in model.model_fields.items() if part in (n, f.alias)), None)
-        if field is not None:
-            model = next(iter(_models(field.annotation)), model)
+        model = model if field is None else inside(field.annotation) or model
     return [field.alias or name for name, field in model.model_fields.items() if name != "path"]
-
-
-def _models(annotation: object) -> list[type[BaseModel]]:
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    return [model for argument in get_args(annotation) for model in _models(argument)]

@@ -102,7 +102,7 @@ def _column(
 ) -> Array:
     """One column: a time in s from the first, or values, interpolated where they are of another topic than the time."""
     messages, path = read[target.topic], target.path
-    found = messages.received if path is None else messages.values[path]
+    found: NDArray[Any] = messages.received if path is None else messages.values[path]
     if ((found == NO_STAMP) if target.is_time else np.isnan(found)).all():
         joint = next((step.name for step in (path.steps if path else ()) if isinstance(step, NamedJoint)), None)
         if joint is not None and joint not in messages.joints and not joint.isdecimal():
