@@ -19,9 +19,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from bristle.data import isolated, text_table
-from bristle.data.binary_tables import names_of
+from bristle.data.binary_tables import is_json_log, names_of
 from bristle.data.columns import Key
-from bristle.data.json_table import is_json_log
 from bristle.data.mat import columns_of
 from bristle.data.text_table import read_table
 from bristle.data.units import factor, plus_minus, to_si

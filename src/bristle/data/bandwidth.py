@@ -24,8 +24,7 @@ _WIDER, _ABOVE = 4.0, 2.0
 """Cut-off over the bandwidth, at the least, and over the frequency at which a signal falls into noise."""
 _HELD, _SLOW = 0.5, 10.0
 """The latter of held speeds, and the former of slow loading, whose breakaway is a corner of the position."""
-_LADDER = 2**0.5
-"""A cut-off over the next one that is tried."""
+_LADDER = 2**0.5  # a cut-off over the next one that is tried
 _STANDS = 0.003, 0.25
 """The inertia stands still where the next cut-off raises it by no more than this share of itself, or of its standard error."""
 

@@ -1,5 +1,6 @@
-"""Columns from files that hold named arrays, by their suffix: MAT, JSON and HDF5 elsewhere, NPZ and Parquet here."""
+"""Columns from files that hold named arrays, by their suffix: MAT and HDF5 elsewhere; JSON, NPZ and Parquet here."""
 
+import json
 import zipfile
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -12,11 +13,13 @@ from bristle.arrays import Array
 from bristle.data.columns import Key, bounded, is_vector, numeric, place_of, reading
 from bristle.data.hdf5 import read_hdf5
 from bristle.data.isolated import Columns
-from bristle.data.json_table import read_json
 from bristle.data.mat import read_mat
 from bristle.errors import InputError, short
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
+_WHAT, _HOW = 'JSON of records, as [{"t": 0, "q": 1}, ...], or of columns', "expected as many numbers in each"
+SCHEMA = "schema"
+"""A key of every JSON file that bristle writes."""
 _NPZ = ("NPZ file", "write it again with numpy.savez")
 
 
@@ -35,6 +38,50 @@ def names_of(path: Path) -> tuple[str, ...]:
     A name may repeat. Raises InputError where the file cannot be read.
     """
     return tuple(READERS[path.suffix.lower()](path, None))
+
+
+def is_json_log(path: Path) -> bool:
+    """Whether a JSON file holds a log, and no results of bristle; what is no such file, or cannot be read, does not."""
+    if path.suffix.lower() != ".json" or not path.is_file():
+        return False
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return False
+    return isinstance(data, list) or (isinstance(data, dict) and SCHEMA not in data)
+
+
+def _json(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
+    """Columns by name or by number from 0, or of no keys the names of all that are vectors of numbers.
+
+    Raises InputError where the file is no such JSON, or a column is not there or holds no numbers.
+    """
+    import pandas as pd
+
+    with reading(_WHAT, _HOW):
+        data = json.loads(path.read_bytes())
+        if not isinstance(data, list | dict):
+            raise InputError(f"is no {_WHAT}; {_HOW}")
+        frame = pd.DataFrame(data)
+    bounded(frame.size)
+    names = [str(name) for name in frame.columns]
+    columns = [_array(frame.iloc[:, k]) for k in range(len(names))]
+    if keys is None:
+        yield from (name for name, x in zip(names, columns, strict=True) if is_vector(x.shape, x.dtype))
+        return
+    for key in keys:
+        yield numeric(columns[place_of(key, names)], key)
+
+
+def _array(column: Any) -> np.ndarray[Any, np.dtype[Any]]:
+    """The values of a column, (n,), or of one of lists of one length, (n, k); null is nan."""
+    if column.dtype.kind == "O":
+        plain = column.map(lambda x: x is None or isinstance(x, int | float)).all()
+        lists = column.map(lambda x: len(x) if isinstance(x, list) else -1)
+        if plain or (lists.iloc[0] >= 0 and (lists == lists.iloc[0]).all()):
+            with reading(_WHAT, _HOW):
+                return np.array(column.tolist(), dtype=float if plain else None)
+    return np.asarray(column)
 
 
 def _npz(path: Path, keys: Sequence[Key] | None) -> Iterator[Any]:
@@ -117,7 +164,7 @@ def _is_number(kind: Any) -> bool:
 READERS: dict[str, Columns] = {
     ".mat": read_mat,
     ".npz": _npz,
-    ".json": read_json,
+    ".json": _json,
     **dict.fromkeys((".parquet", ".pq"), _parquet),
     **dict.fromkeys((".h5", ".hdf5", ".hdf"), read_hdf5),
 }

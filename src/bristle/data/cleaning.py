@@ -25,8 +25,7 @@ from bristle.findings import CAUTION, NOTE, Finding
 _LARGEST = 1e20
 """No signal of a joint reaches more in SI, or reaches less than its inverse; beyond, squares leave the numbers, and it
 is a unit that is wrong."""
-_STEPS = (1e-12, 1e12)
-"""Seconds that a sampling interval may have."""
+_STEPS = (1e-12, 1e12)  # seconds that a sampling interval may have
 
 
 @dataclass(slots=True)

@@ -15,10 +15,8 @@ from bristle.errors import InputError, short_list
 
 _FILTERS = {1: "gzip", 2: "shuffle", 3: "fletcher32", 4: "szip", 5: "nbit", 6: "scaleoffset", 32000: "lzf"}
 """By their number: what HDF5 and h5py bring; no other is loaded."""
-_CHUNK = 2**28
-"""Largest chunk, bytes: a chunk is unpacked whole."""
-_DEEPEST, _HOPS, _LONGEST = 20, 20, 1000
-"""Groups in groups, links to links, and characters of a path."""
+_CHUNK = 2**28  # largest chunk, bytes: a chunk is unpacked whole
+_DEEPEST, _HOPS, _LONGEST = 20, 20, 1000  # groups in groups, links to links, and characters of a path
 _MATLAB_ADVICE = "in MATLAB save it again, or for less than 2 GB with save(file, '-v7', ...)"
 
 

@@ -20,8 +20,7 @@ from bristle.errors import InputError
 
 SECONDS, _BYTES_PER_SECOND = 60.0, 5e6
 """How long a file may take, beside what its size explains: on a busy machine SciPy alone takes some to load."""
-_MEMORY, _MOST_NAMES = 2**33, 2000
-"""Bytes that the process may take, and columns that are listed."""
+_MEMORY, _MOST_NAMES = 2**33, 2000  # bytes that the process may take, and columns that are listed
 CODE = "import json, sys; asked = json.load(sys.stdin); sys.path[:] = asked['path']; from bristle.data import isolated; isolated.answer(asked)"
 """What the process runs: the modules of this one, whatever stands where it is started."""
 

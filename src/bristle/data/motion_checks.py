@@ -17,16 +17,12 @@ SPANS = (1, 4, 16, 64, 256)
 """Samples over which travel is compared: noise hides a short one, a reversal a long one."""
 FEWEST = 20
 """Spans that tell a factor, or a lag."""
-_AROUND = 5
-"""Samples on either side that tell the usual travel of one."""
+_AROUND = 5  # samples on either side that tell the usual travel of one
 _JUMP = 10.0
 """Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""
-_NAMED = 4
-"""Places in one sentence."""
-_HELD = 3
-"""Times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample."""
-_BESIDE = 20
-"""Samples on either side of a held reading that tell its speed."""
+_NAMED = 4  # places in one sentence
+_HELD = 3  # times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample
+_BESIDE = 20  # samples on either side of a held reading that tell its speed
 
 
 def shortened(names: list[str]) -> tuple[str, ...]:

@@ -20,8 +20,7 @@ from bristle.errors import InputError
 from bristle.model.parameters import Kind as JointKind
 
 MovingKind = Literal["ramp", "presliding", "tracking"]
-_SMOOTH = 10.0
-"""Hz: the low pass of the speed by which rest is told from motion."""
+_SMOOTH = 10.0  # Hz: the low pass of the speed by which rest is told from motion
 _BEND = {"revolute": 0.1, "prismatic": 0.005}
 """rad or m: no bristle bends further, so a longer displacement is a motion."""
 _HELD, _LOADED, _SURELY = 0.79, 0.7, 0.9

@@ -19,8 +19,7 @@ BLOCK = 100
 """Samples that tell the noise of the position."""
 DEVIATIONS = 4.0
 """Standard errors by which something is surely not zero: 6e-5 of clean records."""
-_MANY = 10.0
-"""Times the samples that there are: more are not made, where gaps are declared to be none."""
+_MANY = 10.0  # times the samples that there are: more are not made, where gaps are declared to be none
 _LONGEST, _FEW, _PLACES = 200, 4, 30
 """Samples that a gap that is bridged may have; on either side at least; and places at which it is tried."""
 _WELL, _NOISE = 0.01, 1.5

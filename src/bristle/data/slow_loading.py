@@ -19,13 +19,11 @@ from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.errors import InputError
 
-_PROMINENT = 0.1
-"""Of the range of torque: a turn smaller than this is none."""
+_PROMINENT = 0.1  # of the range of torque: a turn smaller than this is none
 ONSET = 10.0
 """Sliding begins where the joint moves this many times as fast as in the first half of its loading: LuGre's own creep does
 so within a tenth below g0, for its speed under a ramp is as 1 / (1 - T / g0)."""
-_CLOSED = 0.1
-"""Of the range of torque: how far apart the ends of a closed cycle may be."""
+_CLOSED = 0.1  # of the range of torque: how far apart the ends of a closed cycle may be
 
 
 @result

@@ -29,15 +29,11 @@ _STAMP = re.compile(
     r"(?:\d{4}-\d\d-\d\d(?:[T ]\d\d?:\d\d.*)?|\d\d?\.\d\d?\.\d{4}(?: \d\d?:\d\d.*)?|\d\d?:\d\d:\d\d(?:[.,]\d+)?)"
 )
 """A date, a time of day, or both."""
-_SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)
-"""What Excel writes above a table."""
+_SEPARATOR = re.compile(r"sep=([,;\t|])", re.IGNORECASE)  # what Excel writes above a table
 _BRACKETS = re.compile(r"(.*?)[\s_]*[\[(<](.*?)[\])>]\s*")
-_HEADED = 3
-"""Lines that a sample has at least, if the file has as many: a header, perhaps units, and numbers."""
-_LOOKED_AT = 200
-"""Lines at the end of a sample by which a delimiter, and the columns of numbers, are told."""
-_RUN = 3
-"""Rows of numbers in a row: fewer, above a line of names, are no table."""
+_HEADED = 3  # lines that a sample has at least, if the file has as many: a header, perhaps units, and numbers
+_LOOKED_AT = 200  # lines at the end of a sample by which a delimiter, and the columns of numbers, are told
+_RUN = 3  # rows of numbers in a row: fewer, above a line of names, are no table
 
 
 class Layout(NamedTuple):

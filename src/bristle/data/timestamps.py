@@ -16,8 +16,7 @@ ISO = "iso"
 _DAY = 86_400 * 10**9
 _CLOCK = re.compile(r"\d\d?:\d\d:\d\d(\.\d+)?")
 _POINTS = re.compile(r"\d\d?\.\d\d?\.\d{4} .*")
-_MISSING = np.iinfo(np.int64).min
-"""pandas' integer for no date."""
+_MISSING = np.iinfo(np.int64).min  # pandas' integer for no date
 
 
 def seconds_of_stamps(column: "pd.Series[str]", name: str) -> tuple[Array, int]:

@@ -14,10 +14,8 @@ from bristle.findings import CAUTION, CRITICAL, Finding
 
 _PILED, _NEXT = 4.0, 3
 """A signal is clipped where it takes its extreme so many times as often as any of this many levels next to it."""
-_MANY, _TURNS = 200, 4
-"""Samples, and turns, that show that a torque has no sign."""
-_PARTS = 100
-"""The first of so many parts of slow loading, but no less than ..."""
+_MANY, _TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
+_PARTS = 100  # parts of slow loading, of which the first tells with what it begins
 
 
 def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:

@@ -17,8 +17,7 @@ if TYPE_CHECKING:
 LARGEST = 1e30
 """No quantity is larger in SI, or smaller but for zero: squares of such numbers, and their inverses, still are numbers.
 """
-_LONGEST = 200
-"""Characters of a quantity, and of a unit: what is matched is short."""
+_LONGEST = 200  # characters of a quantity, and of a unit: what is matched is short
 _NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({_NUMBER}) ?(.*)")
 _PLUS_MINUS = re.compile(r"±|\+/-|\+-")
@@ -28,10 +27,8 @@ _POWER = re.compile(r"(?:\*\*|\^)(?!\s*-?\d(?!\d|\s*(?:\*\*|\^)))")
 """A power that is not one digit, or a power of a power: pint would compute it, however large."""
 _RAISED = re.compile(r"[⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+")
 _PLAIN_DIGITS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-_OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")
-"""A power of a bracket, in which another one may stand."""
-_GERMAN = {"Grad": "deg", "U/min": "rpm"}
-"""What pint takes for a gigaradian, and for none."""
+_OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")  # a power of a bracket, in which another one may stand
+_GERMAN = {"Grad": "deg", "U/min": "rpm"}  # what pint takes for a gigaradian, and for none
 _PER_MINUTE = ("1/min", "/min", "min^-1", "min-1", "min⁻¹", "1/minute")
 """How the speed of a shaft is often written, in revolutions."""
 _COUNTS = re.compile(r"counts?\b")

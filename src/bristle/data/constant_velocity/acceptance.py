@@ -14,8 +14,7 @@ from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 _SHARE = 0.25
 """Of the typical plateau of a run: what is shorter both in time and in travel is a piece of something else."""
-_INDEPENDENT = 5.0
-"""Fewest independent samples of velocity and torque."""
+_INDEPENDENT = 5.0  # fewest independent samples of velocity and torque
 
 
 class Thresholds(StrictModel):

@@ -14,17 +14,13 @@ from scipy.special import gammaln
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import autocorrelation
 
-_SHORTEST = 6
-"""Blocks in a plateau: enough to tell a drift from noise."""
-_SMALLEST = 4
-"""Samples in a block."""
+_SHORTEST = 6  # blocks in a plateau: enough to tell a drift from noise
+_SMALLEST = 4  # samples in a block
 _BLOCKS = (16, 32, 64, 128, 256, 512, 2048)
 _ENOUGH = 512
 """Blocks beyond which one looks only where no more than half is explained: the work grows with their square."""
-_COLUMNS = 64
-"""Ends of lines whose costs are found at once."""
-_PRIOR = 4.0
-"""Degrees of freedom of the prior on each line's noise."""
+_COLUMNS = 64  # ends of lines whose costs are found at once
+_PRIOR = 4.0  # degrees of freedom of the prior on each line's noise
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,7 @@ from bristle.data.text_table import RawTable
 from bristle.errors import InputError, short
 from bristle.model.parameters import Kind, unit
 
-_HERE = Path("arrays")
-"""What results call the experiment file that is none."""
+_HERE = Path("arrays")  # what results call the experiment file that is none
 _CALLED: dict[RunKind, str] = {"points": "points", "ramp": "holds", "presliding": "slow loading", "tracking": "motion"}
 """The same of the data file, by experiment."""
 

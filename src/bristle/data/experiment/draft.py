@@ -38,10 +38,8 @@ STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effor
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
 _TABLES = {".csv", ".txt", ".json", ".mat", ".npz", ".parquet", ".pq", ".h5", ".hdf5", ".mcap", ".bag", ".db3"}
 """Endings by which a word is a file."""
-_LISTED = 120
-"""Letters of their names in a sentence."""
-_SHOWN = 200
-"""Columns that the draft lists."""
+_LISTED = 120  # letters of their names in a sentence
+_SHOWN = 200  # columns that the draft lists
 _STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
 """Units of time, and the sampling intervals from which on a time without a unit is in them: below, it is in s."""
 

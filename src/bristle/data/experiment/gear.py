@@ -12,8 +12,7 @@ from bristle.errors import InputError, short
 Side = Literal["motor", "joint"]
 SIDED = ("position", "velocity", "torque")
 """Signals that are logged on either side; current and voltage are the motor's."""
-_MOST = 1e6
-"""Turns of one side for a turn of the other; in SI for a prismatic joint the square of it."""
+_MOST = 1e6  # turns of one side for a turn of the other; in SI for a prismatic joint the square of it
 
 
 def _read_ratio(value: object, info: ValidationInfo) -> float:

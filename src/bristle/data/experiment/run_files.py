@@ -16,8 +16,7 @@ from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
 
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
-_MOST, _LONGEST = 1000, 4096
-"""Patterns of an entry, and characters of one."""
+_MOST, _LONGEST = 1000, 4096  # patterns of an entry, and characters of one
 
 
 class TimeRange(StrictModel):

@@ -42,8 +42,7 @@ class PlusMinus:
         return PlusMinus(value=factor * self.value, standard_error=None if error is None else factor * error)
 
 
-_SUREST = 1e-9
-"""Of an inertia: a smaller error is none, and its weight would drown the data in rounding."""
+_SUREST = 1e-9  # of an inertia: a smaller error is none, and its weight would drown the data in rounding
 
 
 def read_constant(name: str, *, of_motor: bool = False, is_prior: bool = False) -> BeforeValidator:

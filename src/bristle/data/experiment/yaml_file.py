@@ -17,8 +17,7 @@ MAX_DEPTH = 30
 """Deepest nesting of an experiment file; ours has four levels."""
 MAX_NODES = 10_000
 """Most keys, values and lists in an experiment file; a run has about ten."""
-_DIGITS = 30
-"""Most digits of an integer: Python refuses to write out far longer ones."""
+_DIGITS = 30  # most digits of an integer: Python refuses to write out far longer ones
 
 
 class StrictModel(BaseModel):

@@ -20,8 +20,7 @@ from bristle.data.text_table import Reader, ReadOnce
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
-_STILL = 1e-3
-"""rad or m: a joint that goes no further rests, too."""
+_STILL = 1e-3  # rad or m: a joint that goes no further rests, too
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

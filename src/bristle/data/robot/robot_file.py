@@ -24,8 +24,7 @@ FREE = "free"
 """What a torque constant is called that the links' torque is to tell."""
 _OWN = ("motor", "fit", "segments", "plan", "adapt", "signals")
 """Keys of an experiment file whose parts a joint may replace one by one."""
-_WHOLE = ("inertia", "encoder_resolution", "kind", "truth", "assumptions")
-"""Those that it replaces as a whole."""
+_WHOLE = ("inertia", "encoder_resolution", "kind", "truth", "assumptions")  # those that it replaces as a whole
 _RANGE = re.compile(r"\s*([0-9]{1,5})\s*-\s*([0-9]{1,5})\s*")
 
 

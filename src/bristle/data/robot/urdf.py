@@ -28,8 +28,7 @@ _MOVES: dict[str, Literal["revolute", "prismatic"]]
 _MOVES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _TYPES = (*_MOVES, "fixed")
 _ENDS, _MOMENTS = ("parent", "child"), ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_FAR = 1e9
-"""No length, mass or limit of a robot is larger, in SI."""
+_FAR = 1e9  # no length, mass or limit of a robot is larger, in SI
 PAYLOAD = "bristle_payload"
 """What the link of a payload is called."""
 

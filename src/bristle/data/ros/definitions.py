@@ -14,10 +14,8 @@ from bristle.data.columns import reading
 from bristle.data.ros.storage import DAMAGED, Channel
 from bristle.errors import InputError, short
 
-_LONGEST = 500_000
-"""Characters of a definition."""
-_DEEPEST = 30
-"""Messages in messages."""
+_LONGEST = 500_000  # characters of a definition
+_DEEPEST = 30  # messages in messages
 _CODES = {
     **dict.fromkeys(("bool", "byte", "char", "octet"), "B"),
     **{f"{sign}int{8 * calcsize(f'={code}')}": code for sign, codes in (("", "bhiq"), ("u", "BHIQ")) for code in codes},

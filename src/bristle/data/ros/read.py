@@ -19,8 +19,7 @@ from bristle.errors import InputError, check_name, short, short_list
 from bristle.findings import NOTE, Finding
 
 Integers = NDArray[np.int64]
-_GAP = 5
-"""Median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is."""
+_GAP = 5  # median intervals: across a longer one nothing is interpolated, as the default of `cleaning.gap` is
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,11 +15,9 @@ JOINT_STATE = "sensor_msgs/msg/JointState"
 RECEIVED = "time"
 """In place of a field: when a message was received."""
 STAMP = FieldPath(("header", "stamp"), is_stamp=True)
-_LONGEST = 1000
-"""Characters of a column's name."""
+_LONGEST = 1000  # characters of a column's name
 _STEP = re.compile(r"([A-Za-z]\w*)(?:\[([^\[\]]*)\])?(\.|$)")
-_LISTED = 60
-"""Columns of a topic that are listed."""
+_LISTED = 60  # columns of a topic that are listed
 
 
 class Topic(NamedTuple):
