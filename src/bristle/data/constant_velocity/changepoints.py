@@ -47,9 +47,18 @@ def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[Ca
         start: first sample.
         stop: one past the last sample.
     """
-    plateaus = [
-        _without_transient(torque, s) for s in _without_edges(velocity, _plateaus(velocity, torque, start, stop))
-    ]
+    # without plateaus that are an edge of another: as near as they are long, a third as long or less, at its speed within 10 %
+    kept: list[tuple[CandidateSpan, float]] = []
+    for s in sorted(_plateaus(velocity, torque, start, stop), key=lambda s: s.start - s.stop):
+        length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
+        if not any(
+            max(k.start - s.stop, s.start - k.stop) <= length
+            and k.stop - k.start >= 3 * length
+            and abs(mean - speed) <= 0.1 * abs(speed)
+            for k, speed in kept
+        ):
+            kept.append((s, mean))
+    plateaus = [_without_transient(torque, s) for s in sorted((s for s, _ in kept), key=lambda s: s.start)]
     if not plateaus and stop - start >= _BLOCKS[0] * _SMALLEST:
         return _cut(velocity, torque, start, stop, min(_ENOUGH // 2, (stop - start) // _SMALLEST))
     edges = [start, *(edge for s in plateaus for edge in (s.start, s.stop)), stop]
@@ -105,7 +114,16 @@ def _lines(u: Array) -> list[tuple[int, int]]:
     best, previous = np.zeros(n + 1), np.zeros(n + 1, dtype=int)
     for j in range(1, n + 1):
         if j % _COLUMNS == 1:
-            columns = _line_costs(sums[:, j : j + _COLUMNS, None] - sums[:, None, :], max(noise, 1e-150))
+            # of lines between two ends, their noise integrated out
+            m, sk, skk, su, suu, sku = sums[:, j : j + _COLUMNS, None] - sums[:, None, :]
+            m = np.maximum(m, 1)
+            spread, covariance = skk - sk * sk / m, sku - sk * su / m
+            covariance[m < 2] = 0.0
+            residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
+            scale = (
+                max(noise, 1e-150) ** 2 + (0.01 * su / m) ** 2
+            )  # of the prior: what is flatter than 1 % of its mean is flat
+            columns = (m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale)
         total = best[:j] + columns[(j - 1) % _COLUMNS, :j] - constant[j:0:-1]
         previous[j] = int(np.argmin(total))
         best[j] = total[previous[j]] + penalty
@@ -113,17 +131,6 @@ def _lines(u: Array) -> list[tuple[int, int]]:
     while ends[-1] > 0:
         ends.append(int(previous[ends[-1]]))
     return list(zip(ends[:0:-1], ends[-2::-1], strict=True))
-
-
-def _line_costs(sums: Array, noise: float) -> Array:
-    """Minus twice the log marginal likelihood of lines, noise integrated out, by sums of 1, k, k**2, u, u**2 and k u over blocks, (6, ...)."""
-    m, sk, skk, su, suu, sku = sums
-    m = np.maximum(m, 1)
-    spread, covariance = skk - sk * sk / m, sku - sk * su / m
-    covariance[m < 2] = 0.0
-    residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
-    scale = noise**2 + (0.01 * su / m) ** 2  # of the prior: what is flatter than 1 % of its mean is flat
-    return np.asarray((m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale))
 
 
 def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
@@ -134,21 +141,6 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
         outside |= off > max(4 * float(np.median(off)) / 0.6745, 1e-3 * float(np.abs(np.median(x))))
     inside = np.flatnonzero(~outside)
     return (i + int(inside[0]), i + int(inside[-1]) + 1) if inside.size else (i, i)
-
-
-def _without_edges(velocity: Array, plateaus: list[CandidateSpan]) -> list[CandidateSpan]:
-    """Without plateaus that are an edge of another: as near as they are long, a third as long or less, at its speed within 10 %."""
-    kept: list[tuple[CandidateSpan, float]] = []
-    for s in sorted(plateaus, key=lambda s: s.start - s.stop):
-        length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
-        if not any(
-            max(k.start - s.stop, s.start - k.stop) <= length
-            and k.stop - k.start >= 3 * length
-            and abs(mean - speed) <= 0.1 * abs(speed)
-            for k, speed in kept
-        ):
-            kept.append((s, mean))
-    return sorted((s for s, _ in kept), key=lambda s: s.start)
 
 
 def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
@@ -162,11 +154,8 @@ def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
         first = int(np.argmin(errors))
         halves = np.array_split(t[first:], 2)
         apart = abs(float(halves[0].mean() - halves[1].mean()))
-        noise = (
-            float(np.sqrt(sum(np.var(x, ddof=1) / x.size for x in halves)))
-            if min(x.size for x in halves) > 1
-            else np.inf
-        )
+        few = min(x.size for x in halves) < 2
+        noise = np.inf if few else float(np.sqrt(sum(np.var(x, ddof=1) / x.size for x in halves)))
         # four standard errors by which the halves of a plateau differ whose torque still settles
         if apart <= 4.0 * noise:
             break

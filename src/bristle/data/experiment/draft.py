@@ -148,7 +148,12 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     guesses = log.guesses | {name: x.guesses[name] for name, x in beside.items()}
     drive = _drive(log, guesses, told)
     of_points = _of_points(log, guesses, told) and not told.coasting
-    kind: Kind = "prismatic" if _is_linear(guesses, told) else "revolute"
+    slides = "torque" in guesses and "force" in guesses["torque"].column.lower()
+    for name in ("position", "velocity", "torque"):
+        unit = name in guesses and (told.units.get(name) or guesses[name].unit)
+        with suppress(InputError):
+            slides = slides or bool(unit and factor(unit, unit_of(name, "prismatic")))
+    kind: Kind = "prismatic" if slides else "revolute"
     guessed = [f"joint.kind: {kind}, by the units", *_assumed(log, guesses, told, drive, kind)]
     lines = [] if told.rate is None else [f"time: {{rate: {quoted(told.rate)}}}"]
     drives = [*COMMANDS] if drive == "command" and told.motor else [drive]
@@ -444,15 +449,6 @@ def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> boo
         f"{log.path}: no column is named as the time; name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz' "
         f"(there are: {log.there})"
     )
-
-
-def _is_linear(guesses: Mapping[str, ColumnGuess], told: Told) -> bool:
-    for name in ("position", "velocity", "torque"):
-        unit = name in guesses and (told.units.get(name) or guesses[name].unit)
-        with suppress(InputError):
-            if unit and factor(unit, unit_of(name, "prismatic")):
-                return True
-    return "torque" in guesses and "force" in guesses["torque"].column.lower()
 
 
 def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:

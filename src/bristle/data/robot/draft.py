@@ -77,7 +77,17 @@ def draft_robot(urdf_path: Path, logs: Sequence[Path], told: Told, folder: Path 
 
 def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[UrdfJoint], list[str]]:
     """The columns of each signal, the joints that have them, and what is said of that."""
-    templates, there = _of_states(log) if is_bag(log) else _of_names(log, [j.name for j in urdf.joints])
+    if not is_bag(log):
+        templates, there = _of_names(log, [j.name for j in urdf.joints])
+    else:
+        with naming(str(log)):
+            topic = state_topic(topics_of(open_bag(log)))
+            there = bag_joints(log, topic)
+            templates = {"time": f"{topic}.header.stamp"}
+            templates |= {signal: f"{topic}.{field}[{{joint}}]" for signal, field in STATE_FIELDS.items()}
+            # many drivers leave it empty; the position's derivative takes its place
+            if there and not is_there(log, templates["velocity"].format(joint=there[0])):
+                del templates["velocity"]
     said = [f"{name}: columns {column}" for name, column in templates.items() if name not in told.columns]
     templates |= told.columns
     if any(name in told.columns for name in DRIVES):
@@ -91,18 +101,6 @@ def _columns(urdf: Urdf, log: Path, told: Told) -> tuple[dict[str, str], list[Ur
     if absent:
         said.append(f"joints: {short_list(absent)} not in the log, and taken as at rest at zero")
     return templates, joints, said
-
-
-def _of_states(log: Path) -> tuple[dict[str, str], tuple[str, ...]]:
-    """The joint states of a bag."""
-    with naming(str(log)):
-        topic = state_topic(topics_of(open_bag(log)))
-        joints = bag_joints(log, topic)
-        templates = {signal: f"{topic}.{field}[{{joint}}]" for signal, field in STATE_FIELDS.items()}
-        # many drivers leave it empty; the position's derivative takes its place
-        if joints and not is_there(log, templates["velocity"].format(joint=joints[0])):
-            del templates["velocity"]
-    return {"time": f"{topic}.header.stamp", **templates}, joints
 
 
 def _of_names(log: Path, joints: Sequence[str]) -> tuple[dict[str, str], tuple[str, ...]]:

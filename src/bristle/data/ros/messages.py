@@ -56,7 +56,8 @@ class Decoder:
             for step in path.steps:
                 within = within.setdefault(step, {})
             within.setdefault(None, []).append(k)
-        self.names = next((x for name in NAMES if _is_names(x := message.fields.get(name))), None)
+        lists = [x for name in NAMES if isinstance(x := message.fields.get(name), ArrayField) and x.count is None]
+        self.names = next((x for x in lists if isinstance(x.element, TextField)), None)
         order = [name for name, x in message.fields.items() if name in self.wanted or (self.places and x is self.names)]
         fields = list(message.fields)[: list(message.fields).index(order[-1]) + 1] if order else []
         parts = {name: message.fields[name] for name in fields}
@@ -158,7 +159,3 @@ class Decoder:
             self.places[joint] = names.index(joint.name) if joint.name in names else number
         if len(self.joints) < _MOST_NAMES:
             self.joints |= dict.fromkeys(names)
-
-
-def _is_names(part: Field | None) -> bool:
-    return isinstance(part, ArrayField) and isinstance(part.element, TextField) and part.count is None

@@ -162,18 +162,14 @@ def _notes(
     return notes
 
 
-def bag_joints(path: Path, topic: str | None = None) -> tuple[str, ...]:
-    """Names of the joints in the joint states of a bag, in the order in which they are first seen.
-
-    `topic`: of which; None: the only one. Raises InputError where there is none or are several; needs the extra `ros`.
-    """
-    topics = topics_of(open_bag(path))
-    return _joints(topics[state_topic(topics, topic)])
+def bag_joints(path: Path, topic: str) -> tuple[str, ...]:
+    """Names of the joints in a topic of joint states, in the order in which they are first seen; needs the extra `ros`."""
+    return _joints(topics_of(open_bag(path))[topic])
 
 
-def state_topic(topics: Mapping[str, Topic], topic: str | None = None) -> str:
-    """The topic of the joint states. Raises InputError where there is none, or several and none is named."""
-    states = [name for name, t in topics.items() if t.kind == JOINT_STATE and topic in (None, name)]
+def state_topic(topics: Mapping[str, Topic]) -> str:
+    """The topic of the joint states. Raises InputError where there is none, or several."""
+    states = [name for name, t in topics.items() if t.kind == JOINT_STATE]
     if len(states) != 1:
         there = short_list(f"{t.name} ({t.kind})" for t in topics.values())
         raise InputError(
