@@ -113,18 +113,13 @@ def _own(record: Record) -> float:
 class _Shown(NamedTuple):
     """What a signal shows, in bins that grow with the frequency."""
 
-    f: Array
-    """Hz."""
-    seen: NDArray[np.bool_]
-    """Whether it stands out of its noise there."""
-    own: float
-    """Below which 99.9 % of its power lies, noise apart, Hz."""
+    f: Array  # Hz
+    seen: NDArray[np.bool_]  # whether it stands out of its noise there
+    own: float  # below which 99.9 % of its power lies, noise apart, Hz
     beyond: Array
     """Share of the power of its derivative, of that order, that is seen from there on; 0 where none is asked for."""
-    noise: float
-    """Its density, per Hz."""
-    counted: bool
-    """Whether it is mostly of counts."""
+    noise: float  # its density, per Hz
+    counted: bool  # whether it is mostly of counts
 
 
 def _shown(x: Array, step: float, order: int | None = None) -> _Shown:

@@ -33,10 +33,8 @@ class _Rows:
     """The rows still there, by signal, and what was said about the others."""
 
     data: dict[str, Array]
-    number: NDArray[np.intp]
-    """The line of each row in the file, or the row of data, each from 1 ..."""
-    word: str
-    """... which of the two: `line` or `row`."""
+    number: NDArray[np.intp]  # the line of each row in the file, or the row of data, each from 1
+    word: str  # ... which of the two: `line` or `row`
     notes: list[Finding]
     warnings: list[Finding] = field(default_factory=list)
     off_before: NDArray[np.intp] = field(default_factory=lambda: np.zeros(0, dtype=np.intp))

@@ -97,7 +97,6 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
     reach = max(15, round(1 / (record.step * cutoff)))
 
     def one(x: Array) -> Array:
-        """A piece between gaps, (m,)."""
         pad = min(reach, x.size - 1)
         if noisy and pad > 1:
             first, last = (_end(part) for part in (x[pad // 2 :: -1], x[-pad // 2 - 1 :]))

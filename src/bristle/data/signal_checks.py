@@ -49,14 +49,7 @@ class TravelRatio(NamedTuple):
 
 
 def check_signals(record: Record, kind: RunKind, signals: Signals, context: Context) -> tuple[Finding, ...]:
-    """What is wrong with the signals of a run, as far as they show it by themselves.
-
-    Args:
-        record: as it is fitted.
-        kind: points have no course over time, and nothing is said of them but of their torque.
-        signals: as declared, for the line to change.
-        context: kind of the joint, and size of a count.
-    """
+    """What is wrong with the signals of a run as it is fitted, as far as they show it by themselves; of points with their torque alone."""
     found: list[Finding | None] = [*check_torque(record, kind)]
     factor = None if kind == "points" else _velocity_factor(record, signals, context)
     if kind != "points":
@@ -95,7 +88,6 @@ def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
     """The same, those of one kind and one remedy as one that names all their files, with the numbers of the first."""
 
     def alike(d: Finding) -> tuple[str, str]:
-        """What two of them share that become one."""
         return d.code, str(d.numbers.get("remedy", ""))
 
     groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]

@@ -112,17 +112,12 @@ def find_loadings(
     breakaway: float | None,
     held: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Loading, ...]:
-    """The pieces of a presliding run that load from zero torque.
+    """The pieces of a presliding run, with position and torque, that load from zero torque.
 
-    Args:
-        record: with position and torque.
-        cutoff: of the zero-phase low pass that torque goes through, Hz; at or above the Nyquist frequency it stays as
-            it is.
-        resolution: one count, rad; None: the smallest step seen.
-        breakaway: displacement that counts as breakaway, rad; None: where the speed leaves that of loading and the
-            noise floor for good.
-        held: per direction the largest torque that any loading held without sliding, N*m: below it a joint that went on for
-            a short way only did not break away.
+    The torque goes through a zero-phase low pass of `cutoff`, Hz, unless that is at or above the Nyquist frequency. One
+    count is `resolution`, rad; None: the smallest step seen. A displacement of `breakaway`, rad, counts as breakaway; None:
+    where the speed leaves that of loading and the noise floor for good. Per direction `held` is the largest torque that any
+    loading held without sliding, N*m: below it a joint that went on for a short way only did not break away.
 
     Raises InputError where the joint slides from the start, in one sentence.
     """

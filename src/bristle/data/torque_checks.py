@@ -19,12 +19,7 @@ _PARTS = 100  # parts of slow loading, of which the first tells with what it beg
 
 
 def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
-    """What is wrong with the torque of a run.
-
-    Args:
-        record: as it is fitted.
-        kind: of holds at constant velocity all but the steps of the torque is judged one by one, as segments.
-    """
+    """What is wrong with the torque of a run as it is fitted; holds at constant velocity are, but for its steps, judged as segments."""
     checks = {
         "ramp": (_coarse,),
         "points": (_clipped,),

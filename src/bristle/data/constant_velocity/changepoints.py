@@ -39,13 +39,8 @@ class CandidateSpan:
 def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[CandidateSpan]:
     """Cut the samples start to stop - 1, which hold no gap, into plateaus and what lies between them, in order.
 
-    Where there is no plateau, they are cut into lines.
-
-    Args:
-        velocity: rad/s, shape (n,).
-        torque: N*m, shape (n,): a plateau begins once both have settled.
-        start: first sample.
-        stop: one past the last sample.
+    Where there is no plateau, they are cut into lines. Of velocity, rad/s, and torque, N*m, (n,) each: a plateau begins once
+    both have settled.
     """
     # without plateaus that are an edge of another: as near as they are long, a third as long or less, at its speed within 10 %
     kept: list[tuple[CandidateSpan, float]] = []

@@ -76,13 +76,8 @@ def commanded_torque(
     """The torque that a drive makes of its commands, K_p (q_d - q) + K_d (dq_d - dq), within its limit, N*m, (n,).
 
     Held commands are half a sample old in the mean, which the measurements of a drive that is faster than the log are not.
-
-    Args:
-        rows: position, and velocity where it was logged, with what was told, by signal, SI, (n,) each.
-        motor: its gains and limit.
-        starts: the first row of each part between gaps.
-        period: where the position wraps, rad; None: nowhere.
-        held: whether commands are held between samples.
+    `rows` are the signals in SI, (n,) each, `starts` the first row of each part between gaps; the position wraps at `period`,
+    rad; None: nowhere.
     """
 
     def less(name: str, measured: Array, period: float | None = None) -> Array:

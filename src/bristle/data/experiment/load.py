@@ -213,7 +213,6 @@ def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experi
     effort = {"voltage": "in V", "current": "in A", "command": error}.get(drive or "", "per inertia")
 
     def renamed(signals: Signals) -> Signals:
-        """The current or the voltage as the torque."""
         logged = signals.voltage if drive == "voltage" else signals.current
         return signals.model_copy(update={"current": None, "voltage": None, "torque": logged})
 
@@ -300,7 +299,6 @@ def table_of_run(
     """The columns of some signals of a run, on its time, and the name that results show. Raises InputError as `read_runs`."""
 
     def find(file: str) -> tuple[Path, str]:
-        """The one file that a signal names."""
         found = matches(file, experiment.path)
         if len(found) > 1 or len(list(sources_of(run, experiment.path))) > 1 or run.joined:
             raise InputError(

@@ -52,7 +52,6 @@ def read_constant(name: str, *, of_motor: bool = False, is_prior: bool = False) 
     """
 
     def read(value: object, info: ValidationInfo) -> object:
-        """The constant in SI; raises InputError where it is not positive, or its error is no such error."""
         if isinstance(value, PlusMinus):
             return value
         plain = isinstance(value, int | float) and not isinstance(info.context, Context)

@@ -70,7 +70,6 @@ def quantity(name: str, *, of_motor: bool = False) -> BeforeValidator:
     """
 
     def read(value: object, info: ValidationInfo) -> object:
-        """The value in SI; a number outside an experiment file as it is."""
         if not isinstance(info.context, Context) and not isinstance(value, str):
             return value
         return units.to_si(value, (motor_si if of_motor else si)(name, info.context))

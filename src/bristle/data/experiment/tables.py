@@ -111,15 +111,10 @@ def _with_signal(
 
 
 def brought_to(time: Array, own: Array, values: Array, gap: float) -> Array:
-    """Values sampled at their own times, at other times: linear between samples, nan beyond them and in gaps.
+    """Values, (m,), sampled at their own times, s, (m,), at other times, s, (n,): linear between samples, nan beyond them and in gaps.
 
-    Args:
-        time: wanted, s, (n,).
-        own: of the values, s, (m,); where it is not finite there is no sample.
-        values: (m,).
-        gap: median intervals beyond which an interval is a gap.
-
-    Raises InputError where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
+    Where the own time is not finite there is no sample; an interval longer than `gap` median ones is a gap. Raises InputError
+    where the own time runs backward, there are fewer than two samples, or none of the times lies between them.
     """
     good = np.isfinite(own) & np.isfinite(values)
     own, values = own[good], values[good]

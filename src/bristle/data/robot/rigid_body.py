@@ -28,11 +28,8 @@ class RigidBody:
     def torques(self, q: Array, v: Array, a: Array, *, gravity: Sequence[float] | None = None) -> Array:
         """Torque of each joint along a motion, N*m or N, (n, joints): M(q) a + C(q, v) v + g(q).
 
-        Args:
-            q: position, rad or m, (n, joints).
-            v: velocity, (n, joints).
-            a: acceleration, (n, joints).
-            gravity: m/s**2, (3,), in the frame of the base; None: as the robot was made with.
+        Position q, rad or m, velocity v and acceleration a are (n, joints), gravity, m/s**2, in the frame of the base, (3,);
+        None: as the robot was made with.
         """
         import pinocchio
 
