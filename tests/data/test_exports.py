@@ -22,8 +22,7 @@ from .experiments import assert_refused, present, refusal
 
 N = 60
 T = np.round(np.arange(N) * 1e-3, 6)
-Q = np.round(np.degrees(0.4 * np.sin(40 * T)), 5)
-"""deg."""
+Q = np.round(np.degrees(0.4 * np.sin(40 * T)), 5)  # deg
 I = np.round(700 * np.cos(40 * T) + 20, 3)  # noqa: E741  # the symbol
 """mA."""
 
@@ -122,8 +121,7 @@ EXPORTS: dict[str, tuple[Callable[[], str], list[int | str], tuple[str, ...] | N
     "Excel": (excel, ["Zeit", "Winkel", "Strom"], ("s", "Grad", "mA")),
 }
 """What writes each, its columns, and the units that its header states, where these are looked at."""
-MILLI = {"PicoScope", "TwinCAT"}
-"""Whose time is in ms."""
+MILLI = {"PicoScope", "TwinCAT"}  # whose time is in ms
 
 
 @pytest.mark.parametrize("name", EXPORTS)

@@ -10,8 +10,7 @@ from bristle.data.run_kinds import Stretches, kinds_of, stretches
 from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 
-G0, STIFFNESS, J = 0.5, 100.0, 0.05
-"""N*m, N*m/rad, kg*m**2: the joint bends by 5 mrad, of which a count is a hundredth."""
+G0, STIFFNESS, J = 0.5, 100.0, 0.05  # N*m, N*m/rad, kg*m**2: the joint bends by 5 mrad, of which a count is a hundredth
 
 
 def log(rate: float, v: Array, q: Array | None = None, T: Array | None = None, *, velocity: bool = True) -> Record:

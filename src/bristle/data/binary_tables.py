@@ -18,8 +18,7 @@ from bristle.errors import InputError, short
 
 _HEADERS = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
 _WHAT, _HOW = 'JSON of records, as [{"t": 0, "q": 1}, ...], or of columns', "expected as many numbers in each"
-SCHEMA = "schema"
-"""A key of every JSON file that bristle writes."""
+SCHEMA = "schema"  # a key of every JSON file that bristle writes
 _NPZ = ("NPZ file", "write it again with numpy.savez")
 
 

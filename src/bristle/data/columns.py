@@ -16,8 +16,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.errors import InputError, short, short_list
 
-MAX_VALUES = 200_000_000
-"""Most numbers that are read from one file: a small compressed file can hold very many."""
+MAX_VALUES = 200_000_000  # most numbers that are read from one file: a small compressed file can hold very many
 
 
 @dataclass(frozen=True, slots=True)

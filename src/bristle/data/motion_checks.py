@@ -13,10 +13,8 @@ from bristle.data.sampling import BLOCK, DEVIATIONS, UNEVEN, jitter
 from bristle.estimation.autocorrelation import inflation
 from bristle.findings import CAUTION, Finding
 
-SPANS = (1, 4, 16, 64, 256)
-"""Samples over which travel is compared: noise hides a short one, a reversal a long one."""
-FEWEST = 20
-"""Spans that tell a factor, or a lag."""
+SPANS = (1, 4, 16, 64, 256)  # samples over which travel is compared: noise hides a short one, a reversal a long one
+FEWEST = 20  # spans that tell a factor, or a lag
 _AROUND = 5  # samples on either side that tell the usual travel of one
 _JUMP = 10.0
 """Its standard deviations, beyond which a step of the position is a jump: the noise of steps is no worse than that."""

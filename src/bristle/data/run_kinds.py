@@ -26,8 +26,7 @@ _BEND = {"revolute": 0.1, "prismatic": 0.005}
 _HELD, _LOADED, _SURELY = 0.79, 0.7, 0.9
 """Of its motion and loading: what holds velocities, or is loaded, for less tells more as a tracking run; what is loaded for so long needs no
 other runs to tell."""
-FEWEST = 4
-"""Velocities held in all: of fewer, points alone tell hardly more than a level."""
+FEWEST = 4  # velocities held in all: of fewer, points alone tell hardly more than a level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -18,10 +18,8 @@ from bristle.findings import CAUTION, Finding
 _SAMPLE, _MOST = 2**18, 3 * 2**20
 """Bytes that are looked at, and where the lines are so long that these hold fewer than `_HEADED` of them."""
 _DELIMITERS = (",", ";", "\t", "|", " ")
-MAX_COLUMNS = 10_000
-"""Most columns of a text file."""
-LONGEST = 300
-"""Characters of a number; a longer cell is none."""
+MAX_COLUMNS = 10_000  # most columns of a text file
+LONGEST = 300  # characters of a number; a longer cell is none
 _NUMBER = re.compile(
     r"[+-]?(?:(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|inf(?:inity)?|nan|n/?a|null)", re.IGNORECASE
 )

@@ -29,10 +29,8 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-MAX_BYTES = 2**29
-"""Largest data file, bytes."""
-MAX_LINE = 2**20
-"""Longest line of a text file, bytes."""
+MAX_BYTES = 2**29  # largest data file, bytes
+MAX_LINE = 2**20  # longest line of a text file, bytes
 _GROUPED = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u202f])\d{3}(\1\d{3})*([.,]\d*)?")
 """A number with its thousands set apart."""
 

@@ -11,8 +11,7 @@ from bristle.errors import InputError, short
 if TYPE_CHECKING:
     import pandas as pd
 
-ISO = "iso"
-"""The unit of a time column that holds dates or times of day."""
+ISO = "iso"  # the unit of a time column that holds dates or times of day
 _DAY = 86_400 * 10**9
 _CLOCK = re.compile(r"\d\d?:\d\d:\d\d(\.\d+)?")
 _POINTS = re.compile(r"\d\d?\.\d\d?\.\d{4} .*")

@@ -41,8 +41,7 @@ _UNITS = {
     "current": {**dict.fromkeys(("a", "amp", "amps", "ampere"), "A"), **dict.fromkeys(("ma", "milliamps"), "mA")},
     "voltage": {**dict.fromkeys(("v", "volt", "volts"), "V"), **dict.fromkeys(("mv", "millivolts"), "mV")},
 }  # fmt: skip  # a table
-LONGEST = 100
-"""Characters of a column's name that may be a usual one."""
+LONGEST = 100  # characters of a column's name that may be a usual one
 _BESIDE = frozenset((
     "joint", "motor", "link", "axis", "drive", "actuator", "servo", "arm", "load", "output", "out", "angular", "linear",
     "actual", "act", "meas", "measured", "m", "raw", "filt", "filtered", "sensor", "enc", "encoder",

@@ -33,8 +33,7 @@ SIGNALS = ("time", "position", "velocity", "torque", "current", "voltage")
 """What a column can be told to be, of a robot too."""
 DRIVES = ("torque", "current", "voltage")
 """In the order in which they are taken: each needs one constant more than the one before."""
-STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}
-"""Of joint states, by signal."""
+STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}  # of joint states, by signal
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
 _TABLES = {".csv", ".txt", ".json", ".mat", ".npz", ".parquet", ".pq", ".h5", ".hdf5", ".mcap", ".bag", ".db3"}
 """Endings by which a word is a file."""

@@ -193,8 +193,7 @@ class Hung(StrictModel):
         return PlusMinus(value=size, standard_error=size * hypot(*parts) if parts else None)
 
 
-GRAVITY = 9.81
-"""m/s**2."""
+GRAVITY = 9.81  # m/s**2
 Gravity = Annotated[
     PlusMinus,
     read_constant("torque"),
@@ -260,8 +259,7 @@ def read_law(name: str) -> str:
     return name
 
 
-WITHOUT_PEAK = "coulomb-viscous"
-"""What `fit.law` takes in a peak's place: Coulomb and viscous friction alone."""
+WITHOUT_PEAK = "coulomb-viscous"  # what `fit.law` takes in a peak's place: Coulomb and viscous friction alone
 AS_WRITTEN = "as-written"
 GONE = {
     "loss": "points that do not belong to the law of the others are found, left out and named",
@@ -406,8 +404,7 @@ class PidGains(StrictModel):
 
 
 Name = Annotated[StrictStr, Field(min_length=1, max_length=40)]
-Plain = Annotated[float, Field(allow_inf_nan=True)]
-"""A number without a unit, which the adaptation itself judges."""
+Plain = Annotated[float, Field(allow_inf_nan=True)]  # a number without a unit, which the adaptation itself judges
 
 
 class AdaptOptions(StrictModel):

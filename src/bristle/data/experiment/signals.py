@@ -26,8 +26,7 @@ DRIVE = ("torque", "voltage", "current")
 """The three ways to log what the drive does; a run has exactly one of them, or commands."""
 COMMANDS = {"command": "position", "velocity_command": "velocity"}
 """What a drive was told to follow, each in the unit, and on the side of the gear, of what follows it."""
-GAINS = {"command": "kp", "velocity_command": "kd"}
-"""What the drive multiplies each with, less what follows it."""
+GAINS = {"command": "kp", "velocity_command": "kd"}  # what the drive multiplies each with, less what follows it
 
 
 def _counted_from_zero(column: int | str) -> int | str:
@@ -36,8 +35,7 @@ def _counted_from_zero(column: int | str) -> int | str:
     return column
 
 
-Column = Annotated[StrictInt | StrictStr, AfterValidator(_counted_from_zero)]
-"""Name, or number counted from 0."""
+Column = Annotated[StrictInt | StrictStr, AfterValidator(_counted_from_zero)]  # name, or number counted from 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,8 +95,7 @@ Seconds = Annotated[float, quantity("s"), Field(gt=0)]
 Speed = Annotated[float, quantity("velocity"), Field(gt=0)]
 
 
-Index = Annotated[StrictInt, Field(ge=0)]
-"""Column of a matrix, or of an array in the names of columns, counted from 0."""
+Index = Annotated[StrictInt, Field(ge=0)]  # column of a matrix, or of an array in the names of columns, counted from 0
 
 
 def _of_time(text: str) -> str:

@@ -17,8 +17,7 @@ from bristle.data.timestamps import ISO
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding
 
-Source = tuple[Path, str]
-"""A file, and how it is called."""
+Source = tuple[Path, str]  # a file, and how it is called
 _APART = 100
 """Gaps by which a file whose time begins anew is put after the one before: nothing tells what the joint did meanwhile."""
 

@@ -11,12 +11,9 @@ from pydantic_core import ErrorDetails
 
 from bristle.errors import InputError, read_at_most, short
 
-MAX_BYTES = 1_000_000
-"""Largest experiment file, bytes."""
-MAX_DEPTH = 30
-"""Deepest nesting of an experiment file; ours has four levels."""
-MAX_NODES = 10_000
-"""Most keys, values and lists in an experiment file; a run has about ten."""
+MAX_BYTES = 1_000_000  # largest experiment file, bytes
+MAX_DEPTH = 30  # deepest nesting of an experiment file; ours has four levels
+MAX_NODES = 10_000  # most keys, values and lists in an experiment file; a run has about ten
 _DIGITS = 30  # most digits of an integer: Python refuses to write out far longer ones
 
 

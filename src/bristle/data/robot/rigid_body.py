@@ -12,8 +12,7 @@ from bristle.data.experiment.schema import GRAVITY
 from bristle.data.robot.urdf import Payload, Urdf
 from bristle.errors import InputError, short_list
 
-MAX_JOINTS = 100
-"""Most joints that move: what Pinocchio keeps for a robot grows with their cube."""
+MAX_JOINTS = 100  # most joints that move: what Pinocchio keeps for a robot grows with their cube
 
 
 @dataclass(frozen=True, slots=True)

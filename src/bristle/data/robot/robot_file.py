@@ -20,16 +20,14 @@ from bristle.data.robot.urdf import Payload, Urdf, read_urdf
 from bristle.data.text_table import naming
 from bristle.errors import InputError, short, short_list
 
-FREE = "free"
-"""What a torque constant is called that the links' torque is to tell."""
+FREE = "free"  # what a torque constant is called that the links' torque is to tell
 _OWN = ("motor", "fit", "segments", "plan", "adapt", "signals")
 """Keys of an experiment file whose parts a joint may replace one by one."""
 _WHOLE = ("inertia", "encoder_resolution", "kind", "truth", "assumptions")  # those that it replaces as a whole
 _RANGE = re.compile(r"\s*([0-9]{1,5})\s*-\s*([0-9]{1,5})\s*")
 
 
-Pull = Annotated[float, Field(ge=-1e3, le=1e3)]
-"""Of gravity in one direction, m/s**2."""
+Pull = Annotated[float, Field(ge=-1e3, le=1e3)]  # of gravity in one direction, m/s**2
 
 
 class RobotDescription(StrictModel):

@@ -20,17 +20,14 @@ from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.text_table import naming
 from bristle.errors import InputError, check_name, read_at_most, short, short_list
 
-MAX_BYTES = 2**23
-"""Largest URDF, bytes."""
-MAX_JOINTS = 1000
-"""Most joints of a URDF, fixed ones included."""
+MAX_BYTES = 2**23  # largest URDF, bytes
+MAX_JOINTS = 1000  # most joints of a URDF, fixed ones included
 _MOVES: dict[str, Literal["revolute", "prismatic"]]
 _MOVES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic"}
 _TYPES = (*_MOVES, "fixed")
 _ENDS, _MOMENTS = ("parent", "child"), ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _FAR = 1e9  # no length, mass or limit of a robot is larger, in SI
-PAYLOAD = "bristle_payload"
-"""What the link of a payload is called."""
+PAYLOAD = "bristle_payload"  # what the link of a payload is called
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,10 +11,8 @@ from bristle.data.ros.definitions import ArrayField, Field, MessageField, Number
 from bristle.data.ros.storage import DAMAGED
 from bristle.errors import InputError
 
-NAMES = ("name", "joint_names")
-"""Fields that hold the names of joints, in the order of the message's other arrays."""
-NO_STAMP = np.iinfo(np.int64).min
-"""In place of a stamp that a message does not have."""
+NAMES = ("name", "joint_names")  # fields that hold the names of joints, in the order of the message's other arrays
+NO_STAMP = np.iinfo(np.int64).min  # in place of a stamp that a message does not have
 _MOST_NAMES, _MOST_ELEMENTS = 1000, 10_000
 """Joints that are listed, and texts or messages in an array: they are gone through one by one."""
 _NOTHING: Mapping[Any, Any] = {}

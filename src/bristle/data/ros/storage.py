@@ -23,8 +23,7 @@ _WHAT = "ROS bag that ended in order"
 _MOST, _RATIO, _BYTES = 2**33, 200, 2**23
 """Bytes of messages that are read of one bag: so many, or so many times its size beyond the last."""
 METADATA = "metadata.yaml"
-MAX_BYTES = 2**34
-"""Largest bag, bytes: it may hold much that is not read."""
+MAX_BYTES = 2**34  # largest bag, bytes: it may hold much that is not read
 _SUFFIXES = (".mcap", ".db3", ".bag")
 _MOST_FILES = 1000
 _HEAD = "rosbag2_bagfile_information"

@@ -12,8 +12,7 @@ from bristle.data.ros.storage import Bag, Channel, channels_of
 from bristle.errors import InputError, check_name, short, short_list
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
-RECEIVED = "time"
-"""In place of a field: when a message was received."""
+RECEIVED = "time"  # in place of a field: when a message was received
 STAMP = FieldPath(("header", "stamp"), is_stamp=True)
 _LONGEST = 1000  # characters of a column's name
 _STEP = re.compile(r"([A-Za-z]\w*)(?:\[([^\[\]]*)\])?(\.|$)")
