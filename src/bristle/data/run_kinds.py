@@ -33,17 +33,12 @@ FEWEST = 4  # velocities held in all: of fewer, points alone tell hardly more th
 class Stretches:
     """How long a run does what, s."""
 
-    held: float
-    """At constant velocity, in segments that would be accepted."""
-    loaded: float
-    """Slow loading below breakaway, and unloading."""
-    broken: float
-    """Sliding that such a loading ends in."""
-    moving: float
-    """Any other motion."""
+    held: float  # at constant velocity, in segments that would be accepted
+    loaded: float  # slow loading below breakaway, and unloading
+    broken: float  # sliding that such a loading ends in
+    moving: float  # any other motion
     total: float
-    speeds: tuple[float, ...] = ()
-    """Velocities held, rad/s."""
+    speeds: tuple[float, ...] = ()  # velocities held, rad/s
 
     def __str__(self) -> str:
         whole = max(self._busy, 1e-300)

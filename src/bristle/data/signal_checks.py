@@ -11,20 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from bristle.data import units
+from bristle.data import motion_checks, units
 from bristle.data.encoder import apart, count_mismatch, other_units
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Signal, Signals
-from bristle.data.motion_checks import (
-    FEWEST,
-    SPANS,
-    held_position,
-    irregular_sampling,
-    position_jumps,
-    shortened,
-    travels,
-    velocity_lag,
-)
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.sampling import DEVIATIONS
 from bristle.data.timestamps import ISO
@@ -40,10 +30,8 @@ _TIMES = ("s", "ms", "us")
 class TravelRatio(NamedTuple):
     """Travel of the position over that of the logged velocity."""
 
-    value: float
-    """Geometric mean of the two regressions; negative where they go opposite ways."""
-    low: float
-    """Least abs(value) that the noise of either signal allows."""
+    value: float  # geometric mean of the two regressions; negative where they go opposite ways
+    low: float  # least abs(value) that the noise of either signal allows
     high: float
     correlation: float
 
@@ -53,10 +41,14 @@ def check_signals(record: Record, kind: RunKind, signals: Signals, context: Cont
     found: list[Finding | None] = [*check_torque(record, kind)]
     factor = None if kind == "points" else _velocity_factor(record, signals, context)
     if kind != "points":
-        found += [factor, position_jumps(record, signals, context), held_position(record, signals)]
+        found += [
+            factor,
+            motion_checks.position_jumps(record, signals, context),
+            motion_checks.held_position(record, signals),
+        ]
         found.append(count_mismatch(record, signals.position, context))
     if kind == "tracking":
-        found += [irregular_sampling(record), None if factor else velocity_lag(record)]
+        found += [motion_checks.irregular_sampling(record), None if factor else motion_checks.velocity_lag(record)]
     return tuple(filter(None, found))
 
 
@@ -93,7 +85,7 @@ def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
     groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]
     found = []
     for first, *others in groups:
-        files = shortened([file for x in (first, *others) for file in x.numbers["files"]])
+        files = motion_checks.shortened([file for x in (first, *others) for file in x.numbers["files"]])
         message = first.message
         for mark, between in ((OTHER_FILES, ", "), (OTHER_PLACES, "; ")):
             message = message.replace(mark, "".join(f"{between}{file}" for file in files[1:]))
@@ -109,8 +101,8 @@ def travel_ratio(record: Record) -> TravelRatio | None:
     missing, the velocity was estimated from the position, or too little moves.
     """
     best: TravelRatio | None = None
-    for moved, said, _ in travels(record):
-        if moved.size < FEWEST or not (moved.any() and said.any()):
+    for moved, said, _ in motion_checks.travels(record):
+        if moved.size < motion_checks.FEWEST or not (moved.any() and said.any()):
             continue
         across, moved_2, said_2 = float(moved @ said), float(moved @ moved), float(said @ said)
         correlation = across / np.sqrt(moved_2 * said_2)
@@ -132,9 +124,9 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     if (
         abs(ratio.correlation) < 0.7
     ):  # a velocity that is smooth, while the position moves smoothly too: noise is neither
-        position, velocity = np.asarray(record.position)[:: SPANS[2]], np.asarray(record.velocity)
-        both = (np.diff(position), velocity[:: SPANS[2]] - velocity.mean())
-        if any(x.size < 2 * FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
+        position, velocity = np.asarray(record.position)[:: motion_checks.SPANS[2]], np.asarray(record.velocity)
+        both = (np.diff(position), velocity[:: motion_checks.SPANS[2]] - velocity.mean())
+        if any(x.size < 2 * motion_checks.FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
             return None
         message = (
             f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation {ratio.correlation:.2f}): name "

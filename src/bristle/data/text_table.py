@@ -6,8 +6,8 @@ about what a column means; whatever cannot be read as numbers is an error that s
 
 import hashlib
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -98,25 +98,6 @@ def read_table(path: Path, keys: Sequence[Key], shown: str | None = None) -> Raw
 
 Reader = Callable[[Path, Sequence[Key], str | None], RawTable]
 """What reads columns of a file: `read_table`, or what remembers."""
-
-
-class ReadOnce:
-    """Reads each file once, with all columns that will be asked of it: the joints of a robot share their logs."""
-
-    def __init__(self, keys: Iterable[Key]) -> None:
-        """`keys`: every column that will be asked for, that of the time first."""
-        self._keys = tuple(dict.fromkeys(keys))
-        self._tables: dict[Path, RawTable] = {}
-
-    def __call__(self, path: Path, keys: Sequence[Key], shown: str | None = None) -> RawTable:
-        """The columns `keys` of a file. Raises InputError as `read_table`."""
-        if path not in self._tables and set(keys) <= set(self._keys):
-            with suppress(InputError):  # a file may lack what others have
-                self._tables[path] = read_table(path, self._keys, shown)
-        table = self._tables.get(path)
-        if table is None or not set(keys) <= table.columns.keys():
-            return read_table(path, keys, shown)
-        return replace(table, columns={key: table.columns[key] for key in keys})
 
 
 def is_text(path: Path) -> bool:

@@ -35,18 +35,9 @@ _COUNTS = re.compile(r"counts?\b")
 _PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
 
 _EXAMPLES = {
-    "rad": "rad, deg, rev or counts",
-    "m": "m, mm or counts",
-    "rad/s": "rad/s, deg/s or rpm",
-    "m/s": "m/s or mm/s",
-    "N*m": "N*m or mNm",
-    "N": "N or kN",
-    "s": "s, ms or us",
-    "Hz": "Hz or kHz",
-    "A": "A or mA",
-    "V": "V or mV",
-    "1": "1 or percent",
-}
+    "rad": "rad, deg, rev or counts", "m": "m, mm or counts", "rad/s": "rad/s, deg/s or rpm", "m/s": "m/s or mm/s", "N*m": "N*m or mNm",
+    "N": "N or kN", "s": "s, ms or us", "Hz": "Hz or kHz", "A": "A or mA", "V": "V or mV", "1": "1 or percent",
+}  # fmt: skip  # a table
 
 
 def to_si(value: object, target: str) -> float:

@@ -30,10 +30,8 @@ class CandidateSpan:
     start: int
     stop: int
     plateau: bool
-    score: float = 0.0
-    """Samples explained as motion at constant velocity; fewer the more the velocity swings."""
-    cut: int = 0
-    """Samples that were cut off its beginning, while its torque settled."""
+    score: float = 0.0  # samples explained as motion at constant velocity; fewer the more the velocity swings
+    cut: int = 0  # samples that were cut off its beginning, while its torque settled
 
 
 def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[CandidateSpan]:

@@ -15,14 +15,10 @@ from bristle.estimation.autocorrelation import inflation, standard_error
 class Scale:
     """What is usual in a run, for its candidates to be compared with."""
 
-    quantum: float
-    """Encoder resolution, as declared or else the smallest step seen, rad; 0 where there is no position."""
-    fastest: float
-    """Largest mean speed of any candidate, rad/s."""
-    duration: float
-    """Typical duration of a plateau: the median, weighted by duration, s."""
-    distance: float
-    """Typical distance travelled in one, rad."""
+    quantum: float  # encoder resolution, as declared or else the smallest step seen, rad; 0 where there is no position
+    fastest: float  # largest mean speed of any candidate, rad/s
+    duration: float  # typical duration of a plateau: the median, weighted by duration, s
+    distance: float  # typical distance travelled in one, rad
     extremes: tuple[float, ...]
     """Largest abs(torque) and abs(voltage), where there are enough levels for a limit to stand out."""
     commanded: bool
@@ -36,32 +32,22 @@ class Evidence:
     samples: int
     duration: float
     velocity: float
-    logged: float
-    """Mean of the velocity signal, rad/s."""
-    velocity_error: float
-    """Standard error of `logged`, its drift apart."""
+    logged: float  # mean of the velocity signal, rad/s
+    velocity_error: float  # standard error of `logged`, its drift apart
     torque: float
     torque_error: float | None
-    correlation: float
-    """Samples per independent sample of velocity or torque, whichever has more, drifts apart."""
-    drift: float
-    """Range of the parabola through the velocity, rad/s."""
-    drift_noise: float
-    """What noise alone makes of it, four deviations."""
+    correlation: float  # samples per independent sample of velocity or torque, whichever has more, drifts apart
+    drift: float  # range of the parabola through the velocity, rad/s
+    drift_noise: float  # what noise alone makes of it, four deviations
     torque_drift: float
     torque_drift_noise: float
-    scatter: float
-    """Standard deviation of the mean velocities of eighths, rad/s."""
-    swing: float
-    """Standard deviation of the velocity that is not noise, rad/s; 0 where noise hides it."""
-    resting: float
-    """Share of the time at less than a tenth of the mean velocity."""
-    backward: float
-    """Share of the time moving the other way, faster than a tenth of the mean velocity."""
+    scatter: float  # standard deviation of the mean velocities of eighths, rad/s
+    swing: float  # standard deviation of the velocity that is not noise, rad/s; 0 where noise hides it
+    resting: float  # share of the time at less than a tenth of the mean velocity
+    backward: float  # share of the time moving the other way, faster than a tenth of the mean velocity
     clipped: float
     """Share of samples at the record's extreme torque or voltage; of what may be a command where it is not all."""
-    limited: float
-    """Share of samples at or beyond the torque limit."""
+    limited: float  # share of samples at or beyond the torque limit
 
 
 def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution: float | None) -> Scale:

@@ -14,24 +14,10 @@ from pydantic import BeforeValidator, Field, StrictBool
 
 from bristle.data.cleaning import make_record
 from bristle.data.constant_velocity.acceptance import Thresholds
+from bristle.data.experiment import schema
 from bristle.data.experiment.constants import Constant, coasted, torque_constants, torque_shifts
 from bristle.data.experiment.gear import SIDED, Gear
 from bristle.data.experiment.run_files import RunFiles, matches, sources_of
-from bristle.data.experiment.schema import (
-    PERIODIC,
-    AdaptOptions,
-    Coasting,
-    FitOptions,
-    Gravity,
-    JointDescription,
-    MotorConstants,
-    PlanOptions,
-    PlusMinus,
-    RunKind,
-    Shown,
-    TrueSet,
-    read_constant,
-)
 from bristle.data.experiment.signals import DRIVE, GAINS, Cleaning, Context, Signals, quantity, si
 from bristle.data.experiment.tables import Source, joined, keys_of, part_of, read_columns
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
@@ -50,10 +36,10 @@ class Experiment(StrictModel):
     """An experiment file, validated, in SI."""
 
     path: Path
-    joint: JointDescription
-    motor_constants: MotorConstants | None = Field(default=None, alias="motor")
-    inertia: Annotated[PlusMinus, read_constant("inertia", is_prior=True)] | None = None
-    gravity: Gravity | None = None
+    joint: schema.JointDescription
+    motor_constants: schema.MotorConstants | None = Field(default=None, alias="motor")
+    inertia: Annotated[schema.PlusMinus, schema.read_constant("inertia", is_prior=True)] | None = None
+    gravity: schema.Gravity | None = None
     """What is known of it, which scales a torque that is known as a voltage, a current or a position error alone."""
     declared_count: Annotated[float, quantity("position", of_motor=True), Field(gt=0)] | None = Field(
         default=None, alias="encoder_resolution"
@@ -63,16 +49,16 @@ class Experiment(StrictModel):
     runs: Annotated[tuple[RunFiles, ...], Field(min_length=1)]
     cleaning: Cleaning = Cleaning()
     segments: Thresholds = Thresholds()
-    fit: FitOptions = FitOptions()
+    fit: schema.FitOptions = schema.FitOptions()
     coasting: Annotated[
-        Coasting | None, BeforeValidator(lambda x: ({} if x else None) if isinstance(x, bool) else x)
+        schema.Coasting | None, BeforeValidator(lambda x: ({} if x else None) if isinstance(x, bool) else x)
     ] = None
     """That nothing drives the joint, with what is known of it; `true`: nothing is."""
-    adapt: AdaptOptions = AdaptOptions()
-    plan: PlanOptions = PlanOptions()
+    adapt: schema.AdaptOptions = schema.AdaptOptions()
+    plan: schema.PlanOptions = schema.PlanOptions()
     simulated: StrictBool = False
-    assumptions: tuple[Shown, ...] = ()
-    true_sets: dict[Literal["+", "-", "both"], TrueSet] = Field(default_factory=dict, alias="truth")
+    assumptions: tuple[schema.Shown, ...] = ()
+    true_sets: dict[Literal["+", "-", "both"], schema.TrueSet] = Field(default_factory=dict, alias="truth")
 
     @property
     def motor(self) -> Motor[float] | None:
@@ -135,7 +121,7 @@ class Experiment(StrictModel):
             yield "no torque; name one of torque, voltage and current, or command, under signals"
         if moving and signals.time is None:
             yield "no time; give a column, as in time: {column: t, unit: s}, or a rate, as in time: {rate: 1 kHz}, under signals"
-        by_position = not {"gravity", *PERIODIC}.isdisjoint(self.fit.regressors or ())
+        by_position = not {"gravity", *schema.PERIODIC}.isdisjoint(self.fit.regressors or ())
         needs_position = run.experiment == "presliding" or (moving and by_position)
         if signals.position is None and (needs_position or signals.velocity is None):
             wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
@@ -240,7 +226,7 @@ def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experi
 class Run:
     """One file that was read."""
 
-    kind: RunKind
+    kind: schema.RunKind
     record: Record
     hold_out: bool = False
 
@@ -350,7 +336,7 @@ def from_current(k_t: float, unit: str) -> Finding:
     )
 
 
-def _complete(experiment: Experiment, kind: RunKind, record: Record, drive: str | None) -> Record:
+def _complete(experiment: Experiment, kind: schema.RunKind, record: Record, drive: str | None) -> Record:
     """The record with velocity and torque, for tracking with acceleration, and with the low pass that its kind needs."""
     from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading
     from bristle.data.differentiation import estimate_motion, let_go, without_rests

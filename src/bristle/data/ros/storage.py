@@ -33,26 +33,19 @@ class Bag(NamedTuple):
     """One file, or a folder with metadata.yaml."""
 
     path: Path
-    files: tuple[Path, ...]
-    """Its storage files."""
-    distribution: str | None = None
-    """Of ROS 2, where metadata.yaml names it."""
+    files: tuple[Path, ...]  # its storage files
+    distribution: str | None = None  # of ROS 2, where metadata.yaml names it
 
 
 class Channel(NamedTuple):
     """Messages of one topic and type in one bag."""
 
-    number: int
-    """By which its messages are marked."""
+    number: int  # by which its messages are marked
     topic: str
-    kind: str
-    """Type of its messages, as `sensor_msgs/msg/JointState`."""
-    encoding: str
-    """`cdr` or `ros1`, else it cannot be read."""
-    definition: str = ""
-    """Text of the message definition; empty: the file has none."""
-    is_idl: bool = False
-    """Whether the definition is in IDL, which is not parsed."""
+    kind: str  # type of its messages, as `sensor_msgs/msg/JointState`
+    encoding: str  # `cdr` or `ros1`, else it cannot be read
+    definition: str = ""  # text of the message definition; empty: the file has none
+    is_idl: bool = False  # whether the definition is in IDL, which is not parsed
 
 
 def is_bag(path: Path) -> bool:
