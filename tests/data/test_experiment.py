@@ -51,11 +51,9 @@ def test_everything_in_si(tmp_path: Path) -> None:
     assert e.truth["+"][:4] == pytest.approx((0.4, 0.1, 0.7, 0.1))
     assert math.isnan(e.truth["+"].sigma_0)
     assert e.path == tmp_path / "experiment.yaml"
-
-
-def test_options_in_python_are_si_numbers() -> None:
-    """Outside a file, where no unit can be written wrongly, numbers stand for SI values."""
-    assert FitOptions(position_cutoff=40.0).position_cutoff == 40.0
+    assert (
+        FitOptions(position_cutoff=40.0).position_cutoff == 40.0
+    )  # outside a file, where no unit can be written wrongly
 
 
 _BAD: dict[str, str] = {
