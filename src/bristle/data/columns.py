@@ -25,8 +25,7 @@ class Key:
 
     column: int | str
     index: int | None = None
-    stamps: bool = False
-    """Whether it holds dates or times of day, which become seconds since the first."""
+    stamps: bool = False  # whether it holds dates or times of day, which become seconds since the first
     file: str | None = None
     """Where it is in another file than the rest of a run: that file, as the experiment file names it."""
 

@@ -37,27 +37,20 @@ _RUN = 3  # rows of numbers in a row: fewer, above a line of names, are no table
 class Layout(NamedTuple):
     """How a text file is laid out."""
 
-    delimiter: str
-    """One of , ; tab | or a space, which stands for any run of blanks."""
-    names: tuple[str, ...]
-    """The header; empty where there is none."""
-    width: int
-    """Columns."""
-    skip: int
-    """Lines before the first row of numbers."""
+    delimiter: str  # one of , ; tab | or a space, which stands for any run of blanks
+    names: tuple[str, ...]  # the header; empty where there is none
+    width: int  # columns
+    skip: int  # lines before the first row of numbers
     decimal: str
     comment: str | None
     encoding: str
-    first: tuple[str, ...]
-    """The first row of numbers, as text; empty where there is none."""
+    first: tuple[str, ...]  # the first row of numbers, as text; empty where there is none
     units: tuple[str, ...] = ()
     """Of each column the unit that the file states, in a row below the names or in brackets behind a name; empty where it states none."""
     other_names: tuple[tuple[str, ...], ...] = ()
     """Rows above the numbers that are as wide, in which a name is looked for that the header does not have."""
-    note: Finding | None = None
-    """What is said of a header that is more than one line of names."""
-    blocks: bool = False
-    """Whether each channel has a block of two columns, its time and its value."""
+    note: Finding | None = None  # what is said of a header that is more than one line of names
+    blocks: bool = False  # whether each channel has a block of two columns, its time and its value
 
 
 Rows = Sequence[Sequence[str]]

@@ -51,8 +51,7 @@ class RawTable:
     """Of columns of dates the first date, ns since 1970 or midnight."""
     time: Array | None = None
     """Time of each row, s, (rows,), where it is known otherwise than by the column of time alone."""
-    origin: int = 0
-    """Since when `time` counts, ns."""
+    origin: int = 0  # since when `time` counts, ns
     numbers: NDArray[np.intp] | None = None
     """Of each row its line, or its number in the file, from 1, (rows,); None: from the first on."""
 

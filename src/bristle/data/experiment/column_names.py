@@ -62,10 +62,8 @@ class ColumnGuess(NamedTuple):
     """A column that is taken for a signal."""
 
     column: str
-    unit: str | None
-    """None: not in the column's name."""
-    others: int = 0
-    """Columns whose names say so just as well, which come later in the file."""
+    unit: str | None  # none: not in the column's name
+    others: int = 0  # columns whose names say so just as well, which come later in the file
 
 
 def guess_columns(names: Sequence[str], stated: Sequence[str] = ()) -> dict[str, ColumnGuess]:

@@ -29,11 +29,9 @@ _SYMBOLS = {TORQUE_CONSTANT: "k_t", RESISTANCE: "R", "kp": "K_p", "kd": "K_d"}
 class Constant(NamedTuple):
     """A constant that a torque was computed with; it prints by name and value, by which it is told from others."""
 
-    name: str
-    """`torque_constant`, `resistance`, or the scale of a signal."""
+    name: str  # `torque_constant`, `resistance`, or the scale of a signal
     value: float
-    error: float | None
-    """Standard error, in `unit`; None where none was declared: it is taken as exact."""
+    error: float | None  # standard error, in `unit`; None where none was declared: it is taken as exact
     unit: str
 
     def __str__(self) -> str:

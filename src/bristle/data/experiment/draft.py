@@ -93,16 +93,11 @@ class DraftedRun(NamedTuple):
 class Draft:
     """An experiment file but for what its logs are of."""
 
-    head: tuple[str, ...]
-    """Lines on the joint, its motor, its encoder, and the columns of the first file."""
-    signals: tuple[str, ...]
-    """A line each."""
-    files: tuple[str, ...]
-    """Relative to where the draft will be."""
-    of_points: bool
-    """Whether the files hold velocity-torque pairs."""
-    guessed: tuple[str, ...]
-    """A sentence each."""
+    head: tuple[str, ...]  # lines on the joint, its motor, its encoder, and the columns of the first file
+    signals: tuple[str, ...]  # a line each
+    files: tuple[str, ...]  # relative to where the draft will be
+    of_points: bool  # whether the files hold velocity-torque pairs
+    guessed: tuple[str, ...]  # a sentence each
 
     def text(self, runs: Sequence[DraftedRun], fit: str = "") -> str:
         """The experiment file, with what each file is of, and lines about the fit."""

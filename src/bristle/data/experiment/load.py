@@ -206,20 +206,15 @@ def in_own_unit(experiment: Experiment, asked: tuple[str, ...] | None) -> Experi
         run if run.signals is None else run.model_copy(update={"signals": renamed(run.signals)})
         for run in experiment.runs
     )
-    kind = f"{experiment.joint.kind} {effort}"
-    return experiment.model_copy(
-        update={
-            "joint": experiment.joint.model_copy(update={"kind": kind}),
-            "motor_constants": None,
-            "inertia": None,
-            "signals": renamed(experiment.signals),
-            "runs": runs,
-            "fit": experiment.fit
-            if asked == experiment.fit.regressors
-            else experiment.fit.model_copy(update={"regressors": asked}),
-            "plan": experiment.plan.model_copy(update={"torque": None}),
-        }
-    )
+    changed = {
+        "joint": experiment.joint.model_copy(update={"kind": f"{experiment.joint.kind} {effort}"}),
+        "signals": renamed(experiment.signals),
+        "runs": runs,
+        "plan": experiment.plan.model_copy(update={"torque": None}),
+    }
+    if asked != experiment.fit.regressors:
+        changed["fit"] = experiment.fit.model_copy(update={"regressors": asked})
+    return experiment.model_copy(update={**changed, "motor_constants": None, "inertia": None})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -320,20 +315,16 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
             note = Finding("gear-taken", NOTE, message, {"ratio": gear.ratio})
             record = replace(record, notes=(*record.notes, note))
         stated = {name: table.units.get(key, "") for name, key in keys_of(signals).items()}
-        found = [
-            *check_units(shown, stated, signals),
-            *check_signals(record, run.experiment, signals, experiment.context),
-        ]
-        about = (experiment.motor_constants, experiment.context, experiment.coasting)
-        shifts = torque_shifts(record, signals, *about)
-    return replace(record, warnings=(*record.warnings, *found), torque_shifts=shifts)
+        wrong = check_signals(record, run.experiment, signals, experiment.context)
+        shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context, experiment.coasting)
+    warnings = (*record.warnings, *check_units(shown, stated, signals), *wrong)
+    return replace(record, warnings=warnings, torque_shifts=shifts)
 
 
 def from_current(k_t: float, unit: str) -> Finding:
     """That the torque is the current times k_t, in that unit."""
-    return Finding(
-        "torque-from-current", NOTE, f"Torque from current: k_t = {k_t:g} {unit}.", {"k_t": k_t, "unit": unit}
-    )
+    message = f"Torque from current: k_t = {k_t:g} {unit}."
+    return Finding("torque-from-current", NOTE, message, {"k_t": k_t, "unit": unit})
 
 
 def _complete(experiment: Experiment, kind: schema.RunKind, record: Record, drive: str | None) -> Record:

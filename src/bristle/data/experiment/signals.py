@@ -124,10 +124,10 @@ class TimeColumn(StrictModel):
         if self.plus is not None and (self.unit == ISO or self.column is None):
             yield "plus: expected it beside a column with a unit such as s: unit iso and a rate have no second column"
 
-    def columns(self, file: str | None = None) -> tuple[Key, ...]:
+    def columns(self) -> tuple[Key, ...]:
         """Which columns it is read from: its own, and the one that is added."""
-        first = [] if self.column is None else [Key(self.column, self.index, self.unit == ISO, file)]
-        return (*first, *([Key(self.plus.column, self.plus.index, file=file)] if self.plus else []))
+        first = [] if self.column is None else [Key(self.column, self.index, self.unit == ISO)]
+        return (*first, *([Key(self.plus.column, self.plus.index)] if self.plus else []))
 
 
 class Time(TimeColumn):

@@ -30,12 +30,9 @@ _STILL = 1e-3  # rad or m: a joint that goes no further rests, too
 class RobotMotion:
     """One run: how each joint moves in it."""
 
-    file: str
-    """As results call it."""
-    moving: Mapping[str, Record]
-    """Of each joint that moves: position, velocity, acceleration."""
-    resting: Mapping[str, float]
-    """Where each of the others rests, rad or m."""
+    file: str  # as results call it
+    moving: Mapping[str, Record]  # of each joint that moves: position, velocity, acceleration
+    resting: Mapping[str, float]  # where each of the others rests, rad or m
 
     def at(self, time: Array, names: tuple[str, ...]) -> tuple[Array, Array, Array]:
         """Position, velocity and acceleration of some joints at some times, s, (n, joints) each; linear between samples."""

@@ -19,10 +19,8 @@ MAX_JOINTS = 100  # most joints that move: what Pinocchio keeps for a robot grow
 class RigidBody:
     """A robot without friction, whose joints are in a given order; those that are not asked for rest at zero."""
 
-    model: Any
-    """Pinocchio's."""
-    places: tuple[int, ...]
-    """Where each joint stands among the model's."""
+    model: Any  # pinocchio's
+    places: tuple[int, ...]  # where each joint stands among the model's
 
     def torques(self, q: Array, v: Array, a: Array, *, gravity: Sequence[float] | None = None) -> Array:
         """Torque of each joint along a motion, N*m or N, (n, joints): M(q) a + C(q, v) v + g(q).

@@ -56,12 +56,10 @@ class JointEntry(StrictModel):
 class JointOfRobot:
     """A joint of a robot: its experiment, and what is not an experiment's."""
 
-    experiment: Experiment
-    """Where the torque constant is free, with one of 1 N*m/A: its torques are numbers of amperes."""
+    experiment: Experiment  # where the torque constant is free, with one of 1 N*m/A: its torques are numbers of amperes
     everywhere: Experiment
     """The same with all runs of the robot, those of other joints alone too: it moves in them as well."""
-    free: bool
-    """Whether the torque constant is to be found."""
+    free: bool  # whether the torque constant is to be found
     identify: bool
 
 
@@ -109,15 +107,13 @@ def robot_of(data: dict[str, Any], path: Path) -> Robot:
         if isinstance(run, dict) and run.get("joint") is not None and run["joint"] not in known:
             raise InputError(f"{path}: runs.{k}: joint: got {short(run['joint'])}; expected one of {short_list(known)}")
     joints = tuple(_joint(shared, dict(entry), k, path, urdf) for k, entry in enumerate(entries))
-    names = [joint.experiment.joint.name for joint in joints]
-    twice = next((name for name in names if names.count(name) > 1), None)
+    twice = next((name for name in known if known.count(name) > 1), None)
     if twice is not None:
         raise InputError(f"{path}: joints: {short(twice)} is named twice; give each joint its own name")
     if not any(joint.identify for joint in joints):
         raise InputError(f"{path}: joints: each has identify: false; leave that out of at least one")
-    if about is None:
-        return Robot(path=path, joints=joints, urdf=None)
-    return Robot(path=path, joints=joints, urdf=urdf, gravity=about.gravity, payload=about.payload)
+    of_robot: dict[str, Any] = {} if about is None else {"gravity": about.gravity, "payload": about.payload}
+    return Robot(path=path, joints=joints, urdf=urdf, **of_robot)
 
 
 def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path, urdf: Urdf | None) -> JointOfRobot:
@@ -132,8 +128,8 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
             raise InputError(f"{where}: kind: got {short(own['kind'])}; {urdf.file} has {about.name} {known.kind}")
     data = dict(shared)
     for key, x in own.items():
-        both = key in _OWN and isinstance(x, dict) and isinstance(data.get(key), dict)
-        data[key] = {**data[key], **x} if both else x
+        parted = key in _OWN and isinstance(x, dict) and isinstance(data.get(key), dict)
+        data[key] = {**data[key], **x} if parted else x
     free = about.torque_constant == FREE
     if free and urdf is None:
         raise InputError(f"{where}: torque_constant: free needs robot.urdf, whose links are the known torque; name it")
@@ -161,11 +157,8 @@ def _joint(shared: Mapping[str, Any], entry: dict[str, Any], k: int, path: Path,
         own_plan = plan if isinstance(plan, dict) else {}
         data["plan"] = {**{key: x for key, x in limits.items() if x}, **own_plan}
     everywhere = experiment_from({**data, "runs": every}, path, where)
-    own_runs = tuple(
-        run
-        for run, given in zip(everywhere.runs, data["runs"], strict=True)
-        if given.get("joint") in (None, about.name)
-    )
+    both = zip(everywhere.runs, data["runs"], strict=True)
+    own_runs = tuple(run for run, given in both if given.get("joint") in (None, about.name))
     if not own_runs and about.identify:
         raise InputError(
             f"{where}: each of the runs is of another joint; add one of {short(about.name)}, or give it identify: false"

@@ -62,8 +62,7 @@ class Urdf:
     links: tuple[str, ...]
     text: str
     """A URDF without shapes: each number was read, and is finite; names are our own, which no parser takes for its own."""
-    places: Mapping[str, str]
-    """What each joint is called there."""
+    places: Mapping[str, str]  # what each joint is called there
 
     def joint(self, name: str) -> UrdfJoint:
         """The joint of a name. Raises InputError where none that moves has it."""

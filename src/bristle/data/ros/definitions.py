@@ -5,10 +5,9 @@ what a file says. Definitions in IDL are not parsed; types that come with ROS 2 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cache
 from struct import calcsize
-from typing import Any
+from typing import Any, NamedTuple
 
 from bristle.data.columns import reading
 from bristle.data.ros.storage import DAMAGED, Channel
@@ -26,25 +25,21 @@ _CODES = {
 _STAMPS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 
 
-@dataclass(frozen=True, slots=True)
-class NumberField:
+class NumberField(NamedTuple):
     """One number, or (without a code) one that is not read: wide text, numbers of 16 bytes."""
 
     kind: str
     code: str
-    least: int
-    """Bytes; in CDR it is aligned to as many."""
+    least: int  # bytes; in CDR it is aligned to as many
 
 
-@dataclass(frozen=True, slots=True)
-class TextField:
+class TextField(NamedTuple):
     """A length, and as many bytes."""
 
     least: int = 4
 
 
-@dataclass(frozen=True, slots=True)
-class ArrayField:
+class ArrayField(NamedTuple):
     """Elements in a row: so many, or as many as a length before them says (count None)."""
 
     element: "Field"
@@ -56,12 +51,11 @@ class ArrayField:
         return 4 if self.count is None else self.count * self.element.least
 
 
-@dataclass(frozen=True, slots=True)
-class MessageField:
+class MessageField(NamedTuple):
     """Named fields in a row."""
 
     kind: str
-    fields: Mapping[str, "Field"] = field(compare=False)
+    fields: Mapping[str, "Field"]
     least: int
 
     @property
