@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array
+from bristle.data import units
 from bristle.data.encoder import whole_positions
 from bristle.data.experiment.constants import ONE, commanded_torque, followed_at_once
 from bristle.data.experiment.schema import MotorConstants
@@ -119,15 +120,15 @@ def _record(file: str, table: RawTable, rows: _Rows, starts: tuple[int, ...], la
 
 
 def _scaled(table: RawTable, signals: Signals, context: Context) -> _Rows:
-    from bristle.data.units import factor
-
     data = {}
     for name, key in keys_of(signals).items():
         signal: Signal | Time = getattr(signals, name)
         if isinstance(signal, Signal):
             data[name] = table.columns[key] * signal.factor(name, context)
         else:
-            data[name] = table.columns[key] * factor(signal.unit or "s", "s") if table.time is None else table.time
+            data[name] = (
+                table.columns[key] * units.factor(signal.unit or "s", "s") if table.time is None else table.time
+            )
         size = np.abs(data[name], where=np.isfinite(data[name]), out=np.zeros(data[name].shape))
         largest = float(size.max(initial=0.0))
         if largest and not 1 / _LARGEST < largest < _LARGEST:

@@ -296,14 +296,13 @@ def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None
     share, level = 0.05, 0.8
     early = position - position[0] <= share * travel
     if slide is None and travel > 20 * quantum and travel > 0 and torque[early].max(initial=0.0) > level * largest:
-        if float((position - position.mean()) @ (torque - torque.mean())) < 0:
-            raise InputError(
-                f"{file}: the joint moves against its torque; a drive's torque is positive along positive velocity: give it scale: -1 under signals"
-            )
-        raise InputError(
-            f"{file}: the joint slides: {torque[early].max() / largest:.0%} of its largest torque is there within {share:.0%} of its travel; "
+        why = (
+            f"slides: {torque[early].max() / largest:.0%} of its largest torque is there within {share:.0%} of its travel; "
             "a presliding run loads a joint at rest slowly and stays below breakaway; give this one as experiment: tracking or ramp"
         )
+        if float((position - position.mean()) @ (torque - torque.mean())) < 0:
+            why = "moves against its torque; a drive's torque is positive along positive velocity: give it scale: -1 under signals"
+        raise InputError(f"{file}: the joint {why}")
 
 
 def _edges(position: Array, quantum: float) -> tuple[Array, Array]:

@@ -14,9 +14,9 @@ from bristle.errors import InputError, short
 if TYPE_CHECKING:
     import pint
 
-LARGEST = 1e30
-"""No quantity is larger in SI, or smaller but for zero: squares of such numbers, and their inverses, still are numbers.
-"""
+LARGEST = (
+    1e30  # in SI; its inverse is the smallest size: squares of such numbers, and their inverses, still are numbers
+)
 _LONGEST = 200  # characters of a quantity, and of a unit: what is matched is short
 _NUMBER = r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?"
 _QUANTITY = re.compile(rf"({_NUMBER}) ?(.*)")

@@ -68,10 +68,7 @@ def warnings(e: Evidence) -> Iterator[Finding]:
 
 
 def sticks(e: Evidence) -> bool:
-    """Whether the joint sticks and slips.
-
-    It rests over 5 % of the time, or its velocity swings by over 30 % of the mean.
-    """
+    """Whether the joint sticks and slips: it rests over 5 % of the time, or its velocity swings by over 30 % of the mean."""
     return e.resting > 0.05 or e.swing > 0.3 * abs(e.velocity)
 
 

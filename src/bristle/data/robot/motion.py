@@ -87,23 +87,17 @@ def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
         for key, own in records.items()
     }
     farthest = {name: max((t.get(name, 0.0) for t in travels.values()), default=0.0) for name in robot.names}
-    rests = {
+    motions = dict[str, RobotMotion]()
+    for key, own in records.items():
         # a joint rests where it goes no further than 0.02 of its largest travel in any run
-        key: {name for name, x in t.items() if x <= max(_STILL, 0.02 * farthest[name])}
-        for key, t in travels.items()
-    }
-    return {
-        key: RobotMotion(
+        rests = {name for name, x in travels[key].items() if x <= max(_STILL, 0.02 * farthest[name])}
+        at = {name: x if isinstance(x, float) else float(np.median(np.asarray(x.position))) for name, x in own.items()}
+        motions[key] = RobotMotion(
             file=called[key],
-            moving={name: x for name, x in own.items() if isinstance(x, Record) and name not in rests[key]},
-            resting={
-                name: x if isinstance(x, float) else float(np.median(np.asarray(x.position)))
-                for name, x in own.items()
-                if name in rests[key]
-            },
+            moving={name: x for name, x in own.items() if isinstance(x, Record) and name not in rests},
+            resting={name: x for name, x in at.items() if name in rests},
         )
-        for key, own in records.items()
-    }
+    return motions
 
 
 def _key(run: RunFiles, sources: list[Source]) -> str:

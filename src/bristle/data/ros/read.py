@@ -141,14 +141,10 @@ def _notes(
     clocks: Mapping[str, FieldPath | None],
 ) -> list[Finding]:
     """What is said of how times were told, and of topics that were interpolated."""
-    times = {t.topic for t in targets.values() if t.path is None} | {
-        name for name, path in clocks.items() if path is None
-    }
-    notes = []
+    received = [*((t.topic, t.path) for t in targets.values()), *clocks.items()]
+    times, notes = sorted({name for name, path in received if path is None}), list[Finding]()
     if times:
-        message = (
-            f"Times of {', '.join(sorted(times))} are those at which messages were received, not those of a header."
-        )
+        message = f"Times of {', '.join(times)} are those at which messages were received, not those of a header."
         notes.append(Finding("time-received", NOTE, message))
     others = sorted(clocks.keys() - {base.topic})
     if others:
