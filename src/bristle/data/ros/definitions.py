@@ -40,15 +40,15 @@ class TextField(NamedTuple):
 
 
 class ArrayField(NamedTuple):
-    """Elements in a row: so many, or as many as a length before them says (count None)."""
+    """Elements in a row: so many, or as many as a length before them says (size None)."""
 
     element: "Field"
-    count: int | None
+    size: int | None
 
     @property
     def least(self) -> int:
         """Fewest bytes that it takes."""
-        return 4 if self.count is None else self.count * self.element.least
+        return 4 if self.size is None else self.size * self.element.least
 
 
 class MessageField(NamedTuple):

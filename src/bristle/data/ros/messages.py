@@ -54,7 +54,7 @@ class Decoder:
             for step in path.steps:
                 within = within.setdefault(step, {})
             within.setdefault(None, []).append(k)
-        lists = [x for name in NAMES if isinstance(x := message.fields.get(name), ArrayField) and x.count is None]
+        lists = [x for name in NAMES if isinstance(x := message.fields.get(name), ArrayField) and x.size is None]
         self.names = next((x for x in lists if isinstance(x.element, TextField)), None)
         order = [name for name, x in message.fields.items() if name in self.wanted or (self.places and x is self.names)]
         fields = list(message.fields)[: list(message.fields).index(order[-1]) + 1] if order else []
@@ -122,7 +122,7 @@ class Decoder:
                     self.seen = self.texts
                     self._place([text.rstrip(b"\0").decode(errors="replace") for text in self.texts])
         else:
-            self._array(part.element, self._number("I", 4) if part.count is None else part.count, wanted)
+            self._array(part.element, self._number("I", 4) if part.size is None else part.size, wanted)
 
     def _array(self, element: Field, count: int, wanted: Mapping[Any, Any]) -> None:
         if not element.least or not count:
