@@ -348,7 +348,8 @@ def test_any_small_text_is_read_or_refused(tmp_path: Path, content: bytes, end: 
     """Headers, blocks, units, dates and rows in any order, and any bytes at all: columns and drafts, or one line that opens with the file."""
     path = tmp_path / "log.csv"
     path.write_bytes(content.replace(b"\n", end))
-    for key in (*map(Key, (0, 1, "q", "t", "q#2")), Key("t", stamps=True), Key(0, stamps=True), Key("q", 1)):
+    names: list[int | str] = [0, 1, "q", "t", "q#2"]
+    for key in (*map(Key, names), Key("t", stamps=True), Key(0, stamps=True), Key("q", 1)):
         refusal(path, [key])
     with contextlib.suppress(InputError):
         draft_experiment([path], Told(torque_constant="1 N*m/A", resistance="1 ohm"))
