@@ -6,7 +6,6 @@ Each check is a function of a record that gives a diagnostic, or None. None of t
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from itertools import groupby
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,19 +77,16 @@ def check_units(file: str, stated: Mapping[str, str], signals: Signals) -> tuple
 
 def merged(found: Iterable[Finding]) -> tuple[Finding, ...]:
     """The same, those of one kind and one remedy as one that names all their files, with the numbers of the first."""
-
-    def alike(d: Finding) -> tuple[str, str]:
-        return d.code, str(d.numbers.get("remedy", ""))
-
-    groups = [list(same) for _, same in groupby(sorted(found, key=alike), key=alike)]
-    found = []
-    for first, *others in groups:
+    groups, said = dict[tuple[str, str], list[Finding]](), list[Finding]()
+    for d in found:
+        groups.setdefault((d.code, str(d.numbers.get("remedy", ""))), []).append(d)
+    for _, (first, *others) in sorted(groups.items(), key=lambda x: x[0]):
         files = motion_checks.shortened([file for x in (first, *others) for file in x.numbers["files"]])
         message = first.message
         for mark, between in ((OTHER_FILES, ", "), (OTHER_PLACES, "; ")):
             message = message.replace(mark, "".join(f"{between}{file}" for file in files[1:]))
-        found.append(replace(first, message=message, numbers={**first.numbers, "files": files}))
-    return tuple(sorted(found, key=lambda d: d.severity is not CRITICAL))
+        said.append(replace(first, message=message, numbers={**first.numbers, "files": files}))
+    return tuple(sorted(said, key=lambda d: d.severity is not CRITICAL))
 
 
 def travel_ratio(record: Record) -> TravelRatio | None:

@@ -72,7 +72,7 @@ class Experiment(StrictModel):
     @property
     def encoder_resolution(self) -> float | None:
         """Size of one count at the joint, rad."""
-        return self.context.count
+        return self.declared_count and self.declared_count * abs(self.context.to_joint("position"))
 
     @property
     def truth(self) -> dict[str, Lugre[float]]:

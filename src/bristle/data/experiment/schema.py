@@ -17,7 +17,7 @@ from pydantic import (
 )
 
 from bristle.data import units
-from bristle.data.experiment.gear import Gear, refuse_efficiency
+from bristle.data.experiment.gear import Gear
 from bristle.data.experiment.signals import Context, Hertz, Seconds, Speed, motor_si, quantity, si
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, check_name, short
@@ -150,13 +150,6 @@ class MotorConstants(StrictModel):
     torque_limit: Annotated[float, quantity("torque", of_motor=True), Field(gt=0)] | None = None
     """What the drive gives at the most."""
     gear: Gear | None = None
-
-    @model_validator(mode="before")
-    @classmethod
-    def _no_efficiency(cls, value: Any) -> Any:
-        if isinstance(value, dict):
-            refuse_efficiency(value)
-        return value
 
     def _problems(self) -> Iterator[str]:
         if self.torque_constant is None and self.gear is None and self.kp is None and self.kd is None:

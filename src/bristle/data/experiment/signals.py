@@ -47,11 +47,6 @@ class Context:
     """Size of one encoder count, rad or m, on the side of the gear that the encoder is on."""
     gear: Gear | None = None
 
-    @property
-    def count(self) -> float | None:
-        """Size of one encoder count at the joint, rad or m."""
-        return None if self.resolution is None else self.resolution * abs(self.to_joint("position"))
-
     def kind_of(self, signal: str) -> Kind:
         """Whether a signal was logged where something turns or slides: a motor turns."""
         return "revolute" if self.gear and self.gear.at_motor(signal) else self.kind

@@ -154,6 +154,9 @@ def validate(model: type[M], data: dict[str, Any], name: str, context: object) -
         raise InputError(f"{name}: {_sentence(first, model)}{more}") from error
 
 
+_EFFICIENCY = (
+    "efficiency is friction that depends on load and direction, and friction is what bristle identifies; leave it out"
+)
 _EXPECTED = {
     "too_short": "at least one entry", "invalid_key": "a key that is text, in quotes", "tuple_type": "a list, as [1, 2]",
     **dict.fromkeys(("model_type", "model_attributes_type"), "keys with values, as {key: value}"),
@@ -165,6 +168,8 @@ def _sentence(error: ErrorDetails, model: type[BaseModel]) -> str:
     unknown = error["type"] == "extra_forbidden"
     tags = () if unknown else ("int", "str", "bool", "float")
     key = ".".join(str(part)[:60] for part in error["loc"] if part not in tags)
+    if unknown and error["loc"][-1] == "efficiency":
+        return f"{key.removesuffix('.efficiency')}: {_EFFICIENCY}"
     if unknown:
         known = _known(model, error["loc"][:-1])
         near = difflib.get_close_matches(str(error["loc"][-1])[:60], known, 1)
